@@ -8,8 +8,8 @@ a time limit, and prints its result in JSON:
   processors may share a clock, a cache or a memory bus. So every round of `speedup` also runs two
   copies side by side that know nothing of each other: their gain bounds that of any farm.
 - `writing`: rows with fields that cost nothing to compute, with each writer in turn: through MPI to
-  the master and into the file, or from each worker into the file; to the kernel, where a killed run
-  leaves them, not to the disk.
+  the master and into the file, or from each worker into the file; to the disk, as each writer syncs
+  what it has written.
 """
 
 import json

@@ -82,7 +82,7 @@ class Column:
     deterministic: bool = True  # whether the scene alone decides the bytes
     paper_range: tuple[float, float] | None = None  # in the paper's Table 1, if it is there
     shape_of: Literal["", "nodes"] = ""  # "nodes" for a field of shape (rows, nx, ny)
-    optional: str = ""  # key of the scene that adds the column, in Markdown
+    optional: str = ""  # what has the column, mostly a key of the scene, in Markdown
     bounds: tuple[float, float] = (-math.inf, math.inf)  # least and most that a value can be
     # Of heights, lengths and E* that a result scales with; None for none, or none that is known.
     powers: Powers | None = None
@@ -152,6 +152,13 @@ Files made before 1.0.0 have these columns under the names of the parameters."""
 
 STATUS = Column("status", "u1", "1", "0 pending, 1 done, 2 failed; written last")
 REASON = Column("reason", "u1", "1", "why the sample failed, or lacks statistics: a code")
+CHECKSUM = Column(
+    "checksum",
+    "u4",
+    "1",
+    "CRC-32 of the bytes of the row's other columns in this group, in the order of their names",
+    optional="every new database; older ones lack it",
+)
 
 
 _OPTIONAL = {"always": "", "hardness": "`contact.hardness`", "asked": "`store.{}`"}
@@ -182,6 +189,7 @@ _RESULTS = [quantity for quantity in stored_quantities() if quantity is not DELT
 COLUMNS: tuple[Column, ...] = (
     STATUS,
     REASON,
+    CHECKSUM,
     Column("surface", "i8", "1", "index of the surface, shared by its samples"),
     Column("load", "f8", "1", _LOAD, optional="a `[load]` other than Delta"),
     _column(DELTA),

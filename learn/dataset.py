@@ -92,6 +92,7 @@ class Origin(NamedTuple):
     scene: Scene
     rows: int
     versions: str = "{}"  # of the libraries that made it, as it states them
+    damage: str = ""  # what `gen.database.Reader.damage` says of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,6 +150,7 @@ class Stored(NamedTuple):
     numbers: Rows  # finite where they can be used, without the coarse solve's
     targets: Sequence[Column]
     inputs: Values  # (n, 23), Delta and the 22 statistics
+    damage: str  # what `gen.database.Reader.damage` says of it
 
 
 def read(
@@ -220,6 +222,7 @@ def stored(path: Path, request: Request, load: str) -> Stored:
             numbers,
             [known[column] for column in columns],
             np.column_stack([numbers.delta, statistics]),
+            reader.damage(),
         )
 
 
@@ -257,7 +260,7 @@ def _usable(
         digest = hashlib.sha256()
         for each in (part.columns["status"], inputs, target, part.columns["area_percent"], *drawn):
             digest.update(np.ascontiguousarray(each).tobytes())
-        known = digest.hexdigest(), part.scene, kept.size, part.versions
+        known = digest.hexdigest(), part.scene, kept.size, part.versions, part.damage
         origins.append(Origin(str(part.path), *known))
         columns = {name: each[kept] for name, each in part.columns.items()}
         usable.append(part._replace(rows=part.rows[kept], columns=columns, inputs=inputs[kept]))
@@ -376,6 +379,7 @@ def remarks(dataset: Dataset, normalisation: str) -> list[str]:
     The normalisation is one of `learn.models.pipeline`.
     """
     lines = [f"left out {number} rows: {why}" for why, number in sorted(dataset.dropped.items())]
+    lines += damage_of(dataset)
     names = dataset.features.columns
     constant = np.flatnonzero(np.ptp(dataset.inputs, axis=0) == 0)
     if constant.size:
@@ -400,3 +404,9 @@ def remarks(dataset: Dataset, normalisation: str) -> list[str]:
             " inputs: rows of unit length say nothing else; try --normalise standard"
         )
     return lines
+
+
+def damage_of(dataset: Dataset) -> list[str]:
+    """List the databases of a dataset with damaged rows, which are learnt like all others."""
+    damaged = [origin for origin in dataset.origins if origin.damage]
+    return [f"warning: {origin.database}: {origin.damage}" for origin in damaged]

@@ -9,6 +9,7 @@ from launch import python
 
 from gen import cli, database, schema
 from gen.database import Writer, create
+from gen.database.reader import checksums_of
 from gen.scene import Scene, columns_for
 from gen.schema import Reason, Status
 from gen.surface import DisplacedSurface
@@ -57,6 +58,24 @@ NO_ROOM = """
     except InputError as error:
         print(error)
 """
+
+
+def without_checksums(monkeypatch):
+    """Have databases made as older versions made them."""
+    monkeypatch.setattr(database.creation, "stored_columns", lambda scene, **_: columns_for(scene))
+
+
+def seal(path):
+    """Give all rows of a database the checksums of the bytes that they have now."""
+    with h5py.File(path, "r+", locking=False) as file:
+        columns = {
+            name: dataset[:]
+            for name, dataset in file.items()
+            if isinstance(dataset, h5py.Dataset) and "long_name" in dataset.attrs
+        }
+        del columns["checksum"]
+        file["checksum"][:] = checksums_of(columns)
+
 
 PHYSICS = schema.PHYSICS  # before a test raises it
 

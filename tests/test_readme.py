@@ -163,7 +163,7 @@ def test_reading_with_xarray_as_shown(here):
         database_of(here, f"samples = 9\n[surface]\nnodes = 9\n{kept}", name)
     with Reader(Path("stored.h5")) as reader:
         heights = reader.column("heights")
-    rows, whole, in_pieces = codes("python", READING)
+    rows, whole, in_pieces, checksum = codes("python", READING)
     shown: dict = {}
     exec(rows, shown)
     assert len(shown["done"]) == shown["rows"]["area_percent"].notna().sum() == 9
@@ -173,6 +173,8 @@ def test_reading_with_xarray_as_shown(here):
     if find_spec("dask"):
         exec(in_pieces, shown)
         assert list(shown["highest"].values) == list(heights.max(axis=(1, 2)))
+    exec(checksum, shown)
+    assert shown["whole"]
 
 
 def test_a_model_of_ones_own_repeats_a_score_of_a_comparison(here):

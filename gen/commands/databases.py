@@ -3,14 +3,19 @@
 import re
 import resource
 import signal
+from contextlib import ExitStack
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gen import options
 from gen.runtime import farm
 from gen.runtime.command_line import Trust
 from gen.runtime.errors import InputError
-from gen.runtime.files import Output, check_outputs
+from gen.runtime.files import Output, check_outputs, require_writable
 from gen.runtime.terminal import echo, shown, to_type
+
+if TYPE_CHECKING:  # each command imports no more than it needs
+    from gen.generation.check import Fault
 
 
 def run(
@@ -130,26 +135,34 @@ def check(
     file: options.Database,
     recompute: options.Recompute = 16,
     seed: options.Seed = 0,
+    repair: options.Repair = False,
     trust: Trust = False,
 ) -> int:
-    """Check a database: statuses, values and plan, and recompute N random rows.
+    """Check a database: statuses, checksums, values and plan of all rows, and N rows recomputed.
 
-    The exit code is 0 if everything is right, 1 if not.
+    The exit code is 0 if everything is right or has been repaired, 1 if not.
     """
-    from gen.database import Reader
+    from gen.database import Reader, lock
     from gen.generation.check import faults
     from gen.schema import made_by_another
 
-    with Reader(file) as reader:
-        another = made_by_another(int(reader.attributes["physics"]))
-        pending, done, failed = reader.counts()
-    if another and recompute:
-        echo(f"{file}: {another}: of rows computed again, only the surfaces are compared")
-    count = 0
-    for fault in faults(file, recompute, seed):
-        count += 1
-        echo(f"{file}: {fault}")
-    if not count:
+    with ExitStack() as stack:
+        if repair:
+            stack.enter_context(lock(file))
+        with Reader(file) as reader:
+            another = made_by_another(int(reader.attributes["physics"]))
+            pending, done, failed = reader.counts()
+        if repair:
+            require_writable(file)
+        if another and recompute:
+            echo(f"{file}: {another}: of rows computed again, only the surfaces are compared")
+        found = []
+        for fault in faults(file, recompute, seed):
+            found.append(fault)
+            echo(f"{file}: {fault}")
+        if found and repair:
+            return _repair(file, found, another)
+    if not found:
         again = min(recompute, done + failed)
         equal = "with the same surfaces" if another else "equal bit for bit"
         echo(
@@ -157,7 +170,23 @@ def check(
             f" computed again, {equal}"
         )
     _echo_doubts(file)
-    return 1 if count else 0
+    return 1 if found else 0
+
+
+def _repair(file: Path, faults: "list[Fault]", another: str) -> int:
+    """Make damaged rows pending, and say so; return 0 if no other row has a fault."""
+    from gen.generation.check import repair
+
+    pending, left = repair(file, faults)
+    if pending.size:
+        rows = "row is" if pending.size == 1 else "rows are"
+        run = to_type("gen run")
+        echo(f"{file}: {pending.size} {rows} pending now; the same {run} computes them again")
+    if left.size:
+        rows = "row is" if left.size == 1 else "rows are"
+        reason = another or "the bytes are those that were written, perhaps by another machine"
+        echo(f"{file}: {left.size} {rows} left as before: {reason}")
+    return 1 if left.size else 0
 
 
 def _echo_doubts(file: Path) -> None:
@@ -176,6 +205,9 @@ def merge(files: options.Databases, output: options.NewDatabase) -> None:
 
     pending, done, failed = database.merge(output, files)
     echo(f"{output}: {done} rows done, {failed} failed, {pending} pending")
+    with database.Reader(output) as reader:
+        if damage := reader.damage():
+            echo(f"warning: {damage}", err=True)
 
 
 def export(
@@ -198,5 +230,8 @@ def export(
     with Reader(file) as reader:
         about = About.of(reader, title, creator, licence, doi)
         rows, rest, count = export_to(reader, output, about)
+        damage = reader.damage()
     left_out = f"; {rest} failed or pending" if rest else ""
     echo(f"{output}: {rows} rows{left_out}, {size(count)}")
+    if damage:
+        echo(f"warning: {file}: {damage}", err=True)

@@ -47,16 +47,10 @@ def print_database(reader: Reader) -> None:
         for code, number in reader.reasons(status).items():
             reason = REASONS.get(code, f"reason {code}")
             echo(f"            {number} {status.name.lower()}: {reason}")
+    if damage := reader.damage():
+        echo(f"  warning   {damage}")
     if counts.done:
-        done = reader.column("status") == Status.DONE
-        solve, made = (
-            1e3 * reader.column(f"{name}_seconds")[done] for name in ("solve", "surface")
-        )
-        median, most = np.median(solve), solve.max()
-        echo(
-            f"  times     solve {solve.mean():.2f} ms on average, {median:.2f} median,"
-            f" {most:.2f} at most; surface and statistics {made.mean():.2f} ms"
-        )
+        _print_times(reader)
     for doubt in doubts_after(reader):
         echo(f"  warning: {doubt}")
     for line in _scene_lines(json.loads(reader.scene.text())):
@@ -73,13 +67,29 @@ def print_database(reader: Reader) -> None:
         for line in (another, *changes):
             echo(f"            {line}")
     if counts.done:
-        ranges = reader.ranges()
-        rows = (
-            (column.name, column.unit, *(f"{limit:.6g}" for limit in ranges[column.name]))
-            for column in reader.columns()
-            if column.name in ranges and column.group != RUNTIME
-        )
-        print_columns(rows, ("column", "unit", "from", "to"), right=("from", "to"))
+        _print_ranges(reader)
+
+
+def _print_times(reader: Reader) -> None:
+    """Print the times of the rows that are done."""
+    done = reader.column("status") == Status.DONE
+    solve = 1e3 * reader.column("solve_seconds")[done]
+    surface = 1e3 * reader.column("surface_seconds")[done]
+    echo(
+        f"  times     solve {solve.mean():.2f} ms on average, {np.median(solve):.2f} median,"
+        f" {solve.max():.2f} at most; surface and statistics {surface.mean():.2f} ms"
+    )
+
+
+def _print_ranges(reader: Reader) -> None:
+    """Print the ranges of all columns of results over the rows that are done."""
+    ranges = reader.ranges()
+    rows = (
+        (column.name, column.unit, *(f"{limit:.6g}" for limit in ranges[column.name]))
+        for column in reader.columns()
+        if column.name in ranges and column.group != RUNTIME
+    )
+    print_columns(rows, ("column", "unit", "from", "to"), right=("from", "to"))
 
 
 def print_plan(scene: Scene, path: Path | None = None) -> None:

@@ -1,10 +1,11 @@
 """Databases: HDF5 files, readable as netCDF-4, in which a killed run resumes.
 
 A file has one contiguous dataset per column, allocated and filled at once, so that writing rows
-changes no metadata: whenever a writer is killed, the file opens again, and a row with status done
-is whole. HDF5's own locks are not used, as they fail on network file systems: `lock` keeps writers
-apart by name, and a run writes only into the file that it has opened (`HeldFile`). A `Writer` is
-one process, or all processes of an MPI run together; either continues the work of the other.
+changes no metadata: whenever a writer is killed, or the power is cut, the file opens again, and a
+row with status done is whole. A checksum for each row shows what a disk has changed since. HDF5's
+own locks are not used, as they fail on network file systems: `lock` keeps writers apart by name,
+and a run writes only into the file that it has opened (`HeldFile`). A `Writer` is one process, or
+all processes of an MPI run together; either continues the work of the other.
 """
 
 from gen.database.creation import create as create

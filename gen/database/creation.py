@@ -22,6 +22,7 @@ from gen.database.reader import (
     Reader,
     checked,
     chunks,
+    has_checksums,
     open_file,
     read_attributes,
     rows_of,
@@ -32,9 +33,10 @@ from gen.runtime.errors import InputError
 from gen.runtime.files import lock, place_of, unfinished
 from gen.runtime.installation import git_commit, versions
 from gen.runtime.memory import size
-from gen.scene import Scene, columns_for, differences, row_bytes
+from gen.runtime.terminal import to_type
+from gen.scene import Scene, differences, stored_columns
 from gen.scene.faults import shown
-from gen.schema import PART, PHYSICS, RUNTIME, SCHEMA, STATUS, Column, Status
+from gen.schema import CHECKSUM, PART, PHYSICS, RUNTIME, SCHEMA, STATUS, Column, Status
 
 # Version 2 of the superblock: later ones mark a file as open, and a killed writer would leave the
 # mark. Creation order is tracked so that readers list columns in the schema's order.
@@ -44,7 +46,7 @@ LAYOUT: dict[str, Any] = {"libver": ("v108", "v110"), "track_order": True}
 def create(path: Path, scene: Scene, rows: range | None = None) -> None:
     """Create a database of some rows, all pending; the caller holds `lock(path)`."""
     wanted = range(scene.samples) if rows is None else rows
-    _assemble(path, scene, wanted, _new_attributes())
+    _assemble(path, scene, wanted, stored_columns(scene), _new_attributes())
 
 
 def _new_attributes() -> dict[str, str | int]:
@@ -78,9 +80,11 @@ def file_bytes(scene: Scene, rows: int) -> int:
         Size of the file [bytes]. Further rows may need a few bytes more for alignment.
     """
     memory = io.BytesIO()
+    columns = stored_columns(scene)
     with h5py.File(memory, "w", **LAYOUT) as file:
-        _lay_out(file, scene, range(1), _new_attributes())
-    return len(memory.getbuffer()) + (rows - 1) * row_bytes(scene)
+        _lay_out(file, scene, range(1), columns, _new_attributes())
+    row = sum(column.row_bytes(scene.grid.shape) for column in columns)
+    return len(memory.getbuffer()) + (rows - 1) * row
 
 
 def open_or_create(
@@ -109,8 +113,9 @@ def open_or_create(
         wider = present
         if scene.samples > present.samples:
             wider = scene.with_powers_of(present)
+        columns = stored_columns(wider, checksums=has_checksums(old, present))
         part = Part(path, old, there)
-        _assemble(path, wider, rows, attributes, [part], replaced=held)
+        _assemble(path, wider, rows, columns, attributes, [part], replaced=held)
     return "extended"
 
 
@@ -119,6 +124,8 @@ def merge(target: Path, sources: Sequence[Path]) -> Counts:
 
     A row is done if it is done in any source, otherwise failed if it failed in any; rows that are
     done twice have to agree. Attributes are those of the first source with the most samples.
+    Checksums are copied, never computed anew, as they would then vouch for damaged rows: the merged
+    database has them if all sources do.
     """
     if not sources:
         raise InputError(f"{target}: nothing to merge; give at least one database")
@@ -145,7 +152,9 @@ def merge(target: Path, sources: Sequence[Path]) -> Counts:
         forced = max(int(file.attrs["physics_forced"]) for file in files.values())
         attributes = read_attributes(files[largest]) | {"physics_forced": forced}
         parts = [Part(path, file, rows_of(read_attributes(file))) for path, file in files.items()]
-        _assemble(target, scene, range(scene.samples), attributes, parts)
+        checksums = all(has_checksums(file, scenes[path]) for path, file in files.items())
+        columns = stored_columns(scene, checksums=checksums)
+        _assemble(target, scene, range(scene.samples), columns, attributes, parts)
         with Reader(target) as merged:
             return merged.counts()
 
@@ -178,16 +187,21 @@ class Part(NamedTuple):
 
 
 def _merge_rows(
-    target: h5py.File, first: int, parts: Sequence[Part], scene: Scene, start: int, stop: int
+    target: h5py.File,
+    first: int,
+    parts: Sequence[Part],
+    columns: Sequence[Column],
+    grid: tuple[int, int],
+    start: int,
+    stop: int,
 ) -> None:
     """Write the rows start..stop, each from the first part where it is done, or else failed."""
-    grid = scene.grid.shape
     parts = [part for part in parts if part.rows.start < stop and start < part.rows.stop]
     status = np.array([part.read(STATUS, start, stop, grid) for part in parts])
     done = status == Status.DONE
     merit = 2 * done + (status == Status.FAILED)
     owner = merit.argmax(axis=0) if parts else merit
-    for column in columns_for(scene):
+    for column in sorted(columns, key=lambda column: column == CHECKSUM):  # its cause comes first
         merged = np.full(column.shape(stop - start, grid), column.fill, dtype=column.dtype)
         for index, part in enumerate(parts):
             known = np.flatnonzero(merit[index])
@@ -204,17 +218,26 @@ def _merge_rows(
             unequal = shared[(bits[0] != bits[1]).any(axis=1)]  # equal NaNs are equal
             if unequal.size:
                 other = parts[owner[unequal[0]]].path
-                raise InputError(
-                    f"row {start + unequal[0]}: {column.name} differs between {other} and "
-                    f"{part.path}, which other code or another machine must have made: not merged"
-                )
+                raise _conflict(start + int(unequal[0]), column, other, part.path)
         write_rows(target[column.path], start - first, merged)
+
+
+def _conflict(row: int, column: Column, one: Path, other: Path) -> InputError:
+    """Say why two databases cannot be merged that have other values of a finished row."""
+    differs = f"row {row}: {column.name} differs between {one} and {other}"
+    for path in (one, other):
+        with Reader(path) as reader:
+            if reader.damaged_rows(row, row + 1).size:
+                repair = to_type(f"gen check {path} --repair")
+                return InputError(f"{differs}, and is damaged in {path}: {repair} makes it pending")
+    return InputError(f"{differs}, which other code or another machine must have made: not merged")
 
 
 def _assemble(
     path: Path,
     scene: Scene,
     rows: range,
+    columns: Sequence[Column],
     attributes: Mapping[str, str | int],
     parts: Sequence[Part] = (),
     *,
@@ -224,7 +247,8 @@ def _assemble(
     real = place_of(path)
     if replaced is None and real.exists():
         raise InputError(f"{path} exists; give another name")
-    needed, free = len(rows) * row_bytes(scene), shutil.disk_usage(real.parent).free
+    sizes = [column.row_bytes(scene.grid.shape) for column in columns]
+    needed, free = len(rows) * sum(sizes), shutil.disk_usage(real.parent).free
     if needed > free:  # quotas show only on writing
         raise InputError(
             f"{path}: {len(rows)} samples need {size(needed)}, {size(free)} are free; make room, or"
@@ -239,20 +263,22 @@ def _assemble(
                 " would make it yours; let its owner do that, or copy it"
             )
         with h5py.File(made, "w", locking=False, **LAYOUT) as file:
-            _lay_out(file, scene, rows, attributes)
+            _lay_out(file, scene, rows, columns, attributes)
         with open_file(made, True) as file:
-            widest = max(column.row_bytes(scene.grid.shape) for column in columns_for(scene))
-            for start, stop in chunks(rows.stop, widest, rows.start):
-                _merge_rows(file, rows.start, parts, scene, start, stop)
+            for start, stop in chunks(rows.stop, max(sizes), rows.start):
+                _merge_rows(file, rows.start, parts, columns, scene.grid.shape, start, stop)
         if replaced is not None:
             replaced.check()
 
 
 def _lay_out(
-    file: h5py.File, scene: Scene, rows: range, attributes: Mapping[str, str | int]
+    file: h5py.File,
+    scene: Scene,
+    rows: range,
+    columns: Sequence[Column],
+    attributes: Mapping[str, str | int],
 ) -> None:
     """Fill a new file with dimensions, attributes, and columns whose rows who calls fills."""
-    columns = columns_for(scene)
     part = rows != range(scene.samples)
     persons = {"creator_name": scene.creator, "license": scene.licence}  # ACDD's names
     own: dict[str, str | int] = {

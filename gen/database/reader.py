@@ -9,6 +9,7 @@ import errno
 import json
 import math
 import os
+import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from itertools import pairwise
@@ -19,11 +20,13 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from gen.arrays import Indices
 from gen.runtime.errors import InputError
 from gen.runtime.files import kind_of, require_file
 from gen.runtime.terminal import to_type
-from gen.scene import Scene, columns_for, differences
+from gen.scene import Scene, columns_for, differences, stored_columns
 from gen.schema import (
+    CHECKSUM,
     DRAWN_NAMES,
     PART,
     PHYSICS,
@@ -34,6 +37,7 @@ from gen.schema import (
     Column,
     Reason,
     Status,
+    made_by_another,
 )
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"  # first bytes of HDF5 files
@@ -50,6 +54,8 @@ FLAGS: dict[Column, dict[int, str]] = {
     REASON: REASONS,
 }
 """Meaning of each code, for the columns with codes."""
+
+NO_QUANTITIES = (*FLAGS, CHECKSUM)  # columns of numbers that have no range
 
 
 class Counts(NamedTuple):
@@ -82,6 +88,35 @@ def stored_path(file: h5py.File, column: Column) -> str:
     """Return the name of a column in a file: in older ones, some have those of the parameters."""
     older = {name: parameter for parameter, name in DRAWN_NAMES.items()}.get(column.name)
     return column.path if older is None or column.path in file else older
+
+
+def has_checksums(file: h5py.File, scene: Scene) -> bool:
+    """Tell whether a database has a checksum for each row; older ones have none."""
+    names = [column.name for column in columns_for(scene)]
+    return CHECKSUM.name in file and CHECKSUM.name not in names  # a user's own output
+
+
+def checksums_of(columns: Mapping[str, NDArray[Any]]) -> NDArray[np.uint32]:
+    """Compute the checksum of each row: the CRC-32 of its bytes in some columns.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray, shape (rows,) or (rows, nx, ny)
+        The deterministic columns by their names, the checksum itself left out.
+
+    Returns
+    -------
+    ndarray, shape (rows,)
+        CRC-32, as `zlib.crc32` has it, of the row's values one after the other as they lie in the
+        file. The columns are in the order of their names, so that no later order of the file's
+        columns changes a checksum.
+    """
+    parts = []
+    for name in sorted(columns):
+        values = np.ascontiguousarray(columns[name])
+        parts.append(values.view(np.uint8).reshape(len(values), -1))
+    rows = np.concatenate(parts, axis=1)
+    return np.array([zlib.crc32(row) for row in rows], dtype=np.uint32)
 
 
 def open_file(path: Path, writing: bool = False, communicator: Any = None) -> h5py.File:
@@ -153,7 +188,7 @@ def read_attributes(file: h5py.File) -> dict[str, str | int]:
 def _check_columns(file: h5py.File, path: Path, scene: Scene, rows: int) -> None:
     """Refuse a file whose columns `gen` cannot have laid out; no declared size costs time."""
     size, places = path.stat().st_size, []
-    for column in columns_for(scene):
+    for column in stored_columns(scene, checksums=has_checksums(file, scene)):
         name = stored_path(file, column)
         for part in filter(None, (column.group, name)):
             link = file.get(part, getclass=True, getlink=True)
@@ -257,7 +292,7 @@ class Reader(ExitStack):
         self._file = file
         self.scene = checked(file, self.path, wanted, force=force)
         self.rows = rows_of(read_attributes(file))
-        self._columns = columns_for(self.scene)
+        self._columns = stored_columns(self.scene, checksums=has_checksums(file, self.scene))
 
     def _places(self, first: int, last: int | None) -> tuple[int, int]:
         """Return first and last position in the columns of those rows that the file has."""
@@ -356,7 +391,7 @@ class Reader(ExitStack):
         wanted = [
             column
             for column in self._columns
-            if not column.shape_of and column.dtype[0] != "S" and column not in FLAGS
+            if not column.shape_of and column.dtype[0] != "S" and column not in NO_QUANTITIES
         ]
         ranges = {column.name: (math.nan, math.nan) for column in wanted}
         for start, stop in chunks(len(self.rows), 8):
@@ -371,3 +406,58 @@ class Reader(ExitStack):
                     float(np.fmax(high, np.fmax.reduce(values))),
                 )
         return ranges
+
+    @property
+    def has_checksums(self) -> bool:
+        """Whether the file has a checksum for each row; older ones have none."""
+        return CHECKSUM in self._columns
+
+    def damaged_rows(self, start: int = 0, stop: int | None = None) -> Indices:
+        """Find the finished rows that have other bytes than those they were written with.
+
+        Parameters
+        ----------
+        start, stop : int, optional
+            First row and one past the last, all rows by default.
+
+        Returns
+        -------
+        ndarray, shape (k,)
+            Numbers of the done and failed rows whose checksum is not that of their bytes; none in a
+            file without checksums.
+        """
+        damaged = [np.empty(0, dtype=np.int64)]
+        if not self.has_checksums:
+            return damaged[0]
+        guarded = [each for each in self._columns if each.deterministic and each != CHECKSUM]
+        row_bytes = sum(column.row_bytes(self.scene.grid.shape) for column in guarded)
+        begin, end = self._places(start, stop)
+        for first, last in chunks(end, row_bytes, begin):
+            # The status is the first column: while a run writes, rows finished by then are whole.
+            columns = {
+                column.name: self._file[stored_path(self._file, column)][first:last]
+                for column in guarded
+            }
+            unequal = checksums_of(columns) != self._file[CHECKSUM.path][first:last]
+            finished = np.isin(columns[STATUS.name], (Status.DONE, Status.FAILED))
+            damaged.append(self.rows.start + first + np.flatnonzero(unequal & finished))
+        return np.concatenate(damaged)
+
+    def damage(self) -> str:
+        """Say in one line how many finished rows are damaged, and what mends them.
+
+        Returns
+        -------
+        str
+            The line, for a command that reads the rows all the same; empty if no row is damaged.
+        """
+        rows = self.damaged_rows()
+        if not rows.size:
+            return ""
+        which = f"row {rows[0]} has"
+        if rows.size > 1:
+            which = f"row {rows[0]} and {rows.size - 1} more rows have"
+        remedy = f"{to_type(f'gen check {self.path} --repair')} makes them pending"
+        if made_by_another(int(self.attributes["physics"])):
+            remedy = f"{to_type('gen run SCENE -o NEW.h5')} makes the database anew"
+        return f"{which} other bytes than were written: {remedy}"

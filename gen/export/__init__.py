@@ -52,9 +52,9 @@ PATCHES = {
 CROISSANT_NAME = "croissant.json"  # name of the description in the folder of an export
 PARQUET = "application/x-parquet"  # media type of Parquet files, as Croissant's loader knows it
 
-KEPT_BACK = frozenset(("status", "rank", "host"))
-"""Columns that are not exported: the status, since all exported rows are done, and the machine that
-computed a row, which is private.
+KEPT_BACK = frozenset(("status", "checksum", "rank", "host"))
+"""Columns that are not exported: the status, since all exported rows are done, the checksum, which
+is that of a row of the database, and the machine that computed a row, which is private.
 """
 
 TABLE_ROWS = 50_000  # number of rows that are in memory at once, and in one row group of a file

@@ -1,20 +1,27 @@
-"""Checks of a database: its columns against plan and limits, rows recomputed bit for bit."""
+"""Checks of a database, and its repair.
+
+Every finished row is compared with its checksum, the plan and limits, and some rows are computed
+again and compared bit for bit.
+"""
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bem.problem import pose
-from gen.arrays import Columns, Values
-from gen.database import Reader
+from gen.arrays import Columns, Indices, Values
+from gen.database import Reader, Writer
 from gen.generation.plan import Parameters, parameters, planned_columns
 from gen.generation.sample import compute_rows
 from gen.quantities import stored_quantities
 from gen.scene import Scene
 from gen.schema import (
+    CHECKSUM,
     DONE_REASONS,
     REASONS,
     STATUS,
@@ -30,10 +37,40 @@ CHUNK_ROWS = 65_536  # rows that are read and checked together
 ROUNDING = 1e-9  # relative error that rounding can cause in a sum of pressures
 
 
-def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[str]:
-    """Yield a line for each fault of a database; `recompute` finished rows are computed again."""
+@dataclass(frozen=True, eq=False)
+class Fault:
+    """Something wrong with rows of a database, in words."""
+
+    rows: Indices  # (k,), numbers of the rows
+    words: str
+    # Whether the file's bytes are at fault. Other last bits of another machine are not.
+    damaged: bool = True
+
+    def __str__(self) -> str:
+        """Return one line for all rows."""
+        others = f" and {self.rows.size - 1} more rows" if self.rows.size > 1 else ""
+        return f"row {self.rows[0]}{others}: {self.words}"
+
+
+def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[Fault]:
+    """Check all finished rows of a database, and compute some of them again.
+
+    Parameters
+    ----------
+    path : Path
+        Database.
+    recompute : int
+        Number of finished rows that are computed again.
+    seed : int
+        Seed of the choice of these rows.
+
+    Yields
+    ------
+    Fault
+        Each fault with its rows, as it is found.
+    """
     with Reader(path) as reader:
-        finished = []
+        finished, damaged = [], [np.empty(0, dtype=np.int64)]
         for start in reader.rows[::CHUNK_ROWS]:
             stop = min(start + CHUNK_ROWS, reader.rows.stop)
             status = reader.column("status", start, stop)
@@ -41,23 +78,68 @@ def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[str]:
             some = np.flatnonzero(np.isin(status, (Status.DONE, Status.FAILED)))
             if some.size:
                 finished.append(start + some)
+                damaged.append(reader.damaged_rows(start, stop))
+                if damaged[-1].size:
+                    yield Fault(damaged[-1], "checksum is not that of the row's bytes")
                 yield from _chunk_faults(reader, start, stop, status)
         if finished and recompute:
             reader.scene.surface.make_ready(path.parent, sources=True)
         if finished:
             rows = np.concatenate(finished)
-            columns = [column for column in reader.columns() if column.deterministic]
+            columns = [each for each in reader.columns() if each.deterministic and each != CHECKSUM]
             if made_by_another(int(reader.attributes["physics"])):  # the surfaces are the same
                 names = {each.name for each in TABLE_1} | {"surface", "heights"}
                 columns = [column for column in columns if column.name in names]
             chosen = np.random.default_rng(seed).permutation(rows)[:recompute]
-            for row in np.sort(chosen):
+            for row in np.setdiff1d(chosen, np.concatenate(damaged)):
                 yield from _recomputed_faults(reader, columns, int(row))
+
+
+class Repair(NamedTuple):
+    """What a repair has done with the rows that have faults."""
+
+    pending: Indices  # (k,), rows that were damaged and are pending now
+    left: Indices  # (m,), rows that are as they were
+
+
+def repair(path: Path, faults: Sequence[Fault]) -> Repair:
+    """Make damaged rows pending, so that the next run computes them again.
+
+    Rows that another physics number computed stay as they are: this version cannot compute them.
+
+    Parameters
+    ----------
+    path : Path
+        Database, whose `gen.database.lock` the caller has held since it found the faults.
+    faults : sequence of Fault
+        Faults of the database, from `faults`.
+
+    Returns
+    -------
+    Repair
+        Rows that were made pending, and rows that were left.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    with Reader(path) as reader:
+        scene = reader.scene
+        another = made_by_another(int(reader.attributes["physics"]))
+    none = np.empty(0, dtype=np.int64)
+    faulty = np.unique(np.concatenate([none, *(fault.rows for fault in faults)]))
+    damaged = [fault.rows for fault in faults if fault.damaged and not another]
+    pending = np.unique(np.concatenate([none, *damaged]))
+    if pending.size:
+        with Writer(path, scene) as writer:
+            writer.make_pending(pending)
+    return Repair(pending, np.setdiff1d(faulty, pending))
 
 
 def _chunk_faults(
     reader: Reader, start: int, stop: int, status: NDArray[np.uint8]
-) -> Iterator[str]:
+) -> Iterator[Fault]:
     """Compare a chunk's columns with its plan, and done rows with what holds for all of them."""
     scene, reason = reader.scene, reader.column("reason", start, stop)
     done, failed = status == Status.DONE, status == Status.FAILED
@@ -141,16 +223,18 @@ def _impossible(
         yield force > bearable * (1 + ROUNDING), "force above what the hardness bears"
 
 
-def _row_faults(wrong: Mask, start: int, fault: str) -> Iterator[str]:
-    """Yield one line for all the rows of a chunk that share a fault."""
+def _row_faults(wrong: Mask, start: int, words: str) -> Iterator[Fault]:
+    """Yield one fault for all the rows of a chunk that share it."""
     rows = start + np.flatnonzero(wrong)
     if rows.size:
-        others = f" and {rows.size - 1} more rows" if rows.size > 1 else ""
-        yield f"row {rows[0]}{others}: {fault}"
+        yield Fault(rows, words)
 
 
-def _recomputed_faults(reader: Reader, columns: Sequence[Column], row: int) -> Iterator[str]:
-    """Compute a row again, with the other rows of its surface, and compare the bits."""
+def _recomputed_faults(reader: Reader, columns: Sequence[Column], row: int) -> Iterator[Fault]:
+    """Compute a row again, with the other rows of its surface, and compare the bits.
+
+    Where checksums vouch for the bytes, other bits are those of another machine or other versions.
+    """
     m = reader.scene.samples_per_surface
     first = row // m * m
     again = compute_rows(reader.scene, first, min(first + m, reader.scene.samples))
@@ -163,7 +247,5 @@ def _recomputed_faults(reader: Reader, columns: Sequence[Column], row: int) -> I
         if stored.tobytes() != fresh.tobytes():
             old, new = (each[0].tolist() for each in (stored, fresh))  # Python's own numbers
             detail = "" if column.shape_of else f": {old!r} in the file, {new!r} now"
-            yield (
-                f"row {row}: {column.name} is not what this machine and these versions compute"
-                f"{detail}"
-            )
+            words = f"{column.name} is not what this machine and these versions compute{detail}"
+            yield Fault(np.array([row]), words, damaged=not reader.has_checksums)

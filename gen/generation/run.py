@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple
@@ -132,7 +132,8 @@ def generate_database(
                 for line in said:
                     progress.say(line)
                 blocks = blocks_of(own, pending, world.workers)
-            farm.run(work, blocks, take, world, stopping=interruption.requested)
+            stopping = interruption.requested
+            farm.run(work, blocks, take, world, stopping=stopping, when_quiet=_finishing(writer))
             if job is not None and writer is not None:
                 writer.confirm()
         # Every writer has closed the file: its rows can be counted now.
@@ -164,6 +165,13 @@ def _completed_by_the_master(
         waiting.cancel()
 
 
+def _finishing(writer: Writer | None) -> Callable[[], None]:
+    """Return what a master does while it waits for workers: sync and finish the rows it has."""
+    if writer is None:
+        return lambda: None
+    return writer.sync_when_due
+
+
 @contextmanager
 def _prepared(
     asked_for: Scene,
@@ -189,6 +197,7 @@ def _prepared(
         how = database.open_or_create(path, asked_for, range(first, last), force=force)
         with database.Writer(path, asked_for, force=force) as writer:
             scene, held = writer.scene, len(writer.rows)
+            damage = writer.damage()
             retried = writer.retry_failed(first, last) if retry_failed else 0
             pending = writer.pending(first, last)
         scene.surface.make_ready(path.parent)
@@ -204,6 +213,8 @@ def _prepared(
             *(f"runs {each} of {source_of(each)}" for each in sorted(map(str, functions))),
             *(f"  warning: {doubt}" for doubt in doubts),
         ]
+        if damage:
+            remarks.append(f"  warning: {damage}")
         if scene.surface.PLACES:
             remarks += [f"  {line}" for line in scene.surface.remarks()]
         yield (scene, parallel), pending, remarks

@@ -19,7 +19,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
@@ -41,6 +41,7 @@ RANKS = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK")
 
 NAMESPACE = "PMIX_NAMESPACE"
 """Set by launchers that speak PMIx. An MPICH without it ends every process that starts MPI then."""
+QUIET = 1.0  # time without a result after which the master does what can wait [s]
 
 LONGEST_NAP = 0.01  # between two looks for a message [s]; MPI's own waiting would keep a core busy
 
@@ -235,12 +236,14 @@ def run(
     world: World,
     *,
     stopping: Callable[[], bool] = lambda: False,
+    when_quiet: Callable[[], None] = lambda: None,
 ) -> None:
     """Do all tasks; a collective call, each process with its own copy of the work.
 
     `work` is never sent and may hold an open file; tasks and results are pickled. `on_result` is
-    called on the master. Once `stopping` returns True, the tasks in flight are finished and no more
-    are handed out. An exception of `on_result` or `tasks`, or an InputError of `work`, is raised on
+    called on the master, and `when_quiet` now and then while it waits for workers. Once `stopping`
+    returns True, the tasks in flight are finished and no more are handed out. An exception of one
+    of these functions or of `tasks`, or an InputError of `work`, is raised on
     the master after the tasks in flight; any other one of `work` is a bug and ends all processes.
     Workers raise MasterLeft if the master has ended the command instead of calling this.
     """
@@ -260,7 +263,7 @@ def run(
         with MPICommExecutor(world.communicator, root=0) as executor:
             if executor is not None:
                 try:
-                    _supervise(executor, tasks, on_result, world, stopping)
+                    _supervise(executor, tasks, on_result, world, stopping, when_quiet)
                 except KeyboardInterrupt:  # the user does not want to wait for the tasks in flight
                     world.communicator.Abort(130)
     finally:
@@ -278,6 +281,7 @@ def _supervise(
     on_result: Callable[[Task, Result], None],
     world: World,
     stopping: Callable[[], bool],
+    when_quiet: Callable[[], None],
 ) -> None:
     """Keep every worker busy until the tasks run out, at a constant cost per task."""
     in_flight: dict[Future[Result], Task] = {}
@@ -292,7 +296,11 @@ def _supervise(
                 in_flight[future] = task
                 future.add_done_callback(finished.put)
         if in_flight:
-            future = finished.get()
+            try:
+                future = finished.get(timeout=QUIET)
+            except Empty:
+                when_quiet()
+                continue
             try:
                 result = future.result()
             except InputError:  # for example memory that has run out
@@ -342,7 +350,7 @@ class Interruption(ExitStack):
                 time.sleep(PATIENCE)
             if self.signal:
                 continue
-            if said:  # finished work is on disk already
+            if said:  # what was synced is on the disk already
                 os._exit(128 + numbers[-1])
             with suppress(OSError, ValueError):
                 sys.stderr.write("stopping after the step under way; again, to stop now\n")

@@ -10,5 +10,6 @@ from gen.scene.scene import parameter_columns as parameter_columns
 from gen.scene.scene import preset_names as preset_names
 from gen.scene.scene import require_own_names as require_own_names
 from gen.scene.scene import row_bytes as row_bytes
+from gen.scene.scene import stored_columns as stored_columns
 from gen.scene.tables import Piece as Piece
 from gen.scene.tables import Store as Store

@@ -28,7 +28,7 @@ from gen.runtime.files import read_bytes
 from gen.runtime.terminal import printable
 from gen.scene.faults import DOTTED, first_fault
 from gen.scene.tables import UNITS, Contact, Delta, Load, Piece, Quantity, Store
-from gen.schema import COLUMNS, DRAWN_NAMES, RUNTIME, Column
+from gen.schema import CHECKSUM, COLUMNS, DRAWN_NAMES, REASON, RUNTIME, Column
 from gen.surface import DisplacedSurface, GeneratedSurface, Grid
 
 INERT = {"samples", "title", "creator", "licence"}  # keys of a scene that change no row
@@ -483,7 +483,10 @@ RESERVED = frozenset(
 
 
 def columns_for(scene: Scene) -> tuple[Column, ...]:
-    """Return a scene's columns in the file's order: common, asked for, the user's own."""
+    """Return the columns that a scene's rows are computed with: common, asked for, the user's own.
+
+    They are in the order of the file, which has the rows' checksums besides: see `stored_columns`.
+    """
     store, contact = scene.store, scene.contact
     parameters = [DRAWN_NAMES.get(name, name) for name in scene.surface.drawn()]
     asked_for = {*parameters, *scene.surface.PLACES}
@@ -532,6 +535,28 @@ def _columns_of_outputs(store: Store) -> tuple[Column, ...]:
     )
 
 
+def stored_columns(scene: Scene, *, checksums: bool = True) -> tuple[Column, ...]:
+    """Return the columns of a scene's database in the file's order.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene of the database.
+    checksums : bool
+        Whether the database has a checksum for each row: new ones do, older ones do not.
+
+    Returns
+    -------
+    tuple of Column
+        Those of `columns_for`, with the checksum behind the reason.
+    """
+    columns = columns_for(scene)
+    if not checksums:
+        return columns
+    place = columns.index(REASON) + 1
+    return (*columns[:place], CHECKSUM, *columns[place:])
+
+
 def parameter_columns(scene: Scene) -> dict[str, str]:
     """Return the columns of the parameters of a scene's surfaces, by the parameters' names."""
     return {name: DRAWN_NAMES.get(name, name) for name in scene.surface.drawn()}
@@ -553,6 +578,6 @@ def require_own_names(scene: Scene) -> None:
 
 
 def row_bytes(scene: Scene) -> int:
-    """Return the size of one row of a scene's database, all columns together [bytes]."""
+    """Return the size of one row of a scene's new database, all columns together [bytes]."""
     grid = scene.grid.shape
-    return sum(column.row_bytes(grid) for column in columns_for(scene))
+    return sum(column.row_bytes(grid) for column in stored_columns(scene))

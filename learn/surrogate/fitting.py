@@ -210,7 +210,11 @@ def fit_parts(
     train, name = parts.train, sets[0].name
     plan = planned(request.models[0], sets[0].at(train), others[0] if others else None)
     sizes = {"train": train.size, "calibration": plan.groups.labels.size, "test": parts.test.size}
-    for line in dataset.remarks(sets[0], request.normalisation):
+    remarks_on_rows = dataset.remarks(sets[0], request.normalisation)
+    if others is not None:
+        calibrating = dataset.damage_of(others[0])
+        remarks_on_rows += [line for line in calibrating if line not in remarks_on_rows]
+    for line in remarks_on_rows:
         say(f"  {line}")
     say(
         f"{name}: {sizes['train']} rows train, {sizes['calibration']} calibrate, {sizes['test']}"

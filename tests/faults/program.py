@@ -1,7 +1,8 @@
 """`python -m tests.faults.program AILMENTS ...`: `python -m gen ...` in which some samples ail.
 
 AILMENTS is a JSON file of far-field displacements, by which a sample is known, and what it suffers
-from. All else is the program as it is: the seam is `bem.solve`.
+from. A run of seconds is to be disturbed in its midst, so it syncs its rows more often. All else is
+the program as it is: the seams are `bem.solve` and `SYNC_SECONDS`.
 """
 
 import json
@@ -15,6 +16,9 @@ from unittest import mock
 import bem
 import gen.__main__
 from gen.arrays import Heights
+from gen.database import writer
+
+SYNC_SECONDS = 0.1  # least time between two syncs [s]
 
 _healthy = bem.solve
 
@@ -38,7 +42,8 @@ def main() -> int:
     """Run `python -m gen` with the ailments."""
     path = Path(sys.argv.pop(1))
     ailments = {float(delta): name for delta, name in json.loads(path.read_text()).items()}
-    with mock.patch.object(bem, "solve", ailing(ailments)):
+    often = mock.patch.object(writer, "SYNC_SECONDS", SYNC_SECONDS)
+    with often, mock.patch.object(bem, "solve", ailing(ailments)):
         return gen.__main__.main()
 
 

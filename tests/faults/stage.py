@@ -225,11 +225,9 @@ class Stage:
         ailments: Mapping[int, str] | None = None,
     ) -> Run:
         """Start a run; `ailments` are rows, and what they suffer from: see `program`."""
-        if ailments is None:
-            return Run(self.folder, ranks, "run", "scene.toml", "-o", output, *options)
         known = {
             repr(float(parameters(self.scene, row, row + 1).load[0])): name
-            for row, name in ailments.items()
+            for row, name in (ailments or {}).items()
         }
         (self.folder / "ailments.json").write_text(json.dumps(known))
         arguments = ("ailments.json", "run", "scene.toml", "-o", output, *options)

@@ -45,6 +45,15 @@ def test_times_and_hosts_do_not_change_the_fingerprint(solved, database, change)
     assert read(database).sha256 != first.sha256
 
 
+def test_damaged_rows_are_learnt_and_a_warning_names_them(solved, database, change):
+    change("force", [5], 1.0)
+    found = read(database)
+    (warning,) = [line for line in dataset.remarks(found, "l2") if "bytes" in line]
+    assert f"{database}: row 5 has other bytes than were written" in warning
+    assert found.size == read(solved).size
+    assert not dataset.damage_of(read(solved))
+
+
 @pytest.fixture(scope="module")
 def undefined(tmp_path_factory):
     """The path of a database of 60 surfaces of 5 x 5 nodes, many of which have no asperity."""

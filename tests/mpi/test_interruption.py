@@ -160,6 +160,36 @@ for name, (rank, home, attribute, error) in FAULTS.items():
 """
 
 
+SLOW = """
+import os, sys, time
+import h5py
+from gen import cli
+from gen.database import writer
+from gen.generation import run
+from gen.runtime import farm
+run.BLOCK_ROWS, run.ANSWER_NODES, farm.QUIET, writer.SYNC_SECONDS = 1, 0, 0.1, 1.0
+compute_rows, limit = run.compute_rows, time.monotonic() + 60
+def finished():
+    with h5py.File("rows.h5", locking=False) as file:
+        return (file["status"][:] != 0).sum()
+def compute_last_row_when_others_are_done(scene, start, stop, **more):
+    while stop == 12 and finished() < 11:
+        if time.monotonic() > limit:
+            raise TimeoutError("the other rows are pending")
+        time.sleep(0.05)
+    return compute_rows(scene, start, stop, **more)
+run.compute_rows = compute_last_row_when_others_are_done
+sys.exit(cli.main(["run", "scene.toml", "-o", "rows.h5", "--writer", "single"]))
+"""
+
+
+def test_rows_are_finished_while_a_worker_takes_long(tmp_path):
+    (tmp_path / "scene.toml").write_text("samples = 12\n[surface]\nnodes = 9\n")
+    (tmp_path / "slow.py").write_text(SLOW)
+    done = launch(3, folder=tmp_path, module="slow")
+    assert done.returncode == 0, done.stderr
+
+
 FATES = ("replaced", "moved", "overwritten", "linked")
 
 SUDDENLY = """

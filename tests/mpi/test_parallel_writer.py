@@ -4,12 +4,15 @@ Where h5py has MPI, the other tests of this folder run with the parallel writer 
 number of ranks, of growing, of signals and of a second writer among them.
 """
 
+import shutil
+
 import h5py
 import numpy as np
 import pytest
 from databases import deterministic_bytes, status
 from launch import launch
 
+from gen import cli
 from tests.faults.stage import columns_of, row_fault
 
 HAS_MPI = bool(h5py.get_config().mpi)
@@ -32,8 +35,9 @@ perimeter = true
 DYING = """
 import os, signal, sys
 from gen import cli
+from gen.database import Writer, writer
 from gen.runtime import farm
-from gen.database import Writer
+writer.SYNC_SECONDS = 0.0
 flushes = []
 def die_between_columns_and_status(self):
     flushes.append(1)
@@ -41,6 +45,29 @@ def die_between_columns_and_status(self):
         os.kill(os.getpid(), signal.SIGKILL)
 Writer._flush = die_between_columns_and_status
 sys.exit(cli.main(["run", "scene.toml", "-o", sys.argv[1]]))
+"""
+
+
+POWER_CUT = """
+import os, sys
+from pathlib import Path
+from gen import cli
+from gen.database import writer
+from gen.generation import run
+from gen.runtime import farm
+rank = farm.this_world().rank
+run.BLOCK_ROWS, run.ANSWER_NODES, writer.SYNC_SECONDS = 3, 0, 0.2
+sync, write_block, written = os.fsync, writer.Writer.write_block, []
+def fsync(descriptor):  # a copy of what is on the disk, as far as this rank has seen to it
+    sync(descriptor)
+    Path(f"disk-{rank}.h5").write_bytes(Path(f"/proc/self/fd/{descriptor}").read_bytes())
+def write_and_perhaps_end(self, start, stop, columns):
+    write_block(self, start, stop, columns)
+    written.append(stop - start)
+    if sum(written) > 12:
+        farm.this_world().communicator.Abort(9)
+os.fsync, writer.Writer.write_block = fsync, write_and_perhaps_end
+sys.exit(cli.main(["run", "scene.toml", "-o", "cut.h5", "--writer", sys.argv[1]]))
 """
 
 
@@ -93,6 +120,25 @@ def test_a_worker_that_dies_before_its_status_costs_its_rows_only(folder, writer
     assert 0 < (found["status"] == 1).sum() < 90
     run(folder, output, "--writer", writer)
     assert deterministic_bytes(folder / output) == deterministic_bytes(folder / "serial.h5")
+
+
+@pytest.mark.parametrize("ranks", [3, pytest.param(2, marks=pytest.mark.long)])
+@pytest.mark.parametrize("writer", ["single", pytest.param("parallel", marks=needs_parallel_hdf5)])
+def test_a_power_cut_costs_no_row_that_says_done(folder, tmp_path, writer, ranks):
+    """The late writes of statuses are on the disk, those of data that were not synced are not."""
+    (tmp_path / "power_cut.py").write_text(POWER_CUT)
+    shutil.copy(folder / "scene.toml", tmp_path)
+    done = launch(ranks, writer, folder=tmp_path, module="power_cut")
+    assert done.returncode not in {0, 2}, done.stderr
+    late, whole = columns_of(tmp_path / "cut.h5"), columns_of(folder / "serial.h5")
+    finished = late["status"] != 0
+    assert 0 < finished.sum() < 90
+    for rank in np.unique(late["rank"][finished]).tolist():
+        on_disk = columns_of(tmp_path / f"disk-{rank if writer == 'parallel' else 0}.h5")
+        on_disk["status"] = np.where(late["rank"] == rank, late["status"], 0)
+        assert row_fault(None, on_disk, whole) == ""
+    assert cli.main(["run", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "cut.h5")]) == 0
+    assert deterministic_bytes(tmp_path / "cut.h5") == deterministic_bytes(folder / "serial.h5")
 
 
 @needs_parallel_hdf5

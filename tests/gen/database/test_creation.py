@@ -13,10 +13,12 @@ from databases import (
     PHYSICS,
     block,
     database_of,
+    deterministic_bytes,
     filled,
     raise_physics,
     run,
     small,
+    without_checksums,
 )
 
 from gen import cli, database, schema
@@ -52,9 +54,13 @@ def test_more_samples_extend_the_file(path):
         assert reader.attributes["samples"] == 15
         assert reader.attributes["created"] == created
         for column in reader.columns():
-            np.testing.assert_array_equal(reader.column(column.name, 2, 5), wanted[column.name])
+            if column.name in wanted:
+                there = reader.column(column.name, 2, 5)
+                np.testing.assert_array_equal(there, wanted[column.name])
             rest = reader.column(column.name, 10)
             np.testing.assert_array_equal(rest, np.full_like(rest, column.fill))
+        assert reader.has_checksums
+        assert not reader.damaged_rows().size
     assert list(path.parent.iterdir()) == [path]
 
 
@@ -121,10 +127,10 @@ def test_merge_takes_the_best_of_every_row(tmp_path, monkeypatch):
         assert reader.scene == scene
         statuses = [1, 1, 1, 1, 1, 1, 1, 2, 2, 0, 0, 0, 0, 0, 1]
         assert reader.column("status").tolist() == statuses
-        for column in reader.columns()[2:]:
+        for name in wanted.keys() - {"status", "reason"}:
             known = np.flatnonzero(statuses)
-            values = reader.column(column.name)[known]
-            np.testing.assert_array_equal(values, wanted[column.name][known])
+            np.testing.assert_array_equal(reader.column(name)[known], wanted[name][known])
+        assert not reader.damaged_rows().size
     with Writer(target, scene) as writer:
         assert writer.pending() == [(9, 14)]
     assert sorted(tmp_path.iterdir()) == sorted([one, two, target])
@@ -141,6 +147,37 @@ def test_merge_refuses_rows_that_differ_in_one_bit(tmp_path):
     with pytest.raises(InputError, match=r"row 2: force differs between .*one\.h5 and .*two\.h5"):
         merge(tmp_path / "both.h5", [one, two])
     assert sorted(tmp_path.iterdir()) == [one, two]
+
+
+def test_merge_names_the_database_in_which_a_row_is_damaged(tmp_path):
+    scene = small()
+    one, two = (filled(tmp_path / f"{name}.h5", scene, (0, 4, 1)) for name in ("one", "two"))
+    with h5py.File(two, "r+") as file:
+        file["force"][2] = 0.0
+    with pytest.raises(
+        InputError, match=r"row 2: force differs .* is damaged in .*two\.h5: .*--rep"
+    ):
+        merge(tmp_path / "both.h5", [one, two])
+
+
+@pytest.mark.parametrize("older", [("one",), ("one", "two")])
+def test_files_without_checksums_are_read_continued_extended_and_merged(here, monkeypatch, older):
+    """Older versions made them; all other bytes are the same."""
+    scene = "samples = {}\n[surface]\nnodes = 9\n"
+    whole = deterministic_bytes(database_of(here, scene.format(12), "whole"))
+    for name, rows in (("one", "0:5"), ("two", "5:12")):
+        with monkeypatch.context() as patch:
+            if name in older:
+                without_checksums(patch)
+            database_of(here, scene.format(12), name, "--rows", rows)
+    del whole["checksum"]
+    for line in (
+        *("run one.toml -o one.h5 --rows 0:7", "info one.h5", "check one.h5 --recompute 2"),
+        *("merge one.h5 two.h5 -o merged.h5", "run whole.toml -o one.h5"),
+    ):
+        assert cli.main(line.split()) == 0
+    assert deterministic_bytes(here / "merged.h5") == whole
+    assert deterministic_bytes(here / "one.h5") == whole
 
 
 def test_merge_refuses_other_scenes_physics_and_targets(tmp_path, monkeypatch):

@@ -1,6 +1,7 @@
 """The reader: columns, ranges, and other programs that read the same file."""
 
 import json
+import zlib
 
 import h5py
 import numpy as np
@@ -10,7 +11,7 @@ from databases import PHYSICS, block, filled, raise_physics, small
 from gen import database, schema
 from gen.database import Reader, Writer, create, open_or_create
 from gen.runtime.errors import InputError
-from gen.scene import Scene, Store, columns_for
+from gen.scene import Scene, Store, stored_columns
 from gen.schema import Reason, Status
 from gen.surface import DisplacedSurface
 
@@ -29,6 +30,35 @@ def test_ranges_pass_over_undefined_values(path):
     assert np.isnan(ranges["residual"]).all()
 
 
+@pytest.mark.parametrize("store", [Store(), Store(heights=True, perimeter=True)])
+def test_a_checksum_is_that_of_a_rows_bytes_in_the_order_of_the_names(path, store):
+    """As somebody would compute it who knows the file alone."""
+    filled(path, small(store=store), (0, 3, Status.DONE), (3, 4, Status.FAILED))
+    with h5py.File(path) as file:
+        names = sorted(name for name, each in file.items() if "long_name" in each.attrs)
+        names.remove("checksum")
+        for row in range(4):
+            data = b"".join(file[name][row].tobytes() for name in names)
+            assert file["checksum"][row] == zlib.crc32(data)
+
+
+def test_any_changed_column_of_a_finished_row_is_damage(path):
+    filled(path, small(store=Store(heights=True)), (0, 4, Status.DONE), (6, 8, Status.FAILED))
+    with Reader(path) as reader:
+        assert reader.damage() == ""
+        guarded = [column.name for column in reader.columns() if column.deterministic]
+    for name in guarded:
+        with h5py.File(path, "r+") as file:
+            values = file[name][:]
+            for row in (3, 7, 9):  # the last one is pending
+                file[name][row] = {1: 2, 2: 1}.get(values[row], 0) if name == "status" else 7
+        with Reader(path) as reader:
+            assert reader.damaged_rows().tolist() == [3, 7], name
+            assert reader.damaged_rows(4, 9).tolist() == [7], name
+        with h5py.File(path, "r+") as file:
+            file[name][:] = values
+
+
 def test_unknown_column_names_those_there_are(path):
     create(path, small())
     with Reader(path) as reader, pytest.raises(InputError, match=r"'heights'; it has status, .*"):
@@ -40,7 +70,7 @@ def test_xarray_reads_both_groups_with_units(path):
     pytest.importorskip("h5netcdf")
     scene = small(store=Store(heights=True))
     filled(path, scene, (0, 3, Status.DONE))
-    columns = columns_for(scene)
+    columns = stored_columns(scene)
     with xarray.open_dataset(path, engine="h5netcdf") as results:
         assert list(results.variables) == [c.name for c in columns if not c.group]
         assert results.sizes == {"sample": 10, "x": 5, "y": 5}

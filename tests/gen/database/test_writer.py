@@ -1,14 +1,16 @@
 """The writer: blocks of rows, their status last, pending rows found again."""
 
+import errno
 import os
 import shutil
 import signal
 import stat
+from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-from databases import NO_ROOM, block, filled, run, small
+from databases import NO_ROOM, block, deterministic_bytes, filled, run, small
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -31,12 +33,13 @@ KILLED_BEFORE_STATUS = """
     names = [column.name for column in writer.columns()]
     block = {column.name: np.ones(4, column.dtype) for column in writer.columns()}
     writer.write_block(0, 4, block)
-    flush = writer._flush
-    def flush_and_die():
-        flush()
+    sync = writer._held.sync
+    def sync_and_die():
+        sync()
         os.kill(os.getpid(), signal.SIGKILL)
-    writer._flush = flush_and_die
+    writer._held.sync = sync_and_die
     writer.write_block(4, 8, block)
+    writer.close()
 """
 
 
@@ -167,6 +170,111 @@ def test_a_file_that_is_another_ends_the_run(folder, monkeypatch, capsys, fate, 
         monkeypatch.chdir(folder)
         assert cli.main(["run", "scene.toml", "-o", "away.h5"]) == 0
     assert not list(folder.glob("some.h5.*"))
+
+
+class PowerCut:
+    """A disk that has what was synced, and a clock that goes on by a second a block."""
+
+    def __init__(self, monkeypatch):
+        self.on_disk, self.moment, self.syncs = {}, 0.0, []
+        sync = os.fsync
+
+        def fsync(descriptor):
+            sync(descriptor)
+            number = os.fstat(descriptor).st_ino
+            self.on_disk[number] = Path(f"/proc/self/fd/{descriptor}").read_bytes()
+            self.syncs.append(self.moment)
+
+        monkeypatch.setattr(os, "fsync", fsync)
+        monkeypatch.setattr(database.writer, "time", self)
+
+    def monotonic(self):
+        return self.moment
+
+    def left_of(self, writer, name):
+        """Write what a cut leaves at its worst: all late statuses, and no late data."""
+        left = writer.path.with_name(name)
+        left.write_bytes(self.on_disk[writer.path.stat().st_ino])
+        with h5py.File(left, "r+") as file:
+            file["status"][:] = writer.column("status")
+        return left
+
+
+def test_a_power_cut_costs_five_seconds_and_no_row_that_says_done(folder, monkeypatch):
+    assert cli.main(["run", "scene.toml", "-o", "whole.h5"]) == 0
+    whole = deterministic_bytes(folder / "whole.h5")
+    write_block, power = Writer.write_block, PowerCut(monkeypatch)
+
+    def write_then_cut(self, start, stop, columns):
+        write_block(self, start, stop, columns)
+        left = power.left_of(self, f"after-{stop}.h5")
+        with Reader(left) as reader:
+            assert not reader.damaged_rows().size
+            assert reader.counts().done >= stop - 5
+        power.moment += 1
+
+    monkeypatch.setattr(Writer, "write_block", write_then_cut)
+    assert cli.main(["run", "scene.toml", "-o", "some.h5"]) == 0
+    assert power.syncs == [0, 0, 5, 10, 12, 12]  # of the empty file, of rows, and twice at the end
+    (folder / "end.h5").write_bytes(power.on_disk[(folder / "some.h5").stat().st_ino])
+    assert deterministic_bytes(folder / "end.h5") == whole
+    monkeypatch.undo()
+    monkeypatch.chdir(folder)
+    for stop in (1, 8):
+        assert cli.main(["run", "scene.toml", "-o", f"after-{stop}.h5"]) == 0
+        assert deterministic_bytes(folder / f"after-{stop}.h5") == whole
+
+
+def test_rows_are_finished_while_nothing_else_comes(path, monkeypatch):
+    scene, power = small(), PowerCut(monkeypatch)
+    create(path, scene)
+    with Writer(path, scene) as writer:
+        done = []
+        for moment in (0, 1, 4, 6):
+            power.moment = moment
+            if moment < 2:
+                writer.write_block(moment, moment + 1, block(scene, moment, moment + 1))
+            writer.sync_when_due()
+            done.append(writer.counts().done)
+    assert done == [1, 1, 1, 2]
+
+
+def failing_once(action, number):
+    """An action that raises an error of the system the first time."""
+    errors = [OSError(number, os.strerror(number))]
+
+    def act(*arguments):
+        if errors:
+            raise errors.pop()
+        return action(*arguments)
+
+    return act
+
+
+def test_rows_that_cannot_be_synced_stay_pending(path, monkeypatch):
+    """After an error the kernel forgets what it could not write: a later sync would succeed."""
+    scene = small()
+    filled(path, scene, (0, 2, Status.DONE))
+    with Writer(path, scene) as writer:
+        monkeypatch.setattr(writer._held, "sync", failing_once(writer._held.sync, errno.EIO))
+        with pytest.raises(InputError, match=r"Input/output error; 2 rows are done and safe"):
+            writer.write_block(2, 6, block(scene, 2, 6))
+    with Reader(path) as reader:
+        assert reader.counts() == (8, 2, 0)
+
+
+def test_rows_that_wait_for_a_sync_are_saved_when_the_disk_is_full(path, monkeypatch):
+    scene = small()
+    create(path, scene)
+    with Writer(path, scene) as writer:
+        for start in (0, 2):
+            writer.write_block(start, start + 2, block(scene, start, start + 2))
+        write = failing_once(database.writer.write_rows, errno.ENOSPC)
+        monkeypatch.setattr(database.writer, "write_rows", write)
+        with pytest.raises(InputError, match=r"disk is full .* 4 rows are done and safe"):
+            writer.write_block(4, 6, block(scene, 4, 6))
+    with Reader(path) as reader:
+        assert reader.counts() == (6, 4, 0)
 
 
 def test_an_extension_does_not_replace_what_has_come_meanwhile(held, folder, monkeypatch):

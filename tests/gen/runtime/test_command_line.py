@@ -14,7 +14,7 @@ import command_lines
 import h5py
 import numpy as np
 import pytest
-from databases import database_of, status
+from databases import database_of, seal, status
 from launch import TIMEOUT, command, environment
 
 from gen import cli
@@ -64,6 +64,7 @@ def test_a_number_that_is_not_the_stored_one_is_written_plainly(here, capsys):
     database_of(here, SCENE, "a")
     with h5py.File("a.h5", "r+") as file:
         file["height_mean"][:] = 5.0
+    seal(here / "a.h5")
     assert cli.main(["check", "a.h5"]) == 1
     assert "height_mean is not what this machine and these versions compute: 5.0 in" in (
         capsys.readouterr().out

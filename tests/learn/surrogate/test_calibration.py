@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import h5py
 import numpy as np
 import pytest
 from comparisons import run
@@ -169,9 +170,13 @@ def test_surfaces_count_and_not_their_rows(rows, solved):
 
 def test_rows_of_another_database_calibrate(solved, here, capsys):
     other = database_of(here, "samples = 40\nseed = 5\n[surface]\nnodes = 33\n")
+    with h5py.File(other, "r+") as file:
+        file["force"][3] *= 1.001
     capsys.readouterr()
     assert run("fit", solved, "--calibrate-on", other, "-o", "a.surrogate") == 0
-    assert "72 rows train, 40 calibrate, 18 test" in capsys.readouterr().err
+    notes = capsys.readouterr().err
+    assert "72 rows train, 40 calibrate, 18 test" in notes
+    assert f"warning: {other}: row 3 has other bytes than were written" in notes
     card = Surrogate.load("a.surrogate").card
     assert card["calibration"]["database"] == str(other)
     assert card["database"] == str(solved)
