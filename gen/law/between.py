@@ -153,7 +153,8 @@ def merged(one: Curves, other: Curves) -> Curves:
         parts = {}
         for part in ("value", "low", "high"):
             both = np.append(getattr(one.curves[name], part), getattr(other.curves[name], part))
-            parts[part] = held(name, both[places])
+            values = both[places]
+            parts[part] = held(name, values) if np.isfinite(values).all() else values
         slope = slopes(at[places], parts["value"], one.rest.get(name, 0.0))
         curves[name] = Curve(**parts, slope=slope)
     return replace(
