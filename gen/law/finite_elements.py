@@ -31,7 +31,7 @@ import numpy as np
 
 from gen.arrays import Indices, Values
 from gen.law.contact_law import Law
-from gen.law.curves import KNOWN, risen, slopes
+from gen.law.curves import CONDUCTANCE, KNOWN, risen, slopes
 from gen.options import BAND_SIDES, Units
 from gen.runtime import VERSION, files
 from gen.runtime.errors import InputError
@@ -132,8 +132,10 @@ def rising(law: Law, side: str = "") -> tuple[Values, Values, Values | None]:
     closures = outwards(closures[places], closure)
     places, closures = _apart(places, closures, side)
     if conductances is not None:
-        whole = outwards(conductances[usable], conductance)
-        conductances = whole[np.searchsorted(np.flatnonzero(usable), places)]
+        ends = conductances[usable]
+        if known == CONDUCTANCE:  # a gas conducts less where contact has taken its place
+            ends = outwards(ends, conductance)
+        conductances = ends[np.searchsorted(np.flatnonzero(usable), places)]
     if not places.size:
         outside = ": no load lies inside the surrogate's training; --solver solves the law"
         ends = outside if table.flagged.any() else ""
