@@ -61,13 +61,17 @@ def print_database(reader: Reader) -> None:
         f"  made      {attributes['created']}, commit {attributes['git_commit'] or 'unknown'},"
         f" layout {attributes['schema']}, physics {attributes['physics']}"
     )
-    physics = int(attributes["physics"])
+    _print_changes(int(attributes["physics"]))
+    if counts.done:
+        _print_ranges(reader)
+
+
+def _print_changes(physics: int) -> None:
+    """Print what has changed since results of a physics number, if it is not today's."""
     changes = (f"since physics {n}, {said}" for n, said in PHYSICS_CHANGES.items() if n > physics)
     if another := made_by_another(physics):
         for line in (another, *changes):
             echo(f"            {line}")
-    if counts.done:
-        _print_ranges(reader)
 
 
 def _print_times(reader: Reader) -> None:

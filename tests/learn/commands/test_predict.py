@@ -8,6 +8,7 @@ import pytest
 from comparisons import run, table
 from databases import database_of
 
+from gen import cli as gen_cli
 from learn import Surrogate
 
 FEW = "samples = 60\nsamples_per_surface = 12\n[surface]\nnodes = 17\n"
@@ -86,3 +87,11 @@ def test_python_takes_the_level_that_is_given(few, surface):
     held = surrogate.predict(heights, 1000.0, 12.0, level=surrogate.largest_level)
     assert beyond.high["force"] == np.inf
     assert np.isfinite(held.high["force"])
+
+
+def test_a_table_of_several_maps_has_a_prediction_for_each_and_none_for_their_mean(few, surface):
+    shutil.copy(surface, "again.npy")
+    assert gen_cli.main(["describe", surface, "again.npy", *SIDE, "--csv", "maps.csv"]) == 0
+    assert run("predict", "few.surrogate", "maps.csv", "--delta", "12", "-o", "p.csv") == 0
+    first, second = table("p.csv")
+    assert first == second
