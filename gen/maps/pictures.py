@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -112,6 +112,8 @@ class ColourScale:
     high: float
     extend: Literal["neither", "min", "max", "both"] = "neither"  # ends beyond which values lie
     remark: str = ""  # the values that lie farthest beyond, and their colours, for the title
+    # nodes of these values by their colours: a large map would average a single one away
+    farthest: Mapping[str, tuple[int, int]] = field(default_factory=dict)
 
 
 def colour_scale(surface_map: Map) -> ColourScale:
@@ -125,19 +127,24 @@ def colour_scale(surface_map: Map) -> ColourScale:
     first, last = map(float, np.percentile(values, [100 - UPPER_PERCENTILE, UPPER_PERCENTILE]))
     under, over = BEYOND[surface_map.colours]
     remarks = []
+    farthest: dict[str, tuple[int, int]] = {}
     low, high = least, most
+    columns = surface_map.field.shape[1]
     if least < 1.5 * first - 0.5 * last:
         low = first
+        farthest[under] = divmod(int(np.ma.argmin(surface_map.field)), columns)
         remarks.append(f"down to {least:.4g} {surface_map.unit} ({under})")
     if most > 1.5 * last - 0.5 * first:
         high = last
+        farthest[over] = divmod(int(np.ma.argmax(surface_map.field)), columns)
         remarks.append(f"up to {most:.4g} {surface_map.unit} ({over})")
     if not remarks:
         return ColourScale(low, high)
     extend: Literal["min", "max", "both"] = "both"
     if len(remarks) == 1:
         extend = "min" if low > least else "max"
-    return ColourScale(low, high, extend, f"beyond the colours: {' and '.join(remarks)}")
+    remark = f"beyond the colours: {' and '.join(remarks)}"
+    return ColourScale(low, high, extend, remark, farthest)
 
 
 def draw_map(axis: Any, surface_map: Map, letters: int = LETTERS) -> None:
@@ -158,6 +165,9 @@ def draw_map(axis: Any, surface_map: Map, letters: int = LETTERS) -> None:
     if scale.extend != "neither":
         under, over = BEYOND[surface_map.colours]
         image.set_cmap(image.get_cmap().with_extremes(under=under, over=over))
+    for colour, (row, column) in scale.farthest.items():
+        x, y = (row + 0.5) * width / nx, (column + 0.5) * length / ny
+        axis.plot(x, y, "o", ms=9, mfc="none", mec=colour, scalex=False, scaley=False)
     axis.set_facecolor("0.93")
     if surface_map.marked is not None and surface_map.marked.any():
         marks = np.zeros((ny, nx, 4))  # transparent

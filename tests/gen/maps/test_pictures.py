@@ -151,6 +151,9 @@ def test_what_is_beyond_the_colours_has_its_arrow_colour_and_words(value, extend
         assert title == "heights"
     else:
         assert drawn == to_rgba(colour)
+        [circle] = axis.lines
+        assert circle.get_markeredgecolor() == colour
+        assert circle.get_xydata().tolist() == [[7.5 * 39 / 40, 3.5 * 39 / 40]]
         assert title.endswith(f"beyond the colours: {words}")
     others = np.delete(image.get_array().ravel(), 3 * 40 + 7)
     assert bar.vmax - bar.vmin < 1.1 * np.ptp(others)
