@@ -178,11 +178,11 @@ def rising(law: Law, side: str = "", *, between: bool = False) -> Joint:
         raise InputError(f"the law closes nowhere, so that only tables can be written{ends}")
     if conductances is not None:
         first = law.over_delta.curves[known].value[0]  # of the gas alone
-        ends = conductances[usable]
+        outer = conductances[usable]
         if trend(known) == "rises":  # a gas conducts less where contact has taken its place
-            ends = outwards(ends, conductance)
+            outer = outwards(outer, conductance)
         kept = np.searchsorted(np.flatnonzero(usable), places)
-        conductances = np.append(first, ends[kept])
+        conductances = np.append(first, outer[kept])
     inside = in_range(table, law.nodes)[places]
     return Joint(
         pressures=np.append(0.0, table.at[places]),
