@@ -79,7 +79,7 @@ def test_surfaces_loads_and_outputs_of_your_own_are_made_as_shown(monkeypatch):
     sys.modules.pop("mine", None)
 
 
-PROGRAMS = {"gen": "gen.cli", "learn": "learn.cli", "bench": "bench.__main__"}
+PROGRAMS = {"gen": "gen.cli", "learn": "learn.cli", "bench": "bench.commands"}
 
 
 def program(name):

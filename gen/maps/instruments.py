@@ -41,7 +41,7 @@ def instruments_scan(path: Path, reading: Reading, reason: str) -> Scan:
     """Read the map of a channel from an instrument's file; `reason` is why it is no text."""
     try:
         import SurfaceTopography  # noqa: F401
-    except ImportError:
+    except ModuleNotFoundError:
         from gen.runtime.installation import command_for
 
         raise InputError(

@@ -6,6 +6,7 @@
 import os
 import re
 import shlex
+import signal
 import sys
 from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
@@ -154,27 +155,29 @@ def main(
     """
     world = farm.World()
     LOST.clear()
+    interrupt = signal.getsignal(signal.SIGINT)
     try:
         code, message = 0, ""
         try:
+            if alone:  # on one rank of several an exception would leave the others waiting
+                signal.signal(signal.SIGINT, signal.default_int_handler)
             world = farm.this_world()
             first = arguments[0] if arguments else ""
             joins = first in together and "--help" not in arguments
             if alone and world.size > 1:
-                code, message = 2, f"{name}: started as {world.size} processes; start it as one"
-            elif empty := [n for n, each in enumerate(arguments) if EMPTY.fullmatch(each)]:
-                after = f" after {arguments[empty[0] - 1]!r}" if empty[0] else ""
-                said = f"{arguments[empty[0]]!r}{after} is empty: give a value, or leave it out"
-                code, message = 2, f"{name}: {said}"
-            elif first == "--version" and world.is_master:
+                raise InputError(f"started as {world.size} processes; start it as one")
+            _require_values(arguments)
+            if first == "--version" and world.is_master:
                 echo(f"asperity {VERSION}")
             elif world.is_master or joins:
                 with _built(app).make_context(name, list(arguments)) as context:
+                    memory.require_blas()
                     returned = context.command.invoke(context)
                 code = returned if isinstance(returned, int) else 0
             put("", sys.stdout, last=True)
         except (Exception, SystemExit, KeyboardInterrupt) as error:
             code, message = _end_after(error, name)
+        signal.signal(signal.SIGINT, interrupt)
         if world.is_master and message:
             _complain(message)
         try:
@@ -186,6 +189,14 @@ def main(
         return left.code
     except Exception:
         world.abort()
+
+
+def _require_values(arguments: Sequence[str]) -> None:
+    """Refuse an argument without a value, as a shell makes it of a variable that is unset."""
+    for place, argument in enumerate(arguments):
+        if EMPTY.fullmatch(argument):
+            after = f" after {arguments[place - 1]!r}" if place else ""
+            raise InputError(f"{argument!r}{after} is empty: give a value, or leave it out")
 
 
 def _end_after(error: BaseException, name: str) -> tuple[int, str]:
@@ -204,6 +215,13 @@ def _end_after(error: BaseException, name: str) -> tuple[int, str]:
             context = getattr(error, "ctx", None)
             path = to_type(context.command_path if context else name)
             said = f"{error.format_message()} (see {path} --help)"
+        case _ if memory.is_shortage(error):
+            reason = said if isinstance(error, MemoryError) else said.splitlines()[-1]
+            allowed = memory.size(memory.allowed())
+            said = (
+                f"this needs more memory than there is: {reason or 'no more is given'};"
+                f" {allowed} are allowed here, shared with all else"
+            )
         case OSError():  # a name too long, a full device, a folder without rights
             named = isinstance(error.filename, str | bytes)
             place = f"{os.fsdecode(error.filename)}: " if named else ""
@@ -215,12 +233,6 @@ def _end_after(error: BaseException, name: str) -> tuple[int, str]:
             from gen.runtime.installation import command_for
 
             said = f"needs {package}, which is not installed: {command_for(EXTRAS[package])}"
-        case MemoryError():
-            allowed = memory.size(memory.allowed())
-            said = (
-                f"this needs more memory than there is: {said or 'no more is given'};"
-                f" {allowed} are allowed here, shared with all else"
-            )
         case InputError():
             pass
         case _:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from bench.__main__ import main
+from bench.commands import main
 from bench.contents import Table
 from bench.measured import models
 from bench.report import part_of
