@@ -8,8 +8,8 @@ import re
 import shlex
 import signal
 import sys
-from collections.abc import Callable, Collection, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from functools import cache, partial, wraps
 from inspect import Parameter, Signature, signature
@@ -18,7 +18,7 @@ from typing import Annotated, Any, get_type_hints
 import typer
 
 from gen.runtime import VERSION, farm, memory
-from gen.runtime.errors import InputError
+from gen.runtime.errors import InputError, errno_of, file_of
 from gen.runtime.terminal import LOST, drop, echo, put, to_type
 
 CommandLineError: Any = typer.BadParameter.__mro__[2]
@@ -155,29 +155,15 @@ def main(
     """
     world = farm.World()
     LOST.clear()
-    interrupt = signal.getsignal(signal.SIGINT)
     try:
         code, message = 0, ""
-        try:
-            if alone:  # on one rank of several an exception would leave the others waiting
-                signal.signal(signal.SIGINT, signal.default_int_handler)
-            world = farm.this_world()
-            first = arguments[0] if arguments else ""
-            joins = first in together and "--help" not in arguments
-            if alone and world.size > 1:
-                raise InputError(f"started as {world.size} processes; start it as one")
-            _require_values(arguments)
-            if first == "--version" and world.is_master:
-                echo(f"asperity {VERSION}")
-            elif world.is_master or joins:
-                with _built(app).make_context(name, list(arguments)) as context:
-                    memory.require_blas()
-                    returned = context.command.invoke(context)
-                code = returned if isinstance(returned, int) else 0
-            put("", sys.stdout, last=True)
-        except (Exception, SystemExit, KeyboardInterrupt) as error:
-            code, message = _end_after(error, name)
-        signal.signal(signal.SIGINT, interrupt)
+        with _interruptible(alone):
+            try:
+                world = farm.this_world()
+                _refuse(arguments, world.size if alone else 1)
+                code = _ended(app, arguments, name, world, together)
+            except (Exception, SystemExit, KeyboardInterrupt) as error:
+                code, message = _end_after(error, name)
         if world.is_master and message:
             _complain(message)
         try:
@@ -191,8 +177,44 @@ def main(
         world.abort()
 
 
-def _require_values(arguments: Sequence[str]) -> None:
-    """Refuse an argument without a value, as a shell makes it of a variable that is unset."""
+@contextmanager
+def _interruptible(wanted: bool) -> Iterator[None]:
+    """Let Ctrl-C raise KeyboardInterrupt, if it is wanted: on one of several ranks it must not."""
+    if not wanted:
+        yield
+        return
+    previous = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, previous)
+
+
+def _ended(
+    app: typer.Typer,
+    arguments: Sequence[str],
+    name: str,
+    world: farm.World,
+    together: Collection[str],
+) -> int:
+    """Run a command to its end, on a worker if it takes part, and return its exit code."""
+    first = arguments[0] if arguments else ""
+    joins = first in together and "--help" not in arguments
+    returned = None
+    if first == "--version" and world.is_master:
+        echo(f"asperity {VERSION}")
+    elif world.is_master or joins:
+        with _built(app).make_context(name, list(arguments)) as context:
+            memory.require_blas()
+            returned = context.command.invoke(context)
+    put("", sys.stdout, last=True)
+    return returned if isinstance(returned, int) else 0
+
+
+def _refuse(arguments: Sequence[str], processes: int) -> None:
+    """Refuse more than one process, and values that are empty, as of a shell's unset variable."""
+    if processes > 1:
+        raise InputError(f"started as {processes} processes; start it as one")
     for place, argument in enumerate(arguments):
         if EMPTY.fullmatch(argument):
             after = f" after {arguments[place - 1]!r}" if place else ""
@@ -201,7 +223,6 @@ def _require_values(arguments: Sequence[str]) -> None:
 
 def _end_after(error: BaseException, name: str) -> tuple[int, str]:
     """Return the exit code and the message to the user, or "", of an error; raise a bug again."""
-    said = str(error)
     match error:
         case typer.Exit() | SystemExit():  # --help, or a library; the other ranks have to end too
             code = error.exit_code if isinstance(error, typer.Exit) else error.code
@@ -211,33 +232,38 @@ def _end_after(error: BaseException, name: str) -> tuple[int, str]:
         case BrokenPipeError():  # the reader of our output, for example `head`, has ended
             drop(sys.stdout)
             return 141, ""
+    return 2, f"{name}: {_refusal(error, name)}"
+
+
+def _refusal(error: BaseException, name: str) -> str:
+    """Return what input, machine or installation lack, in words; raise a bug again."""
+    text = str(error)
+    match error:
+        case InputError():
+            return text
         case CommandLineError():
             context = getattr(error, "ctx", None)
             path = to_type(context.command_path if context else name)
-            said = f"{error.format_message()} (see {path} --help)"
+            return f"{error.format_message()} (see {path} --help)"
         case _ if memory.is_shortage(error):
-            reason = said if isinstance(error, MemoryError) else said.splitlines()[-1]
-            allowed = memory.size(memory.allowed())
-            said = (
-                f"this needs more memory than there is: {reason or 'no more is given'};"
-                f" {allowed} are allowed here, shared with all else"
+            last = text.splitlines()[-1] if text else "no more is given"
+            return (
+                f"this needs more memory than there is: {last};"
+                f" {memory.size(memory.allowed())} are allowed here, shared with all else"
             )
-        case OSError():  # a name too long, a full device, a folder without rights
-            named = isinstance(error.filename, str | bytes)
-            place = f"{os.fsdecode(error.filename)}: " if named else ""
-            said = f"{place}{error.strerror or error}"
+        case _ if number := errno_of(error):  # a full device, a folder without rights
+            place = file_of(error)
+            reason = getattr(error, "strerror", None) or os.strerror(number)
+            return f"{place}: {reason}" if place else str(reason)
+        case OSError():
+            return text
         case ModuleNotFoundError():
             package = (error.name or "").partition(".")[0]
-            if package not in EXTRAS:  # a module of our own
-                raise error
-            from gen.runtime.installation import command_for
+            if package in EXTRAS:  # otherwise it is a module of our own
+                from gen.runtime.installation import command_for
 
-            said = f"needs {package}, which is not installed: {command_for(EXTRAS[package])}"
-        case InputError():
-            pass
-        case _:
-            raise error
-    return 2, f"{name}: {said}"
+                return f"needs {package}, which is not installed: {command_for(EXTRAS[package])}"
+    raise error
 
 
 _built: Any = cache(typer.main.get_command)  # the parser of an app, which takes long to build

@@ -2,6 +2,7 @@
 
 import os
 from contextlib import suppress
+from importlib import import_module
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,7 @@ def keep_own_settings() -> None:
     os.chdir("/")
     try:
         with suppress(ImportError):  # only pictures need it
-            import matplotlib  # noqa: F401
+            import_module("matplotlib")
     finally:
         os.fchdir(here)
         os.close(here)
