@@ -1,6 +1,7 @@
 """The memory that this process may take, and the memory that a contact problem needs."""
 
 import errno
+import mmap
 import os
 import re
 import resource
@@ -16,6 +17,9 @@ SOLVE_BYTES = 400  # peak memory of a solve per node: 360 were measured on 513 t
 
 BLAS_NODES = 200  # side of matrices whose product needs a buffer; small ones are multiplied without
 BLAS_PATIENCE = 5.0  # CPU time after which a trial of BLAS counts as hanging; imports take 0.3 [s]
+
+# What the libraries of a command take besides [bytes]; some of them abort where nothing is left.
+HEADROOM = 64 * MIB
 
 # What libraries say, in errors of other types than MemoryError, when the system gives no memory.
 SHORTAGE = re.compile("failed to map segment|cannot allocate memory|can't start new thread", re.I)
@@ -72,7 +76,7 @@ def require_blas() -> None:
     Raises
     ------
     MemoryError
-        If there is no room for the buffers.
+        If there is no room for the buffers, or none is left beside them.
     """
     limit, _ = resource.getrlimit(resource.RLIMIT_AS)
     if limit == resource.RLIM_INFINITY:
@@ -91,16 +95,20 @@ def require_blas() -> None:
     if status:
         raise MemoryError("no room for NumPy, SciPy and their buffers for products of matrices")
     _use_blas()
+    try:
+        mmap.mmap(-1, HEADROOM).close()
+    except OSError:
+        raise MemoryError(f"{size(HEADROOM)} are wanted besides NumPy and SciPy") from None
 
 
 def _use_blas() -> None:
-    """Solve linear equations by each BLAS, on one of its buffers."""
+    """Multiply matrices by each BLAS, which takes a buffer for it."""
     import numpy as np
-    import scipy.linalg
+    from scipy.linalg.blas import dgemm
 
-    matrix = np.eye(BLAS_NODES)
-    np.linalg.solve(matrix, matrix)
-    scipy.linalg.solve(matrix, matrix)
+    matrix = np.ones((BLAS_NODES, BLAS_NODES))
+    np.dot(matrix, matrix)
+    dgemm(1.0, matrix, matrix)
 
 
 def too_little_for_solve(shape: tuple[int, ...]) -> InputError:

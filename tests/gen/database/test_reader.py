@@ -137,8 +137,8 @@ def fails_after(opened, monkeypatch):
 
     opening, count = reader.open_file, []
 
-    def open_failing(*arguments):
-        file = opening(*arguments)
+    def open_failing(*arguments, **settings):
+        file = opening(*arguments, **settings)
         count.append(file)
         if len(count) > opened:
             memory = os.open("/proc/self/mem", os.O_RDWR)
