@@ -5,10 +5,9 @@ the version, the command `asperity`, which runs the other packages' programs, an
 scene's numbers for codes that ask many questions.
 """
 
-from typing import TYPE_CHECKING, Any
-
 from gen.runtime import VERSION
 
+TYPE_CHECKING = False  # true for mypy, as that of typing, whose import would delay the command
 if TYPE_CHECKING:
     from asperity.functions import OutsideTraining, SceneFunction, SurrogateFunction
 
@@ -18,7 +17,7 @@ __version__: str = VERSION
 """Version of the installed distribution."""
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     """Import the functions when they are asked for, as the command does not need them."""
     if name in {*__all__} - {"__version__"}:
         from asperity import functions

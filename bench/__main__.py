@@ -1,13 +1,19 @@
 """`python -m bench`: reports on how exact and how fast the packages are."""
 
+import signal
 import sys
 
-from bench.commands import app, main
-from gen.runtime import farm
 
-__all__ = ["app", "main"]
+def main() -> int:
+    """Run the command line."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # first: Ctrl-C ends imports without a traceback
+    from gen.runtime import farm
+
+    with farm.process():
+        from bench import commands
+
+        return commands.main(sys.argv[1:])
+
 
 if __name__ == "__main__":
-    with farm.process(default_sigint=False):
-        code = main(sys.argv[1:])
-    sys.exit(code)
+    sys.exit(main())

@@ -1,12 +1,14 @@
 """`python -m learn`: compare and tune surrogates of a database."""
 
+import signal
 import sys
-
-from gen.runtime import farm
 
 
 def main() -> int:
     """Run the command line, with the other ranks if there are any."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # first: Ctrl-C ends imports without a traceback
+    from gen.runtime import farm
+
     with farm.process():
         from learn import cli
 

@@ -26,6 +26,7 @@ import typer
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.farm import Interruption
+from gen.runtime.memory import require_blas
 
 Shared = TypeVar("Shared")
 Task = TypeVar("Task")
@@ -155,7 +156,8 @@ def within(
     own = {"initializer": _begin, "initargs": (os.getpid(),)}
     process = get_reusable_executor(1, timeout=None, **own)
     try:
-        ended: Future[Result] = process.submit(work, shared, task)
+        with farm.unheard():  # Ctrl-C is for this process, which lets the task end
+            ended: Future[Result] = process.submit(work, shared, task)
         return ended.result(until - time.time())
     except TimeoutError:
         process.shutdown(kill_workers=True)
@@ -168,10 +170,9 @@ def within(
 
 
 def _begin(parent: int) -> None:
-    """Begin the second process, which the terminal's signals and streams do not reach.
+    """Begin the second process, which the terminal's streams do not reach.
 
-    Ctrl-C is for the first process, which lets the task end; once that one is gone this one ends
-    too, in the midst of a fit.
+    Once the first one is gone this one ends too, in the midst of a fit.
     """
 
     def end() -> None:
@@ -180,6 +181,7 @@ def _begin(parent: int) -> None:
         os._exit(1)
 
     os.setsid()
+    require_blas()
     for stream in (0, 1):
         os.dup2(os.open(os.devnull, os.O_RDWR), stream)
     threading.Thread(target=end, daemon=True).start()

@@ -14,7 +14,7 @@ import h5py
 import numpy as np
 import typer
 
-from bench.__main__ import app as bench
+from bench.commands import app as bench
 from gen.cli import app as gen
 from learn.cli import app as learn
 

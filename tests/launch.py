@@ -94,7 +94,7 @@ SECONDS = 120
 WALK = """
 import contextlib, faulthandler, io, json
 from mpi4py import MPI
-from bench import __main__ as bench
+from bench import commands as bench
 from gen import cli as gen
 from learn import cli as learn
 PROGRAMS = {"gen": gen.main, "learn": learn.main, "bench": bench.main}

@@ -214,6 +214,6 @@ def mutation(
 
 
 if __name__ == "__main__":
-    with farm.process(default_sigint=False):
+    with farm.process():
         code = command_line.main(app, sys.argv[1:], "mutation", alone=True)
     sys.exit(code)

@@ -40,6 +40,7 @@ ONE_HOME = {
 }
 
 TESTED_TOGETHER = {
+    "tests/asperity/test_children.py": "processes that commands start, in every command that does",
     "tests/asperity/test_strangers_files.py": "code that files name, in every command",
     "tests/bem/test_edgeless.py": "a property of all solves: patches without edges",
     "tests/bem/test_indenters.py": "a property of all solves: pressed indenters",
@@ -180,7 +181,7 @@ def test_one_place_prints(package):
 def test_a_missing_extra_is_one_line(line, tmp_path):
     """As after `make quickstart`, which installs what databases need and no more."""
     package, *arguments = line.split()
-    home = {"learn": "learn.cli", "bench": "bench.__main__"}[package]
+    home = {"learn": "learn.cli", "bench": "bench.commands"}[package]
     code = "import sys; sys.modules['sklearn'] = sys.modules['sklearn.metrics'] = None\n"
     code += f"from {home} import main; sys.exit(main({arguments!r}))"
     done = python("-c", code, folder=tmp_path)

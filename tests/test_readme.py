@@ -90,7 +90,7 @@ def test_the_first_scene_with_a_pressure_has_a_material_and_is_not_doubted():
     assert doubts_before(Scene.parse(scene, SCENES), 2000) == []
 
 
-PROGRAMS = {"gen": "gen.cli", "learn": "learn.cli", "bench": "bench.__main__"}
+PROGRAMS = {"gen": "gen.cli", "learn": "learn.cli", "bench": "bench.commands"}
 
 
 def program(name):

@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 from urllib.parse import urlsplit
 
 from aiohttp import web
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from asperity.serving.models import Configuration, Model, Vectors
 from asperity.serving.workers import Call, Refusal, Workers
@@ -25,7 +25,9 @@ SLOW = 60.0  # seconds in which a client has to send a question
 
 
 class Body(BaseModel):
-    """The body of a question; each route needs some of the keys."""
+    """The body of a question; each route needs some of the keys, and "1" or true is no number."""
+
+    model_config = ConfigDict(strict=True)
 
     name: str
     input: Vectors = Field(default=[])
@@ -130,10 +132,11 @@ class Server:
 
     @web.middleware
     async def _own_only(self, request: web.Request, handler: Handler) -> web.StreamResponse:
-        """Refuse questions to a name that is not this server's.
+        """Refuse questions to a name that is not this server's, and those of foreign web pages.
 
         A web page that a user looks at can let its own name point to this machine ("DNS
         rebinding"), and would read our answers. An IP address in a question cannot be such a name.
+        Without that it cannot read them, but could keep us busy: browsers name its origin.
         """
         given = request.headers.get("Host", "")
         try:
@@ -143,6 +146,9 @@ class Server:
         except ValueError:
             known = ", ".join(self._hosts)
             raise Refusal("InvalidInput", f"Host {given!r:.100}: ask {known}") from None
+        origin = request.headers.get("Origin")
+        if origin is not None and origin.lower() != f"http://{given.lower()}":
+            raise Refusal("InvalidInput", f"Origin {origin!r:.100}: web pages may not ask")
         return await handler(request)
 
 

@@ -4,17 +4,17 @@ import asyncio
 import multiprocessing
 import os
 import resource
-import signal
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from typing import NamedTuple
 
 from asperity.functions import Unsolved
 from asperity.serving.models import Answer, Configuration, Model, Vectors, model_of
 from gen.runtime.errors import InputError
+from gen.runtime.farm import unheard
+from gen.runtime.memory import require_blas
 from gen.runtime.user_code import TRUSTED
 
 ATTEMPTS = 2  # times that a question is asked; a worker that was killed is replaced in between
@@ -101,7 +101,7 @@ class Workers:
                 if self._closed:
                     break
                 try:
-                    with _deaf():  # processes that this starts inherit it: Ctrl-C is the server's
+                    with unheard():  # Ctrl-C is the server's
                         future = pool.submit(_answer, call)
                     return await asyncio.wrap_future(future)
                 except BrokenProcessPool:
@@ -143,23 +143,13 @@ class Workers:
 def _end(pool: ProcessPoolExecutor) -> None:
     """End the process of a pool, if it has been started."""
     for process in list((pool._processes or {}).values()):
-        process.terminate()
-
-
-@contextmanager
-def _deaf() -> Iterator[None]:
-    """Hold Ctrl-C back."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        process.kill()
 
 
 def _begin(sources: tuple[str, ...], trusted: bool) -> None:
-    """Prepare a worker: Ctrl-C is the server's, and every model is loaded once."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """Prepare a worker, in which every model is loaded once."""
     threading.Thread(target=_end_with_server, daemon=True).start()
+    require_blas()
     TRUSTED.set(trusted)
     for source in sources:
         model = model_of(source)

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Indices
-from gen.runtime.errors import InputError
+from gen.runtime.errors import InputError, errno_of
 from gen.runtime.files import kind_of, require_file
 from gen.runtime.terminal import to_type
 from gen.scene import Scene, columns_for, differences, stored_columns
@@ -138,19 +138,27 @@ def open_file(path: Path, writing: bool = False, communicator: Any = None) -> h5
     try:
         return h5py.File(h5py.h5f.open(os.fsencode(path), mode, access))
     except OSError as error:
-        if error.errno == errno.ENOENT:
+        number = errno_of(error)
+        if number == errno.ENOENT:
             raise InputError(f"{path} does not exist; check the name") from None
-        if not error.errno and (kind := kind_of(path)) != "database":
+        if number:
+            raise _unread(path, number) from None
+        if (kind := kind_of(path)) != "database":
             raise InputError(f"{path} is no database but {kind}; give another name") from None
-        reason = os.strerror(error.errno) if error.errno else first_line(error)
         raise InputError(
-            f"{path} cannot be read as a database ({reason}); give another name, or restore it"
+            f"{path} cannot be read as a database ({first_line(error)}); give another name, or"
+            " restore it"
         ) from None
 
 
 def first_line(error: Exception) -> str:
     """Return the first line of an error's text, for messages of one line."""
     return str(error).partition("\n")[0]
+
+
+def _unread(path: Path, number: int) -> InputError:
+    """Return the error for a file that the system cannot read; the file itself may be whole."""
+    return InputError(f"{path} cannot be read: {os.strerror(number)}; nothing was changed")
 
 
 @contextmanager
@@ -161,6 +169,9 @@ def _damage(path: Path) -> Iterator[None]:
     except InputError:
         raise
     except (OSError, RuntimeError, KeyError, TypeError, AttributeError, ValueError) as error:
+        number = errno_of(error)
+        if number not in {0, errno.EINVAL}:  # that is what the system says of a damaged address
+            raise _unread(path, number) from None
         raise InputError(
             f"{path} is damaged, or gen has not written it ({first_line(error)}); restore it from a"
             " copy or remove it"

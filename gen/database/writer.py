@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gen.arrays import Indices
 from gen.database.reader import Reader, checksums_of, chunks, first_line, open_file, stored_path
-from gen.runtime.errors import InputError
+from gen.runtime.errors import InputError, errno_of
 from gen.runtime.files import require_writable
 from gen.scene import Scene
 from gen.schema import CHECKSUM, STATUS, Status
@@ -57,7 +57,7 @@ class HeldFile(ExitStack):
         try:
             same = os.path.samestat(self.path.stat(), os.fstat(self._descriptor))
             fate = "" if same else "replaced by another file"
-        except OSError:
+        except (FileNotFoundError, NotADirectoryError):
             fate = "moved or deleted"
         if not fate and not self.intact():
             fate = "overwritten with something else"
@@ -343,12 +343,10 @@ def disk_trouble(path: Path, left: Callable[[], str]) -> Iterator[None]:
         yield
     except FileExistsError:
         raise InputError(f"{path} has appeared meanwhile; give another name") from None
-    except (OSError, RuntimeError, ValueError) as error:
-        # h5py raises any of these for the same error, and writes its number out.
-        match = re.search(r"errno = (\d+)", str(error))
-        number = int(match[1]) if match else getattr(error, "errno", None)
-        if number is None and not isinstance(error, OSError):
+    except (OSError, RuntimeError, ValueError, KeyError) as error:
+        number = errno_of(error)
+        if not number and not isinstance(error, OSError):
             raise
-        reason = first_line(error) if number is None else os.strerror(number)
+        reason = os.strerror(number) if number else first_line(error)
         fault = f"the disk is full ({reason})" if number in FULL else f"cannot be written: {reason}"
         raise InputError(f"{path}: {fault}; {left()}") from None

@@ -21,6 +21,9 @@ import numpy as np
 from gen.maps.scan import Channel, Scan, choose_channel
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
+from gen.runtime.files import LARGEST
+from gen.runtime.memory import size
+from gen.runtime.terminal import printable
 
 # spacing of the nodes above which a NanoFocus file was read in the wrong unit [um]
 WIDEST_NMS = 1e3
@@ -36,12 +39,18 @@ REVISION = re.compile(
     rb"\s*(</)"
 )
 
+# A file of some kB can hold GB of zeros. What it holds is read up to `LARGEST` bytes, or up to this
+# many times the size of the file; maps that were measured are packed by a factor below ten.
+PACKED = 100
+# most bytes of an archive's text, more than any describes a map with: it is parsed slowly
+LONGEST_TEXT = 2**22
+
 
 def instruments_scan(path: Path, reading: Reading, reason: str) -> Scan:
     """Read the map of a channel from an instrument's file; `reason` is why it is no text."""
     try:
         import SurfaceTopography  # noqa: F401
-    except ImportError:
+    except ModuleNotFoundError:
         from gen.runtime.installation import command_for
 
         raise InputError(
@@ -50,6 +59,7 @@ def instruments_scan(path: Path, reading: Reading, reason: str) -> Scan:
         ) from None
     if not path.stat().st_size:
         raise InputError(f"{path}: is empty; give a file with a map of heights")
+    _check_members(path)
     logged = logging.root.manager.disable
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # every reader that is tried warns about foreign formats
@@ -62,6 +72,31 @@ def instruments_scan(path: Path, reading: Reading, reason: str) -> Scan:
             raise InputError(f"{path}: SurfaceTopography cannot read it: {error!r:.600}") from None
         finally:
             logging.disable(logged)
+
+
+def _check_members(path: Path) -> None:
+    """Refuse an archive whose members are too large to be those of a measured map."""
+    with suppress(*DAMAGED), ZipFile(path) as archive:
+        members = archive.infolist()
+        texts = [member for member in members if member.filename.lower().endswith(".xml")]
+        for member in texts:
+            if member.file_size > LONGEST_TEXT:
+                name = printable(member.filename)
+                raise InputError(
+                    f"{path}: its text {name} has {size(member.file_size)}; at most"
+                    f" {size(LONGEST_TEXT)} are read"
+                )
+        _check_size(path, sum(member.file_size for member in members))
+
+
+def _check_size(path: Path, unpacked: int) -> None:
+    """Refuse a file that holds too many bytes for its own size."""
+    most = max(LARGEST, PACKED * path.stat().st_size)
+    if unpacked > most:
+        raise InputError(
+            f"{path}: holds {size(unpacked)} in a file of {size(path.stat().st_size)}; at most"
+            f" {size(most)} are read of it"
+        )
 
 
 def _opened(path: Path, reason: str) -> tuple[Any, str]:
@@ -133,6 +168,8 @@ def _map_of(path: Path, reading: Reading, reader: Any, remark: str) -> Scan:
     ]
     taken, words = choose_channel(path, channels, reading)
     channel = maps[taken]
+    nx, ny = channel.nb_grid_pts
+    _check_size(path, np.dtype(np.float64).itemsize * nx * ny)
     given = {} if channel.physical_sizes is not None else {"physical_sizes": channel.nb_grid_pts}
     topography = reader.topography(channel_index=taken, **given)
     heights = np.ma.filled(np.ma.asarray(topography.heights(), dtype=np.float64), np.nan)

@@ -6,9 +6,10 @@
 import os
 import re
 import shlex
+import signal
 import sys
-from collections.abc import Callable, Collection, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from functools import cache, partial, wraps
 from inspect import Parameter, Signature, signature
@@ -18,7 +19,7 @@ from typing import Annotated, Any, get_type_hints
 import typer
 
 from gen.runtime import VERSION, farm, memory
-from gen.runtime.errors import InputError
+from gen.runtime.errors import InputError, errno_of, file_of
 from gen.runtime.terminal import LOST, drop, echo, put, to_type
 
 CommandLineError: Any = typer.BadParameter.__mro__[2]
@@ -161,26 +162,16 @@ def main(
     try:
         code, message = 0, ""
         details: tuple[str, ...] = ()
-        try:
-            first = arguments[0] if arguments else ""
-            joins = first in together and "--help" not in arguments
-            world = _world(needed=joins)
-            if alone and world.size > 1:
-                code, message = 2, f"{name}: started as {world.size} processes; start it as one"
-            elif empty := [n for n, each in enumerate(arguments) if EMPTY.fullmatch(each)]:
-                after = f" after {arguments[empty[0] - 1]!r}" if empty[0] else ""
-                said = f"{arguments[empty[0]]!r}{after} is empty: give a value, or leave it out"
-                code, message = 2, f"{name}: {said}"
-            elif first == "--version" and world.is_master:
-                echo(f"asperity {VERSION}")
-            elif world.is_master or joins:
-                with _built(app).make_context(name, list(arguments)) as context:
-                    returned = context.command.invoke(context)
-                code = returned if isinstance(returned, int) else 0
-            put("", sys.stdout, last=True)
-        except (Exception, SystemExit, KeyboardInterrupt) as error:
-            code, message = _end_after(error, name)
-            details = getattr(error, "details", ())
+        with _interruptible(alone):
+            try:
+                first = arguments[0] if arguments else ""
+                joins = first in together and "--help" not in arguments
+                world = _world(needed=joins)
+                _refuse(arguments, world.size if alone else 1)
+                code = _ended(app, arguments, name, world, joins=joins)
+            except (Exception, SystemExit, KeyboardInterrupt) as error:
+                code, message = _end_after(error, name)
+                details = getattr(error, "details", ())
         if world.is_master and message:
             _complain(message, details)
         try:
@@ -194,6 +185,19 @@ def main(
         world.abort()
 
 
+@contextmanager
+def _interruptible(wanted: bool) -> Iterator[None]:
+    """Let Ctrl-C raise KeyboardInterrupt, if it is wanted: on one of several ranks it must not."""
+    if not wanted:
+        yield
+        return
+    previous = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, previous)
+
+
 def _world(*, needed: bool) -> farm.World:
     """Join the other processes; alone if that fails for a command that one process does."""
     try:
@@ -202,6 +206,31 @@ def _world(*, needed: bool) -> farm.World:
         if needed:
             raise
         return farm.without_mpi()
+
+
+def _ended(
+    app: typer.Typer, arguments: Sequence[str], name: str, world: farm.World, *, joins: bool
+) -> int:
+    """Run a command to its end, on a worker if it takes part, and return its exit code."""
+    returned = None
+    if list(arguments[:1]) == ["--version"] and world.is_master:
+        echo(f"asperity {VERSION}")
+    elif world.is_master or joins:
+        with _built(app).make_context(name, list(arguments)) as context:
+            memory.require_blas()
+            returned = context.command.invoke(context)
+    put("", sys.stdout, last=True)
+    return returned if isinstance(returned, int) else 0
+
+
+def _refuse(arguments: Sequence[str], processes: int) -> None:
+    """Refuse more than one process, and values that are empty, as of a shell's unset variable."""
+    if processes > 1:
+        raise InputError(f"started as {processes} processes; start it as one")
+    for place, argument in enumerate(arguments):
+        if EMPTY.fullmatch(argument):
+            after = f" after {arguments[place - 1]!r}" if place else ""
+            raise InputError(f"{argument!r}{after} is empty: give a value, or leave it out")
 
 
 def run_script(script: Callable[[list[str]], object]) -> None:
@@ -228,7 +257,6 @@ def run_script(script: Callable[[list[str]], object]) -> None:
 
 def _end_after(error: BaseException, name: str) -> tuple[int, str]:
     """Return the exit code and the message to the user, or "", of an error; raise a bug again."""
-    said = str(error)
     match error:
         case typer.Exit() | SystemExit():  # --help, or a library; the other ranks have to end too
             code = error.exit_code if isinstance(error, typer.Exit) else error.code
@@ -238,32 +266,38 @@ def _end_after(error: BaseException, name: str) -> tuple[int, str]:
         case BrokenPipeError():  # the reader of our output, for example `head`, has ended
             drop(sys.stdout)
             return 141, ""
+    return 2, f"{name}: {_refusal(error, name)}"
+
+
+def _refusal(error: BaseException, name: str) -> str:
+    """Return what input, machine or installation lack, in words; raise a bug again."""
+    text = str(error)
+    match error:
+        case InputError():
+            return str(error.args[0])
         case CommandLineError():
             context = getattr(error, "ctx", None)
             path = to_type(context.command_path if context else name)
-            said = f"{error.format_message()} (see {path} --help)"
-        case OSError():  # a name too long, a full device, a folder without rights
-            named = isinstance(error.filename, str | bytes)
-            place = f"{os.fsdecode(error.filename)}: " if named else ""
-            said = f"{place}{error.strerror or error}"
+            return f"{error.format_message()} (see {path} --help)"
+        case _ if memory.is_shortage(error):
+            last = text.splitlines()[-1] if text else "no more is given"
+            return (
+                f"this needs more memory than there is: {last};"
+                f" {memory.size(memory.allowed())} are allowed here, shared with all else"
+            )
+        case _ if number := errno_of(error):  # a full device, a folder without rights
+            place = file_of(error)
+            reason = getattr(error, "strerror", None) or os.strerror(number)
+            return f"{place}: {reason}" if place else str(reason)
+        case OSError():
+            return text
         case ModuleNotFoundError():
             package = (error.name or "").partition(".")[0]
-            if package not in EXTRAS:  # a module of our own
-                raise error
-            from gen.runtime.installation import command_for
+            if package in EXTRAS:  # otherwise it is a module of our own
+                from gen.runtime.installation import command_for
 
-            said = f"needs {package}, which is not installed: {command_for(EXTRAS[package])}"
-        case MemoryError():
-            allowed = memory.size(memory.allowed())
-            said = (
-                f"this needs more memory than there is: {said or 'no more is given'};"
-                f" {allowed} are allowed here, shared with all else"
-            )
-        case InputError():
-            said = str(error.args[0])
-        case _:
-            raise error
-    return 2, f"{name}: {said}"
+                return f"needs {package}, which is not installed: {command_for(EXTRAS[package])}"
+    raise error
 
 
 _built: Any = cache(typer.main.get_command)  # the parser of an app, which takes long to build

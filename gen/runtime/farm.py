@@ -24,6 +24,8 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from gen.runtime.errors import InputError
+from gen.runtime.figure import keep_own_settings
+from gen.runtime.memory import is_shortage
 
 if TYPE_CHECKING:  # slow to import, and few commands need it
     from concurrent.futures import Future
@@ -139,6 +141,8 @@ def this_world() -> World:
     try:
         MPI = _started_mpi()
     except (ImportError, RuntimeError) as error:
+        if is_shortage(error):
+            raise
         from gen.runtime.installation import command_for
 
         reason = str(error).partition("\n")[0]
@@ -201,20 +205,19 @@ def _check_launcher() -> None:
 
 
 @contextmanager
-def process(*, default_sigint: bool = True) -> Iterator[None]:
+def process() -> Iterator[None]:
     """Prepare this process for a command, before NumPy is imported, and end MPI after it.
 
-    With `default_sigint` Ctrl-C ends the process until a run listens to signals: a
-    KeyboardInterrupt on one rank alone would leave the others waiting. A bug ends all processes at
-    once, as `python -m mpi4py` does.
+    A bug ends all processes at once, as `python -m mpi4py` does.
     """
+    # Python would let what this process starts import modules of the current folder.
+    os.environ["PYTHONSAFEPATH"] = "1"
     # More threads would compete for the cores, and sums could depend on their number.
     for library in ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM"):
         os.environ[f"{library}_NUM_THREADS"] = "1"
-    if default_sigint:
-        signal.signal(signal.SIGINT, signal.SIG_DFL)
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # characters that the encoding lacks, in a title
+    keep_own_settings()
     try:
         yield
     except Exception:
@@ -358,6 +361,23 @@ class Interruption(ExitStack):
             if select.select([read], [], [], 0)[0]:
                 os.read(read, 1024)
         os.close(read)
+
+
+@contextmanager
+def unheard() -> Iterator[None]:
+    """Let the block start processes that the signals of a terminal or a batch job never reach.
+
+    A process that computes for this one inherits the blocked signals, and is ended by a kill. What
+    comes during the block reaches this process behind it.
+    """
+    from multiprocessing import resource_tracker
+
+    resource_tracker.ensure_running()  # as it starts, it unblocks signals
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class Overtime(Exception):

@@ -1,5 +1,8 @@
 """Empty figures and the files they end in; the home of matplotlib in `gen` and `learn`."""
 
+import os
+from contextlib import suppress
+from importlib import import_module
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -9,6 +12,29 @@ from gen.runtime.files import write
 from gen.runtime.terminal import printable
 
 SUFFIXES = (".png", ".svg", ".pdf")
+
+SETTINGS = Path("matplotlibrc")  # the file of the current folder that matplotlib reads first
+
+
+def keep_own_settings() -> None:
+    """Let this process and those that it starts draw with the settings that matplotlib ships.
+
+    Matplotlib takes settings from the environment, the user's home, and the current folder, which
+    may hold a stranger's files. It looks there once, when it is imported. In a folder with such a
+    file it is therefore imported from elsewhere.
+    """
+    os.environ["MATPLOTLIBRC"] = os.devnull
+    os.environ.pop("MPLBACKEND", None)
+    if not SETTINGS.exists():
+        return
+    here = os.open(".", os.O_RDONLY)
+    os.chdir("/")
+    try:
+        with suppress(ImportError):  # only pictures need it
+            import_module("matplotlib")
+    finally:
+        os.fchdir(here)
+        os.close(here)
 
 
 def new_figure(width: float, height: float, *, dpi: float | None = None) -> Any:

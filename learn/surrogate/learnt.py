@@ -34,6 +34,7 @@ from gen.arrays import Indices, Values
 from gen.quantities import QUANTITIES, Powers
 from gen.runtime.errors import InputError
 from gen.runtime.files import SURROGATE, atomic, kind_of, require_file
+from gen.runtime.memory import is_shortage
 from gen.runtime.terminal import printable, to_type
 from learn.features.sets import PURE, SETS, SKEWNESS, Scaling
 from learn.models import STEP
@@ -291,6 +292,8 @@ def load_parts(path: Path) -> tuple[dict[str, Any], dict[str, Learnt], Values, V
                 if sklearn.__version__ != card["versions"].get("scikit-learn"):
                     intervals.ends(learnt[name].raw(low[None]), 0.5, low[None])
     except Exception as error:  # what a library says of content that it does not know
+        if is_shortage(error):
+            raise
         fault = printable(" ".join(str(error).split())[:100])
         made = ", ".join(f"{name} {number}" for name, number in card["versions"].items() if number)
         raise InputError(

@@ -3,6 +3,7 @@
 import contextlib
 import io
 import shutil
+import signal
 import sys
 from contextlib import nullcontext
 from importlib.util import find_spec
@@ -14,8 +15,8 @@ import pytest
 from launch import ended, environment, launch, mpiexec, python
 
 import asperity
-from asperity import command
-from bench import __main__ as bench
+from asperity import command, programs
+from bench import commands as bench
 from gen import cli as gen
 from gen.runtime import VERSION
 from gen.surface import generate
@@ -35,14 +36,16 @@ def typed(tmp_path, monkeypatch, capfd):
     """Run a command line in this process; return code, standard output and standard error."""
     monkeypatch.chdir(tmp_path)
     # This process goes on, and later tests may need MPI.
-    monkeypatch.setattr("gen.runtime.farm.process", lambda **_: nullcontext())
+    monkeypatch.setattr("gen.runtime.farm.process", nullcontext)
+    interrupt = signal.getsignal(signal.SIGINT)
 
     def run(line):
         monkeypatch.setattr(sys, "argv", ["asperity", *line.split()])
         code = command.main()
         return (code, *capfd.readouterr())
 
-    return run
+    yield run
+    signal.signal(signal.SIGINT, interrupt)
 
 
 @pytest.mark.parametrize(("line", "refusal"), ALONE)
@@ -61,7 +64,7 @@ def test_every_program_says_the_version(typed, program):
 def test_the_help_lists_every_program(typed):
     code, output, _ = typed("--help")
     assert code == 0
-    for name in command.PROGRAMS:
+    for name in programs.PROGRAMS:
         assert f"\n  {name} " in output
 
 

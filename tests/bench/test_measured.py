@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from pytest_benchmark.utils import get_machine_id
 
-from bench.__main__ import main
+from bench.commands import main
 from bench.contents import Table
 from bench.measured import models
 from bench.report import part_of

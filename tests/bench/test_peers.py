@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bench import peers as periodic
-from bench.__main__ import main
+from bench.commands import main
 from bench.contents import tables_of
 from bench.files import read_table
 from bench.peers import Trial, compare, find_errors, sample

@@ -5,7 +5,7 @@ import lzma
 import pytest
 from page_parts import WRITE, inputs, makes, part, written
 
-from bench.__main__ import main
+from bench.commands import main
 from bench.contents import Figure, Table
 from bench.picture import new_figure, save
 from bench.publish import publish

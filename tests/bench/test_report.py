@@ -7,7 +7,7 @@ import typer
 from page_parts import inputs
 
 from bench import commands, files, page, report
-from bench.__main__ import app as bench
+from bench.commands import app as bench
 from bench.report import PARTS
 from learn.cli import app as learn
 from tests.faults.__main__ import app as faults

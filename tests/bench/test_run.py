@@ -11,7 +11,7 @@ import pytest
 from page_parts import WRITE, inputs, makes, part, record, shows_made, written
 
 from bench import run as running
-from bench.__main__ import main
+from bench.commands import main
 from bench.page import write_page
 from bench.record import circumstances, code_state
 from bench.report import PARTS, Part

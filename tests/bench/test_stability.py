@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from bench import __main__ as command
+from bench import commands as command
 from bench.stability import case as tables
 from bench.stability import checks, models, random_contacts, surfaces
 from bench.stability import setup as topographies

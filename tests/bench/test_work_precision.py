@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from bench.__main__ import main
+from bench.commands import main
 from bench.solvers.solver import Answer, Failure, find_exact
 from bench.work_precision import DECADES, Row, compare, curves, paper_case, solver
 from gen.runtime.installation import command_for

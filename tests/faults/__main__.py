@@ -143,6 +143,6 @@ def faults(
 
 
 if __name__ == "__main__":
-    with farm.process(default_sigint=False):
+    with farm.process():
         code = command_line.main(app, sys.argv[1:], "faults", alone=True)
     sys.exit(code)

@@ -155,6 +155,6 @@ def fuzz(
 
 
 if __name__ == "__main__":
-    with farm.process(default_sigint=False):
+    with farm.process():
         code = command_line.main(app, sys.argv[1:], "fuzz", alone=True)
     sys.exit(code)

@@ -33,7 +33,7 @@ LOADED = {
 }
 """Modules that commands import when they need them: loaded once here, not once in every case."""
 
-PROGRAMS = {"gen": "gen.cli", "learn": "learn.cli", "bench": "bench.__main__"}
+PROGRAMS = {"gen": "gen.cli", "learn": "learn.cli", "bench": "bench.commands"}
 """The module whose `main` takes the command line of each program."""
 
 WARNING = re.compile(r"\.py:\d+: \w*Warning")

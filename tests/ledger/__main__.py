@@ -51,6 +51,6 @@ def ledger(
 
 
 if __name__ == "__main__":
-    with farm.process(default_sigint=False):
+    with farm.process():
         code = command_line.main(app, sys.argv[1:], "ledger", alone=True)
     sys.exit(code)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from bench.__main__ import app as bench
+from bench.commands import app as bench
 from gen.cli import app as gen
 from learn.cli import app as learn
 

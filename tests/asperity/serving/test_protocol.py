@@ -270,6 +270,34 @@ def test_names_that_are_not_the_servers_are_refused(served, host):
         assert served.ask("InputSizes", {"name": "small"}, headers={"Host": own})[0] == 200
 
 
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "https://localhost:1", ""])
+def test_pages_of_others_are_refused(served, origin):
+    """A browser names where a page that asks comes from; programs say nothing of the kind."""
+    headers = {"Host": "localhost:1", "Origin": origin}
+    status, answer = served.ask("InputSizes", {"name": "small"}, headers=headers)
+    assert (status, answer["error"]["type"]) == (400, "InvalidInput")
+    headers["Origin"] = "http://localhost:1"
+    assert served.ask("InputSizes", {"name": "small"}, headers=headers)[0] == 200
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"input": [[True, 12.0], [0.5]]},
+        {"input": [["0.6", 12.0], [0.5]]},
+        {"outWrt": True},
+        {"inWrt": "0"},
+        {"config": {"surface": True}},
+    ],
+)
+def test_texts_and_truths_are_no_numbers(served, wrong):
+    question = {"name": "small", "input": [[0.7, 12], [0.5]], **wrong}
+    for route in ("Evaluate", "Gradient"):
+        status, answer = served.ask(route, question)
+        assert (status, answer["error"]["type"]) == (400, "InvalidInput")
+        assert next(iter(wrong)) in answer["error"]["message"]
+
+
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("sent", "answered"),

@@ -5,7 +5,7 @@ import csv
 import pytest
 
 import learn.cli
-from bench import __main__ as bench
+from bench import commands as bench
 from bench import databases, picture
 from bench.contents import Figure, tables_of
 from bench.paper import database, facts, models, report

@@ -1,14 +1,17 @@
 """The reader: columns, ranges, and other programs that read the same file."""
 
+import errno
 import json
+import os
 import zlib
+from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-from databases import PHYSICS, block, filled, raise_physics, small
+from databases import PHYSICS, block, database_of, filled, raise_physics, small
 
-from gen import database, schema
+from gen import cli, database, schema
 from gen.database import Reader, Writer, create, open_or_create
 from gen.runtime.errors import InputError
 from gen.scene import Scene, Store, stored_columns
@@ -141,3 +144,60 @@ def test_other_physics_is_refused_unless_forced(path, monkeypatch):
     with Reader(path) as reader:
         assert reader.attributes["physics"] == PHYSICS
         assert reader.attributes["physics_forced"] == PHYSICS + 1
+
+
+LINES = (
+    "info rows.h5",
+    "check rows.h5",
+    "plot rows.h5 -o new.png",
+    "export rows.h5 -o new",
+    "merge rows.h5 rows.h5 -o new.h5",
+    "run rows.toml -o rows.h5",
+    "run rows.toml -o new.h5",
+)
+"""Commands that read a database, or make one."""
+
+
+def fails_after(opened, monkeypatch):
+    """Let the system answer EIO to every read and write of a database, once some are opened.
+
+    The memory of a process is a file in which nothing is at the places of a small file.
+    """
+    from gen.database import creation, reader, writer
+
+    opening, count = reader.open_file, []
+
+    def open_failing(*arguments, **settings):
+        file = opening(*arguments, **settings)
+        count.append(file)
+        if len(count) > opened:
+            memory = os.open("/proc/self/mem", os.O_RDWR)
+            os.dup2(memory, file.id.get_vfd_handle())
+            os.close(memory)
+        return file
+
+    for module in (creation, reader, writer):
+        monkeypatch.setattr(module, "open_file", open_failing)
+    return count
+
+
+@pytest.mark.skipif(not Path("/proc/self/mem").exists(), reason="needs Linux")
+@pytest.mark.parametrize("line", LINES)
+def test_trouble_of_the_disk_is_not_called_damage(line, here, monkeypatch, refused):
+    original = database_of(here, "samples = 9\n[surface]\nnodes = 9\n", "rows").read_bytes()
+    opened = fails_after(0, monkeypatch)
+    message = refused(cli, *line.split())
+    assert opened
+    assert os.strerror(errno.EIO) in message
+    assert "damaged" not in message
+    assert "restore" not in message
+    assert (here / "rows.h5").read_bytes() == original
+
+
+@pytest.mark.skipif(not Path("/proc/self/mem").exists(), reason="needs Linux")
+@pytest.mark.parametrize("opened", [1, 2])
+def test_trouble_while_a_database_is_made_is_one_line(opened, here, monkeypatch, capsys):
+    (here / "rows.toml").write_text("samples = 9\n[surface]\nnodes = 9\n")
+    fails_after(opened, monkeypatch)
+    assert cli.main(["run", "rows.toml", "-o", "rows.h5"]) == 2
+    assert os.strerror(errno.EIO) in capsys.readouterr().err.splitlines()[-1]

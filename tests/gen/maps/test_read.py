@@ -197,3 +197,31 @@ def test_x3p_of_other_programs_is_read(tmp_path):
     assert topography.spacing == pytest.approx((1, 1))
     remark = "its entries lie in the folder 'a/b' and its revision is written with another dash"
     assert f"({remark})" in topography.steps[0]
+
+
+def test_a_text_of_an_archive_that_is_too_long_to_be_one_is_not_parsed(tmp_path):
+    """Some kB hold hundreds of MB of a comment."""
+    comment = b"<!--" + bytes(5 * 2**20).replace(b"\0", b"-") + b"-->"
+    path = x3p(tmp_path / "scan.x3p", (b"</Record1>", b"</Record1>" + comment))
+    with pytest.raises(InputError, match=r"scan\.x3p: its text main\.xml has 5\.2 MB; at most 4"):
+        read(path)
+
+
+def test_members_that_are_too_large_for_their_archive_are_not_unpacked(tmp_path):
+    path = x3p(tmp_path / "scan.x3p")
+    with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("zeros", bytes(70 * 2**20))
+    with pytest.raises(InputError, match=r"holds 73\.4 MB in a file of .* kB; at most 67\.1 MB"):
+        read(path)
+
+
+def test_maps_that_are_too_large_for_their_file_are_not_read(tmp_path, monkeypatch):
+    """Any format, also one that packs its numbers in its own way."""
+    monkeypatch.setattr("gen.maps.instruments.LARGEST", 100)
+    monkeypatch.setattr("gen.maps.instruments.PACKED", 0.01)
+    for suffix in (".nc", ".gwy"):
+        path = tmp_path / f"scan{suffix}"
+        write = {".gwy": "to_gwy", ".nc": "to_netcdf"}[suffix]
+        getattr(SurfaceTopography.Topography(SMOOTH, (9.0, 7.0), unit="um"), write)(str(path))
+        with pytest.raises(InputError, match="holds 504 bytes in a file of"):
+            read(path)

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from databases import database_of
 
-from bench.__main__ import main as bench
+from bench.commands import main as bench
 from gen import cli
 from gen.runtime import files
 from gen.runtime.errors import InputError
