@@ -175,7 +175,9 @@ class _Sections:
     """The threads inside sections, and the numbers of BLAS threads before the first dense one.
 
     A handler of a signal may raise between any two steps of Python. So the lock itself is entered,
-    in one step each way; a condition is entered in Python, and would stay locked now and then.
+    in one step each way; a condition is entered in Python, and would stay locked now and then. No
+    loop stands in the block that holds the lock, only in what it calls: an error raised where such
+    a loop begins again would skip the end of the block (a fault of Python 3.12 and 3.13).
     """
 
     def __init__(self) -> None:
@@ -201,22 +203,25 @@ class _Sections:
         """
         pools = _blas_pools()
         with self.lock:
-            more = [(pool, threads) for pool in pools if (threads := pool.get_num_threads()) != 1]
-            if depth and not self.dense:
-                self.threads_before = more
-            if depth:
-                self.dense[threading.get_ident()] = depth
-            else:
-                self.dense.pop(threading.get_ident(), None)
-            wanted = [(pool, 1) for pool, _ in more] if self.dense else self.threads_before
-            for pool, threads in wanted:
-                # OpenBLAS obeys a single thread of Python until that thread ends or lets go.
-                let_go = getattr(pool, "clear_controlling_thread", lambda force: None)
-                let_go(force=True)
-                pool.set_num_threads(threads)
-                let_go(force=True)
-            if not self.dense:
-                self.threads_before = []
+            self._count_dense(depth, pools)
+
+    def _count_dense(self, depth: int, pools: list[Any]) -> None:
+        more = [(pool, threads) for pool in pools if (threads := pool.get_num_threads()) != 1]
+        if depth and not self.dense:
+            self.threads_before = more
+        if depth:
+            self.dense[threading.get_ident()] = depth
+        else:
+            self.dense.pop(threading.get_ident(), None)
+        wanted = [(pool, 1) for pool, _ in more] if self.dense else self.threads_before
+        for pool, threads in wanted:
+            # OpenBLAS obeys a single thread of Python until that thread ends or lets go.
+            let_go = getattr(pool, "clear_controlling_thread", lambda force: None)
+            let_go(force=True)
+            pool.set_num_threads(threads)
+            let_go(force=True)
+        if not self.dense:
+            self.threads_before = []
 
     def hold(self) -> None:
         """Wait until no other thread is inside, and let none in before `resume`."""

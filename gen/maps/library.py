@@ -47,7 +47,9 @@ def map_files(patterns: Sequence[str], folder: Path) -> list[Path]:
     for pattern in patterns:
         try:
             own = Path(pattern).expanduser()
-            if (folder / own).is_file() or (folder / own).is_dir():
+            if "\0" in pattern:  # no name of a file has one, and Python 3.13 does not look for it
+                here = []
+            elif (folder / own).is_file() or (folder / own).is_dir():
                 here = files_in(folder / own)
             else:
                 start = Path(own.anchor) if own.anchor else folder

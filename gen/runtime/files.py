@@ -4,6 +4,7 @@ One rule holds for every output of every command: it is never an input, never an
 replaces only a file of its own kind. docs/compatibility.md lists the promises.
 """
 
+import errno
 import fcntl
 import hashlib
 import os
@@ -129,11 +130,25 @@ def make_folder(folder: Path) -> None:
         place_of(folder, folder=True).mkdir(parents=True, exist_ok=True)
 
 
+def followed(path: Path) -> Path:
+    """Follow all links of a path, whose target may not exist; an OSError if they form a loop.
+
+    `Path.resolve` returns a part of a loop in Python 3.13, and raises RuntimeError before.
+    """
+    real = Path(os.path.realpath(path))
+    try:
+        real.stat()
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise
+    return real
+
+
 def inside(folder: Path, name: str) -> Path:
     """Return the path of a file that we name in a folder, unless a link leads out of the folder."""
     path = folder / name
-    with suppress(OSError, RuntimeError):  # a loop of links
-        if path.resolve().is_relative_to(folder.resolve()):
+    with suppress(OSError):  # a loop of links
+        if followed(path).is_relative_to(followed(folder)):
             return path
     raise InputError(f"{path}: leads out of {folder} by a link: not written; remove the link")
 
@@ -205,11 +220,9 @@ def unfinished(real: Path, present: Present = "replace", signature: bytes = b"")
 def place_of(path: Path, *, folder: bool = False) -> Path:
     """Follow all links to the place of a file or folder, which may not exist; else InputError."""
     try:
-        real = path.resolve()
-        if real.is_symlink():
-            raise InputError(f"{path}: its links lead nowhere")
-    except (OSError, RuntimeError) as error:  # RuntimeError: a loop of links
-        raise InputError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
+        real = followed(path)
+    except OSError as error:  # a loop of links
+        raise InputError(f"{path}: {error.strerror or error}") from None
     with _in_words(path, "cannot be written"):
         if folder and real.exists() and not real.is_dir():
             raise InputError(f"{path} is a file: give a folder")
@@ -271,8 +284,8 @@ def kind_of(path: Path) -> str:
 
 def _is_same(one: Path, other: Path) -> bool:
     """Tell whether two paths lead, or would lead, to the same file through links of either kind."""
-    with suppress(OSError, RuntimeError):  # one path does not exist yet, or is a loop of links
-        return one.samefile(other) if one.exists() else one.resolve() == other.resolve()
+    with suppress(OSError):  # one path does not exist yet, or is a loop of links
+        return one.samefile(other) if one.exists() else followed(one) == followed(other)
     return False
 
 
