@@ -60,7 +60,7 @@ EXCHANGES = 12
 LEAST_RISE = 0.1
 """Share of the rise between two points on the law that is left between points beside it."""
 
-CLOSER = 1e-6  # relative rise of the closure below which a point is left out
+CLOSER = 1e-6  # relative rise below which two points are level
 
 
 def in_range(
@@ -365,7 +365,7 @@ class Column:
         rises[steps, steps + 1] = -1.0
         on_law = self.curve[places]
         least = LEAST_RISE * np.maximum(np.diff(on_law), 0)
-        rising = np.diff(on_law) >= 0
+        rising = np.diff(on_law) >= -CLOSER * on_law[1:]  # level within rounding
         bounds: list[tuple[float, float | None]] = [(0.0, None)] * (points + 1)
         for end in (0, int(np.searchsorted(places, FINE)), points - 1):
             bounds[end] = (float(on_law[end]), float(on_law[end]))
