@@ -382,7 +382,7 @@ def _bars(rows: list[Row], columns: list[str]) -> Any:
                 continue
             places = np.array([models.index(row["model"]) for row in own]) + shift
             ends = [[_left(row, column, end) for row in own] for end in ("", "_low", "_high")]
-            reach = ends[0] - np.min(ends, axis=0), np.max(ends, axis=0) - ends[0]
+            reach = np.array([ends[0] - np.min(ends, axis=0), np.max(ends, axis=0) - ends[0]])
             look = {"color": COLOURS[kind], "label": kind, "ecolor": "0.2", "capsize": 2}
             bars = axis.bar(places, ends[0], 0.38, yerr=reach if np.any(reach) else None, **look)
             axis.bar_label(bars, fmt="{:.3g}", fontsize=7)
