@@ -382,9 +382,10 @@ def _bars(rows: list[Row], columns: list[str]) -> Any:
                 continue
             places = np.array([models.index(row["model"]) for row in own]) + shift
             ends = [[_left(row, column, end) for row in own] for end in ("", "_low", "_high")]
-            reach = ends[0] - np.min(ends, axis=0), np.max(ends, axis=0) - ends[0]
+            reach = np.array([ends[0] - np.min(ends, axis=0), np.max(ends, axis=0) - ends[0]])
             look = {"color": COLOURS[kind], "label": kind, "ecolor": "0.2", "capsize": 2}
-            bars = axis.bar(places, ends[0], 0.38, yerr=reach if np.any(reach) else None, **look)
+            within = reach.tolist() if np.any(reach) else None  # of arrays NumPy 2.1 warns
+            bars = axis.bar(places, ends[0], 0.38, yerr=within, **look)
             axis.bar_label(bars, fmt="{:.3g}", fontsize=7)
         axis.set_xticks(range(len(models)), [EVERY[m].title.replace(" ", "\n") for m in models])
         axis.margins(y=0.2)
