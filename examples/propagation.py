@@ -12,7 +12,8 @@ from contextlib import suppress
 import numpy as np
 
 from gen.distribution import quantiles
-from gen.generation.sample import UNSOLVED, solve_contact, surface_numbered
+from gen.generation.completion import UNSOLVED
+from gen.generation.sample import solve_contact, surface_numbered
 from gen.runtime.command_line import run_script
 from gen.runtime.user_code import TRUSTED
 from gen.scene import Scene

@@ -82,6 +82,7 @@ def ordinary(features: str = "paper") -> Dataset:
         described=described,
         origins=(Origin("the cases' rows", "", SCENE, ROWS),),
         name="the cases' rows",
+        powers=AREA.powers,
         scale=scale,
         features=wanted,
     )

@@ -1,6 +1,5 @@
 """Make databases: create, extend and merge them, and give new files their names when whole."""
 
-import io
 import json
 import re
 import shutil
@@ -8,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from datetime import UTC, datetime
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Literal, NamedTuple
 
 import h5py
@@ -65,7 +65,7 @@ def _new_attributes() -> dict[str, str | int]:
 def file_bytes(scene: Scene, rows: int) -> int:
     """Return the size of a database's file before anything of it is written.
 
-    A file of one row is laid out in memory, for the size of names, units and the scene.
+    A temporary file of one row is laid out, for the size of names, units and the scene.
 
     Parameters
     ----------
@@ -79,12 +79,14 @@ def file_bytes(scene: Scene, rows: int) -> int:
     int
         Size of the file [bytes]. Further rows may need a few bytes more for alignment.
     """
-    memory = io.BytesIO()
     columns = stored_columns(scene)
-    with h5py.File(memory, "w", **LAYOUT) as file:
-        _lay_out(file, scene, range(1), columns, _new_attributes())
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "one-row.h5"
+        with h5py.File(path, "w", locking=False, **LAYOUT) as file:
+            _lay_out(file, scene, range(1), columns, _new_attributes())
+        of_one_row = path.stat().st_size
     row = sum(column.row_bytes(scene.grid.shape) for column in columns)
-    return len(memory.getbuffer()) + (rows - 1) * row
+    return of_one_row + (rows - 1) * row
 
 
 def open_or_create(

@@ -49,6 +49,7 @@ from gen.quantities import ALSO, CLOSURE, IN_LAWS
 from gen.runtime import VERSION, files
 from gen.runtime.errors import InputError
 from gen.runtime.installation import git_commit
+from gen.runtime.terminal import echo
 
 Program = Literal["calculix", "abaqus", "4c"]
 
@@ -96,14 +97,22 @@ SIDES = {"": ("value", "value"), "soft": ("high", "low"), "stiff": ("low", "high
 
 
 def write(path: Path, law: Law, program: Program, units: Units) -> list[Path]:
-    """Write the surface interaction of a law, and those of both sides of a band of its closure."""
-    made = [(path, "")]
+    """Write the surface interaction of a law, and those of both sides of a band of its closure.
+
+    A side that the program cannot take, as the band of few unlike surfaces is wide, is left out
+    with a warning.
+    """
+    texts = {path: "\n".join(_lines(path, law, program, UNITS[units], ""))}
     if law.over_pressure.curves[CLOSURE.in_laws].banded.any():
-        made += [(path.with_stem(f"{path.stem}-{side}"), side) for side in BAND_SIDES]
-    texts = ["\n".join(_lines(each, law, program, UNITS[units], side)) for each, side in made]
-    for (each, _), text in zip(made, texts, strict=True):
+        for side in BAND_SIDES:
+            beside = path.with_stem(f"{path.stem}-{side}")
+            try:
+                texts[beside] = "\n".join(_lines(beside, law, program, UNITS[units], side))
+            except InputError as fault:
+                echo(f"warning: {beside} is not written: {fault}")
+    for each, text in texts.items():
         files.write(each, text + "\n")
-    return [each for each, _ in made]
+    return list(texts)
 
 
 def write_for_4c(path: Path, law: Law, units: Units) -> list[Path]:
@@ -232,22 +241,28 @@ def _apart(places: Indices, closures: Values, side: str) -> tuple[Indices, Value
 
 
 def _lines(path: Path, law: Law, program: Program, units: UnitSystem, side: str) -> Iterator[str]:
-    """Yield the whole file."""
-    joint = rising(law, side, between=True)
+    """Yield the whole file.
+
+    A side of a band has the loads of the law alone: it is drawn outwards from its ends there.
+    """
+    joint = rising(law, side, between=not side)
     pressure = _pressure_column(joint)
     calculix = program == "calculix"
     behaviour = pressure.laid(POINTS - 1, filled=True) if calculix else pressure.laid()
-    closure, conducted = SIDES[side]
-    checked = _beside_checks(law, behaviour, CLOSURE.in_laws, closure)
-    deviations = {"pressure": pressure.deviation(behaviour).or_more(checked)}
+    deviations = {"pressure": pressure.deviation(behaviour)}
+    if not side:
+        checked = _beside_checks(law, behaviour, CLOSURE.in_laws)
+        deviations["pressure"] = deviations["pressure"].or_more(checked)
     conducting: Line | None = None
     if joint.conductances is not None:
         conductance = _conductance_column(joint, joint.conductances)
         conducting = conductance.laid(POINTS if calculix else None)
-        checked = _beside_checks(law, conducting, law.over_pressure.conducting, conducted)
-        deviations["conductance"] = conductance.deviation(conducting).or_more(checked)
+        deviations["conductance"] = conductance.deviation(conducting)
+        if not side:
+            checked = _beside_checks(law, conducting, law.over_pressure.conducting)
+            deviations["conductance"] = deviations["conductance"].or_more(checked)
     yield from _comment(_description(law, program, units, joint.pressures, side), "** ")
-    yield from _comment([_straight(law, deviations)], "** ")
+    yield from _comment([_straight(law, side, deviations)], "** ")
     name = re.sub(r"[^0-9A-Za-z]+", "_", path.stem).strip("_").upper()[:LONGEST_NAME]
     name = name if name[:1].isalpha() else f"LAW_{name}".rstrip("_")  # a letter first
     yield f"*SURFACE INTERACTION, NAME={name}"
@@ -277,7 +292,7 @@ def _conductance_column(joint: Joint, conductances: Values) -> Column:
     return Column.through(joint.pressures, conductances, joint.own, joint.inside, powers=True)
 
 
-def _beside_checks(law: Law, line: Line, quantity: str, part: str) -> Deviation:
+def _beside_checks(law: Law, line: Line, quantity: str) -> Deviation:
     """Return how far a line is off contacts that had no part in laying its points.
 
     The line of the closure has pressures over closures, that of a conductance is over pressures.
@@ -285,7 +300,7 @@ def _beside_checks(law: Law, line: Line, quantity: str, part: str) -> Deviation:
     checks = law.checks
     if checks is None or quantity not in checks.curves:
         return Deviation(np.nan, np.nan)
-    values = getattr(checks.curves[quantity], part)
+    values = checks.curves[quantity].value
     at = checks.at
     solved = values
     if quantity == CLOSURE.in_laws:
@@ -296,11 +311,13 @@ def _beside_checks(law: Law, line: Line, quantity: str, part: str) -> Deviation:
     return largest_of(np.abs(lines / solved[known] - 1), in_range(checks, law.nodes)[known])
 
 
-def _straight(law: Law, deviations: Mapping[str, Deviation]) -> str:
+def _straight(law: Law, side: str, deviations: Mapping[str, Deviation]) -> str:
     """Say how far the straight lines between the points of a table are off the law."""
     between = law.between_pressures
     beside = "the curve through the loads of the law, between which no contact was solved"
-    if between is not None:
+    if side:
+        beside = "the curve through the loads of the law"
+    elif between is not None:
         number = between.at.size + (0 if law.checks is None else law.checks.at.size)
         beside = f"contacts at {number} pressures between the loads of the law"
     off = f"It is off {beside}, by up to this"

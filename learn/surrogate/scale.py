@@ -111,9 +111,8 @@ def scale_notes(surrogate: Surrogate, rows: Rows, e_star: float | None) -> list[
     if features.scaled:  # features with units have heights, and their side is compared elsewhere
         scale[HEIGHT] = rows.statistics[:, RMS_HEIGHT]
         scale[LENGTH] = np.full(len(notes), rows.length)
-    ranges = _ranges(surrogate)
     for name, values in scale.items():
-        low, high = ranges[name]
+        low, high = _range(surrogate, name)
         outside = ~((values >= low * (1 - SAME)) & (values <= high * (1 + SAME)))
         for row in np.flatnonzero(outside):
             notes[row].append(
@@ -123,18 +122,19 @@ def scale_notes(surrogate: Surrogate, rows: Rows, e_star: float | None) -> list[
     return ["; ".join(lines) for lines in notes]
 
 
-def _ranges(surrogate: Surrogate) -> dict[str, tuple[float, float]]:
-    """Return the ranges of the training; of older files, what their cards tell of them."""
+def _range(surrogate: Surrogate, name: str) -> tuple[float, float]:
+    """Return a range of the training; of older files, what their cards tell of it."""
     card: dict[str, Any] = surrogate.card
     if "own_scale" in card:
-        return {name: (low, high) for name, (low, high) in card["own_scale"].items()}
+        low, high = card["own_scale"][name]
+        return low, high
+    if name == HEIGHT:
+        return _heights_of(surrogate)
+    if name == MODULUS:
+        return surrogate.modulus, surrogate.modulus
     sides = [entry["side"] for entry in card.get("databases", [card])]
     lengths = [float(np.sqrt(np.prod(side))) for side in sides]
-    return {
-        HEIGHT: _heights_of(surrogate),
-        LENGTH: (min(lengths), max(lengths)),
-        MODULUS: (surrogate.modulus, surrogate.modulus),
-    }
+    return min(lengths), max(lengths)
 
 
 def _heights_of(surrogate: Surrogate) -> tuple[float, float]:

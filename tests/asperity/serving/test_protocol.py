@@ -247,7 +247,9 @@ def test_a_surrogate_of_few_surfaces_answers_at_the_largest_level_that_holds(fol
     assert level < 0.9
     said = served.process.stdout.readline().decode()
     assert said.startswith(f"few: intervals of {100 * level:g} %: ")
-    question = {"name": "few", "input": [[0.7, 12.0], [9.0]]}
+    with Reader(folder / "few.h5") as reader:
+        hurst, sigma0, delta = (float(reader.column(n)[6]) for n in ("hurst", "sigma0", "delta"))
+    question = {"name": "few", "input": [[hurst, sigma0], [delta]], "config": {"surface": 1}}
     status, answer = served.ask("Evaluate", question)
     assert status == 200
     [[value, low, high, _]] = answer["output"]

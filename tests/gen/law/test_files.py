@@ -9,9 +9,9 @@ import pytest
 from strict import json_of
 
 from gen import cli
-from gen.law.curves import CONTINUUM
 from gen.law.files import drawn_area
 from gen.maps.settings import Reading
+from gen.quantities import CONTINUUM
 from tests.bem.waves import random_waves
 from tests.maps import waves
 
@@ -99,7 +99,7 @@ def test_the_area_of_the_grid_is_not_called_that_in_the_continuum(
     curves = law.over_pressure
     panel = drawn_area(curves)
     known = np.array(resolved) == "yes"
-    nodes, continuum = (curves.curves[each] for each in ("area_percent", CONTINUUM))
+    nodes, continuum = (curves.curves[each] for each in ("area_percent", CONTINUUM.in_laws))
     drawn = np.where(known, continuum.value, nodes.value)
     np.testing.assert_array_equal(panel.curve.value, drawn)
     assert panel.curve.banded.tolist() == known.tolist()
