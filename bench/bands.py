@@ -6,7 +6,7 @@ those of the rest that lie inside are counted, at each load by itself. The share
 that the law says. Beside it stands what the quantiles of the drawn surfaces themselves would hold.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from bench.report import remark
 from gen.arrays import Heights, Values
 from gen.generation.sample import surface_numbered
 from gen.law.bands import Band, fewest_surfaces, further_surface
+from gen.quantities import AREA, CLOSURE, DELTA, MEAN_GAP, STIFFNESS, UNLOADING, Quantity
 from gen.runtime.errors import InputError
 from gen.scene import Scene
 
@@ -39,11 +40,11 @@ SCENES = {
 MAP = MadeMap("sandblasted", 0, (1200, 1200), rms=3.0, length=30.0)
 """Map with a node every um that the windows of the third population are cut out of."""
 
-QUANTITIES: Mapping[str, Callable[[bem.Contact], float]] = {
-    "closure": lambda contact: contact.delta,
-    "area": lambda contact: contact.area_percent,
-    "mean gap": lambda contact: contact.mean_gap,
-    "stiffness": lambda contact: contact.interface_stiffness,
+QUANTITIES: Mapping[str, Quantity] = {
+    CLOSURE.name: DELTA,  # patches have no edges
+    "area": AREA,
+    "mean gap": MEAN_GAP,
+    UNLOADING.name: STIFFNESS,
 }
 """Quantities of a law by their names; the area is a share in percent."""
 
@@ -96,8 +97,8 @@ def pressed(surfaces: list[Heights], side: float) -> dict[str, Values]:
         for heights in surfaces
     ]
     return {
-        name: np.array([[of(contact) for contact in own] for own in contacts])
-        for name, of in QUANTITIES.items()
+        name: np.array([[quantity.of(contact) for contact in ladder] for ladder in contacts])
+        for name, quantity in QUANTITIES.items()
     }
 
 

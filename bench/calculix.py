@@ -19,6 +19,7 @@ import numpy as np
 from bench.files import Row, read_table
 from bench.report import Report, remark
 from gen.cli import main as gen
+from gen.quantities import CLOSURE, CONDUCTANCE, PRESSURE
 from gen.runtime.errors import InputError
 from gen.runtime.files import make_folder
 from gen.surface import generate
@@ -30,8 +31,8 @@ PRESSURES = "5:320:7:log"  # MPa
 SURFACES = {"Hurst exponent 0.8": (0.8, 129), "Hurst exponent 0.5": (0.5, 129)}
 SIDE, SIGMA0 = 200.0, 0.5  # um
 ALLOWED = 1.0  # % between the table and CalculiX
-LAW = ("closure_um", "pressure_MPa", "conductance_W_per_mm2_K")
-QUANTITIES = ("closure_um", "pressure_MPa", "jump_K")
+LAW = (CLOSURE.in_laws, PRESSURE.in_laws, CONDUCTANCE.in_laws)
+QUANTITIES = (CLOSURE.in_laws, PRESSURE.in_laws, "jump_K")
 SECONDS = 120.0  # most that CalculiX may take
 
 DECK = Path(__file__).with_name("two-blocks.inp")
@@ -76,8 +77,8 @@ def _compared(law: Sequence[Mapping[str, float]], printed: str) -> list[Row]:
         low, high, cold, warm, force = lines[5 * step : 5 * step + 5]
         flux = CONDUCTIVITY * (HOT - warm[1])  # mW / mm2
         wanted = {
-            "closure_um": row["closure_um"],
-            "pressure_MPa": row["pressure_MPa"],
+            CLOSURE.in_laws: row["closure_um"],
+            PRESSURE.in_laws: row["pressure_MPa"],
             "jump_K": flux / (1e3 * row["conductance_W_per_mm2_K"]),
         }
         found = (1e3 * (low[3] - high[3]), -force[2], warm[1] - cold[1])

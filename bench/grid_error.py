@@ -22,9 +22,10 @@ from bench.made_maps import surface as made_surface
 from bench.report import remark
 from bench.resolution import random_waves
 from gen.arrays import Heights
+from gen.quantities import AREA, DELTA, FORCE, MEAN_GAP, UNLOADING
 from gen.surface import generate
 
-ANSWERS = ("area_percent", "delta", "force", "mean_gap", "stiffness")
+ANSWERS = (AREA.name, DELTA.name, FORCE.name, MEAN_GAP.name, UNLOADING.name)
 LOADS = 2  # of every surface
 ENOUGH = 32  # nodes in the shortest wave of an exact grid
 FINEST = 1040  # nodes a side of an exact grid at most
@@ -109,9 +110,9 @@ def _compared(contact: bem.Contact, exact: bem.Contact) -> Judged:
     cells = contact.pressure.size * math.prod(contact.problem.spacing)
     area = area_within(exact, contact.problem.spacing)
     answers = {
-        "area_percent": (contact.continuum_area_percent, 100 * area / cells),
-        "mean_gap": (contact.mean_gap, exact.mean_gap),
-        "stiffness": (contact.stiffness, exact.stiffness),
+        AREA.name: (contact.continuum_area_percent, 100 * area / cells),
+        MEAN_GAP.name: (contact.mean_gap, exact.mean_gap),
+        UNLOADING.name: (contact.stiffness, exact.stiffness),
     }
     conjugate = "force" if contact.problem.force is None else "delta"
     answers[conjugate] = getattr(contact, conjugate), getattr(exact, conjugate)

@@ -23,6 +23,7 @@ from bem.operators.patch import fast_period
 from bench.files import Row
 from bench.report import Report, remark
 from gen.arrays import Heights
+from gen.quantities import AREA, YIELDED
 from gen.runtime.errors import InputError
 from gen.surface import generate
 
@@ -75,7 +76,7 @@ def pressures(nodes: Sequence[int], surfaces: int) -> list[Row]:
             for seed in range(surfaces)
         ]
         row: Row = {"hardness": hardness, "nodes": size}
-        for name in ("area_percent", "yielded_percent"):
+        for name in (AREA.name, YIELDED.name):
             row[name] = float(np.mean([getattr(contact, name) for contact in contacts]))
         row["mean_pressure"] = float(np.mean([100 * PRESSURE / c.area_percent for c in contacts]))
         row["convolutions"] = float(np.mean([contact.convolutions for contact in contacts]))

@@ -36,6 +36,7 @@ from bench.solvers.solver import (
 )
 from gen.arrays import Values
 from gen.generation.plan import surface_random
+from gen.quantities import AREA, CONTACT_NODES, DELTA
 from gen.runtime.errors import InputError
 from gen.scene import load
 from gen.spectral import SelfAffineSpectrum, generate_spectral
@@ -193,10 +194,10 @@ class Trial:
             "nodes": case.nodes,
             "hurst": case.hurst,
             "sigma0_um": SIGMA0 if case.load is None else None,
-            "delta_um": case.delta,
+            DELTA.in_tables: case.delta,
             "mean_pressure": case.load,  # on periodic patches, over E* times the rms slope
-            "contact_nodes": self.contact_nodes,  # of the reference
-            "area_percent": 100 * self._exact.contact_share,
+            CONTACT_NODES.name: self.contact_nodes,  # of the reference
+            AREA.name: 100 * self._exact.contact_share,
             "solver": solver.name,
             "version": solver.version,
             "control": solver.control,

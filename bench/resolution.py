@@ -15,6 +15,7 @@ import bem
 from bench.files import Row
 from bench.report import remark
 from gen.arrays import Heights, Values
+from gen.quantities import DELTA, MEAN_GAP, UNLOADING
 
 LONGEST, SHORTEST = 1, 8  # periods a side of the longest and the shortest wave
 SLOPE = 0.1  # rms of the gradient's modulus
@@ -106,9 +107,9 @@ def _answers(
         CONTINUUM,
         {
             "area": area / truth - 1,
-            "delta": contact.delta / exact.delta - 1,
-            "mean_gap": contact.mean_gap / exact.mean_gap - 1,
-            "stiffness": contact.stiffness / exact.stiffness - 1,
+            DELTA.name: contact.delta / exact.delta - 1,
+            MEAN_GAP.name: contact.mean_gap / exact.mean_gap - 1,
+            UNLOADING.name: contact.stiffness / exact.stiffness - 1,
             "seconds": seconds,
         },
     )
@@ -126,7 +127,7 @@ def _answers(
 def _summary(answers: list[dict[str, float]]) -> Row:
     """Return the root mean squares of relative errors [%], and the median time [s]."""
     row: Row = {}
-    for name in ("area", "delta", "mean_gap", "stiffness"):
+    for name in ("area", DELTA.name, MEAN_GAP.name, UNLOADING.name):
         errors = [each[name] for each in answers if name in each]
         row[f"{name}_error_percent"] = (
             100 * float(np.sqrt(np.mean(np.square(errors)))) if errors else ""

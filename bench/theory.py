@@ -24,6 +24,7 @@ from bem.influence import KERNELS, Kernel
 from bench.files import Row
 from bench.report import Report, remark
 from gen.arrays import Heights, Values
+from gen.quantities import AREA, FORCE, MEAN_GAP, UNLOADING
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 
 SPHERE = Paraboloid(5000.0)
@@ -56,7 +57,7 @@ def hertz(steps: int = STEPS) -> list[Row]:
         for delta, right in zip(deltas, exact, strict=True):
             force, area = pressed(kernel, nodes, delta)
             row: Row = {"solution": kernel or "hertz", "nodes": nodes or "", "delta_um": delta}
-            row |= {"force_uN": force, "area_percent": area}
+            row |= {FORCE.in_tables: force, AREA.name: area}
             row["force_off_percent"] = 100 * (force - right[0]) / exact[-1][0]
             rows.append(row | {"area_off_percent": 100 * (area - right[1]) / exact[-1][1]})
     return rows
@@ -156,12 +157,12 @@ def _rows(measured: Values, theory: PerssonInterface, rms: float) -> list[Row]:
     loads, unit = PRESSURES * RMS_SLOPE, RMS_SLOPE / rms
     columns = {
         "pressure": PRESSURES,
-        "area_percent": measured[0],
+        AREA.name: measured[0],
         "corrected_percent": measured[1],
         "persson_percent": 100 * area_share(PRESSURES),
-        "mean_gap": measured[2] / rms,
+        MEAN_GAP.name: measured[2] / rms,
         "persson_mean_gap": theory.mean_gap(loads) / rms,
-        "stiffness": 1 / measured[3] / unit,
+        UNLOADING.name: 1 / measured[3] / unit,
         "persson_stiffness": theory.stiffness(loads) / unit,
     }
     for name in ("corrected", "area", "persson"):

@@ -20,6 +20,7 @@ from bench.solvers.others import installed, missing
 from bench.solvers.solver import BEM, Case, Failure, Solver, back_and_forth, find_exact
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
+from gen.quantities import AREA, DELTA
 from gen.scene import load
 
 DECADES = tuple(10.0**-digits for digits in range(1, 13))  # tolerances
@@ -50,9 +51,9 @@ def _evaluate(study: str, case: Case, rtol: float, solver: Solver) -> Row | None
         "case": case.name,
         "nodes": case.nodes,  # a side
         "rtol": rtol,  # in the solver's own definition
-        "delta_um": case.delta,
+        DELTA.in_tables: case.delta,
         "reference": f"rtol {exact.rtol:.0e}",
-        "area_percent": 100 * exact.contact_share,
+        AREA.name: 100 * exact.contact_share,
         "seconds": answer.seconds,  # of wall time, the shortest of the rounds
         "convolutions": answer.convolutions,  # None where the solver does not say
         "force_error": None if solver.control == "force" else force_error,  # relative

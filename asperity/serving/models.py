@@ -13,12 +13,10 @@ from asperity.functions import (
     SceneFunction,
     SurrogateFunction,
 )
-from gen.quantities import QUANTITIES, USUAL
+from gen.quantities import UNLOADING, USUAL
 from gen.runtime.errors import InputError
 from gen.runtime.files import kind_of
 from gen.scene import Scene, load, preset_names
-
-STIFFNESS = QUANTITIES["stiffness"]  # of unloading, a fourth output on request
 
 Vectors = list[list[FiniteFloat]]  # input of a model: vectors, each of one size
 Answer = list[list[float | None]]  # its output; None, which is null in JSON, for what does not hold
@@ -54,7 +52,7 @@ class SolverModel:
 
     def __init__(self, scene: Scene, name: str) -> None:
         self.name = name
-        self._functions = [SceneFunction(scene), SceneFunction(scene, (*USUAL, STIFFNESS.name))]
+        self._functions = [SceneFunction(scene), SceneFunction(scene, (*USUAL, UNLOADING.name))]
         self.input_sizes = self._functions[0].inputs.sizes
 
     def output_sizes(self, config: Configuration) -> list[int]:

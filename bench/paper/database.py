@@ -17,6 +17,7 @@ from bench.report import Report
 from bench.surrogates.fitting import fit, parted, read, request_for
 from gen.arrays import Values
 from gen.database import Reader
+from gen.quantities import AREA, DELTA
 from gen.runtime.errors import InputError
 from gen.runtime.figure import draw_parity, parity_axes
 from gen.scene import ALL_COLUMNS
@@ -44,14 +45,14 @@ def solve_times(database: Path) -> Report:
     """Tabulate the time of a solve against displacement and area (section 2.4), and all rows."""
     rows = finished(database)
     bins: list[tuple[Any, ...]] = []
-    for name in ("delta", "area_percent"):
+    for name in (DELTA.name, AREA.name):
         for part in np.array_split(rows[name].argsort(), min(10, len(rows))):
             values, times = rows[name].iloc[part], 1000 * rows["solve_seconds"].iloc[part]
             told = times.agg(["mean", "median", "max"])
             bins.append((name, values.min(), values.max(), len(part), *told))
     header = ("against", "from", "to", "rows", "mean_ms", "median_ms", "longest_ms")
-    points = rows[["delta", "area_percent", "hurst", "solve_seconds"]].itertuples()
-    names = ("row", "delta_um", "area_percent", "hurst", "solve_s")
+    points = rows[[DELTA.name, AREA.name, "hurst", "solve_seconds"]].itertuples()
+    names = ("row", DELTA.in_tables, AREA.name, "hurst", "solve_s")
     dots = rows_of(names, ([row, *few(values)] for row, *values in points))
     return Report({"solve-times": rows_of(header, bins), "rows": dots})
 

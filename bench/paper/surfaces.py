@@ -12,6 +12,7 @@ from bench.picture import COLOURS, new_figure
 from bench.report import Report
 from gen.arrays import Heights
 from gen.distribution import limits
+from gen.quantities import AREA, DELTA, FORCE
 from gen.scene import load
 from gen.statistics import describe
 from gen.surface import GENERATORS, DisplacedSurface, generate
@@ -137,7 +138,15 @@ def topographies() -> Report:
     for line, drawn, label in zip(axes, (shown, forces), labels, strict=True):
         line[0].set_ylabel("y [µm]")
         figure.colorbar(drawn, ax=line, label=label)
-    header = ("panels", "hurst", "delta_um", "area_percent", "force_uN", "largest_uN", "residual")
+    header = (
+        "panels",
+        "hurst",
+        DELTA.in_tables,
+        AREA.name,
+        FORCE.in_tables,
+        "largest_uN",
+        "residual",
+    )
     return Report({"topographies": rows_of(header, rows)}, {"topographies": figure})
 
 

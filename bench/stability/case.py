@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from bench.files import Row
 from bench.report import Report, remark
+from gen.quantities import AREA, FORCE
 from gen.runtime.errors import InputError
 
 
@@ -132,7 +133,7 @@ TABLES = {
 }
 """Files, titles and functions that yield the cases of tables, in the order of the work."""
 
-NUMBERS = ("area_percent", "force_uN", "residual", "iterations", "ordinary_iterations")
+NUMBERS = (AREA.name, FORCE.in_tables, "residual", "iterations", "ordinary_iterations")
 """Further columns of the solver's table."""
 
 

@@ -20,6 +20,7 @@ from bem.influence import Kernel
 from bench.references.half_space import Field, displacement, flat_punch
 from bench.stability.case import Answer, Case, Finding, Refusal, one_line
 from bench.stability.setup import DELTA, Setup, cropped_paper, paper
+from gen.quantities import AREA, FORCE
 
 ROUNDING = 1e-9  # what two convolutions of the same pressure may differ by [Delta]
 
@@ -201,8 +202,8 @@ def judge(
         *honesty(asked, contact),
     ]
     numbers = {
-        "area_percent": contact.area_percent,
-        "force_uN": contact.force,
+        AREA.name: contact.area_percent,
+        FORCE.in_tables: contact.force,
         "residual": contact.residual,
         "iterations": contact.iterations,
         "ordinary_iterations": first,

@@ -20,6 +20,7 @@ from bench.surrogates import kinds
 from bench.surrogates.fitting import Fitted, Parts, fit, request_for
 from gen.arrays import Indices, Values
 from gen.database import Reader
+from gen.quantities import FORCE, MEAN_GAP
 from gen.runtime.errors import InputError
 from gen.runtime.user_code import TRUSTED
 from gen.scene import preset_names
@@ -28,7 +29,7 @@ from learn.dataset import Dataset
 from learn.split import FOLDS
 
 HURST_BORDER = 0.7  # surfaces below it train, surfaces above it test
-TARGETS = ("area", "force", "mean_gap")
+TARGETS = ("area", FORCE.name, MEAN_GAP.name)
 FEW = 20  # rows of a finer grid that are learnt together with those of the preset's grid
 HARDNESS = (0.006, 0.05)  # over E*, of the rows that train; the preset has 0.003 to 0.1
 LEVEL = 0.9  # of the intervals whose coverage is counted

@@ -28,6 +28,7 @@ from gen.arrays import Values
 from gen.database import Reader
 from gen.generation.plan import parameters
 from gen.generation.sample import solve_contact, surface_numbered
+from gen.quantities import AREA, DELTA, FORCE
 from gen.runtime.user_code import TRUSTED
 from gen.scene import Scene
 from learn import dataset
@@ -123,7 +124,7 @@ def solved(
         for number in range(surfaces):
             heights = surface_numbered(one, number)
             contact = solve_contact(one, heights, hardness=hardness, **given)
-            for column in ("area_percent", "force", "delta"):
+            for column in (AREA.name, FORCE.name, DELTA.name):
                 truth.setdefault(column, []).append(getattr(contact, column))
         for name in names:
             asked.setdefault(name, []).append(numbers[name])

@@ -55,8 +55,8 @@ from gen.quantities import (
     FORCE,
     MEAN_GAP,
     PRESSURE,
-    QUANTITIES,
     STIFFNESS,
+    UNLOADING,
 )
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress
@@ -69,7 +69,6 @@ from learn.surrogate.model import OnSurface, Prediction, Surrogate
 BEYOND = (1.15, 1.4, 2.0, 3.0)  # further Deltas, over the last: some surfaces reach a pressure late
 CORRECTED = 0.01  # correction for monotone curves, over the largest value, from which on we warn
 FINE = 20  # steps into which an interval of Delta is divided to invert the cubic in it
-UNLOADING = QUANTITIES["stiffness"]  # of a whole patch
 PREDICTED_BAND = (
     "the band is the scatter of the predictions between surfaces: the errors of the surrogate come"
     " on top of it"

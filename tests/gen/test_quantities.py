@@ -182,7 +182,7 @@ def displays(path: Path):
 def test_no_other_table_lists_quantities():
     """Names of loads alone are not a list of results: a scene or a command takes these."""
     lists = set()
-    packages = (ROOT / package for package in ("gen", "learn", "asperity"))
+    packages = (ROOT / package for package in ("gen", "learn", "bench", "asperity"))
     for path in sorted(path for package in packages for path in package.rglob("*.py")):
         where = path.relative_to(ROOT).as_posix()
         for name, texts in displays(path):
