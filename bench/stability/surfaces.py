@@ -198,7 +198,7 @@ def _cancellation() -> Iterator[Case]:
     asked = "the others σ0 = 12 um"
     for depth in (1e4, 1e8, 1e10):
         yield case(f"one node {depth:g} um deep", asked, _with(stepped(), -depth))
-    yield case("one node 1e16 um deep", asked, _with(stepped(), -1e16), "equal height")
+    yield case("one node 1e16 um deep", asked, _with(stepped(), -1e16), "lost in rounding")
     for slope in (1e3, 1e6):
         asked, plane = "σ0 = 12 um in steps of 1/1024 um", slope * np.arange(NODES)[:, None]
         yield case(f"tilted by {slope:g} um a node", asked, stepped() + plane)

@@ -149,7 +149,8 @@ def _record_of_the_files(law: Law | None) -> Row:
     return {
         "files": "; ".join(file.path for file in files),
         "sha256": "; ".join(file.sha256 for file in files),
-        "prepared": " | ".join("; ".join(source.steps) for source in sources),
+        # without commas, at which simple readers of CSV cut lines
+        "prepared": " | ".join("; ".join(source.steps) for source in sources).replace(",", ";"),
     }
 
 
