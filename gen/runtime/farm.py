@@ -172,6 +172,7 @@ def _started_mpi() -> Any:
 
     if NAMESPACE in os.environ:
         mpi4py.rc.initialize = False
+        mpi4py.rc.finalize = True  # at the end of the process, as MPI is started below
     from mpi4py import MPI
 
     if MPI.Is_initialized():
