@@ -78,7 +78,7 @@ def test_messages_name_commands_as_they_were_typed(typed, tmp_path):
 PROGRAMS = {"gen": gen, "learn": learn, "bench": bench}
 BRIEF = {
     "compare": "--model decision-tree",
-    "tune": "--model kernel-ridge --budget 3s",
+    "tune": "--model kernel-ridge --budget 30s",
     "importance": "--model decision-tree",
     "grow": "--nmae 900 --rows 60",
 }
