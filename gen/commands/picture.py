@@ -103,7 +103,7 @@ def _draw_times(axis: Any, columns: dict[str, NDArray[Any]]) -> None:
     axis.legend(loc="lower right")  # light contacts, which take less time, are on the left
     axis.set(
         title="times of the solves",
-        xlabel="effective contact area [%]",
+        xlabel=AREA.label,
         ylabel="time of the solve [ms]",
     )
     log_axis(axis.yaxis)  # a single solve that waited for the machine flattens nothing

@@ -112,9 +112,8 @@ class Order:
     opposite: Opposite | None = None  # second rough body against surfaces from files
     # Tables between whose loads further contacts are solved, for files whose programs join them.
     between: tuple[Load, ...] = ()
-    straight: bool = (
-        False  # whether lines between the pressures are judged by contacts of their own
-    )
+    # Whether straight lines between the pressures are judged by contacts of their own.
+    straight: bool = False
     command: str = ""  # command line, for the record
 
     @property
