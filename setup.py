@@ -6,7 +6,9 @@ from pathlib import Path
 from setuptools import setup
 from setuptools.command.build_py import build_py
 
-sys.path.insert(0, str(Path(__file__).parent))  # pip builds without the folder on the path
+sys.path.insert(
+    0, str(Path(__file__).parent)
+)  # pip builds without the folder on the path
 
 from gen.runtime.installation import STAMP, git_commit
 
@@ -19,7 +21,9 @@ class WithCommit(build_py):
         super().run()
         commit = git_commit()
         if commit and not self.editable_mode:
-            (Path(self.build_lib) / "gen" / "runtime" / STAMP).write_text(commit, encoding="utf-8")
+            (Path(self.build_lib) / "gen" / "runtime" / STAMP).write_text(
+                commit, encoding="utf-8"
+            )
 
 
 setup(cmdclass={"build_py": WithCommit})

@@ -7,7 +7,9 @@ scene's numbers for codes that ask many questions.
 
 from gen.runtime import VERSION
 
-TYPE_CHECKING = False  # true for mypy, as that of typing, whose import would delay the command
+TYPE_CHECKING = (
+    False  # true for mypy, as that of typing, whose import would delay the command
+)
 if TYPE_CHECKING:
     from asperity.functions import OutsideTraining, SceneFunction, SurrogateFunction
 

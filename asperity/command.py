@@ -4,12 +4,16 @@ import os
 import signal
 import sys
 
-COMPLETING = "_ASPERITY_COMPLETE"  # environment variable by which a shell asks for completions
+COMPLETING = (
+    "_ASPERITY_COMPLETE"  # environment variable by which a shell asks for completions
+)
 
 
 def main() -> int:
     """Run this process's command line and return its exit code, the same one on all MPI ranks."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # first: Ctrl-C ends imports without a traceback
+    signal.signal(
+        signal.SIGINT, signal.SIG_DFL
+    )  # first: Ctrl-C ends imports without a traceback
     from asperity import programs
     from gen.runtime import farm
 

@@ -83,8 +83,12 @@ class Inputs:
     @classmethod
     def of(cls, scene: Scene) -> "Inputs":
         """Return the inputs that a scene leaves open: drawn parameters, load, drawn hardness."""
-        drawn = (name for name, given in scene.drawn_parameters.items() if is_drawn(given))
-        return cls(tuple(drawn), scene.quantity, "hardness" * scene.contact.draws_hardness)
+        drawn = (
+            name for name, given in scene.drawn_parameters.items() if is_drawn(given)
+        )
+        return cls(
+            tuple(drawn), scene.quantity, "hardness" * scene.contact.draws_hardness
+        )
 
     @property
     def load_name(self) -> str:
@@ -94,7 +98,11 @@ class Inputs:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the keyword arguments, in order."""
-        return (*self.parameters, self.load_name, *([self.hardness] if self.hardness else []))
+        return (
+            *self.parameters,
+            self.load_name,
+            *([self.hardness] if self.hardness else []),
+        )
 
     @property
     def sizes(self) -> list[int]:
@@ -186,7 +194,9 @@ def surfaces_of(scene: Scene, inputs: Inputs, points: Points) -> Iterator[OneSur
         if wrong.size:
             raise InputError(f"input: {name} = {wrong[0]:g}; allowed: a number above 0")
     if isinstance(scene.surface, ScanSurface) and points.nodes is not None:
-        raise InputError("nodes: the surfaces are windows of maps, which have the scene's")
+        raise InputError(
+            "nodes: the surfaces are windows of maps, which have the scene's"
+        )
     parameters = [points.numbers[name] for name in inputs.parameters]
     keys = np.column_stack([points.surface, *parameters])
     _, group, sizes = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
@@ -320,19 +330,25 @@ class Function(ABC):
         """Check what a caller has passed; return it as points, and the shape of the answer."""
         if {*numbers} != {*self.names}:
             passed = ", ".join(numbers) or "nothing"
-            raise InputError(f"{passed} given: the function takes {', '.join(self.names)}")
+            raise InputError(
+                f"{passed} given: the function takes {', '.join(self.names)}"
+            )
         with input_errors("input"):
             arrays = {name: real_array(name, numbers[name]) for name in self.names}
             arrays["surface"] = real_array("surface", surface)
         try:
             shape = np.broadcast_shapes(*(array.shape for array in arrays.values()))
         except ValueError:
-            shapes = ", ".join(f"{n} {each.shape}" for n, each in arrays.items() if each.ndim)
+            shapes = ", ".join(
+                f"{n} {each.shape}" for n, each in arrays.items() if each.ndim
+            )
             raise InputError(
                 f"input: arrays of shapes {shapes} do not belong together: give arrays of one"
                 " length, or shapes that NumPy broadcasts"
             ) from None
-        flat = {name: np.broadcast_to(array, shape).ravel() for name, array in arrays.items()}
+        flat = {
+            name: np.broadcast_to(array, shape).ravel() for name, array in arrays.items()
+        }
         index = flat.pop("surface")
         wrong = index[~((index >= 0) & (index < SURFACES) & (index == np.floor(index)))]
         if wrong.size:
@@ -374,7 +390,9 @@ class SceneFunction(Function):
             for surface in surfaces_of(self.scene, self.inputs, points):
                 for number, place in enumerate(surface.places):
                     contact = _solved(surface, number)
-                    answers[place] = [float(QUANTITIES[name].of(contact)) for name in self.outputs]
+                    answers[place] = [
+                        float(QUANTITIES[name].of(contact)) for name in self.outputs
+                    ]
         return answers
 
     def _slopes(self, point: Points) -> Values:
@@ -519,7 +537,9 @@ class SurrogateFunction(Function):
         self.level = level_of(self.surrogate, level)
         self.of_scene = self.surrogate.features.name == SCENE
         known = _parts_of(self.surrogate)
-        self.outputs = _among(known, tuple(self.surrogate.learnt if outputs is None else outputs))
+        self.outputs = _among(
+            known, tuple(self.surrogate.learnt if outputs is None else outputs)
+        )
         self._parts = [known[name] for name in self.outputs]
         if self.of_scene:
             *drawn, load = self.surrogate.features.names
@@ -544,7 +564,10 @@ class SurrogateFunction(Function):
     def __reduce__(self) -> tuple[Callable[[Path], "SurrogateFunction"], tuple[Path]]:
         """Read the file again where a copy is unpickled: no estimator travels."""
         remade = partial(
-            SurrogateFunction, outputs=self.outputs, outside=self._outside, level=self.level
+            SurrogateFunction,
+            outputs=self.outputs,
+            outside=self._outside,
+            level=self.level,
         )
         return remade, (self._path,)
 
@@ -565,7 +588,9 @@ class SurrogateFunction(Function):
             places.append({**numbers, name: numbers[name] + step})
             places.append({**numbers, name: numbers[name] - step})
         moved = {name: np.array([place[name] for place in places]) for name in numbers}
-        near = replace(point, numbers=moved, surface=np.repeat(point.surface, len(places)))
+        near = replace(
+            point, numbers=moved, surface=np.repeat(point.surface, len(places))
+        )
         columns, reasons = self._columns(near)
         self._tell(reasons[:1])
         more, less = columns[1::2], columns[2::2]
@@ -594,7 +619,9 @@ class SurrogateFunction(Function):
 
         if self.of_scene:
             if not points.of_scene:
-                raise InputError("config: the surrogate answers for all surfaces of the parameters")
+                raise InputError(
+                    "config: the surrogate answers for all surfaces of the parameters"
+                )
             names = dict(zip(self.names, self.surrogate.features.names, strict=True))
             numbers = {names[name]: values for name, values in points.numbers.items()}
             return self.surrogate.of_numbers(numbers), np.arange(points.surface.size)

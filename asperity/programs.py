@@ -23,12 +23,15 @@ class Program(NamedTuple):
 
 PROGRAMS = {
     "gen": Program(
-        "gen.cli", "Surfaces, contacts, laws of interfaces, and databases of contact problems."
+        "gen.cli",
+        "Surfaces, contacts, laws of interfaces, and databases of contact problems.",
     ),
     "learn": Program(
         "learn.cli", "Surrogates of databases: fit, predict, laws, nine models compared."
     ),
-    "bench": Program("bench.commands", "Reports on exactness and speed (needs the extra 'bench')."),
+    "bench": Program(
+        "bench.commands", "Reports on exactness and speed (needs the extra 'bench')."
+    ),
     "serve": Program(
         "asperity.serving.cli",
         "A server of solver and surrogates for UM-Bridge's clients (needs the extra 'serve').",
@@ -50,9 +53,9 @@ class Programs(TyperGroup):
 app = typer.Typer(cls=Programs, rich_markup_mode=None)
 
 
-app.callback(help="Contact of rough surfaces: solve it, make databases of it, learn from them.")(
-    command_line.take_version
-)
+app.callback(
+    help="Contact of rough surfaces: solve it, make databases of it, learn from them."
+)(command_line.take_version)
 
 
 def _stand_in() -> None:

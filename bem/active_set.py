@@ -120,8 +120,13 @@ class ActiveSet(Iterate):
         if not 0 < nodes.size <= self.patch.few - many:
             return False
         gaps = np.where(touching, np.inf, -self.residual).reshape(-1)
-        spare: Nodes = np.argpartition(gaps, many)[:many] if many < gaps.size else nodes[:0]
-        before, largest = (self.pressure, self.residual, self.shift), max(self.violation())
+        spare: Nodes = (
+            np.argpartition(gaps, many)[:many] if many < gaps.size else nodes[:0]
+        )
+        before, largest = (
+            (self.pressure, self.residual, self.shift),
+            max(self.violation()),
+        )
         try:
             with on_one_blas_thread(), np.errstate(over="raise"):
                 settled = self._settle(np.concatenate([nodes, spare]))
@@ -142,8 +147,14 @@ class ActiveSet(Iterate):
             if factor is None:
                 if nodes.size > self.patch.few or self.iterations >= self.most:
                     return False
-                order = np.lexsort((-self.residual.flat[nodes], -self.pressure.flat[nodes]))
-                precision = "float64" if nodes.size <= DOUBLE_SHARE * self.patch.few else "float32"
+                order = np.lexsort(
+                    (-self.residual.flat[nodes], -self.pressure.flat[nodes])
+                )
+                precision = (
+                    "float64"
+                    if nodes.size <= DOUBLE_SHARE * self.patch.few
+                    else "float32"
+                )
                 factor = ContactFactor(
                     lambda some, dtype=precision: self.patch.entries(some, dtype),  # type: ignore[misc]
                     nodes[order],
@@ -190,7 +201,12 @@ class ActiveSet(Iterate):
                 self._let_yield()
                 violation, renewed = self.violation(), 1.0
                 largest = max(violation)
-                energy, smallest, patience, following = math.inf, math.inf, PATIENCE, False
+                energy, smallest, patience, following = (
+                    math.inf,
+                    math.inf,
+                    PATIENCE,
+                    False,
+                )
             floor = max(AIM * self.tolerance, ROUNDING * renewed)
             out_of_steps = max(self.iterations, rounds) >= self.most
             if not largest > floor or out_of_steps:
@@ -210,10 +226,14 @@ class ActiveSet(Iterate):
                 if not self._split():
                     self._descend()
                 smallest, patience, following = math.inf, PATIENCE, False
-            yielded = self._take_sets(violation, floor, following, slowly=patience <= PATIENCE // 2)
+            yielded = self._take_sets(
+                violation, floor, following, slowly=patience <= PATIENCE // 2
+            )
             polishing = ROUNDING * renewed > self.tolerance / 2 and largest <= POLISHED
             damped = self._soft or patience <= PATIENCE - DAMPED
-            following = self._round(yielded, (reduction, REACHED * floor), damped, polishing)
+            following = self._round(
+                yielded, (reduction, REACHED * floor), damped, polishing
+            )
             energy, last = self._energy(), energy
             reduction *= TIGHTENING if energy > last else 1.0
             violation = self.violation()
@@ -248,7 +268,11 @@ class ActiveSet(Iterate):
         return yielded
 
     def _round(
-        self, yielded: Mask | None, goals: tuple[float, float], damped: bool, polishing: bool
+        self,
+        yielded: Mask | None,
+        goals: tuple[float, float],
+        damped: bool,
+        polishing: bool,
     ) -> bool:
         """Solve loosely on the free nodes and bring their pressure back between the bounds.
 
@@ -321,7 +345,10 @@ class ActiveSet(Iterate):
         """
         patch, residual, (reduction, floor) = self.patch, self.residual, goals
         base, carried, deflation = self._constraint(yielded)
-        direction, change = np.zeros(base.shape, np.float32), np.zeros(base.shape, np.float32)
+        direction, change = (
+            np.zeros(base.shape, np.float32),
+            np.zeros(base.shape, np.float32),
+        )
         previous, goal, mean = math.inf, 0.0, 0.0
         least, last = math.inf, self.iterations
         largest, singular = math.inf, self.load is None and patch.singular
@@ -329,17 +356,25 @@ class ActiveSet(Iterate):
             here = patch.in_contact(residual)
             if carried:
                 mean = inner(base, here) / carried
-                here -= np.float32(mean) if here.ndim == 1 else np.float32(mean) * patch.within
+                here -= (
+                    np.float32(mean)
+                    if here.ndim == 1
+                    else np.float32(mean) * patch.within
+                )
             largest = max(float(here.max()), -float(here.min())) if here.size else 0.0
             least, last = min((largest, self.iterations), (least, last))
             if not largest > floor or self.iterations - last >= STAGNANT:
                 break
             goal = goal or reduction * largest
             if largest <= goal:
-                if checked and self._has_to_change(base + change, yielded, floor, largest, mean):
+                if checked and self._has_to_change(
+                    base + change, yielded, floor, largest, mean
+                ):
                     break
                 goal = max(reduction * goal, floor)
-            correction = self._constrained(patch.correct(here), here, base, carried, deflation)
+            correction = self._constrained(
+                patch.correct(here), here, base, carried, deflation
+            )
             product = inner(here, correction)
             direction *= np.float32(product / previous)
             direction += correction
@@ -355,7 +390,9 @@ class ActiveSet(Iterate):
             residual -= moved
             change += length * direction
             self.iterations += 1
-            if singular and (length < product / curvature * 0.999 or (base + change).min() < 0):
+            if singular and (
+                length < product / curvature * 0.999 or (base + change).min() < 0
+            ):
                 break
         if carried:
             mean = inner(base, patch.in_contact(residual)) / carried
@@ -386,7 +423,12 @@ class ActiveSet(Iterate):
         return base, 0.0, (image, stiffness if stiffness > 0 else 0.0)
 
     def _constrained(
-        self, correction: Real, here: Real, base: Real, carried: float, by: tuple[Real, float]
+        self,
+        correction: Real,
+        here: Real,
+        base: Real,
+        carried: float,
+        by: tuple[Real, float],
     ) -> Real:
         """Return a correction that carries no load in all, or is conjugate to the pressure."""
         image, stiffness = by
@@ -398,7 +440,12 @@ class ActiveSet(Iterate):
         return correction
 
     def _has_to_change(
-        self, pressure: Real, yielded: Mask | None, floor: float, largest: float, mean: float
+        self,
+        pressure: Real,
+        yielded: Mask | None,
+        floor: float,
+        largest: float,
+        mean: float,
     ) -> bool:
         """Return whether a set has to change: by tension, penetration outside, excess or
         opening.
@@ -423,9 +470,12 @@ class ActiveSet(Iterate):
         nodes = np.flatnonzero(self.patch.contact)
         try:
             with on_one_blas_thread(), np.errstate(over="raise"):
-                factor = ContactFactor(lambda some: self.patch.entries(some, "float64"), nodes)
+                factor = ContactFactor(
+                    lambda some: self.patch.entries(some, "float64"), nodes
+                )
                 change = factor.correct(
-                    self.residual.reshape(-1).astype(np.float64), None if self.load is None else 0.0
+                    self.residual.reshape(-1).astype(np.float64),
+                    None if self.load is None else 0.0,
                 )
         except (np.linalg.LinAlgError, FloatingPointError):
             return False
@@ -451,7 +501,9 @@ class ActiveSet(Iterate):
         if excess and yielded is not None:
             free, factor = np.where(yielded, 0.0, ahead) if yielded.any() else ahead, 1.0
             carried = float(pressure.sum()) - self.hardness * np.count_nonzero(yielded)
-            for _ in range(4):  # each time more nodes are capped; a few rounds come near enough
+            for _ in range(
+                4
+            ):  # each time more nodes are capped; a few rounds come near enough
                 capped = free >= self.hardness / factor
                 rest = float((free * ~capped).sum())
                 missing = carried - self.hardness * np.count_nonzero(capped)
@@ -460,7 +512,9 @@ class ActiveSet(Iterate):
                 last, factor = factor, min(max(missing / rest, 1.0), LARGEST_SCALE)
                 if factor == last:
                     break
-            ahead = np.minimum(np.where(yielded, self.hardness, factor * free), self.hardness)
+            ahead = np.minimum(
+                np.where(yielded, self.hardness, factor * free), self.hardness
+            )
         following = ((ahead > 0) | (self.residual > 0)) & ~tension
         if self.yields:
             following &= ahead < self.hardness
@@ -470,7 +524,9 @@ class ActiveSet(Iterate):
             patch.add_to(ahead, np.float32(ADVANCE) * patch.correct(residual))
             np.maximum(ahead, 0, out=ahead)
         if self.yields:
-            np.minimum(ahead, np.maximum(pressure, BELOW_HARDNESS * self.hardness), out=ahead)
+            np.minimum(
+                ahead, np.maximum(pressure, BELOW_HARDNESS * self.hardness), out=ahead
+            )
         self._admit(ahead)
         return ahead
 
@@ -489,7 +545,9 @@ class ActiveSet(Iterate):
         self.pressure = pressure + step * (self.pressure - pressure)
         self.residual = residual + np.float32(step) * (self.residual - residual)
 
-    def _shorten(self, pressure: Field, residual: Real, shift: float, solved: Field) -> None:
+    def _shorten(
+        self, pressure: Field, residual: Real, shift: float, solved: Field
+    ) -> None:
         """Take a shorter step from an earlier pressure towards the one that equations gave.
 
         Its length is that of the least energy on the line to the present pressure, but it goes

@@ -78,7 +78,11 @@ class Contact:
         """Normal displacement of the half-space's surface, (nx, ny), by one convolution [um]."""
         problem = self.problem
         operator = displacement_filter(
-            self.pressure.shape, problem.boundary, problem.kernel, problem.aspect, "float64"
+            self.pressure.shape,
+            problem.boundary,
+            problem.kernel,
+            problem.aspect,
+            "float64",
         )
         unit = problem.spacing[0] / problem.modulus
         displacement: Field = filtered(operator, self.pressure) * unit
@@ -100,7 +104,9 @@ class Contact:
         """Depth by which the softer body has yielded, (nx, ny), zero without a hardness [um]."""
         heights = self.problem.heights
         interference = (heights - heights.max()) + self.approach
-        depth = np.where(self.yielded, np.maximum(interference - self.displacement, 0.0), 0.0)
+        depth = np.where(
+            self.yielded, np.maximum(interference - self.displacement, 0.0), 0.0
+        )
         depth.setflags(write=False)
         return depth
 
@@ -214,7 +220,9 @@ class Contact:
         ArithmeticError
             If the equations are not solved to 1e-9.
         """
-        from bem.derived.flow import flows_through  # here, because few contacts are asked for it
+        from bem.derived.flow import (
+            flows_through,
+        )  # here, because few contacts are asked for it
 
         if axis not in self._kept:
             gap = np.where(self.pressure > 0, 0.0, np.maximum(self.gap, 0.0))
@@ -271,12 +279,16 @@ class Contact:
         ArithmeticError
             If a linear solve does not converge.
         """
-        if self.problem.far_field == "compliant":  # Delta leaves out what the patch gives way
+        if (
+            self.problem.far_field == "compliant"
+        ):  # Delta leaves out what the patch gives way
             return self.interface_stiffness
         yielded = self.yielded
         if not yielded.any():
             return self.stiffness
-        return punch_of(self.problem, np.flatnonzero((self.pressure > 0) & ~yielded)).stiffness
+        return punch_of(
+            self.problem, np.flatnonzero((self.pressure > 0) & ~yielded)
+        ).stiffness
 
     def conductance(self, k1: float, k2: float) -> float:
         """Compute the conductance of the contact between two half-spaces for heat or current.

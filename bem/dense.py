@@ -136,7 +136,9 @@ class ContactFactor:
                 self._free(returning)
                 self._fix(np.flatnonzero(tension), 0.0)
                 self._fix(np.flatnonzero(excess), self._hardness)
-        return DenseSolution(np.clip(pressure, 0, self._hardness), shift, most_sets, settled=False)
+        return DenseSolution(
+            np.clip(pressure, 0, self._hardness), shift, most_sets, settled=False
+        )
 
     @NO_WARNING
     def correct(self, residual: Values, load: float | None) -> Values:
@@ -155,7 +157,9 @@ class ContactFactor:
 
     def _forward(self, interference: Values, load: float | None) -> Real:
         """Apply L^-1 to u, and to a unit displacement if a load is given."""
-        sides = np.ones((len(interference), 1 if load is None else 2), self._lower.dtype, order="F")
+        sides = np.ones(
+            (len(interference), 1 if load is None else 2), self._lower.dtype, order="F"
+        )
         sides[:, 0] = interference
         return self._by(self._routines.trtrs, self._lower, sides)
 

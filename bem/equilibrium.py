@@ -173,7 +173,9 @@ def _has_elastic(problem: Problem) -> bool:
     return problem.boundary == "free" or (problem.delta or 0.0) < depth
 
 
-def _elastic_after_all(problem: Problem, found: Equilibrium, near: Start | None) -> Equilibrium:
+def _elastic_after_all(
+    problem: Problem, found: Equilibrium, near: Start | None
+) -> Equilibrium:
     """Return the elastic solution, to the last bit, unless it exceeds the hardness."""
     elastic = equilibrium_of(replace(problem, hardness=None), near)
     assert elastic is not None
@@ -214,7 +216,9 @@ def _on_few_nodes(problem: Problem, give: float) -> Equilibrium | None:
     touching = overlap(problem, delta)
     if np.count_nonzero(touching.below > -1) > FEW_NODES:
         return None
-    return _solve_densely(problem, touching, delta, 0.0 if problem.delta is None else give)
+    return _solve_densely(
+        problem, touching, delta, 0.0 if problem.delta is None else give
+    )
 
 
 @on_one_blas_thread()
@@ -356,7 +360,9 @@ def _new(
         below,
         shift=1.0 if load is None else None,
         load=load,
-        hardness=math.inf if problem.hardness is None else problem.reduced_hardness(length),
+        hardness=math.inf
+        if problem.hardness is None
+        else problem.reduced_hardness(length),
         rtol=problem.rtol,
         most=problem.max_iterations,
         least=LEAST,
@@ -442,7 +448,9 @@ def _guessed_reach(problem: Problem) -> float:
         return math.inf
     highest = np.partition(problem.heights, size - number, axis=None)[size - number]
     depth = float(problem.heights.max() - highest)
-    return math.nextafter(depth, math.inf) if depth > 0 else math.inf  # equally high nodes too
+    return (
+        math.nextafter(depth, math.inf) if depth > 0 else math.inf
+    )  # equally high nodes too
 
 
 def _first_pressure(problem: Problem, solve: ActiveSet) -> tuple[Field, bool]:
@@ -530,12 +538,16 @@ def _on_coarser_grid(problem: Problem) -> Start | None:
         if delta <= 0 or delta >= NESTED_BELOW * most:
             return None
     spacing = 2 * problem.spacing[0], 2 * problem.spacing[1]
-    coarse = replace(problem, heights=heights, spacing=spacing, delta=delta, rtol=NESTED_RTOL)
+    coarse = replace(
+        problem, heights=heights, spacing=spacing, delta=delta, rtol=NESTED_RTOL
+    )
     loose = equilibrium_of(coarse)
     assert loose is not None
     pressure = loose.pressure * (loose.length / spacing[0])
     for axis, nodes in enumerate(problem.heights.shape):
-        pressure = _between(pressure, axis, nodes) if free else pressure.repeat(2, axis=axis)
+        pressure = (
+            _between(pressure, axis, nodes) if free else pressure.repeat(2, axis=axis)
+        )
     share = heights.size / problem.heights.size
     reach = None
     if free and delta is None:

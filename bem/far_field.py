@@ -56,7 +56,9 @@ def give_of(problem: Problem) -> float:
         critical = critical_delta(problem.heights, problem.kernel, problem.aspect)
         if problem.delta >= critical:
             raise BeyondCriticalDelta(problem.delta, critical)
-    return 1 / float(flat_punch(problem.heights.shape, problem.kernel, problem.aspect).sum())
+    return 1 / float(
+        flat_punch(problem.heights.shape, problem.kernel, problem.aspect).sum()
+    )
 
 
 @lru_cache(maxsize=8)
@@ -87,7 +89,11 @@ def flat_punch(shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0) -> F
     """
     patch = Patch(shape, "free", kernel, aspect)
     solve = ActiveSet(
-        patch, np.zeros(shape), shift=1.0, rtol=FLAT_PUNCH_RTOL, most=FLAT_PUNCH_ITERATIONS
+        patch,
+        np.zeros(shape),
+        shift=1.0,
+        rtol=FLAT_PUNCH_RTOL,
+        most=FLAT_PUNCH_ITERATIONS,
     )
     if not solve.run():
         raise ArithmeticError(

@@ -103,12 +103,16 @@ def _table(shape: tuple[int, int], kernel: Kernel, aspect: float) -> Field:
     elif kernel == "concentrated-force":
         table = _concentrated_force(rows, columns, aspect)
     else:
-        raise ValueError(f"kernel {kernel!r} is unknown: choose one of {', '.join(KERNELS)}")
+        raise ValueError(
+            f"kernel {kernel!r} is unknown: choose one of {', '.join(KERNELS)}"
+        )
     table.setflags(write=False)
     return table
 
 
-def _uniform_pressure(rows: NDArray[np.int64], columns: NDArray[np.int64], aspect: float) -> Field:
+def _uniform_pressure(
+    rows: NDArray[np.int64], columns: NDArray[np.int64], aspect: float
+) -> Field:
     """Use the closed form near the loaded cell, and quadrature where its terms would cancel."""
     if aspect == 1.0:  # sorted offsets make the table symmetric to the last bit
         x, y = np.maximum(rows, columns) * 1.0, np.minimum(rows, columns) * 1.0
@@ -183,12 +187,18 @@ class InfluenceMatrix:
     """
 
     def __init__(
-        self, shape: tuple[int, int], kernel: Kernel, aspect: float, dtype: str = "float64"
+        self,
+        shape: tuple[int, int],
+        kernel: Kernel,
+        aspect: float,
+        dtype: str = "float64",
     ) -> None:
         self.dtype = np.dtype(dtype)
         self._shape = shape
         self._mirrored = shape[0] * shape[1] <= MIRRORED_NODES
-        tabulated = _few_coefficients if shape[0] * shape[1] <= FEW_NODES else _coefficients
+        tabulated = (
+            _few_coefficients if shape[0] * shape[1] <= FEW_NODES else _coefficients
+        )
         self._coefficients = tabulated(shape, kernel, aspect, dtype, self._mirrored)
 
     def between(self, nodes: Nodes, loaded: Nodes) -> Real:
@@ -225,7 +235,9 @@ class InfluenceMatrix:
             here, there = (some // columns * beyond + some for some in (nodes, loaded))
             mirrored: Nodes = np.subtract.outer(here, there - centre)
             return mirrored
-        along, across = zip(np.divmod(nodes, columns), np.divmod(loaded, columns), strict=True)
+        along, across = zip(
+            np.divmod(nodes, columns), np.divmod(loaded, columns), strict=True
+        )
         offsets: Nodes = np.abs(np.subtract.outer(*along))
         offsets *= columns
         offsets += np.abs(np.subtract.outer(*across))

@@ -55,7 +55,9 @@ class Effort(NamedTuple):
 
     def __add__(self, other: "Effort") -> "Effort":  # type: ignore[override]
         """Return the sum of both efforts."""
-        return Effort(self.iterations + other.iterations, self.convolutions + other.convolutions)
+        return Effort(
+            self.iterations + other.iterations, self.convolutions + other.convolutions
+        )
 
 
 class Violation(NamedTuple):
@@ -139,7 +141,9 @@ class Iterate:
         self._soft = load is None and patch.soft
         self.pressure = np.zeros(below.shape)
         self.shift = 0.0 if shift is None else shift
-        self.residual: Real = np.add(below, self.shift, dtype=np.float32, casting="same_kind")
+        self.residual: Real = np.add(
+            below, self.shift, dtype=np.float32, casting="same_kind"
+        )
         self.displacement: Field | None = None
         self.iterations, self.exact, self.stalled = 0, False, False
         self._tension = 0.0
@@ -307,7 +311,9 @@ class Iterate:
             if left < 0:
                 order = np.argsort(self.residual.reshape(-1)[loaded], kind="stable")
                 over, taken = fixed + free - load, values[order]
-                values[order] -= np.minimum(taken, np.maximum(over - (np.cumsum(taken) - taken), 0))
+                values[order] -= np.minimum(
+                    taken, np.maximum(over - (np.cumsum(taken) - taken), 0)
+                )
                 break
             if not free > 0:
                 break
@@ -344,7 +350,9 @@ class Iterate:
         factor = work / stiffness
         self.pressure *= factor
         self.residual *= np.float32(factor)
-        self.residual += np.multiply(self.below, 1 - factor, dtype=np.float32, casting="same_kind")
+        self.residual += np.multiply(
+            self.below, 1 - factor, dtype=np.float32, casting="same_kind"
+        )
         self.residual += np.float32((1 - factor) * self.shift)
 
     # First steps
@@ -364,7 +372,11 @@ class Iterate:
             ahead = self.pressure.copy()
             patch.add_to(ahead, patch.correct(patch.in_contact(self.residual)))
             np.maximum(ahead, 0, out=ahead)
-            if step == 0 and self.hardness < math.inf and self._excess(ahead) > MOSTLY_ELASTIC:
+            if (
+                step == 0
+                and self.hardness < math.inf
+                and self._excess(ahead) > MOSTLY_ELASTIC
+            ):
                 self.expect_yielding()
             np.minimum(ahead, self.limit, out=ahead)
             capped = float(ahead.sum(where=ahead >= self.limit)) if self.yields else 0.0
@@ -409,10 +421,15 @@ class Iterate:
                 return
             last, before = largest, self.pressure
             patch.take_contact(touching & (before < self.limit))
-            ahead, correction = before.copy(), patch.correct(patch.in_contact(self.residual))
+            ahead, correction = (
+                before.copy(),
+                patch.correct(patch.in_contact(self.residual)),
+            )
             share = APPROACH_FREE
             if patch.boundary != "free":
-                share = np.interp(patch.count, (0, before.size), (APPROACH_SMALL, APPROACH_FULL))
+                share = np.interp(
+                    patch.count, (0, before.size), (APPROACH_SMALL, APPROACH_FULL)
+                )
             patch.add_to(ahead, np.float32(share) * correction)
             self.pressure = np.clip(ahead, 0, self.limit, out=ahead)
             self._admit(ahead)

@@ -234,7 +234,11 @@ def check_solvable(problem: Problem, pressure: float | None = None) -> None:
         If no equilibrium carries the load, or has the displacement.
     """
     _check_range(problem)
-    edgeless, force, hardness = problem.boundary != "free", problem.force, problem.hardness
+    edgeless, force, hardness = (
+        problem.boundary != "free",
+        problem.force,
+        problem.hardness,
+    )
     settings = f"boundary = {problem.boundary!r}" if edgeless else "hardness"
     if problem.kernel == "concentrated-force" and (edgeless or problem.aspect != 1):
         with_what = f"is not solved with {settings}"
@@ -334,10 +338,14 @@ def checked_heights(heights: ArrayLike) -> Field:
     """Return a copy of the heights as (nx, ny) finite floats, or refuse them."""
     surface: Field = real_array("heights", heights)
     if surface.ndim != 2 or surface.size == 0:
-        raise ValueError(f"heights have shape {surface.shape}: a grid of nodes (nx, ny) is needed")
+        raise ValueError(
+            f"heights have shape {surface.shape}: a grid of nodes (nx, ny) is needed"
+        )
     holes = surface.size - int(np.count_nonzero(np.isfinite(surface)))
     if holes:
-        raise ValueError(f"heights hold {holes} values that are not finite: fill or crop them")
+        raise ValueError(
+            f"heights hold {holes} values that are not finite: fill or crop them"
+        )
     surface.setflags(write=False)
     return surface
 
@@ -352,7 +360,9 @@ def _checked_spacing(
             single = isinstance(given, str) or np.ndim(given) == 0
             pair = (given, given) if single else tuple(given)
             if len(pair) != 2:
-                raise ValueError(f"{name} = {shown(given)}: one length or two are needed, in um")
+                raise ValueError(
+                    f"{name} = {shown(given)}: one length or two are needed, in um"
+                )
             lengths = checked(name, pair[0]), checked(name, pair[1])
     if spacing is not None:
         return lengths
@@ -376,7 +386,9 @@ def checked(name: str, value: Any) -> Any:
     allowed = ARGUMENTS[name]
     if not isinstance(allowed, Range):
         if not isinstance(value, str) or value not in allowed:
-            raise ValueError(f"{name} = {shown(value)}: must be one of {', '.join(allowed)}")
+            raise ValueError(
+                f"{name} = {shown(value)}: must be one of {', '.join(allowed)}"
+            )
         return value
     return real_number(name, value, allowed)
 

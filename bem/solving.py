@@ -61,8 +61,12 @@ class NotConverged(ArithmeticError):
             remedy = f": cells of 1:{problem.elongation:.4g} are beyond 1:{OBLONG}, the most tested"
         elif stalled:
             remedy = ": rounding leaves no smaller one; raise rtol"
-        elif contact.iterations >= problem.max_iterations and (
-            problem.max_iterations < MAX_ITERATIONS or problem.far_field == "compliant"
+        elif (
+            contact.iterations >= problem.max_iterations
+            and (
+                problem.max_iterations < MAX_ITERATIONS
+                or problem.far_field == "compliant"
+            )
         ):  # with the default, raising it was seen to help near the Delta* of such a far field only
             remedy = f": raise max_iterations ({problem.max_iterations})"
         super().__init__(
@@ -186,7 +190,9 @@ def solve(
         rtol=rtol,
         max_iterations=max_iterations,
     )
-    start = None if near is None else Start(checked_start(near, problem) / problem.modulus)
+    start = (
+        None if near is None else Start(checked_start(near, problem) / problem.modulus)
+    )
     with on_threads(None if threads is None else checked("threads", threads)):
         return contact_of(problem, equilibrium_of(problem, start))
 
@@ -224,12 +230,16 @@ def contact_of(problem: Problem, equilibrium: Equilibrium | None) -> Contact:
     touching = int(np.count_nonzero(equilibrium.pressure > 0))
     pressure = equilibrium.pressure * unit
     if problem.hardness is not None:  # units may have cost the last digit
-        pressure[np.abs(pressure - problem.hardness) <= ULPS * problem.hardness] = problem.hardness
+        pressure[np.abs(pressure - problem.hardness) <= ULPS * problem.hardness] = (
+            problem.hardness
+        )
     pressure.setflags(write=False)
     contact = Contact(
         problem=problem,
         pressure=pressure,
-        force=float(equilibrium.pressure.sum()) * unit * (problem.spacing[0] * problem.spacing[1]),
+        force=float(equilibrium.pressure.sum())
+        * unit
+        * (problem.spacing[0] * problem.spacing[1]),
         area_percent=100.0 * touching / equilibrium.pressure.size,
         contact_nodes=touching,
         delta=equilibrium.delta,
@@ -243,9 +253,15 @@ def contact_of(problem: Problem, equilibrium: Equilibrium | None) -> Contact:
         return contact
     # Without convergence, nodes that the solver left aside count too.
     unit = problem.delta or contact.approach
-    contact = replace(contact, residual=_violation(contact) / unit if unit > 0 else math.inf)
-    exceeded = problem.hardness is not None and contact.largest_pressure > problem.hardness
-    if exceeded or not contact.residual <= problem.rtol:  # a residual that is nan is refused too
+    contact = replace(
+        contact, residual=_violation(contact) / unit if unit > 0 else math.inf
+    )
+    exceeded = (
+        problem.hardness is not None and contact.largest_pressure > problem.hardness
+    )
+    if (
+        exceeded or not contact.residual <= problem.rtol
+    ):  # a residual that is nan is refused too
         raise NotConverged(contact, equilibrium.stalled)
     return contact
 
@@ -326,7 +342,9 @@ def ladder(
     chosen = [(name, loads) for name, loads in given.items() if loads is not None]
     if len(chosen) != 1:
         said = " and ".join(f"{name}s" for name, _ in chosen) or "no loads"
-        raise ValueError(f"{said} given: give one of deltas [um], forces [uN] and pressures [MPa]")
+        raise ValueError(
+            f"{said} given: give one of deltas [um], forces [uN] and pressures [MPa]"
+        )
     name, loads = chosen[0]
     refuse_masked(f"{name}s", loads)
     scalar = isinstance(loads, np.ndarray) and loads.ndim == 0
@@ -378,7 +396,9 @@ def _extrapolated(last: list[Rung], load: float, spacing: float) -> Start | None
         return None
     weighted = [
         (
-            math.prod((load - other) / (mine - other) for other, _ in last if other != mine),
+            math.prod(
+                (load - other) / (mine - other) for other, _ in last if other != mine
+            ),
             equilibrium,
         )
         for mine, equilibrium in last
@@ -386,7 +406,8 @@ def _extrapolated(last: list[Rung], load: float, spacing: float) -> Start | None
     nothing = np.zeros_like(last[0][1].pressure)
     with np.errstate(over="ignore", invalid="ignore"):
         pressure = sum(
-            (each.length * weight / spacing * each.pressure for weight, each in weighted), nothing
+            (each.length * weight / spacing * each.pressure for weight, each in weighted),
+            nothing,
         )
         if not np.isfinite(pressure).all():
             nearest = last[-1][1]

@@ -206,7 +206,9 @@ class _Sections:
             self._count_dense(depth, pools)
 
     def _count_dense(self, depth: int, pools: list[Any]) -> None:
-        more = [(pool, threads) for pool in pools if (threads := pool.get_num_threads()) != 1]
+        more = [
+            (pool, threads) for pool in pools if (threads := pool.get_num_threads()) != 1
+        ]
         if depth and not self.dense:
             self.threads_before = more
         if depth:

@@ -6,7 +6,9 @@ import sys
 
 def main() -> int:
     """Run the command line."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # first: Ctrl-C ends imports without a traceback
+    signal.signal(
+        signal.SIGINT, signal.SIG_DFL
+    )  # first: Ctrl-C ends imports without a traceback
     from gen.runtime import farm
 
     with farm.process():

@@ -86,7 +86,11 @@ def growth(rows: list[Row]) -> str:
 def comparison(rows: list[Row]) -> str:
     """Best of the nine models with the paper's features, beside the paper's best."""
     ours, theirs = (
-        max((row for row in rows if row[name]), key=lambda row: float(row[name]), default=None)
+        max(
+            (row for row in rows if row[name]),
+            key=lambda row: float(row[name]),
+            default=None,
+        )
         for name in ("r2", "paper_r2")
     )
     if ours is None:
@@ -102,7 +106,9 @@ def comparison(rows: list[Row]) -> str:
 
 def exactness(rows: list[Row]) -> str:
     """Error of the area with hybrid features, learnt from all rows, on rows that judge."""
-    best = max((r for r in rows if r["features"] == "hybrid"), key=lambda r: int(r["trained"]))
+    best = max(
+        (r for r in rows if r["features"] == "hybrid"), key=lambda r: int(r["trained"])
+    )
     return (
         f"New surfaces of the same kind: nMAE {float(best['nmae']):.2f} % of the area, R2"
         f" {float(best['r2']):.2f} %, learnt from {int(best['trained']):,} rows."
@@ -125,7 +131,9 @@ def coverage(rows: list[Row]) -> str:
 
 def scans(rows: list[Row]) -> str:
     """Errors on unseen tiles of maps, for each size of window."""
-    whole = [row for row in rows if row["left_out"] == "unseen tiles" and row["map"] == "all"]
+    whole = [
+        row for row in rows if row["left_out"] == "unseen tiles" and row["map"] == "all"
+    ]
     sizes = "; ".join(
         f"{row['nodes']} nodes a side: R2 {float(row['r2']):.2f} %, nMAE {float(row['nmae']):.2g} %"
         for row in sorted(whole, key=lambda row: int(row["nodes"]))
@@ -136,7 +144,9 @@ def scans(rows: list[Row]) -> str:
 def grow(rows: list[Row]) -> str:
     """Promises of accuracy that hold on fresh surfaces."""
     kept = sum(float(row["fresh_nmae"]) <= float(row["asked"]) for row in rows)
-    return f"The accuracy asked for holds on fresh surfaces in {kept} of {len(rows)} cases."
+    return (
+        f"The accuracy asked for holds on fresh surfaces in {kept} of {len(rows)} cases."
+    )
 
 
 def cost(rows: list[Row]) -> str:
@@ -144,7 +154,8 @@ def cost(rows: list[Row]) -> str:
     (row,) = (
         row
         for row in rows
-        if (row["asked"], row["solver"], row["features"]) == ("new surfaces", "ours", "hybrid")
+        if (row["asked"], row["solver"], row["features"])
+        == ("new surfaces", "ours", "hybrid")
     )
     return (
         f"From {int(row['break_even']):,} contacts of new surfaces on, with"
@@ -162,7 +173,12 @@ ASKED: tuple[tuple[str, str, str, Answer], ...] = (
     ("How fast on periodic patches?", "periodic", "periodic.csv", PERIODIC),
     ("Does it bear stiff and extreme cases?", "stability", "*.csv", stability),
     ("Do fine grids cost more steps?", "growth", "growth.csv", growth),
-    ("How near do its models come to the paper's?", "comparison", "area/scores.csv", comparison),
+    (
+        "How near do its models come to the paper's?",
+        "comparison",
+        "area/scores.csv",
+        comparison,
+    ),
     ("How exact is a surrogate?", "cost", "learning.csv", exactness),
     ("Does it know what it does not know?", "coverage", "coverage.csv", coverage),
     ("What of measured maps?", "scans", "scans.csv", scans),

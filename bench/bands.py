@@ -26,7 +26,9 @@ from gen.scene import Scene
 LEVEL = 0.9
 ALLOWED = 3.0  # distance of the share inside from the level [%]
 NUMBERS = (5, 10, 20, 50)  # surfaces of a law
-LOADS = np.geomspace(0.003, 0.3, 5)  # mean pressures over E* and the rms slope of the pool
+LOADS = np.geomspace(
+    0.003, 0.3, 5
+)  # mean pressures over E* and the rms slope of the pool
 SEED = 68
 
 SIDE = 1000.0  # um
@@ -65,7 +67,9 @@ def bands(nodes: int, pool: int, draws: int) -> list[Row]:
     pool is too small.
     """
     if pool < 2 * max(NUMBERS):
-        raise InputError(f"--pool {pool}: give {2 * max(NUMBERS)} or more, half of which are drawn")
+        raise InputError(
+            f"--pool {pool}: give {2 * max(NUMBERS)} or more, half of which are drawn"
+        )
     rows: list[Row] = []
     for name, surfaces, side in populations(nodes, pool):
         solved = Pool(name, pressed(surfaces, side))
@@ -81,7 +85,9 @@ def populations(nodes: int, pool: int) -> list[tuple[str, list[Heights], float]]
         table = f"[surface]\n{keys}nodes = {nodes}\nside = {SIDE}\n"
         text = f'samples = {pool}\nsamples_per_surface = 1\n{table}[contact]\nboundary = "mirror"\n'
         scene = Scene.parse(text, name, Path())
-        made.append((name, [surface_numbered(scene, number) for number in range(pool)], SIDE))
+        made.append(
+            (name, [surface_numbered(scene, number) for number in range(pool)], SIDE)
+        )
     random, whole = np.random.default_rng(SEED), surface(MAP)
     corners = random.integers(0, np.subtract(whole.shape, nodes), (pool, 2))
     windows = [whole[x : x + nodes, y : y + nodes] for x, y in corners]
@@ -91,13 +97,19 @@ def populations(nodes: int, pool: int) -> list[tuple[str, list[Heights], float]]
 def pressed(surfaces: list[Heights], side: float) -> dict[str, Values]:
     """Press all surfaces between their mirror images at the same pressures, with E* = 1 MPa."""
     steps = [np.diff(heights, axis=axis) for heights in surfaces for axis in (0, 1)]
-    slope = np.sqrt(2 * np.mean([np.mean(step**2) for step in steps])) * len(surfaces[0]) / side
+    slope = (
+        np.sqrt(2 * np.mean([np.mean(step**2) for step in steps]))
+        * len(surfaces[0])
+        / side
+    )
     contacts = [
         list(bem.ladder(heights, side, pressures=slope * LOADS, boundary="mirror"))
         for heights in surfaces
     ]
     return {
-        name: np.array([[quantity.of(contact) for contact in ladder] for ladder in contacts])
+        name: np.array(
+            [[quantity.of(contact) for contact in ladder] for ladder in contacts]
+        )
         for name, quantity in QUANTITIES.items()
     }
 

@@ -25,7 +25,14 @@ from gen.runtime.files import make_folder
 from gen.surface import generate
 
 YOUNG, CONDUCTIVITY, HOT = 210e3, 50.0, 100.0  # MPa, W/(m K), K
-STEEL = ("--young", f"{YOUNG:g}", "--poisson", "0.3", "--conductivity", f"{CONDUCTIVITY:g}")
+STEEL = (
+    "--young",
+    f"{YOUNG:g}",
+    "--poisson",
+    "0.3",
+    "--conductivity",
+    f"{CONDUCTIVITY:g}",
+)
 HARDNESSES = (None, 2000.0)  # MPa
 PRESSURES = "5:320:7:log"  # MPa
 SURFACES = {"Hurst exponent 0.8": (0.8, 129), "Hurst exponent 0.5": (0.5, 129)}
@@ -56,10 +63,17 @@ def pressed(folder: Path, law: Sequence[Mapping[str, float]]) -> list[Row]:
     steps = ((word + step).replace(DOWN, f"TOP, 3, 3, {down:.12g}") for down in downs)
     (folder / "blocks.inp").write_text(model + "".join(steps), encoding="utf-8")
     done = subprocess.run(
-        ["ccx", "blocks"], cwd=folder, capture_output=True, text=True, timeout=SECONDS, check=False
+        ["ccx", "blocks"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=SECONDS,
+        check=False,
     )
     if done.returncode:
-        raise InputError(f"CalculiX failed with code {done.returncode}: {done.stdout[-200:]!r}")
+        raise InputError(
+            f"CalculiX failed with code {done.returncode}: {done.stdout[-200:]!r}"
+        )
     return _compared(law, (folder / "blocks.dat").read_text(encoding="utf-8"))
 
 
@@ -92,8 +106,14 @@ def _compared(law: Sequence[Mapping[str, float]], printed: str) -> list[Row]:
 def calculix(folder: Path) -> Report:
     """Compute the laws of all surfaces and hardnesses, and press each in CalculiX."""
     rows: list[Row] = []
-    for (name, (hurst, nodes)), hardness in ((s, h) for s in SURFACES.items() for h in HARDNESSES):
-        home = folder / "decks" / f"hurst-{hurst:g}-{'elastic' if hardness is None else 'yielding'}"
+    for (name, (hurst, nodes)), hardness in (
+        (s, h) for s in SURFACES.items() for h in HARDNESSES
+    ):
+        home = (
+            folder
+            / "decks"
+            / f"hurst-{hurst:g}-{'elastic' if hardness is None else 'yielding'}"
+        )
         for row in pressed(home, law_of(home, hurst, nodes, hardness)):
             near = all(abs(row[f"{each}_off"]) <= ALLOWED for each in QUANTITIES)
             said = {"surface": name, "hardness_MPa": hardness or "", **row}

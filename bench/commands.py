@@ -24,13 +24,19 @@ Folder = Annotated[Path, _output]
 Place = Annotated[Path | None, _output]
 Database = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", help="A database of the paper preset, not generated anew."),
+    typer.Option(
+        metavar="FILE", help="A database of the paper preset, not generated anew."
+    ),
 ]
 Comparison = Annotated[
     Path | None,
-    typer.Option(metavar="DIR", help="Folder of learn compare and tune; made if left out."),
+    typer.Option(
+        metavar="DIR", help="Folder of learn compare and tune; made if left out."
+    ),
 ]
-Full = Annotated[bool, typer.Option("--full", help="Everything: hours. Else ten minutes.")]
+Full = Annotated[
+    bool, typer.Option("--full", help="Everything: hours. Else ten minutes.")
+]
 Names = Annotated[list[str] | None, typer.Argument(metavar="NAME", help="All if none.")]
 
 KEYWORD = inspect.Parameter.KEYWORD_ONLY
@@ -56,7 +62,8 @@ def run(
     database: Database = None,
     comparison: Comparison = None,
     plan: Annotated[
-        bool, typer.Option("--plan", help="List the parts with their times, and make nothing.")
+        bool,
+        typer.Option("--plan", help="List the parts with their times, and make nothing."),
     ] = False,
 ) -> int:
     """Make all reports, or those named, and one page of them: DIR/index.html, without network.
@@ -95,14 +102,18 @@ def page(
     from bench.record import Inputs
 
     if not folder.is_dir():
-        raise InputError(f"{folder} is not a folder; `python -m bench run -o {folder}` makes one")
+        raise InputError(
+            f"{folder} is not a folder; `python -m bench run -o {folder}` makes one"
+        )
     echo(str(write_page(PARTS, Inputs(folder, None, comparison, full))))
 
 
 @app.command()
 def publish(
     folder: Annotated[Path, typer.Argument(help="Folder of `bench run --full`.")],
-    target: Annotated[Path, typer.Argument(help="Folder of published results: bench/results.")],
+    target: Annotated[
+        Path, typer.Argument(help="Folder of published results: bench/results.")
+    ],
     *,
     comparison: Comparison = None,
 ) -> None:
@@ -122,7 +133,9 @@ def add(part: Part) -> None:
     """Add the command of a report, with the options that its file declares."""
 
     def command(output: Path | None, **given: Any) -> int:
-        asked = {name: _parsed(name, given[name], said) for name, said in part.options.items()}
+        asked = {
+            name: _parsed(name, given[name], said) for name, said in part.options.items()
+        }
         if output is not None:
             _require_place(output, part)
         if part.keeps:
@@ -166,7 +179,9 @@ def _parsed(name: str, value: Any, said: Mapping[str, Any]) -> Any:
     try:
         return [kind(each) for each in value.split(",")] if value else []
     except ValueError:
-        raise InputError(f"{name} {value!r}: give numbers with commas between them") from None
+        raise InputError(
+            f"{name} {value!r}: give numbers with commas between them"
+        ) from None
 
 
 def _require_place(folder: Path, part: Part) -> None:
@@ -184,7 +199,10 @@ def _tell(part: Part, report: Report) -> None:
         lines: list[Row] = list(rows)
         if f"{name}.csv" in shown and lines and len(lines) <= LONGEST:
             columns = shown[f"{name}.csv"].get("columns", list(lines[0]))
-            texts = ([cell("" if r[c] is None else str(r[c])).text for c in columns] for r in lines)
+            texts = (
+                [cell("" if r[c] is None else str(r[c])).text for c in columns]
+                for r in lines
+            )
             _print(f"{markdown(columns, texts)}\n\n")
     if report.text:
         _print(report.text)

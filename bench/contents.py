@@ -38,7 +38,9 @@ class Table:
     data: Path
     caption: str
     columns: tuple[str, ...] = ()  # that are shown, in this order; all of them if empty
-    verdict: str = ""  # the column whose value is `passed` where all is well: other rows are red
+    verdict: str = (
+        ""  # the column whose value is `passed` where all is well: other rows are red
+    )
 
 
 @dataclass(frozen=True)
@@ -72,14 +74,18 @@ def _contents(entry: Mapping[str, Any], folder: Path) -> Iterator[Content]:
     (kind,) = entry.keys() & {"figure", "table", "words"}
     may_miss = kind == "words" or entry.get("optional", False)
     for path in named(folder, entry[kind]):
-        caption = " ".join(entry.get("caption", "").replace("{target}", path.parent.name).split())
+        caption = " ".join(
+            entry.get("caption", "").replace("{target}", path.parent.name).split()
+        )
         if may_miss and not is_there(path):
             continue
         if kind == "figure":
             data = (folder / each for each in entry.get("data", ()))
             yield Figure(path, caption, tuple(filter(is_there, data)))
         elif kind == "table":
-            yield Table(path, caption, tuple(entry.get("columns", ())), entry.get("verdict", ""))
+            yield Table(
+                path, caption, tuple(entry.get("columns", ())), entry.get("verdict", "")
+            )
         else:
             text, typed = content_of(path).decode(), entry.get("typed", False)
             yield from [Words(text, typed)] if typed else map(Words, text.splitlines())
@@ -111,7 +117,9 @@ def tabulated(table: Table) -> Tabulated:
     for place, name in enumerate(columns):
         *words, last = name.split("_")
         unit = f"[{UNITS[last]}]" if words and last in UNITS else last
-        titles.append(Cell(" ".join([*words, unit]), all(row[place].number for row in rows)))
+        titles.append(
+            Cell(" ".join([*words, unit]), all(row[place].number for row in rows))
+        )
     failed = [line[table.verdict] != PASSED if table.verdict else None for line in lines]
     return Tabulated(titles, rows, failed)
 

@@ -56,7 +56,11 @@ def of_the_paper(given: Path | None, folder: Path, rows: int) -> Path:
         different = differences(reader.scene, preset)
         whole = reader.rows == range(reader.scene.samples)
     if not whole:
-        raise InputError(f"--database {given}: is a part; python -m gen merge makes it whole")
+        raise InputError(
+            f"--database {given}: is a part; python -m gen merge makes it whole"
+        )
     if different:
-        raise InputError(f"--database {given}: give one of the paper preset ({different[0]})")
+        raise InputError(
+            f"--database {given}: give one of the paper preset ({different[0]})"
+        )
     return given

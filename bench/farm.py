@@ -43,7 +43,11 @@ from gen.schema import Status
 
 TIMEOUT = 300.0  # seconds after which a measurement counts as hanging
 
-OPEN_MPI = ("ALLOW_RUN_AS_ROOT", "ALLOW_RUN_AS_ROOT_CONFIRM", "MCA_rmaps_base_oversubscribe")
+OPEN_MPI = (
+    "ALLOW_RUN_AS_ROOT",
+    "ALLOW_RUN_AS_ROOT_CONFIRM",
+    "MCA_rmaps_base_oversubscribe",
+)
 ENVIRONMENT = {
     **{f"OMPI_{name}": "1" for name in OPEN_MPI},
     "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
@@ -65,10 +69,28 @@ def launch(ranks: int, program: str, arguments: dict[str, Any], folder: Path) ->
     specification.write_text(json.dumps(arguments))
     command = [sys.executable, "-m", "bench.farm", program, str(specification)]
     if ranks:
-        command = [_mpiexec(), "-n", str(ranks), sys.executable, "-m", "mpi4py", *command[1:]]
-    kept = {key: value for key, value in os.environ.items() if not key.startswith(("PMI", "OMPI"))}
-    settings: dict[str, Any] = {"cwd": folder, "env": kept | ENVIRONMENT, "timeout": TIMEOUT}
-    done = subprocess.run(command, **settings, capture_output=True, text=True, check=False)
+        command = [
+            _mpiexec(),
+            "-n",
+            str(ranks),
+            sys.executable,
+            "-m",
+            "mpi4py",
+            *command[1:],
+        ]
+    kept = {
+        key: value
+        for key, value in os.environ.items()
+        if not key.startswith(("PMI", "OMPI"))
+    }
+    settings: dict[str, Any] = {
+        "cwd": folder,
+        "env": kept | ENVIRONMENT,
+        "timeout": TIMEOUT,
+    }
+    done = subprocess.run(
+        command, **settings, capture_output=True, text=True, check=False
+    )
     if done.returncode:
         reason = f"exit code {done.returncode}: {done.stderr.strip()[-500:]}"
         raise InputError(f"{program} on {ranks} ranks fails with {reason}")
@@ -143,7 +165,9 @@ class Spec:
     def scene(self) -> Scene:
         """The scene of the rows."""
         surface = f"samples = {self.rows}\n[surface]\nnodes = {self.nodes}\n"
-        return Scene.parse(f"{surface}[store]\npressure = true\n", "the benchmark's scene")
+        return Scene.parse(
+            f"{surface}[store]\npressure = true\n", "the benchmark's scene"
+        )
 
     @property
     def megabytes(self) -> float:
@@ -154,7 +178,9 @@ class Spec:
 Seconds = dict[str, list[float]]  # times of the rounds by the writer's name [s]
 
 
-def writers(ranks: Sequence[int], rows: int, rounds: int, folder: Path | None) -> list[Row]:
+def writers(
+    ranks: Sequence[int], rows: int, rounds: int, folder: Path | None
+) -> list[Row]:
     """Measure both writers under mpiexec, or the single one alone where h5py has no MPI.
 
     Takes numbers of processes, 2 or more each, of which rank 0 is the master, and the folder on the
@@ -175,7 +201,12 @@ def writers(ranks: Sequence[int], rows: int, rounds: int, folder: Path | None) -
             for writer, times in taken.items():
                 rates = (spec.megabytes / of(times) for of in (median, max, min))
                 names = ("rate_MB_s", "lowest_MB_s", "highest_MB_s")
-                row = {"ranks": number, "writer": writer, "rows": rows, "megabytes": spec.megabytes}
+                row = {
+                    "ranks": number,
+                    "writer": writer,
+                    "rows": rows,
+                    "megabytes": spec.megabytes,
+                }
                 row |= {"median_s": median(times), **dict(zip(names, rates, strict=True))}
                 found.append(row)
     return found
@@ -194,7 +225,9 @@ def time_writers(spec: Spec, path: Path, world: farm.World) -> Seconds:
                 database.create(path, spec.scene)
             world.broadcast(None)
             own = writer == "parallel"
-            seconds[writer].append(write(path, spec.scene, blocks, template, world, parallel=own))
+            seconds[writer].append(
+                write(path, spec.scene, blocks, template, world, parallel=own)
+            )
             if world.is_master:
                 require_rows(path, blocks, template)
     return seconds
@@ -216,7 +249,9 @@ def write(
     with opened(path, scene, world, parallel=parallel) as writer:
 
         def work(block: Block) -> Any:
-            rows = {name: values[: block[1] - block[0]] for name, values in template.items()}
+            rows = {
+                name: values[: block[1] - block[0]] for name, values in template.items()
+            }
             if writer is not None and parallel:
                 writer.write_block(*block, rows)
             return rows["status"] if parallel else rows

@@ -16,7 +16,9 @@ Row = dict[str, Any]
 
 HOME = Path(__file__).parent  # of the texts of this package
 ENOUGH = 7  # significant digits of measured numbers, far beyond what repeats
-COMPRESSED = ".xz"  # added to the names of large tables in the repository; `unxz` gives them back
+COMPRESSED = (
+    ".xz"  # added to the names of large tables in the repository; `unxz` gives them back
+)
 
 
 def content_of(path: Path) -> bytes:
@@ -80,7 +82,9 @@ def write_rows(path: Path, rows: Iterable[Mapping[str, Any]]) -> Path:
 def read_table(path: Path) -> tuple[list[str], list[dict[str, str]]]:
     """Read the names of the columns of a table, and its rows by these names."""
     try:
-        reader = csv.DictReader(StringIO(content_of(path).decode(), newline=""), restval="")
+        reader = csv.DictReader(
+            StringIO(content_of(path).decode(), newline=""), restval=""
+        )
         return list(reader.fieldnames or ()), list(reader)
     except (InputError, ValueError, csv.Error) as error:
         raise InputError(f"{path}: cannot be read as a table ({error})") from None

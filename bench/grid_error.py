@@ -85,7 +85,9 @@ def _judged(draw: Draw, random: np.random.Generator) -> Iterator[Judged]:
     """Yield what becomes of the bars of one surface."""
     sample = draw(random)
     coarse, fine = sample.surface(sample.nodes), sample.surface(sample.exact)
-    slope = math.hypot(*(np.diff(coarse, axis=axis).std() for axis in (0, 1))) * sample.nodes
+    slope = (
+        math.hypot(*(np.diff(coarse, axis=axis).std() for axis in (0, 1))) * sample.nodes
+    )
     for _ in range(LOADS):
         pressure = slope * math.exp(random.uniform(math.log(0.005), math.log(0.5)))
         hardness = None if random.random() < 2 / 3 else pressure * random.uniform(1.5, 20)
@@ -138,7 +140,9 @@ def _finer(nodes: int, nodes_a_wave: float) -> int:
 def _grid(random: np.random.Generator, *nodes: int) -> tuple[int, int]:
     """Draw nodes a side, and the waves a side of a shortest one of 3 to 32 nodes."""
     chosen = int(random.choice(nodes))
-    return chosen, max(int(chosen / math.exp(random.uniform(math.log(3.0), math.log(32)))), 3)
+    return chosen, max(
+        int(chosen / math.exp(random.uniform(math.log(3.0), math.log(32)))), 3
+    )
 
 
 def _waves(random: np.random.Generator, aspect: float = 1.0) -> Sample:
@@ -240,7 +244,9 @@ def _made_map(random: np.random.Generator) -> Sample:
     """
     nodes, between = 97, int(random.integers(1, 3))
     kind, number = random.choice(sorted(MACHINED)), int(random.integers(1000))
-    made = MadeMap(kind, number, (nodes, nodes), random.uniform(0.3, 2.0), random.uniform(15, 40))
+    made = MadeMap(
+        kind, number, (nodes, nodes), random.uniform(0.3, 2.0), random.uniform(15, 40)
+    )
     places = np.linspace(0, 1, nodes)
     spline = RectBivariateSpline(places, places, made_surface(made) / (nodes - 1))
 

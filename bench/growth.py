@@ -45,24 +45,34 @@ def growth(nodes: Sequence[int], surfaces: int) -> Report:
     for size in nodes:
         if size < SEEKING_NODES[0] or size - 1 & size - 2:
             raise InputError(f"nodes {size}: give 2^k + 1, {SEEKING_NODES[0]} or more")
-    return Report({"growth": cost(nodes, surfaces), "yielding": pressures(nodes, surfaces)})
+    return Report(
+        {"growth": cost(nodes, surfaces), "yielding": pressures(nodes, surfaces)}
+    )
 
 
-def cost(nodes: Sequence[int], surfaces: int, percents: Sequence[float] = PERCENTS) -> list[Row]:
+def cost(
+    nodes: Sequence[int], surfaces: int, percents: Sequence[float] = PERCENTS
+) -> list[Row]:
     """Measure the cost of solves at shares of contact on grids, as means over surfaces."""
     rows: list[Row] = []
     fewest = 1.0
     for percent, size in product(percents, nodes):
         solves = []
         for seed in range(surfaces):
-            with ThreadPoolExecutor(1) as fresh:  # it keeps no tables of the solves before
+            with ThreadPoolExecutor(
+                1
+            ) as fresh:  # it keeps no tables of the solves before
                 solves.append(fresh.submit(_solve, size, seed, percent).result())
-        means = {name: float(np.mean([each[name] for each in solves])) for name in solves[0]}
+        means = {
+            name: float(np.mean([each[name] for each in solves])) for name in solves[0]
+        }
         fewest = means["convolutions"] if size == nodes[0] else fewest
         doublings = max(np.log2((size - 1) / (nodes[0] - 1)), 1.0)
         growth = float((means["convolutions"] / fewest) ** (1 / doublings))
         most = {"padded_arrays": max(each["padded_arrays"] for each in solves)}
-        rows.append({"percent": percent, "nodes": size, **means, **most, "growth": growth})
+        rows.append(
+            {"percent": percent, "nodes": size, **means, **most, "growth": growth}
+        )
         remark(f"{percent:g} %, {size} nodes: {means['seconds']:.2f} s")
     return rows
 
@@ -78,8 +88,12 @@ def pressures(nodes: Sequence[int], surfaces: int) -> list[Row]:
         row: Row = {"hardness": hardness, "nodes": size}
         for name in (AREA.name, YIELDED.name):
             row[name] = float(np.mean([getattr(contact, name) for contact in contacts]))
-        row["mean_pressure"] = float(np.mean([100 * PRESSURE / c.area_percent for c in contacts]))
-        row["convolutions"] = float(np.mean([contact.convolutions for contact in contacts]))
+        row["mean_pressure"] = float(
+            np.mean([100 * PRESSURE / c.area_percent for c in contacts])
+        )
+        row["convolutions"] = float(
+            np.mean([contact.convolutions for contact in contacts])
+        )
         remark(f"hardness {hardness}, {size} nodes: {row['area_percent']:.3g} %")
         rows.append(row)
     return rows
@@ -125,4 +139,8 @@ def _solve(nodes: int, seed: int, percent: float) -> dict[str, float]:
         with mock.patch.object(patch, "FEW_FREE", ((0.0, 1.0),)):
             contact = bem.solve(heights, SIDE, delta, rtol=RTOL)
     found = {"area_percent": contact.area_percent, "convolutions": contact.convolutions}
-    return {**found, "seconds": seconds, "padded_arrays": memory / (8 * fast_period(nodes) ** 2)}
+    return {
+        **found,
+        "seconds": seconds,
+        "padded_arrays": memory / (8 * fast_period(nodes) ** 2),
+    }

@@ -33,7 +33,10 @@ class Faults:
     spikes: int = 0  # single nodes that stand far above the surface
     holes: int = 0  # round patches without heights; they may overlap
     step: float = 0.0  # jump at a line of constant y, as between fields of view [um]
-    tilt: tuple[float, float] = (0.0, 0.0)  # slopes of the plane that is added, along x and y [1]
+    tilt: tuple[float, float] = (
+        0.0,
+        0.0,
+    )  # slopes of the plane that is added, along x and y [1]
 
 
 @dataclass(frozen=True)
@@ -87,7 +90,9 @@ def measured(made: MadeMap) -> Heights:
     heights += faults.tilt[0] * x + faults.tilt[1] * y
     heights[:, int(random.uniform(0.3, 0.7) * made.shape[1]) :] += faults.step
     spikes = random.choice(heights.size, faults.spikes, replace=False)
-    heights.reshape(-1)[spikes] += made.rms * random.uniform(SPIKE, 2 * SPIKE, faults.spikes)
+    heights.reshape(-1)[spikes] += made.rms * random.uniform(
+        SPIKE, 2 * SPIKE, faults.spikes
+    )
     rows, columns = np.indices(made.shape, sparse=True)
     for _ in range(faults.holes):
         row, column = random.uniform(0, made.shape[0]), random.uniform(0, made.shape[1])
@@ -101,7 +106,9 @@ def write(made: MadeMap, folder: Path) -> Path:
     from SurfaceTopography import Topography
 
     heights, path = measured(made), folder / f"{made.name}.{made.format}"
-    sides = tuple(nodes * step for nodes, step in zip(made.shape, made.spacing, strict=True))
+    sides = tuple(
+        nodes * step for nodes, step in zip(made.shape, made.spacing, strict=True)
+    )
     topography = Topography(np.ma.masked_invalid(heights), sides, unit="um")
     writers = {"x3p": "to_x3p", "nc": "to_netcdf", "gwy": "to_gwy"}
     getattr(topography, writers[made.format])(str(path))
@@ -117,17 +124,25 @@ def write_all(folder: Path, maps: Iterable[MadeMap] | None = None) -> list[Path]
 def _random(made: MadeMap, *key: int) -> np.random.Generator:
     """Return the source of random numbers of a map."""
     words = (list(KINDS).index(made.kind), made.number, *key)
-    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(SEED, spawn_key=words)))
+    return np.random.Generator(
+        np.random.PCG64(np.random.SeedSequence(SEED, spawn_key=words))
+    )
 
 
 def _coordinates(made: MadeMap) -> tuple[Heights, Heights]:
     """Return the coordinates of the nodes, of shapes (nx, 1) and (1, ny) [um]."""
     (nx, ny), (dx, dy) = made.shape, made.spacing
-    return dx * np.arange(nx, dtype=float)[:, None], dy * np.arange(ny, dtype=float)[None, :]
+    return dx * np.arange(nx, dtype=float)[:, None], dy * np.arange(ny, dtype=float)[
+        None, :
+    ]
 
 
 def _self_affine(
-    made: MadeMap, random: np.random.Generator, roll_off: float, hurst: float, stretch: float = 1.0
+    made: MadeMap,
+    random: np.random.Generator,
+    roll_off: float,
+    hurst: float,
+    stretch: float = 1.0,
 ) -> Heights:
     """Make a window of a larger periodic surface, so that opposite borders differ; rms 1.
 
@@ -137,7 +152,9 @@ def _self_affine(
     roll_off, cut_off = roll_off / stretch, BLUR * max(made.spacing) / stretch
     sides = (larger[0] * made.spacing[0], larger[1] * made.spacing[1])
     spectrum = SelfAffineSpectrum(hurst, max(roll_off, cut_off), cut_off, stretch)
-    whole = generate_spectral((larger[0], larger[1]), sides, spectrum, random, rms_height=1.0)
+    whole = generate_spectral(
+        (larger[0], larger[1]), sides, spectrum, random, rms_height=1.0
+    )
     heights = whole[: made.shape[0], : made.shape[1]]
     return np.asarray(heights / heights.std())
 
@@ -187,10 +204,15 @@ def _honed(made: MadeMap, random: np.random.Generator) -> Heights:
         across = x * np.cos(direction) + y * np.sin(direction)
         low, high = float(across.min()), float(across.max())
         for _ in range(int((high - low) / made.length)):
-            centre, width = random.uniform(low, high), random.uniform(0.06, 0.16) * made.length
+            centre, width = (
+                random.uniform(low, high),
+                random.uniform(0.06, 0.16) * made.length,
+            )
             depth = random.gamma(3.0, 0.9)
             valley = -depth * np.maximum(1 - ((across - centre) / width) ** 2, 0.0)
-            heights = np.where(valley < 0, np.minimum(heights, valley + 0.3 * heights), heights)
+            heights = np.where(
+                valley < 0, np.minimum(heights, valley + 0.3 * heights), heights
+            )
     return np.asarray(heights)
 
 
@@ -208,8 +230,12 @@ KINDS: dict[Kind, Callable[[MadeMap, np.random.Generator], Heights]] = {
 }
 """Function that makes the surface of each kind."""
 
-MAPS = TypeAdapter(tuple[MadeMap, ...]).validate_python(read_toml("surrogates/maps")["maps"])
+MAPS = TypeAdapter(tuple[MadeMap, ...]).validate_python(
+    read_toml("surrogates/maps")["maps"]
+)
 """The maps: twenty of one instrument, with a node every um, and four of others."""
 
-ONE_INSTRUMENT: tuple[MadeMap, ...] = tuple(made for made in MAPS if made.spacing == (1.0, 1.0))
+ONE_INSTRUMENT: tuple[MadeMap, ...] = tuple(
+    made for made in MAPS if made.spacing == (1.0, 1.0)
+)
 """The maps with a node every um."""

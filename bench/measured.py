@@ -27,7 +27,9 @@ def benchmarks(only: str) -> Report:
         path = Path(folder) / "times.json"
         command = [sys.executable, "-m", "pytest", str(SUITES), "--benchmark-only", "-q"]
         command += ["-k", only] if only else []
-        code = subprocess.run([*command, f"--benchmark-json={path}"], check=False).returncode
+        code = subprocess.run(
+            [*command, f"--benchmark-json={path}"], check=False
+        ).returncode
         if code:
             raise InputError(f"pytest {SUITES} ended with code {code}")
         found = json.loads(path.read_text(encoding="utf-8"))["benchmarks"]
@@ -39,7 +41,9 @@ def _row(benchmark: dict[str, Any]) -> dict[str, Any]:
     case, size = _case(benchmark["name"], benchmark.get("params") or {})
     stats, extra = benchmark["stats"], dict(benchmark["extra_info"])
     row = {
-        "suite": Path(benchmark["fullname"].partition("::")[0]).stem.removeprefix("test_"),
+        "suite": Path(benchmark["fullname"].partition("::")[0]).stem.removeprefix(
+            "test_"
+        ),
         "case": case,
         "size": size,
         "median_ms": 1e3 * stats["median"],
@@ -48,14 +52,18 @@ def _row(benchmark: dict[str, Any]) -> dict[str, Any]:
         "convolutions": extra.pop("convolutions", ""),
         "residual": extra.pop("residual", ""),
     }
-    more = [f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in extra.items()]
+    more = [
+        f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in extra.items()
+    ]
     return {**row, "more": "; ".join(more)}
 
 
 def _case(name: str, params: dict[str, Any]) -> tuple[str, str]:
     """Case and size of `test_solve_at_contact[50-large]`; values may hold hyphens themselves."""
     function, _, inside = name.rstrip("]").partition("[")
-    size = str(params.get("size") or next((s for s in SIZES if s in inside.split("-")), ""))
+    size = str(
+        params.get("size") or next((s for s in SIZES if s in inside.split("-")), "")
+    )
     if inside.startswith(f"{size}-"):
         inside = inside.removeprefix(f"{size}-")
     elif size:
@@ -82,7 +90,9 @@ def models(comparison: Path) -> list[Row]:
             for name in ("scores.csv", "times.csv", "tuning-times.csv")
         )
     except InputError as error:
-        raise InputError(f"{error}; give a folder of learn compare or learn tune") from None
+        raise InputError(
+            f"{error}; give a folder of learn compare or learn tune"
+        ) from None
     timed = {(row["model"], row["result"]): row for row in times}
     searched = {(row["model"], "tuned"): float(row["fit_seconds"]) for row in searches}
     found: list[Row] = []
@@ -94,7 +104,9 @@ def models(comparison: Path) -> list[Row]:
             spent = {"predict_s": answer, "fit_s": fit, "search_s": searched.get(key)}
             found.append({"model": key[0], "result": key[1], **errors, **spent})
     if not found:
-        raise InputError(f"{comparison}: has no scores and times of area; run learn compare")
+        raise InputError(
+            f"{comparison}: has no scores and times of area; run learn compare"
+        )
     for time in TIMES:
         for cost in front(found, time):
             cost["front"] = f"{cost.get('front', '')} {time.removesuffix('_s')}".strip()

@@ -54,7 +54,9 @@ def shown(part: Part, inputs: Inputs) -> Shown:
         return Shown(part, found, failure=str(error) if found else "")
     if not contents:
         return Shown(part, None)
-    return Shown(part, found, inputs.command(part, found.command) if found else "", contents)
+    return Shown(
+        part, found, inputs.command(part, found.command) if found else "", contents
+    )
 
 
 def write_page(parts: Sequence[Part], inputs: Inputs) -> Path:
@@ -72,9 +74,17 @@ def page_of(parts: Sequence[Part], inputs: Inputs) -> str:
     every = [shown(part, inputs) for part in present]
     there = [_filled(each) for each in every if each.contents or each.failure]
     chapters = groupby(there, key=lambda each: each["part"].chapter)
-    said: dict[str, Any] = {"chapters": {chapter: list(each) for chapter, each in chapters}}
-    said["missing"] = [each.part for each in every if not each.contents and not each.failure]
-    said |= {"output": inputs.output, "asked": lines(parts, inputs), "made": circumstances()}
+    said: dict[str, Any] = {
+        "chapters": {chapter: list(each) for chapter, each in chapters}
+    }
+    said["missing"] = [
+        each.part for each in every if not each.contents and not each.failure
+    ]
+    said |= {
+        "output": inputs.output,
+        "asked": lines(parts, inputs),
+        "made": circumstances(),
+    }
     of_today = [each for each in there if each["contents"] and not each["part"].retired]
     said["states"] = states([each["record"] for each in of_today])
     said["judged"] = [each for each in there if each["verdicts"]]
@@ -92,7 +102,8 @@ def page_of(parts: Sequence[Part], inputs: Inputs) -> str:
 def states(records: Sequence[Record | None]) -> str:
     """Say how many parts are of which state of the code; "" where there is no part."""
     known = (
-        record.state[:10] if record and record.state else "an unknown one" for record in records
+        record.state[:10] if record and record.state else "an unknown one"
+        for record in records
     )
     told = [f"{number} of {state}" for state, number in Counter(known).most_common()]
     return f"Parts by the state of the code: {', '.join(told)}." if told else ""
@@ -111,12 +122,16 @@ def _prepared(content: Content) -> dict[str, Any]:
     """Return the kind of a content and its values, with all files in it."""
     values = {**vars(content), "kind": type(content).__name__}
     if isinstance(content, Figure):
-        start = content_of(content.picture)[16:24]  # width and height in a PNG file's header
+        start = content_of(content.picture)[
+            16:24
+        ]  # width and height in a PNG file's header
         values["size"] = int.from_bytes(start[:4]), int.from_bytes(start[4:])
         values["source"] = _embedded(content.picture, "image/png")
     elif isinstance(content, Table):
         values["lines"] = tabulated(content)
-    files = [{"name": e.name, "source": _embedded(e, "text/csv")} for e in tables_of(content)]
+    files = [
+        {"name": e.name, "source": _embedded(e, "text/csv")} for e in tables_of(content)
+    ]
     return {**values, "files": files}
 
 
@@ -142,13 +157,17 @@ def fragment(name: str, folder: Path) -> str:
     for content in each.contents:
         if isinstance(content, Figure):
             picture = relpath(content.picture, folder)
-            blocks.append(f":::{{figure}} {picture}\n:alt: {part.title}\n\n{content.caption}\n:::")
+            blocks.append(
+                f":::{{figure}} {picture}\n:alt: {part.title}\n\n{content.caption}\n:::"
+            )
         elif isinstance(content, Table):
             blocks += [_plain(content.caption), _rows(content)]
         else:
             fenced = f"```text\n{content.text}\n```"
             blocks.append(fenced if content.typed else _plain(content.text))
-    return "\n\n".join(blocks if each.contents else [*blocks, "It has not been published yet."])
+    return "\n\n".join(
+        blocks if each.contents else [*blocks, "It has not been published yet."]
+    )
 
 
 def _made(each: Shown) -> str:
@@ -157,7 +176,9 @@ def _made(each: Shown) -> str:
     if found is None:
         command = PUBLISHED.typed(part).replace(str(RESULTS), "report")
         return f"Made by `{command.replace('report/none.h5', 'paper.h5')}`."
-    left = f" The code up to commit {part.retired} has the command." if part.retired else ""
+    left = (
+        f" The code up to commit {part.retired} has the command." if part.retired else ""
+    )
     return (
         f"Made by `{PUBLISHED.command(part, found.command)}` on {found.machine.processor},"
         f" {found.created[:10]}, commit {found.commit[:7]}.{left}"

@@ -61,7 +61,9 @@ PERIODIC_LADDER = tuple(10.0**-decade for decade in range(2, 13))
 
 
 @lru_cache(maxsize=64)  # the same case has its exact solution found once
-def sample(nodes: int, delta: float, hardness: float | None = None, hurst: float = HURST) -> Case:
+def sample(
+    nodes: int, delta: float, hardness: float | None = None, hurst: float = HURST
+) -> Case:
     """Return the surface, 2^k + 1 nodes a side, pressed by Delta [um]; the hardness is over E*."""
     name = f"H = {hurst}, Delta = {delta:g} um"
     if hardness is not None:
@@ -100,7 +102,9 @@ PATIENCE = 5.0  # s of CPU time of a solve that is not repeated for its median
 class Errors:
     """How far a pressure is from the reference."""
 
-    load_error: float  # of the force, or of the displacement where the force is given, relative
+    load_error: (
+        float  # of the force, or of the displacement where the force is given, relative
+    )
     misplaced_nodes: int  # in contact, or yielded, in it or in the reference, not in both
     pressure_error: float  # the largest, over the largest pressure
 
@@ -121,7 +125,9 @@ def find_errors(pressure: Values, control: Control, case: Case, exact: Exact) ->
     return Errors(
         load_error=abs(float(load_error)),
         misplaced_nodes=int(np.count_nonzero(touching) + np.count_nonzero(yielded)),
-        pressure_error=float(np.abs(pressure - exact.pressure).max() / exact.pressure.max()),
+        pressure_error=float(
+            np.abs(pressure - exact.pressure).max() / exact.pressure.max()
+        ),
     )
 
 
@@ -130,7 +136,9 @@ class Trial:
 
     def __init__(self, solver: Solver, case: Case) -> None:
         self.solver, self._case = solver, case
-        self.tolerance: float | None = None  # the loosest that is good enough, once it is found
+        self.tolerance: float | None = (
+            None  # the loosest that is good enough, once it is found
+        )
         self.remark = ""  # why there is none
         self._exact = find_exact(case)
         self.contact_nodes = int(np.count_nonzero(self._exact.pressure > 0))
@@ -142,7 +150,9 @@ class Trial:
     def find_tolerance(self) -> None:
         """Find the loosest tolerance of the solver's ladder that is good enough."""
         if self.contact_nodes > self.solver.largest_contact:
-            self.remark = f"not tried above {self.solver.largest_contact:g} nodes in contact"
+            self.remark = (
+                f"not tried above {self.solver.largest_contact:g} nodes in contact"
+            )
             return
         allowed = max(1.0, MISPLACED_SHARE * self.contact_nodes)
         for tolerance in self.solver.ladder:
@@ -151,7 +161,9 @@ class Trial:
             except Failure as failure:  # whoever does not reach it reaches no tighter one
                 self.remark = f"tolerance {tolerance:.0e}: {failure}"
                 return
-            errors = find_errors(answer.pressure, self.solver.control, self._case, self._exact)
+            errors = find_errors(
+                answer.pressure, self.solver.control, self._case, self._exact
+            )
             if errors.load_error <= LOAD_ERROR and errors.misplaced_nodes <= allowed:
                 self.tolerance, self._errors = tolerance, errors
                 self._convolutions = answer.convolutions
@@ -212,7 +224,9 @@ class Trial:
         }
 
 
-def compare(cases: Sequence[Case], solvers: Sequence[Solver], rounds: int = 4) -> list[Row]:
+def compare(
+    cases: Sequence[Case], solvers: Sequence[Solver], rounds: int = 4
+) -> list[Row]:
     """Bring solvers to the same accuracy on each contact, and time them there in turn.
 
     The first solver is ours, over whose time the others' are taken; each has as many turns as there
@@ -245,9 +259,16 @@ PERIODIC_SOLVERS = (
         partial(others.dual_gradients, boundary="periodic"),
         "ContactMechanics",
     ),
-    _by_force("Tamaas", partial(others.projected_gradients, boundary="periodic"), "tamaas"),
-    _aspher("ASPHER", partial(others.single_grid, precond="fourier-fft", backend="periodic")),
-    _aspher("ASPHER nested, FFT", partial(others.nested_grids, engine="fft", backend="periodic")),
+    _by_force(
+        "Tamaas", partial(others.projected_gradients, boundary="periodic"), "tamaas"
+    ),
+    _aspher(
+        "ASPHER", partial(others.single_grid, precond="fourier-fft", backend="periodic")
+    ),
+    _aspher(
+        "ASPHER nested, FFT",
+        partial(others.nested_grids, engine="fft", backend="periodic"),
+    ),
 )
 
 
@@ -283,8 +304,13 @@ def periodic(nodes: Sequence[int], rounds: int) -> list[Row]:
     """Compare all solvers that are installed on periodic patches, a surface under all loads."""
     for size in nodes:
         if size < others.COARSEST or size & (size - 1):
-            raise InputError(f"nodes {size}: give 2^k from {others.COARSEST} on, as 128, 256, 512")
-    cases = [periodic_sample(size, PERIODIC_HURST, load) for size, load in product(nodes, LOADS)]
+            raise InputError(
+                f"nodes {size}: give 2^k from {others.COARSEST} on, as 128, 256, 512"
+            )
+    cases = [
+        periodic_sample(size, PERIODIC_HURST, load)
+        for size, load in product(nodes, LOADS)
+    ]
     return compare(cases, [PERIODIC_SOLVERS[0], *installed(PERIODIC_SOLVERS[1:])], rounds)
 
 

@@ -20,7 +20,9 @@ COLOURS = (
     *("#56B4E9", "#000000", "#888888", "#6B3D0A", "#4B2E83"),
 )
 # Looks of curves, which markers tell apart on paper too.
-STYLES = tuple({"color": c, "marker": m} for c, m in zip(COLOURS, "os^DvPx*<>", strict=True))
+STYLES = tuple(
+    {"color": c, "marker": m} for c, m in zip(COLOURS, "os^DvPx*<>", strict=True)
+)
 DPI = 150
 # Colours of a picture, and of one with a colour bar: far fewer bytes, so that forty can be kept.
 PALETTE, GRADED = 64, 256
@@ -83,7 +85,9 @@ def draw(said: Mapping[str, Any], rows: Sequence[Row]) -> Any:
         if title:
             column[0].set_title(title)
     if said.get("legend") == "figure":
-        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+        figure.legend(
+            *axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4
+        )
     elif said.get("legend") == "each":
         for axis in axes[-1]:
             axis.legend(fontsize="x-small")
@@ -119,9 +123,17 @@ def draw_panel(axis: Any, panel: Mapping[str, Any], rows: Sequence[Row]) -> None
         if not {row[x], row[y]} & {None, ""}
     ]
     if "bins" in panel:
-        axis.hist([row[x] for row in known], panel["bins"], color=COLOURS[0], edgecolor="w", lw=0.5)
+        axis.hist(
+            [row[x] for row in known],
+            panel["bins"],
+            color=COLOURS[0],
+            edgecolor="w",
+            lw=0.5,
+        )
     elif "colour" in panel:
-        at, height, colour = ([row[name] for row in known] for name in (x, y, panel["colour"]))
+        at, height, colour = (
+            [row[name] for row in known] for name in (x, y, panel["colour"])
+        )
         dots = axis.scatter(at, height, s=2, c=colour, rasterized=True)
         axis.figure.colorbar(dots, ax=axis, label=panel["colour"])
     else:
@@ -131,7 +143,10 @@ def draw_panel(axis: Any, panel: Mapping[str, Any], rows: Sequence[Row]) -> None
         place = {"xycoords": ("axes fraction", "data"), "ha": "right", "va": "bottom"}
         axis.annotate(name, (0.99, level), fontsize=8, color="0.3", **place)
     axis.set(  # limits, of which the upper one may be missing, are lists
-        **{name: [*v, None][:2] if isinstance(v, list) else v for name, v in panel["axes"].items()}
+        **{
+            name: [*v, None][:2] if isinstance(v, list) else v
+            for name, v in panel["axes"].items()
+        }
     )
     for scale, ruler in (("xscale", axis.xaxis), ("yscale", axis.yaxis)):
         if panel["axes"].get(scale) == "log" and f"{scale[0]}lim" not in panel["axes"]:
@@ -147,10 +162,17 @@ def _draw_curves(axis: Any, panel: Mapping[str, Any], rows: Sequence[Row]) -> No
     x, y, curves = panel["x"], panel["y"], _split(rows, panel.get("label", ""))
     for (name, own), style in zip(curves.items(), itertools.cycle(STYLES), strict=False):
         places = [str(row[x]) if panel.get("words") else row[x] for row in own]
-        axis.plot(places, [row[y] for row in own], label=name, **{**style, **panel.get("look", {})})
+        axis.plot(
+            places,
+            [row[y] for row in own],
+            label=name,
+            **{**style, **panel.get("look", {})},
+        )
         if "dashed" in panel:
             line = {"color": style["color"], "ls": "--", "lw": 1}
             axis.plot(places, [row[panel["dashed"]] for row in own], **line)
-        for (abscissa, ordinate), marker in zip(panel.get("dots", ()), "os^", strict=False):
+        for (abscissa, ordinate), marker in zip(
+            panel.get("dots", ()), "os^", strict=False
+        ):
             there, value = ([row[name] for row in own] for name in (abscissa, ordinate))
             axis.plot(there, value, marker, mfc="none", color=style["color"])

@@ -81,7 +81,9 @@ def _published(made: Sequence[Part], folder: Path) -> Iterator[tuple[Path, bytes
         wanted = path in pictures or (path.suffix in KINDS and own)
         if path.is_file() and wanted and not INSIDE.intersection(name.parts[:-1]):
             content = path.read_bytes()
-            if path.suffix == ".jsonl" or (path.suffix == ".csv" and len(content) >= LARGE):
+            if path.suffix == ".jsonl" or (
+                path.suffix == ".csv" and len(content) >= LARGE
+            ):
                 yield name.with_name(name.name + COMPRESSED), lzma.compress(content)
             else:  # where the folder lay tells readers nothing
                 yield name, content.replace(bytes(folder.resolve().parent), b"report")

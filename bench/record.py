@@ -23,7 +23,16 @@ from gen.runtime.files import write
 from gen.runtime.installation import git_commit, versions
 
 PACKAGES = (
-    *("asperity", "numpy", "scipy", "pyfftw", "h5py", "mpi4py", "scikit-learn", "xgboost"),
+    *(
+        "asperity",
+        "numpy",
+        "scipy",
+        "pyfftw",
+        "h5py",
+        "mpi4py",
+        "scikit-learn",
+        "xgboost",
+    ),
     *("xgboost-cpu", "ContactMechanics", "tamaas", "aspher"),
 )
 """Packages whose versions are written down where they are installed."""
@@ -58,7 +67,9 @@ def code_state(root: Path = ROOT) -> str:
     digest = hashlib.sha256()
     files = (path for name in SOURCES for path in (root / name).rglob("*"))
     results = root / RESULTS.relative_to(ROOT)
-    code = (path for path in files if path.suffix in CODE and not path.is_relative_to(results))
+    code = (
+        path for path in files if path.suffix in CODE and not path.is_relative_to(results)
+    )
     for path in sorted(code):
         content = path.read_bytes()
         digest.update(f"{path.relative_to(root).as_posix()} {len(content)}\n".encode())
@@ -164,7 +175,9 @@ class Inputs:
         words = shlex.split(command)
         roots = {found[1] for word in words if (found := own.fullmatch(word))}
         for root in roots - {str(self.output)}:
-            words = [re.sub(rf"^{re.escape(root)}(?=/)", "report", word) for word in words]
+            words = [
+                re.sub(rf"^{re.escape(root)}(?=/)", "report", word) for word in words
+            ]
         return shlex.join(words)
 
     def path(self, part: Part) -> Path:
@@ -193,7 +206,9 @@ class Inputs:
     def write(self, part: Part, **said: Any) -> None:
         """Write a part's record; `said` are the fields of `Record` that are not known here."""
         record = Record(**self._made_of(part), **said)
-        write(self.path(part), record.model_dump_json(indent=2, exclude_unset=True) + "\n")
+        write(
+            self.path(part), record.model_dump_json(indent=2, exclude_unset=True) + "\n"
+        )
 
     def _made_of(self, part: Part) -> dict[str, Any]:
         """Return command, circumstances, and when each input was changed last [ns]."""

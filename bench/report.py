@@ -40,7 +40,9 @@ class Report:
         rows = (row for rows in self.tables.values() for row in rows)
         return all(row.get("verdict", "passed") == "passed" for row in rows)
 
-    def write(self, folder: Path, contents: Sequence[Mapping[str, Any]] = ()) -> list[Path]:
+    def write(
+        self, folder: Path, contents: Sequence[Mapping[str, Any]] = ()
+    ) -> list[Path]:
         """Write all files into a folder, with pictures as contents of a TOML file describe them."""
         from bench.picture import drawn, save
 
@@ -48,7 +50,10 @@ class Report:
         there = {name: rows for name, rows in self.tables.items() if rows}
         paths = [write_rows(folder / f"{name}.csv", rows) for name, rows in there.items()]
         pictures = {**self.pictures, **drawn(contents, self.tables)}
-        return [*paths, *(save(each, folder / f"{name}.png") for name, each in pictures.items())]
+        return [
+            *paths,
+            *(save(each, folder / f"{name}.png") for name, each in pictures.items()),
+        ]
 
 
 @dataclass(frozen=True)
@@ -66,13 +71,21 @@ class Part:
     quick: str
     full: str
     show: Callable[[Path], Sequence[Content]]  # lists what the part's folder holds
-    folder: str = ""  # name of another part, to whose files it adds; empty for a folder of its own
+    folder: str = (
+        ""  # name of another part, to whose files it adds; empty for a folder of its own
+    )
     retired: str = ""  # commit up to which the code has the command that made it
-    judges: bool = False  # whether exit code 1 says that a check failed, not that the report did
+    judges: bool = (
+        False  # whether exit code 1 says that a check failed, not that the report did
+    )
     seconds: float | None = None  # processor time of the short run [s]
-    minutes: float = 0  # time of the full run, where the published record is of another command
+    minutes: float = (
+        0  # time of the full run, where the published record is of another command
+    )
     beside: bool = False  # whether another part may be made at the same time
-    needs: Sequence[str] = ()  # programs and distributions without which something is left out
+    needs: Sequence[
+        str
+    ] = ()  # programs and distributions without which something is left out
     measure: str = ""  # function that returns the rows, if its command is one of `bench`
     help: str = ""  # of that command
     options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
@@ -96,7 +109,13 @@ CHAPTERS = {
     "Cores": ("threads", "speedup"),
     "The farm": ("databases", "outputs", "scale", "writers", "faults"),
     "Surrogates: errors and costs": (
-        *("comparison", "tuning", "search", "comparison-hybrid", "comparison-concentrated"),
+        *(
+            "comparison",
+            "tuning",
+            "search",
+            "comparison-hybrid",
+            "comparison-concentrated",
+        ),
         *("models", "features", "scene-surrogate", "tolerance", "grow"),
         *("cost", "throughput", "memory"),
     ),
@@ -107,4 +126,6 @@ CHAPTERS = {
 }
 """The reports under each chapter's heading."""
 
-PARTS = tuple(part_of(name, chapter) for chapter, names in CHAPTERS.items() for name in names)
+PARTS = tuple(
+    part_of(name, chapter) for chapter, names in CHAPTERS.items() for name in names
+)

@@ -23,16 +23,25 @@ HURST = (0.3, 0.8)
 PRESSURES = (0.01, 0.05, 0.2, 0.4)  # E* times the rms slope
 TRUTH = 128  # nodes in the shortest wave of the grid that counts as exact
 PERIMETER = {
-    "count less 0.118 of the perimeter": (math.pi - 1 + math.log(2)) / 24,  # Yastrebov and others
+    "count less 0.118 of the perimeter": (math.pi - 1 + math.log(2))
+    / 24,  # Yastrebov and others
     "count less 0.101 of the perimeter": 0.1014,  # the mean offset, `bem.derived.border`
 }
-CONTINUUM, COUNT, TWO_GRIDS = "area in the continuum", "count of nodes", "counts of two grids"
+CONTINUUM, COUNT, TWO_GRIDS = (
+    "area in the continuum",
+    "count of nodes",
+    "counts of two grids",
+)
 
 Surface = Callable[[Values], Heights]
 
 
 def random_waves(
-    longest: int, shortest: int, hurst: float, random: np.random.Generator, aspect: float = 1.0
+    longest: int,
+    shortest: int,
+    hurst: float,
+    random: np.random.Generator,
+    aspect: float = 1.0,
 ) -> Surface:
     """Return heights of a self-affine surface of rms slope 0.1 and period one, at any places.
 
@@ -60,7 +69,9 @@ def resolution(surfaces: int, finest: int) -> list[Row]:
 
     Errors of area, displacement, mean gap and stiffness are root mean squares over the surfaces.
     """
-    grids = [nodes for nodes in (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64) if nodes <= finest]
+    grids = [
+        nodes for nodes in (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64) if nodes <= finest
+    ]
     found: dict[tuple[str, int, float], list[dict[str, float]]] = {}
     for hurst in HURST:
         for seed in range(surfaces):
@@ -85,7 +96,9 @@ def _grid(nodes_a_wave: int) -> Values:
 
 
 def _pressed(heights: Heights, pressure: float) -> bem.Contact:
-    return bem.solve(heights, 1.0, pressure=pressure * SLOPE, boundary="periodic", threads=1)
+    return bem.solve(
+        heights, 1.0, pressure=pressure * SLOPE, boundary="periodic", threads=1
+    )
 
 
 def _answers(

@@ -33,7 +33,9 @@ LANES = min(2, os.cpu_count() or 1)  # parts that are made side by side
 ROWS = 1500  # rows of the paper preset that a short run generates; a full one generates all 15,878
 PATIENCE = 60.0  # seconds that a part has to end after a signal, before it is killed
 AWAKE = 0.5  # seconds after which the main thread, which alone handles signals, wakes at the latest
-LONGEST = 7200.0  # seconds after which a part counts as hanging, and is ended as by a signal
+LONGEST = (
+    7200.0  # seconds after which a part counts as hanging, and is ended as by a signal
+)
 DATABASE = 300  # seconds that all rows of the paper preset take, about
 
 
@@ -65,7 +67,10 @@ def make(parts: Iterable[Part], inputs: Inputs, after: Callable[[], object]) -> 
     def ensure(part: Part) -> None:
         if interruption.requested():
             return
-        heading, kept = f"[{wanted.index(part) + 1}/{len(wanted)}] {part.name}", _kept(part, inputs)
+        heading, kept = (
+            f"[{wanted.index(part) + 1}/{len(wanted)}] {part.name}",
+            _kept(part, inputs),
+        )
         if kept is None:
             time = told(seconds(part, inputs))
             remark(f"{heading} ({time}): {inputs.typed(part)}")
@@ -110,11 +115,15 @@ def _chosen(only: Sequence[str], inputs: Inputs) -> list[Part]:
         if name not in names:
             raise InputError(f"{name}: give one of {', '.join(names)}")
         if not inputs.template(names[name]):
-            gone = f"left with commit {names[name].retired}" if names[name].retired else ""
+            gone = (
+                f"left with commit {names[name].retired}" if names[name].retired else ""
+            )
             raise InputError(f"{name}: {gone or 'takes long, and needs --full'}")
     given = inputs.comparison
     if given is not None and not given.is_dir():
-        raise InputError(f"--comparison {given}: give a folder of learn compare or learn tune")
+        raise InputError(
+            f"--comparison {given}: give a folder of learn compare or learn tune"
+        )
     wanted = [part for part in PARTS if not only or part.name in only]
     return [part for part in wanted if inputs.folder(part) != given]
 
@@ -138,7 +147,9 @@ def _run(part: Part, inputs: Inputs, interruption: Interruption) -> int:
     has started ends with it. What it prints goes into files beside its record.
     """
     path, state, busy = inputs.path(part), code_state(), round(os.getloadavg()[0], 2)
-    printed, said = (path.with_name(f"{part.name}.{kind}.txt") for kind in ("printed", "said"))
+    printed, said = (
+        path.with_name(f"{part.name}.{kind}.txt") for kind in ("printed", "said")
+    )
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.unlink(missing_ok=True)
@@ -146,7 +157,9 @@ def _run(part: Part, inputs: Inputs, interruption: Interruption) -> int:
         with (
             printed.open("w") as out,
             said.open("w") as err,
-            subprocess.Popen(command, stdout=out, stderr=err, start_new_session=True) as process,
+            subprocess.Popen(
+                command, stdout=out, stderr=err, start_new_session=True
+            ) as process,
         ):
             try:
                 code = _wait(process, interruption)
@@ -155,9 +168,13 @@ def _run(part: Part, inputs: Inputs, interruption: Interruption) -> int:
                     os.killpg(process.pid, signal.SIGKILL)
         told = said.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError as error:
-        raise InputError(f"{path.parent} cannot be written to: {error.strerror or error}") from None
+        raise InputError(
+            f"{path.parent} cannot be written to: {error.strerror or error}"
+        ) from None
     if not interruption.requested():
-        checked = code == 1 and part.judges and not any(x.startswith("Traceback") for x in told)
+        checked = (
+            code == 1 and part.judges and not any(x.startswith("Traceback") for x in told)
+        )
         if changed := code_state() != state:
             told.append("the code changed meanwhile: the same command makes it anew")
         if code or changed:
@@ -216,7 +233,9 @@ def planned(inputs: Inputs, only: Sequence[str] = ()) -> str:
     lines = []
     if inputs.full and not inputs.files["database"].exists():
         left["database"] = DATABASE
-        lines.append(f"database{told(DATABASE):>21}  alone   {'new':14}  Rows of the paper preset")
+        lines.append(
+            f"database{told(DATABASE):>21}  alone   {'new':14}  Rows of the paper preset"
+        )
     for part in parts:
         to_make, lane = part.name in left, "beside" if part.beside else "alone"
         time = told(seconds(part, inputs)) if to_make else "-"
@@ -224,7 +243,9 @@ def planned(inputs: Inputs, only: Sequence[str] = ()) -> str:
         there = {*versions(part.needs), *filter(shutil.which, part.needs)}
         lack = ", ".join(name for name in part.needs if name not in there)
         without = f" (WITHOUT {lack}: not installed)" if lack else ""
-        lines.append(f"{part.name:20}{time:>9}  {lane:6}  {why:14}  {part.title}{without}")
+        lines.append(
+            f"{part.name:20}{time:>9}  {lane:6}  {why:14}  {part.title}{without}"
+        )
     lanes = max([sum(together) / LANES, *together])
     known = told(sum(left.values()) - sum(together) + lanes)
     return "\n".join([*lines, f"{len(left)} parts to make: {known} by earlier records"])

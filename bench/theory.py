@@ -37,7 +37,9 @@ STEPS = 50
 def pressed(kernel: Kernel | None, nodes: int, delta: float) -> tuple[float, float]:
     """Return force [uN] and area [% of the patch], by Hertz without a kernel."""
     if kernel is None:
-        return SPHERE.force(delta), 100 * np.pi * SPHERE.contact_radius(delta) ** 2 / PATCH**2
+        return SPHERE.force(delta), 100 * np.pi * SPHERE.contact_radius(
+            delta
+        ) ** 2 / PATCH**2
     heights = SPHERE.heights(distances_to_centre((nodes, nodes), PATCH))
     contact = bem.solve(heights, PATCH, delta + float(heights.max()), kernel=kernel)
     return contact.force, contact.area_percent
@@ -56,10 +58,16 @@ def hertz(steps: int = STEPS) -> list[Row]:
     for kernel, nodes in cases:
         for delta, right in zip(deltas, exact, strict=True):
             force, area = pressed(kernel, nodes, delta)
-            row: Row = {"solution": kernel or "hertz", "nodes": nodes or "", "delta_um": delta}
+            row: Row = {
+                "solution": kernel or "hertz",
+                "nodes": nodes or "",
+                "delta_um": delta,
+            }
             row |= {FORCE.in_tables: force, AREA.name: area}
             row["force_off_percent"] = 100 * (force - right[0]) / exact[-1][0]
-            rows.append(row | {"area_off_percent": 100 * (area - right[1]) / exact[-1][1]})
+            rows.append(
+                row | {"area_off_percent": 100 * (area - right[1]) / exact[-1][1]}
+            )
     return rows
 
 
@@ -86,13 +94,20 @@ def theory(nodes: int, surfaces: int) -> Report:
         heights = [random_surface(spectrum, nodes, seed) for seed in range(surfaces)]
         if hurst == SPECTRA[0][0]:
             found = conductance(heights)
-            yielding += [{**row, "hurst": hurst, "band": band, "nodes": nodes} for row in found]
+            yielding += [
+                {**row, "hurst": hurst, "band": band, "nodes": nodes} for row in found
+            ]
         measured = np.mean([press(each) for each in heights], axis=0)
         expected = persson(spectrum)
         rms = float(np.mean([each.std() for each in heights]))
         rows += _rows(measured, expected, rms)
         for row in rows[-len(PRESSURES) :]:
-            row |= {"hurst": hurst, "band": band, "nayak": nayak(expected), "nodes": nodes}
+            row |= {
+                "hurst": hurst,
+                "band": band,
+                "nayak": nayak(expected),
+                "nodes": nodes,
+            }
         remark(f"H = {hurst:g}, band {band:g}: {surfaces} surfaces")
     return Report({"theory": rows, "conductance": yielding})
 
@@ -103,14 +118,22 @@ def conductance(heights: Sequence[Heights]) -> list[Row]:
     settings: dict[str, Any] = {"pressures": hardness * LIGHT, "boundary": "periodic"}
     unit = RMS_SLOPE / math.sqrt(math.pi) * SIDE**2
     stiffnesses = [
-        [each.interface_stiffness for each in bem.ladder(own, SIDE, hardness=hardness, **settings)]
+        [
+            each.interface_stiffness
+            for each in bem.ladder(own, SIDE, hardness=hardness, **settings)
+        ]
         for own in heights
     ]
-    measured = np.array([own.std() for own in heights]) @ stiffnesses / (unit * len(heights))
+    measured = (
+        np.array([own.std() for own in heights]) @ stiffnesses / (unit * len(heights))
+    )
     exponent, _ = np.polyfit(np.log(LIGHT), np.log(measured), 1)
     found = np.stack([LIGHT, measured, 1.25 * LIGHT**0.95], axis=1).tolist()
     names = "pressure_over_hardness", "conductance", "cooper_mikic_yovanovich"
-    return [{**dict(zip(names, row, strict=True)), "exponent": float(exponent)} for row in found]
+    return [
+        {**dict(zip(names, row, strict=True)), "exponent": float(exponent)}
+        for row in found
+    ]
 
 
 def random_surface(spectrum: SelfAffineSpectrum, nodes: int, seed: int) -> Heights:
@@ -127,7 +150,10 @@ def press(heights: Heights) -> Values:
     """
     loads = RMS_SLOPE * np.outer(PRESSURES, [STEP**-0.5, STEP**0.5])
     contacts = bem.ladder(heights, SIDE, pressures=loads.ravel(), boundary="periodic")
-    values = [(each.area_percent, each.continuum_area_percent, each.mean_gap) for each in contacts]
+    values = [
+        (each.area_percent, each.continuum_area_percent, each.mean_gap)
+        for each in contacts
+    ]
     pairs = np.array(values).reshape(len(loads), 2, 3)
     compliance = -np.diff(pairs[:, :, 2]) / np.diff(loads)
     return np.concatenate([pairs.mean(axis=1), compliance], axis=1).T
@@ -139,7 +165,9 @@ def persson(spectrum: SelfAffineSpectrum) -> PerssonInterface:
     The longest wave makes its ring, with all shorter ones, as large as the plane of wavevectors
     less the cell of the one that the patch does not hold, that of infinite length.
     """
-    wavenumbers = np.geomspace(2 * math.sqrt(math.pi) / SIDE, 2 * math.pi / spectrum.cut_off, 4000)
+    wavenumbers = np.geomspace(
+        2 * math.sqrt(math.pi) / SIDE, 2 * math.pi / spectrum.cut_off, 4000
+    )
     density = spectrum.density(wavenumbers, np.zeros_like(wavenumbers))
     scale = RMS_SLOPE / PerssonInterface(wavenumbers, density).rms_slope()
     return PerssonInterface(wavenumbers, scale**2 * density)
@@ -148,7 +176,9 @@ def persson(spectrum: SelfAffineSpectrum) -> PerssonInterface:
 def nayak(theory: PerssonInterface) -> float:
     """Return Nayak's bandwidth parameter alpha = m0 m4 / m2^2 [1]."""
     q, density = theory.wavenumbers, theory.spectrum
-    moments = [np.trapezoid(2 * np.pi * q ** (power + 1) * density, q) for power in (0, 2, 4)]
+    moments = [
+        np.trapezoid(2 * np.pi * q ** (power + 1) * density, q) for power in (0, 2, 4)
+    ]
     return float(1.5 * moments[0] * moments[2] / moments[1] ** 2)
 
 

@@ -42,7 +42,9 @@ def _evaluate(study: str, case: Case, rtol: float, solver: Solver) -> Row | None
     touching = int(np.count_nonzero(pressure > 0))
     right = round(exact.contact_share * pressure.size)
     force_error = abs(float(pressure.sum()) * case.spacing**2 / exact.force - 1)
-    difference = np.linalg.norm(pressure - exact.pressure) / np.linalg.norm(exact.pressure)
+    difference = np.linalg.norm(pressure - exact.pressure) / np.linalg.norm(
+        exact.pressure
+    )
     return {
         "study": study,
         "solver": solver.name,
@@ -58,7 +60,8 @@ def _evaluate(study: str, case: Case, rtol: float, solver: Solver) -> Row | None
         "convolutions": answer.convolutions,  # None where the solver does not say
         "force_error": None if solver.control == "force" else force_error,  # relative
         "area_error_nodes": abs(touching - right),
-        "area_error_percent": 100 * abs(touching / pressure.size / exact.contact_share - 1),
+        "area_error_percent": 100
+        * abs(touching / pressure.size / exact.contact_share - 1),
         "pressure_error": float(difference),  # L2 norm over that of the pressure
     }
 
@@ -99,7 +102,13 @@ def compare(
 CURVES = {"tolerance": "kernel", "peers": "solver"}
 """The studies, and the column that tells the curves of each apart."""
 
-AVERAGED = "force_error", "area_error_percent", "pressure_error", "seconds", "convolutions"
+AVERAGED = (
+    "force_error",
+    "area_error_percent",
+    "pressure_error",
+    "seconds",
+    "convolutions",
+)
 
 
 def curves(points: Sequence[Row]) -> list[Row]:
@@ -112,12 +121,17 @@ def curves(points: Sequence[Row]) -> list[Row]:
     for row in points:
         key = row["study"], row[CURVES[row["study"]]], row["rtol"]
         groups.setdefault(key, []).append(row)
-    cases = {study: {r["case"] for r in points if r["study"] == study} for study in CURVES}
+    cases = {
+        study: {r["case"] for r in points if r["study"] == study} for study in CURVES
+    }
     rows = []
     for (study, curve, rtol), own in groups.items():
         if len(own) == len(cases[study]):
             known = {name: [row[name] for row in own] for name in AVERAGED}
-            means = {name: None if None in each else fmean(each) for name, each in known.items()}
+            means = {
+                name: None if None in each else fmean(each)
+                for name, each in known.items()
+            }
             rows.append({"study": study, "curve": curve, "setting": rtol, **means})
     return rows
 
@@ -128,10 +142,14 @@ def solver(*, quick: bool) -> Report:
     The solvers of others have their own notions of a tolerance: only errors compare. Those that are
     given the force instead of the displacement get the exact one, which costs them nothing.
     """
-    nodes, samples, rtols, rounds = (65, 2, DECADES[::2], 2) if quick else (129, 8, DECADES, 4)
+    nodes, samples, rtols, rounds = (
+        (65, 2, DECADES[::2], 2) if quick else (129, 8, DECADES, 4)
+    )
     for package, install in missing().items():
         remark(f"peers: left out {package}: not installed: {install}")
-    kernels = [paper_case(row, nodes, kernel) for row in range(samples) for kernel in KERNELS]
+    kernels = [
+        paper_case(row, nodes, kernel) for row in range(samples) for kernel in KERNELS
+    ]
     peers = [paper_case(row, nodes) for row in PEER_ROWS[:samples]]
     loose = [rtol for rtol in rtols if rtol >= PEER_RTOL]
     points = [

@@ -38,20 +38,31 @@ def main(arguments: list[str]) -> tuple[float, float, float]:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("scene", help="a TOML file that draws a hardness")
     parser.add_argument("measured", help="a table (.csv)")
-    parser.add_argument("--noise", type=float, default=0.05, help="relative, of a measured area")
+    parser.add_argument(
+        "--noise", type=float, default=0.05, help="relative, of a measured area"
+    )
     parser.add_argument("--surfaces", type=int, default=20, help="for each hardness")
     parser.add_argument("--hardnesses", type=int, default=25, help="of the grid")
-    parser.add_argument("--nodes", type=int, help="nodes a side, the fidelity; the scene's if none")
+    parser.add_argument(
+        "--nodes", type=int, help="nodes a side, the fidelity; the scene's if none"
+    )
     given = parser.parse_args(arguments)
     pressures, measured = read_columns(given.measured, "pressure", "area_percent")
     if min(measured.min(), pressures.min()) <= 0:
         parser.error(f"{given.measured}: pressures and areas have to be above 0")
     scene = load(given.scene)
-    function, limits = SceneFunction(scene, ["area_percent"]), scene.contact.hardness_limits
+    function, limits = (
+        SceneFunction(scene, ["area_percent"]),
+        scene.contact.hardness_limits,
+    )
     if not {"pressure", "hardness"} <= {*function.names}:
-        parser.error(f"{given.scene}: has {', '.join(function.names)}; pressure, hardness wanted")
+        parser.error(
+            f"{given.scene}: has {', '.join(function.names)}; pressure, hardness wanted"
+        )
     if limits[0] <= pressures.max():
-        parser.error(f"the largest pressure is above the least hardness, {limits[0]:g} MPa")
+        parser.error(
+            f"the largest pressure is above the least hardness, {limits[0]:g} MPa"
+        )
     plan = parameters(scene, 0, given.surfaces * scene.samples_per_surface)
     chosen = slice(None, None, scene.samples_per_surface)
     hardnesses = np.geomspace(*limits, given.hardnesses)

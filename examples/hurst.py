@@ -27,9 +27,13 @@ def surface(generator: str, nodes: int, hurst: float, seed: int) -> np.ndarray:
     random = np.random.default_rng(seed)
     if generator != "spectral":
         return generate(generator, nodes, hurst, 12.5, random)
-    spectrum = SelfAffineSpectrum(hurst, roll_off=SIDE / 2, cut_off=2.1 * SIDE / (nodes - 1))
+    spectrum = SelfAffineSpectrum(
+        hurst, roll_off=SIDE / 2, cut_off=2.1 * SIDE / (nodes - 1)
+    )
     shape, period = (2 * nodes, 2 * nodes), 2 * nodes * SIDE / (nodes - 1)
-    return generate_spectral(shape, period, spectrum, random, rms_height=5.0)[:nodes, :nodes]
+    return generate_spectral(shape, period, spectrum, random, rms_height=5.0)[
+        :nodes, :nodes
+    ]
 
 
 def estimates(generator: str, nodes: int, hurst: float, surfaces: int) -> list[float]:
@@ -47,7 +51,9 @@ def estimates(generator: str, nodes: int, hurst: float, surfaces: int) -> list[f
 def main(arguments: list[str]) -> list[dict[str, object]]:
     """Return a row for each generator, grid and exponent."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--small", action="store_true", help="two surfaces on the coarsest grid")
+    parser.add_argument(
+        "--small", action="store_true", help="two surfaces on the coarsest grid"
+    )
     parser.add_argument("--table", metavar="FILE", help="the table as CSV")
     options = parser.parse_args(arguments)
     rows: list[dict[str, object]] = []
@@ -56,10 +62,16 @@ def main(arguments: list[str]) -> list[dict[str, object]]:
             for hurst in (0.3, 0.5, 0.7, 0.9):
                 exponents = estimates(generator, nodes, hurst, 2 if options.small else 20)
                 row = {"generator": generator, "nodes": nodes, "asked_for": hurst}
-                row |= {"fitted": len(exponents), "hurst": round(float(np.mean(exponents)), 3)}
+                row |= {
+                    "fitted": len(exponents),
+                    "hurst": round(float(np.mean(exponents)), 3),
+                }
                 row |= {"deviation": round(float(np.std(exponents, ddof=1)), 3)}
                 rows.append(row)
-                print(", ".join(f"{name} {value}" for name, value in row.items()), flush=True)
+                print(
+                    ", ".join(f"{name} {value}" for name, value in row.items()),
+                    flush=True,
+                )
     if options.table:
         with Path(options.table).open("w", newline="", encoding="utf-8") as file:
             table = csv.DictWriter(file, list(rows[0]))

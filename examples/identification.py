@@ -28,15 +28,23 @@ def main(arguments: list[str]) -> tuple[float, float, float]:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("surrogate", help="made by python -m learn fit")
     parser.add_argument("surface", help="heights in um (.npy)")
-    parser.add_argument("--side", type=sides, required=True, help="scan length, or X,Y [um]")
+    parser.add_argument(
+        "--side", type=sides, required=True, help="scan length, or X,Y [um]"
+    )
     parser.add_argument("--area", type=float, required=True, help="measured area [%%]")
-    parser.add_argument("--hardness", type=float, help="[MPa], if the training has several")
-    parser.add_argument("--level", type=float, help="of the interval; 0.9, or what it reaches")
+    parser.add_argument(
+        "--hardness", type=float, help="[MPa], if the training has several"
+    )
+    parser.add_argument(
+        "--level", type=float, help="of the interval; 0.9, or what it reaches"
+    )
     parser.add_argument("--small", action="store_true", help="60 displacements")
     given = parser.parse_args(arguments)
     surrogate = Surrogate.load(given.surrogate)
     if "area" not in surrogate.learnt:
-        parser.error(f"{given.surrogate}: predicts {', '.join(surrogate.learnt)}, not the area")
+        parser.error(
+            f"{given.surrogate}: predicts {', '.join(surrogate.learnt)}, not the area"
+        )
     pressed = surrogate.for_surface(np.load(given.surface), given.side, given.surface)
     level = given.level or min(0.9, surrogate.largest_level)
     deltas = np.linspace(*surrogate.card["delta"], 60 if given.small else POINTS)
@@ -49,10 +57,14 @@ def main(arguments: list[str]) -> tuple[float, float, float]:
             f" surrogate was trained on, it is {areas[0]:.3g} to {areas[-1]:.3g} %"
         )
     delta = float(np.interp(given.area, areas, deltas))
-    possible = deltas[(answer.low["area"] <= given.area) & (given.area <= answer.high["area"])]
+    possible = deltas[
+        (answer.low["area"] <= given.area) & (given.area <= answer.high["area"])
+    ]
     low, high = (possible[0], possible[-1]) if possible.size else (delta, delta)
     interval = f"{level:.0%} interval {low:.4g} to {high:.4g} um"
-    print(f"Delta = {delta:.4g} um; {interval if low < high else 'no interval holds this area'}")
+    print(
+        f"Delta = {delta:.4g} um; {interval if low < high else 'no interval holds this area'}"
+    )
     if low == deltas[0] or high == deltas[-1]:
         print("the interval ends with the training range: Delta may lie beyond")
     if answer.reasons[0]:

@@ -38,8 +38,12 @@ def main(arguments: list[str]) -> tuple[float, float, float]:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("scene", help="a shipped scene, as quick, or a TOML file")
     parser.add_argument("--output", default="area_percent", help="a column of a database")
-    parser.add_argument("--nodes", default="33,65,129,257", help="of all grids, coarse to fine")
-    parser.add_argument("--error", type=float, default=0.1, help="standard error of the mean")
+    parser.add_argument(
+        "--nodes", default="33,65,129,257", help="of all grids, coarse to fine"
+    )
+    parser.add_argument(
+        "--error", type=float, default=0.1, help="standard error of the mean"
+    )
     given = parser.parse_args(arguments)
     grids, scene = [int(number) for number in given.nodes.split(",")], load(given.scene)
     function = SceneFunction(scene, [given.output])
@@ -47,8 +51,12 @@ def main(arguments: list[str]) -> tuple[float, float, float]:
     results = np.array([values for values, _ in pilots])
     seconds = np.array([spent for _, spent in pilots]) / PILOTS
     both = np.cov(results)
-    factors = np.append(0.0, np.diag(both, -1) / np.diag(both)[:-1])  # of the coarser results
-    weights = np.append(np.cumprod(factors[:0:-1])[::-1], 1.0)  # of corrections, in the mean
+    factors = np.append(
+        0.0, np.diag(both, -1) / np.diag(both)[:-1]
+    )  # of the coarser results
+    weights = np.append(
+        np.cumprod(factors[:0:-1])[::-1], 1.0
+    )  # of corrections, in the mean
     coarser = np.vstack([np.zeros(PILOTS), results[:-1]])
     scatter = weights * (results - factors[:, None] * coarser).std(axis=1, ddof=1)
     costs = seconds + np.append(0.0, seconds[:-1])
@@ -64,10 +72,14 @@ def main(arguments: list[str]) -> tuple[float, float, float]:
         mean += weights[level] * values.mean()
         variance += weights[level] ** 2 * values.var(ddof=1) / number
         spent += sum(each for _, each in parts)
-        print(f"{grids[level]} nodes: {number} surfaces, coarser result x {factors[level]:.3f}")
+        print(
+            f"{grids[level]} nodes: {number} surfaces, coarser result x {factors[level]:.3f}"
+        )
     plain = both[-1, -1] / variance * seconds[-1]
     print(f"mean {given.output} {mean:.4g} +- {variance**0.5:.2g} (standard error)")
-    print(f"{spent:.3g} s; plain Monte Carlo on {grids[-1]} nodes would take {plain:.3g} s")
+    print(
+        f"{spent:.3g} s; plain Monte Carlo on {grids[-1]} nodes would take {plain:.3g} s"
+    )
     return mean, float(variance**0.5), float(spent / plain)
 
 

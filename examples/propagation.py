@@ -24,10 +24,16 @@ def main(arguments: list[str]) -> np.ndarray:
     """Return the values of the first target, areas [%] as a rule."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("surrogate", help="made by python -m learn fit")
-    parser.add_argument("--delta", type=float, help="[um]; the middle of the training if left out")
-    parser.add_argument("--set", nargs=2, metavar=("NAME", "VALUE"), action="append", default=[])
+    parser.add_argument(
+        "--delta", type=float, help="[um]; the middle of the training if left out"
+    )
+    parser.add_argument(
+        "--set", nargs=2, metavar=("NAME", "VALUE"), action="append", default=[]
+    )
     parser.add_argument("--surfaces", type=int, default=1000)
-    parser.add_argument("--trust", action="store_true", help="run the scene's own function")
+    parser.add_argument(
+        "--trust", action="store_true", help="run the scene's own function"
+    )
     parser.add_argument("--small", action="store_true", help="20 surfaces")
     parser.add_argument("--plot", metavar="FILE", help="a histogram")
     given = parser.parse_args(arguments)
@@ -35,7 +41,9 @@ def main(arguments: list[str]) -> np.ndarray:
     surrogate = Surrogate.load(given.surrogate)
     (target, about), *_ = surrogate.card["targets"].items()
     scene, unit = Scene.from_text(surrogate.card["scene"]), about["unit"]
-    middle = {n: quantiles(d, np.array([0.5]))[0] for n, d in scene.drawn_parameters.items()}
+    middle = {
+        n: quantiles(d, np.array([0.5]))[0] for n, d in scene.drawn_parameters.items()
+    }
     asked = {name: float(value) for name, value in given.set}
     if asked.keys() - middle.keys():
         parser.error(f"--set: the scene has {', '.join(middle) or 'no parameters'}")
@@ -49,16 +57,22 @@ def main(arguments: list[str]) -> np.ndarray:
         answer = surrogate.predict(heights, scene.sides, delta, hardness=hardness)
         values.append(answer.values[target][0])
         flagged += not answer.inside[0]
-        with suppress(*UNSOLVED, AttributeError):  # a target that is no result of every contact
+        with suppress(
+            *UNSOLVED, AttributeError
+        ):  # a target that is no result of every contact
             if number < 10:
-                solved = getattr(solve_contact(scene, heights, delta, hardness), about["column"])
+                solved = getattr(
+                    solve_contact(scene, heights, delta, hardness), about["column"]
+                )
                 errors.append((abs(values[-1] - solved), abs(solved)))
     scatter = f" +- {np.std(values, ddof=1):.2g}" if len(values) > 1 else ""
     ending = "" if unit == "1" else f" {unit}"  # a pure number
     print(f"{target} at Delta = {delta:g} um: {np.mean(values):.3g}{scatter}{ending}")
     if scatter:
         low, middle, high = np.quantile(values, [0.05, 0.5, 0.95])
-        print(f"median {middle:.3g}, nine of ten surfaces between {low:.3g} and {high:.3g}{ending}")
+        print(
+            f"median {middle:.3g}, nine of ten surfaces between {low:.3g} and {high:.3g}{ending}"
+        )
     print(f"{flagged} of {len(values)} surfaces lie outside the training ranges")
     if errors:
         off, size = np.mean(errors, axis=0)

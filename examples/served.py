@@ -22,7 +22,9 @@ LIMITS = "0.5:0.8,10:15,5:25"
 
 def limits(text: str) -> np.ndarray:
     """Read the limits of all inputs, shape (2, inputs)."""
-    return np.array([[float(end) for end in pair.split(":")] for pair in text.split(",")]).T
+    return np.array(
+        [[float(end) for end in pair.split(":")] for pair in text.split(",")]
+    ).T
 
 
 def main(arguments: list[str]) -> float:
@@ -30,20 +32,28 @@ def main(arguments: list[str]) -> float:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("address", help="where asperity serve listens")
     parser.add_argument("model", help="name of the served scene")
-    parser.add_argument("--limits", type=limits, default=LIMITS, help="LOW:HIGH of each input")
+    parser.add_argument(
+        "--limits", type=limits, default=LIMITS, help="LOW:HIGH of each input"
+    )
     parser.add_argument("--tolerance", type=float, default=0.05, help="error of the mean")
-    parser.add_argument("--nodes", type=int, help="nodes a side, the fidelity; the scene's if none")
+    parser.add_argument(
+        "--nodes", type=int, help="nodes a side, the fidelity; the scene's if none"
+    )
     given = parser.parse_args(arguments)
     model = umbridge.HTTPModel(given.address, given.model)
     config = {} if given.nodes is None else {"nodes": given.nodes}
     sizes, (lowest, highest) = model.get_input_sizes(config), given.limits
     if sum(sizes) != len(lowest):
-        parser.error(f"--limits: {len(lowest)} pairs; {given.model} has inputs of sizes {sizes}")
+        parser.error(
+            f"--limits: {len(lowest)} pairs; {given.model} has inputs of sizes {sizes}"
+        )
 
     def area(points: np.ndarray) -> np.ndarray:
         """Contact areas at points (n, inputs), on the one surface whose index is the default."""
         inputs = (np.split(point, np.cumsum(sizes)[:-1]) for point in points)
-        return np.array([model([part.tolist() for part in each], config)[0][0] for each in inputs])
+        return np.array(
+            [model([part.tolist() for part in each], config)[0][0] for each in inputs]
+        )
 
     lattice = qmcpy.Lattice(dimension=len(lowest), seed=7)
     uniform = qmcpy.Uniform(lattice, lower_bound=lowest, upper_bound=highest)

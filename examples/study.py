@@ -22,9 +22,13 @@ def main(arguments: list[str]) -> np.ndarray:
     """Return means of the first target, areas [%] as a rule, (values, displacements)."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("surrogate", help="made by python -m learn fit")
-    parser.add_argument("--parameter", metavar="NAME", help="the first one drawn if left out")
+    parser.add_argument(
+        "--parameter", metavar="NAME", help="the first one drawn if left out"
+    )
     parser.add_argument("--surfaces", type=int, default=50, help="for each value")
-    parser.add_argument("--trust", action="store_true", help="run the scene's own function")
+    parser.add_argument(
+        "--trust", action="store_true", help="run the scene's own function"
+    )
     parser.add_argument("--small", action="store_true", help="3 surfaces, 3 x 4 points")
     parser.add_argument("--csv", metavar="FILE", help="the table as a file")
     parser.add_argument("--plot", metavar="FILE", help="curves")
@@ -32,8 +36,13 @@ def main(arguments: list[str]) -> np.ndarray:
     TRUSTED.set(given.trust)
     surrogate = Surrogate.load(given.surrogate)
     (target, about), *_ = surrogate.card["targets"].items()
-    scene, label = Scene.from_text(surrogate.card["scene"]), f"mean {target} [{about['unit']}]"
-    drawn = {name: each for name, each in scene.drawn_parameters.items() if is_drawn(each)}
+    scene, label = (
+        Scene.from_text(surrogate.card["scene"]),
+        f"mean {target} [{about['unit']}]",
+    )
+    drawn = {
+        name: each for name, each in scene.drawn_parameters.items() if is_drawn(each)
+    }
     name = given.parameter or next(iter(drawn), None)
     if name not in drawn:
         parser.error(f"--parameter: the scene draws {', '.join(drawn) or 'none'}")
@@ -55,7 +64,9 @@ def main(arguments: list[str]) -> np.ndarray:
         print(f"{name:>20} = {value:8.3g} " + " ".join(f"{each:6.3g}" for each in row))
     if given.csv:
         header = f"{name}," + ",".join(f"delta {delta:.4g} um" for delta in deltas)
-        np.savetxt(given.csv, np.c_[steps, found], "%.6g", ",", header=header, comments="")
+        np.savetxt(
+            given.csv, np.c_[steps, found], "%.6g", ",", header=header, comments=""
+        )
     if given.plot:
         from matplotlib.figure import Figure
 

@@ -20,14 +20,20 @@ def main(arguments: list[str]) -> np.ndarray:
     """Return pressure [MPa], first and second area, first and second yielded share [%]."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--hardness", type=float, default=2000.0, help="[MPa]")
-    parser.add_argument("--pressure", type=float, default=50.0, help="of the first loading [MPa]")
+    parser.add_argument(
+        "--pressure", type=float, default=50.0, help="of the first loading [MPa]"
+    )
     parser.add_argument("--young", type=float, default=210e3, help="[MPa]")
     parser.add_argument("--small", action="store_true", help="65 nodes a side")
     parser.add_argument("--plot", metavar="FILE", help="both laws")
     given = parser.parse_args(arguments)
     side = 1000.0
     heights = generate(
-        "diamond-square", 65 if given.small else 257, 0.7, 1.0, np.random.default_rng(2025)
+        "diamond-square",
+        65 if given.small else 257,
+        0.7,
+        1.0,
+        np.random.default_rng(2025),
     )
     settings = {"modulus": given.young, "poisson": 0.3, "hardness": given.hardness}
     loads = given.pressure * np.array([0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.2])

@@ -18,8 +18,12 @@ LAWS = [f"{law} at {p:g} MPa" for law in ("closure", "conductance") for p in PRE
 
 def laws(heights: np.ndarray, spacing: float, hardness: float) -> np.ndarray:
     """Return closure [um] and stiffness per area [MPa / um] at all pressures, shape (2, loads)."""
-    level = np.linspace(-1, 1, len(heights))[:, None]  # a window's tilt belongs to its form
-    heights = heights - sum(x * (heights * x).mean() / (x**2).mean() for x in (level, level.T))
+    level = np.linspace(-1, 1, len(heights))[
+        :, None
+    ]  # a window's tilt belongs to its form
+    heights = heights - sum(
+        x * (heights * x).mean() / (x**2).mean() for x in (level, level.T)
+    )
     side = spacing * len(heights)
     settings = {"boundary": "mirror", "modulus": 230e3, "hardness": hardness}
     contacts = bem.ladder(heights, side, pressures=PRESSURES, **settings)
@@ -40,21 +44,34 @@ def main(arguments: list[str]) -> np.ndarray:
     heights = generate_spectral(shape, nodes * spacing, spectrum, random, rms_slope=0.1)
     found = []
     for size in (nodes // 2 ** np.arange(1, 6 if nodes > 256 else 4)).tolist():
-        places = [(i, j) for i in range(0, nodes, size) for j in range(0, nodes, size)][:64]
+        places = [(i, j) for i in range(0, nodes, size) for j in range(0, nodes, size)][
+            :64
+        ]
         windows = [heights[i : i + size, j : j + size] for i, j in places]
-        each = np.array([laws(window, spacing, given.hardness).ravel() for window in windows])
+        each = np.array(
+            [laws(window, spacing, given.hardness).ravel() for window in windows]
+        )
         found.append([size * spacing / roll_off, *(each.std(axis=0) / each.mean(axis=0))])
         percent = 100 * np.round(found[-1][1:], 3)
         print(f"{found[-1][0]:g} roll-offs, {len(windows)} windows: {percent} %")
     if given.table:
-        np.savetxt(given.table, found, "%g", ",", header="roll-offs," + ",".join(LAWS), comments="")
+        np.savetxt(
+            given.table,
+            found,
+            "%g",
+            ",",
+            header="roll-offs," + ",".join(LAWS),
+            comments="",
+        )
     if given.plot:
         from matplotlib.figure import Figure
 
         axis = Figure(figsize=(5.5, 3.6), layout="constrained").subplots()
         sizes, *scatters = np.transpose(found)
         axis.semilogx(sizes, 100 * np.transpose(scatters), "o-", base=2, label=LAWS)
-        axis.set(xlabel="window / roll-off wavelength", ylabel="scatter [%]", ylim=(0, None))
+        axis.set(
+            xlabel="window / roll-off wavelength", ylabel="scatter [%]", ylim=(0, None)
+        )
         axis.legend()
         axis.figure.savefig(given.plot, dpi=110)
     return np.array(found)

@@ -37,7 +37,9 @@ def main() -> None:
     path = Path(__file__).with_suffix(".svg")
     figure.savefig(path, metadata={"Date": None}, facecolor="white")
     text = path.read_text(encoding="utf-8")
-    path.write_text("\n".join(line.rstrip() for line in text.splitlines()) + "\n", encoding="utf-8")
+    path.write_text(
+        "\n".join(line.rstrip() for line in text.splitlines()) + "\n", encoding="utf-8"
+    )
 
 
 def _draw_bodies(axis, x, interference, displacement, in_contact) -> None:  # type: ignore[no-untyped-def]
@@ -68,7 +70,9 @@ def _draw_names(axis, x, interference, displacement, delta) -> None:  # type: ig
     ends = (x[widest], -interference[widest]), (x[widest], -displacement[widest])
     axis.annotate("", *ends, arrowprops=ARROW)
     axis.text(x[widest] + 1, np.mean([end[1] for end in ends]), "gap", va="center")
-    axis.text(x[1], 4.0, "rigid rough surface: asperities are its local peaks", va="center")
+    axis.text(
+        x[1], 4.0, "rigid rough surface: asperities are its local peaks", va="center"
+    )
     axis.text(x[1], -3.2, "elastic half-space: modulus E*, hardness", va="center")
     axis.annotate(
         "its surface before contact", (x[2], 0), (x[1], -2.3), color="#2f6fb0",

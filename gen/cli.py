@@ -4,14 +4,36 @@ from functools import partial
 
 import typer
 
-from gen.commands.databases import check, columns, estimate, export, info, merge, plot, run
+from gen.commands.databases import (
+    check,
+    columns,
+    estimate,
+    export,
+    info,
+    merge,
+    plot,
+    run,
+)
 from gen.commands.surfaces import contact, describe, law, scene
 from gen.runtime import command_line
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
 COMMANDS = (
-    *(run, info, contact, law, describe, plot, columns, check, merge, export, estimate, scene),
+    *(
+        run,
+        info,
+        contact,
+        law,
+        describe,
+        plot,
+        columns,
+        check,
+        merge,
+        export,
+        estimate,
+        scene,
+    ),
 )
 """In the order of the help."""
 

@@ -36,13 +36,17 @@ LARGEST = sys.float_info.max  # number
 DIGITS = 53  # binary digits of a random number in [0, 1)
 
 KNOTS = 2**16  # intervals inside which a normal distribution's quantiles are linear
-SIGNIFICANT = 9  # decimal digits of the quantiles at their ends, on which processors agree
+SIGNIFICANT = (
+    9  # decimal digits of the quantiles at their ends, on which processors agree
+)
 
 
 class Table(BaseModel):
     """Rules for every table of a scene; a field's description says which values are allowed."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, strict=True, allow_inf_nan=False
+    )
 
 
 def conflict(words: str) -> PydanticCustomError:
@@ -111,9 +115,13 @@ class Normal(Table):
         low, high = ((end - mean) / deviation for end in self.ends)
         # The tail that is the shorter one keeps its digits.
         below, above = (-high, -low) if low > 0 else (low, high)
-        inside = 0.5 * (math.erfc(-above / math.sqrt(2)) - math.erfc(-below / math.sqrt(2)))
+        inside = 0.5 * (
+            math.erfc(-above / math.sqrt(2)) - math.erfc(-below / math.sqrt(2))
+        )
         if not LEAST_INSIDE < inside <= 1:
-            raise ValueError(f"less than {LEAST_INSIDE:g} of the distribution is in the range")
+            raise ValueError(
+                f"less than {LEAST_INSIDE:g} of the distribution is in the range"
+            )
         return self
 
     def quantiles(self, uniform: Values) -> Values:
@@ -129,9 +137,9 @@ class Normal(Table):
 class Choice(Table):
     """One of several numbers, equally likely unless shares are given."""
 
-    choice: Annotated[tuple[Number, ...], Strict(False), Field(min_length=1, max_length=1000)] = (
-        Field(description="one or more numbers")
-    )
+    choice: Annotated[
+        tuple[Number, ...], Strict(False), Field(min_length=1, max_length=1000)
+    ] = Field(description="one or more numbers")
     shares: Annotated[tuple[Positive, ...], Strict(False)] | None = Field(
         default=None, description="a share for each number, 1 in all"
     )
@@ -157,7 +165,9 @@ class Choice(Table):
         values = np.array(self.choice)
         shares = self.shares or (1.0 / len(values),) * len(values)
         # The last number takes the rest: rounded shares cannot leave a gap below 1.
-        return np.asarray(values[np.searchsorted(np.cumsum(shares)[:-1], uniform, side="right")])
+        return np.asarray(
+            values[np.searchsorted(np.cumsum(shares)[:-1], uniform, side="right")]
+        )
 
 
 Distribution = float | tuple[float, float] | LogUniform | Normal | Choice
@@ -178,10 +188,14 @@ _READERS: dict[str, TypeAdapter[Any]] = {
 """What reads a number, an array, and each table."""
 
 
-def within(low: float = -LARGEST, high: float = LARGEST, *, beyond: bool = False) -> PlainValidator:
+def within(
+    low: float = -LARGEST, high: float = LARGEST, *, beyond: bool = False
+) -> PlainValidator:
     """Read a number or a distribution whose values are all within limits, or `beyond` the lower."""
 
-    def read(value: object) -> Distribution:  # errors of a union of types would name its members
+    def read(
+        value: object,
+    ) -> Distribution:  # errors of a union of types would name its members
         distribution: Distribution
         if isinstance(value, LogUniform | Normal | Choice):
             distribution = value
@@ -222,7 +236,9 @@ def _refusal(key: str, error: ValidationError) -> Exception:
 
 AnyNumber = Annotated[Distribution, within(), SerializeAsAny()]
 AtLeastZero = Annotated[Distribution, within(0.0), SerializeAsAny()]
-SPANNED = "two finite numbers [low, high] with 0 <= low <= high, one number, or a distribution"
+SPANNED = (
+    "two finite numbers [low, high] with 0 <= low <= high, one number, or a distribution"
+)
 AboveZero = Annotated[Distribution, within(0.0, beyond=True), SerializeAsAny()]
 FromZeroToOne = Annotated[Distribution, within(0.0, 1.0), SerializeAsAny()]
 
@@ -231,7 +247,9 @@ def limits(distribution: Distribution) -> tuple[float, float]:
     """Return the smallest and the largest value of a distribution, equal for a fixed number."""
     if isinstance(distribution, Table):
         return distribution.ends
-    return distribution if isinstance(distribution, tuple) else (distribution, distribution)
+    return (
+        distribution if isinstance(distribution, tuple) else (distribution, distribution)
+    )
 
 
 def is_drawn(distribution: Distribution) -> bool:

@@ -76,9 +76,15 @@ class Tally:
 
     rows: int = 0
     full: int = 0  # rows in which every node touches
-    full_from: tuple[float, float] = (math.inf, math.nan)  # least Delta of these, and its span [um]
+    full_from: tuple[float, float] = (
+        math.inf,
+        math.nan,
+    )  # least Delta of these, and its span [um]
     single: int = 0  # rows in which one node touches, or none
-    single_to: tuple[float, float] = (-math.inf, math.nan)  # largest Delta of these, and its span
+    single_to: tuple[float, float] = (
+        -math.inf,
+        math.nan,
+    )  # largest Delta of these, and its span
     steep: int = 0  # rows whose rms slope is above STEEP_ROW
     steepest: float = 0.0  # largest rms slope
     pressure: float = 0.0  # largest nominal pressure [MPa]
@@ -147,7 +153,11 @@ def material_doubts(bodies: Bodies) -> list[str]:
     ratio = low if bodies.hardness is None else bodies.hardness / bodies.e_star
     if not low <= ratio <= high:
         slips = [words for factor, words in SLIPS if low <= ratio * factor <= high]
-        slip = [*slips, "are the units right"][0] if bodies.known else "is the modulus left out"
+        slip = (
+            [*slips, "are the units right"][0]
+            if bodies.known
+            else "is the modulus left out"
+        )
         numbers = f"hardness over E* is {ratio:.3g}, solids have {low:g} to {high:g}"
         units = f"Both count in MPa, and E* is {bodies.e_star:.4g} MPa (steel: 2.3e5)"
         return [f"{numbers}: {slip}? {units}"]
@@ -242,10 +252,16 @@ def contact_doubts(
         advice = modulus_in_words(bodies) if unscaled else CHECK_LOAD
         doubts.append(_full_contact(min(full), float(np.ptp(heights)), advice))
     elif largest > bodies.e_star and unscaled:
-        doubts.append(f"the largest pressure is {largest:.4g} MPa: {modulus_in_words(bodies)}")
+        doubts.append(
+            f"the largest pressure is {largest:.4g} MPa: {modulus_in_words(bodies)}"
+        )
     if beyond and bodies.known and bodies.hardness is None:
         start = f"from Delta = {min(beyond):.4g} um on, " if len(solved) > 1 else ""
-        units = ", and check E*: moduli count in MPa (210e3)" if largest > bodies.e_star else ""
+        units = (
+            ", and check E*: moduli count in MPa (210e3)"
+            if largest > bodies.e_star
+            else ""
+        )
         doubts.append(
             f"{start}the largest pressure ({largest:.4g} MPa) is above E*/{YIELDING:g} ="
             f" {limit:.4g} MPa: real metals and polymers would have yielded, and their contact area"
@@ -300,5 +316,7 @@ def rows_doubts(
             f" the heights span {span:.4g} um: {advice}"
         )
     if in_units and tally.pressure > bodies.e_star:
-        doubts.append(f"the largest nominal pressure is {tally.pressure:.4g} MPa: {modulus}")
+        doubts.append(
+            f"the largest nominal pressure is {tally.pressure:.4g} MPa: {modulus}"
+        )
     return doubts

@@ -45,7 +45,9 @@ class Gas(NamedTuple):
         given = {"--gas-conductivity": conductivity, "--jump-distance": jump_distance}
         for (option, value), unit in zip(given.items(), ("W/(m K)", "um"), strict=True):
             if value is None:
-                raise InputError(f"a gas needs {' and '.join(given)}: {option} is missing")
+                raise InputError(
+                    f"a gas needs {' and '.join(given)}: {option} is missing"
+                )
             require_within(option, value, unit)
         return cls(conductivity, jump_distance)  # type: ignore[arg-type]
 
@@ -85,10 +87,14 @@ def loads_from(load: str, text: str, advice: str = "") -> list[float]:
             continue
         import numpy as np  # here, so that --help does not wait for it
 
-        values += (np.geomspace if log else np.linspace)(ends[0], ends[1], int(count)).tolist()
+        values += (np.geomspace if log else np.linspace)(
+            ends[0], ends[1], int(count)
+        ).tolist()
     zero = load == "pressure"  # whether 0 is allowed
     within = all(SMALLEST < value < LARGEST or (zero and value == 0) for value in values)
-    if advice:  # the solver says which of them it takes; it also names those that are not finite
+    if (
+        advice
+    ):  # the solver says which of them it takes; it also names those that are not finite
         beyond = [value for value in values if LARGEST <= abs(value) < math.inf]
         if beyond:
             raise InputError(f"--{load} {beyond[0]:g}: must be below {LARGEST:g}")
@@ -124,7 +130,9 @@ def require_within(option: str, value: float, unit: str, what: str = "") -> floa
     if SMALLEST < value < LARGEST:
         return value
     must = f"{what} must" if what else "must"
-    raise InputError(f"{option} {value:g}: {must} be between {SMALLEST:g} and {LARGEST:g} {unit}")
+    raise InputError(
+        f"{option} {value:g}: {must} be between {SMALLEST:g} and {LARGEST:g} {unit}"
+    )
 
 
 class Bodies(NamedTuple):
@@ -132,7 +140,9 @@ class Bodies(NamedTuple):
 
     e_star: float
     hardness: float | None = None  # None for elastic bodies
-    known: bool = False  # whether the user gave E*, so that warnings about pressures apply
+    known: bool = (
+        False  # whether the user gave E*, so that warnings about pressures apply
+    )
     # Young's modulus [MPa] and Poisson's ratio of the only elastic body, if that was given
     only: tuple[float, float] | None = None
 
@@ -154,7 +164,11 @@ class Bodies(NamedTuple):
                 " MPa without these options"
             )
         combined = combined_modulus(young, poisson, e_star)
-        only = (young[0], poisson[0] if poisson else 0.0) if young and len(young) == 1 else None
+        only = (
+            (young[0], poisson[0] if poisson else 0.0)
+            if young and len(young) == 1
+            else None
+        )
         return cls(1.0 if combined is None else combined, hardness, known, only)
 
     @property
@@ -165,12 +179,16 @@ class Bodies(NamedTuple):
     @property
     def text(self) -> str:
         """Description for titles and records."""
-        hardness = "" if self.hardness is None else f", hardness = {self.hardness:.6g} MPa"
+        hardness = (
+            "" if self.hardness is None else f", hardness = {self.hardness:.6g} MPa"
+        )
         return f"E* = {self.e_star:.6g} MPa{hardness}"
 
 
 def combined_modulus(
-    young: Sequence[float] | None, poisson: Sequence[float] | None, e_star: float | None = None
+    young: Sequence[float] | None,
+    poisson: Sequence[float] | None,
+    e_star: float | None = None,
 ) -> float | None:
     """Compute E* of a contact [MPa], 1/E* = 1/E1* + 1/E2*, or 1/E1* if one body is rigid.
 
@@ -180,7 +198,9 @@ def combined_modulus(
     young, poisson = young or (), poisson or ()
     if e_star is not None:
         if young or poisson:
-            raise InputError("--e-star stands in place of --young and --poisson: give one of them")
+            raise InputError(
+                "--e-star stands in place of --young and --poisson: give one of them"
+            )
         return require_within("--e-star", e_star, "MPa", "the modulus")
     if not (young or poisson):
         return None

@@ -31,7 +31,10 @@ def _file(said: str, *names: str) -> Any:
 
 Database = Annotated[Path, Argument(metavar="FILE", help="A database (HDF5).")]
 SurfaceFile = Annotated[
-    Path, Argument(metavar="SURFACE", help="Heights: .npy, text, instruments' (x3p, sur, gwy ...).")
+    Path,
+    Argument(
+        metavar="SURFACE", help="Heights: .npy, text, instruments' (x3p, sur, gwy ...)."
+    ),
 ]
 SurfaceFiles = Annotated[
     list[Path],
@@ -42,43 +45,77 @@ SurfaceFiles = Annotated[
 ]
 Table = Annotated[Path | None, _file("Also write a table.", "--csv")]
 Json = Annotated[Path | None, _file("Also write it as JSON.", "--json")]
-Scene = Annotated[str, Argument(metavar="SCENE", help="A shipped scene, as quick, or a TOML file.")]
+Scene = Annotated[
+    str, Argument(metavar="SCENE", help="A shipped scene, as quick, or a TOML file.")
+]
 NewDatabase = Annotated[Path, Option(*OUT, metavar="FILE", help="The database to write.")]
-ExportFolder = Annotated[Path, Option(*OUT, metavar="FOLDER", help="The folder to write.")]
+ExportFolder = Annotated[
+    Path, Option(*OUT, metavar="FOLDER", help="The folder to write.")
+]
 Title = Annotated[str, Option(metavar="TEXT", help="Title of the dataset.")]
-Creator = Annotated[str, Option(metavar="TEXT", help="Who made it, as the dataset is to be cited.")]
-Licence = Annotated[str, Option(metavar="NAME", help="Its licence: an SPDX identifier, or URL.")]
-Doi = Annotated[str, Option(metavar="DOI", help="Its identifier, as 10.5281/zenodo.1234567.")]
-Rows = Annotated[str, Option(metavar="A:B", help="Only the rows A to B - 1, for job arrays.")]
+Creator = Annotated[
+    str, Option(metavar="TEXT", help="Who made it, as the dataset is to be cited.")
+]
+Licence = Annotated[
+    str, Option(metavar="NAME", help="Its licence: an SPDX identifier, or URL.")
+]
+Doi = Annotated[
+    str, Option(metavar="DOI", help="Its identifier, as 10.5281/zenodo.1234567.")
+]
+Rows = Annotated[
+    str, Option(metavar="A:B", help="Only the rows A to B - 1, for job arrays.")
+]
 RetryFailed = Annotated[bool, Option("--retry-failed", help="Compute failed rows again.")]
-Force = Annotated[bool, Option("--force", help="Continue a file of another physics number.")]
-SampleLimit = Annotated[float | None, Option(metavar="SECONDS", help="Leave slower rows pending.")]
+Force = Annotated[
+    bool, Option("--force", help="Continue a file of another physics number.")
+]
+SampleLimit = Annotated[
+    float | None, Option(metavar="SECONDS", help="Leave slower rows pending.")
+]
 Writer = Annotated[
     Literal["auto", "single", "parallel"],
-    Option(help="Who writes: rank 0, or every worker its own rows (needs an h5py with MPI)."),
+    Option(
+        help="Who writes: rank 0, or every worker its own rows (needs an h5py with MPI)."
+    ),
 ]
 DryRun = Annotated[bool, Option("--dry-run", help="Show the plan and write nothing.")]
 Delta = Annotated[
-    str, Option(metavar="UM", help="Displacements in um: 2, 1,2,5 or start:stop:count[:log].")
+    str,
+    Option(metavar="UM", help="Displacements in um: 2, 1,2,5 or start:stop:count[:log]."),
 ]
 NormalForce = Annotated[str, Option(metavar="UN", help="Normal forces in uN, likewise.")]
-Pressure = Annotated[str, Option(metavar="MPA", help="Pressures over the patch in MPa, likewise.")]
-Spots = Annotated[bool, Option("--spots", help="Count spots; see if contact and gap cross.")]
-Flow = Annotated[bool, Option("--flow", help="Let a fluid flow through the gap along x and y.")]
-GridError = Annotated[bool, Option(help="Give the area in the continuum, and the grid's error.")]
-Stiffness = Annotated[bool, Option("--stiffness", help="Solve for stiffness and the interface's.")]
+Pressure = Annotated[
+    str, Option(metavar="MPA", help="Pressures over the patch in MPa, likewise.")
+]
+Spots = Annotated[
+    bool, Option("--spots", help="Count spots; see if contact and gap cross.")
+]
+Flow = Annotated[
+    bool, Option("--flow", help="Let a fluid flow through the gap along x and y.")
+]
+GridError = Annotated[
+    bool, Option(help="Give the area in the continuum, and the grid's error.")
+]
+Stiffness = Annotated[
+    bool, Option("--stiffness", help="Solve for stiffness and the interface's.")
+]
 Conductivity = Annotated[
     list[float] | None,
-    Option(metavar="W/MK", help="Conductivity of the bodies in W/(m K); twice if they differ."),
+    Option(
+        metavar="W/MK",
+        help="Conductivity of the bodies in W/(m K); twice if they differ.",
+    ),
 ]
 GasConductivity = Annotated[
     float | None,
     Option(
-        metavar="W/MK", help="Conductivity of a gas in the gap in W/(m K), whose part is added."
+        metavar="W/MK",
+        help="Conductivity of a gas in the gap in W/(m K), whose part is added.",
     ),
 ]
 JumpDistance = Annotated[
-    float | None, Option(metavar="UM", help="The gas' jump distance in um, at its pressure.")
+    float | None,
+    Option(metavar="UM", help="The gas' jump distance in um, at its pressure."),
 ]
 Also = Annotated[
     list[str] | None,
@@ -88,11 +125,15 @@ Also = Annotated[
         help="Add a quantity to the law, as perimeter or largest_spot_percent; repeat for more.",
     ),
 ]
-Flattened = Annotated[Path | None, Option(metavar="NPY", help="Write the heights that are left.")]
+Flattened = Annotated[
+    Path | None, Option(metavar="NPY", help="Write the heights that are left.")
+]
 Kernel = Annotated[str, Option(help="uniform-pressure or concentrated-force.")]
 Boundary = Annotated[
     Literal["free", "periodic", "mirror"],
-    Option(help="The patch is all there is, repeats, or is a piece among its mirror images."),
+    Option(
+        help="The patch is all there is, repeats, or is a piece among its mirror images."
+    ),
 ]
 FarField = Annotated[str, Option(help="rigid or compliant.")]
 Tolerance = Annotated[float, Option(help="Residual to reach, divided by Delta.")]
@@ -106,37 +147,63 @@ Threads = Annotated[
         show_default=False,
     ),
 ]
-Depth = Annotated[float | None, Option(metavar="UM", min=0, help="Add Smr so far below the top.")]
+Depth = Annotated[
+    float | None, Option(metavar="UM", min=0, help="Add Smr so far below the top.")
+]
 SpectrumTable = Annotated[
     Path | None,
-    _file("Write its spectrum, radial and along x and y, over q = 2 pi/wavelength.", "--spectrum"),
+    _file(
+        "Write its spectrum, radial and along x and y, over q = 2 pi/wavelength.",
+        "--spectrum",
+    ),
 ]
 Picture = Annotated[Path | None, _file("Draw surface and contact.", "--plot")]
 SurfacePicture = Annotated[Path | None, _file("Draw it and its spectrum.", "--plot")]
 NewPicture = Annotated[Path, Option(*OUT, metavar="PNG", help="The picture to write.")]
-Recompute = Annotated[int, Option(metavar="N", min=0, help="Rows to recompute and compare.")]
-Repair = Annotated[bool, Option("--repair", help="Make damaged rows pending, for gen run.")]
+Recompute = Annotated[
+    int, Option(metavar="N", min=0, help="Rows to recompute and compare.")
+]
+Repair = Annotated[
+    bool, Option("--repair", help="Make damaged rows pending, for gen run.")
+]
 Seed = Annotated[int, Option(min=0, help="Seed of the choice of rows.")]
-Databases = Annotated[list[Path], Argument(metavar="FILES", help="Databases of one scene.")]
-Ranks = Annotated[int, Option(min=1, help="Processes of the run; rank 0 computes nothing.")]
+Databases = Annotated[
+    list[Path], Argument(metavar="FILES", help="Databases of one scene.")
+]
+Ranks = Annotated[
+    int, Option(min=1, help="Processes of the run; rank 0 computes nothing.")
+]
 
 Surfaces = Annotated[
     list[str],
-    Argument(metavar="INPUT...", help="A surface; or several, folders, databases or scenes."),
+    Argument(
+        metavar="INPUT...", help="A surface; or several, folders, databases or scenes."
+    ),
 ]
-Population = Annotated[int, Option(min=2, max=10_000, help="Surfaces of a scene or database.")]
+Population = Annotated[
+    int, Option(min=2, max=10_000, help="Surfaces of a scene or database.")
+]
 Band = Annotated[
-    float, Option(metavar="SHARE", help="Share of further surfaces in the band of several.")
+    float,
+    Option(metavar="SHARE", help="Share of further surfaces in the band of several."),
 ]
 LawFiles = Annotated[
     Path | None,
-    Option(*OUT, metavar="NAME", help="Write NAME.csv .json .h _4c.py -calculix.inp -abaqus.inp."),
+    Option(
+        *OUT,
+        metavar="NAME",
+        help="Write NAME.csv .json .h _4c.py -calculix.inp -abaqus.inp.",
+    ),
 ]
 Maps = Annotated[
     list[str] | None, Argument(metavar="MAPS", help="Files, folders, quoted patterns.")
 ]
-NewScene = Annotated[Path, Option(*OUT, metavar="TOML", help="The scene to write, a new file.")]
-Like = Annotated[Path | None, Option(metavar="MAP", help="Instead: surfaces like this map.")]
+NewScene = Annotated[
+    Path, Option(*OUT, metavar="TOML", help="The scene to write, a new file.")
+]
+Like = Annotated[
+    Path | None, Option(metavar="MAP", help="Instead: surfaces like this map.")
+]
 
 
 class Material(NamedTuple):
@@ -144,14 +211,21 @@ class Material(NamedTuple):
 
     young: Annotated[
         list[float] | None,
-        Option(metavar="MPA", help="Young's modulus; give it twice for two elastic bodies [1]."),
+        Option(
+            metavar="MPA",
+            help="Young's modulus; give it twice for two elastic bodies [1].",
+        ),
     ] = None
     poisson: Annotated[
-        list[float] | None, Option(metavar="NU", help="Poisson's ratio, as often as --young [0].")
+        list[float] | None,
+        Option(metavar="NU", help="Poisson's ratio, as often as --young [0]."),
     ] = None
-    e_star: Annotated[float | None, Option(metavar="MPA", help="Or E* of both bodies.")] = None
+    e_star: Annotated[
+        float | None, Option(metavar="MPA", help="Or E* of both bodies.")
+    ] = None
     hardness: Annotated[
-        float | None, Option(metavar="MPA", help="Hardness of the softer body, which yields there.")
+        float | None,
+        Option(metavar="MPA", help="Hardness of the softer body, which yields there."),
     ] = None
 
 
@@ -184,14 +258,21 @@ class Against(NamedTuple):
         ),
     ] = ""
     shift: Annotated[
-        str, Option(metavar="X,Y", help="Centre of the second map, in um from that of the first.")
+        str,
+        Option(
+            metavar="X,Y", help="Centre of the second map, in um from that of the first."
+        ),
     ] = ""
 
     def body(self, first: Reading) -> "Opposite | None":
         """Return the second body, if any, read as the first unless it has options of its own."""
         path, text, turned, shift = self
         if path is None:
-            given = {"--against-options": text is not None, "--turned": turned, "--shift": shift}
+            given = {
+                "--against-options": text is not None,
+                "--turned": turned,
+                "--shift": shift,
+            }
             for option in (name for name, value in given.items() if value):
                 raise InputError(f"{option}: needs --against, the second rough body")
             return None
@@ -201,7 +282,9 @@ class Against(NamedTuple):
             raise InputError(f"--turned {shown(turned)}: give one of {', '.join(TURNS)}")
         distances = numbers_in(shift or "0,0")
         if len(distances) != 2 or not all(map(math.isfinite, distances)):
-            raise InputError(f"--shift {shown(shift)}: give the distances along x and y in um: 5,0")
+            raise InputError(
+                f"--shift {shown(shift)}: give the distances along x and y in um: 5,0"
+            )
         laid = Opposite(path, first, turned, (distances[0], distances[1]))
         if text is None:
             return laid
@@ -249,13 +332,19 @@ class LawOutputs(NamedTuple):
     header: Annotated[
         Path | None, _file("Write a C header: monotone cubics and their tangents.")
     ] = None
-    calculix: Annotated[Path | None, _file("Write CalculiX's surface interaction.")] = None
+    calculix: Annotated[Path | None, _file("Write CalculiX's surface interaction.")] = (
+        None
+    )
     abaqus: Annotated[Path | None, _file("Write Abaqus' surface interaction.")] = None
-    for_4c: Annotated[Path | None, _file("Write 4C's Python file of a contact law.", "--4c")] = None
+    for_4c: Annotated[
+        Path | None, _file("Write 4C's Python file of a contact law.", "--4c")
+    ] = None
     picture: Annotated[Path | None, _file("Draw the law with its band.", "--plot")] = None
     units: Annotated[
         Units,
-        Option(help="Units for CalculiX, Abaqus and 4C: mm (mm, N, s, MPa), si or um (with MPa)."),
+        Option(
+            help="Units for CalculiX, Abaqus and 4C: mm (mm, N, s, MPa), si or um (with MPa)."
+        ),
     ] = "mm"
     check: Annotated[
         bool,
@@ -288,13 +377,19 @@ class LawOutputs(NamedTuple):
                     f"--output {stem}: give what the names of the files begin with, as law"
                 )
             names = {name: f"{stem.name}{end}" for name, end in LAW_ENDS.items()}
-            names["for_4c"] = stem.name.replace(".", "_") + LAW_ENDS["for_4c"]  # to be imported
+            names["for_4c"] = (
+                stem.name.replace(".", "_") + LAW_ENDS["for_4c"]
+            )  # to be imported
             missing = {name for name in names if getattr(self, name) is None}
-            given: dict[str, Any] = {name: stem.with_name(names[name]) for name in missing}
+            given: dict[str, Any] = {
+                name: stem.with_name(names[name]) for name in missing
+            }
             self = self._replace(**given)  # noqa: PLW0642
         path = self.for_4c
         if path and (
-            path.suffix != ".py" or "." in path.stem or path.stem in sys.stdlib_module_names
+            path.suffix != ".py"
+            or "." in path.stem
+            or path.stem in sys.stdlib_module_names
         ):
             raise InputError(
                 f"--4c {path}: 4C imports it by its name, which has to end in .py, to have no other"

@@ -26,10 +26,15 @@ if TYPE_CHECKING:
     from bem.problem import Problem
     from gen.material import Gas
 
-SHARE, AMOUNT = (0.0, 100.0), (0.0, math.inf)  # bounds of shares in percent, and of amounts
+SHARE, AMOUNT = (
+    (0.0, 100.0),
+    (0.0, math.inf),
+)  # bounds of shares in percent, and of amounts
 SIDES = (1, 2)  # codes of opposite sides along x and y; that of both is their sum
 
-Cost = Literal["", "a linear solve", "a solve on a coarser grid", "the flow through the gap"]
+Cost = Literal[
+    "", "a linear solve", "a solve on a coarser grid", "the flow through the gap"
+]
 Trend = Literal["rises", "falls", "turns"]
 
 
@@ -337,7 +342,9 @@ def _aperture_at_rest(axis: int) -> Callable[[Problem, Media], float]:
         from bem.derived.flow import flows_through
 
         periodic = problem.boundary == "periodic"
-        flows = flows_through(_undeformed_gap(problem), problem.spacing, (axis,), periodic=periodic)
+        flows = flows_through(
+            _undeformed_gap(problem), problem.spacing, (axis,), periodic=periodic
+        )
         return float(flows[0].aperture)
 
     return aperture
@@ -613,7 +620,9 @@ RECORDS: tuple[Quantity, ...] = (
         name="conductance",
         unit="W/K",
         words="conductance of the contact for heat",
-        read=lambda contact, media: 1e-6 * _conductance(contact.stiffness, contact, media),
+        read=lambda contact, media: (
+            1e-6 * _conductance(contact.stiffness, contact, media)
+        ),
         powers=LIKE_LENGTHS,
         noun="conductance",
         option="conductivities",

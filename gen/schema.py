@@ -31,7 +31,9 @@ PHYSICS_CHANGES: dict[int, str] = {
 """For each physics number since the solver is one, how it changed the results, in one sentence.
 Earlier numbers, up to 4 for all scenes and up to 10 for some, are those of earlier solvers."""
 
-RUNTIME = "runtime"  # group of the columns that differ from run to run: times, ranks, hosts
+RUNTIME = (
+    "runtime"  # group of the columns that differ from run to run: times, ranks, hosts
+)
 
 
 class Status(IntEnum):
@@ -78,15 +80,24 @@ class Column:
     dtype: str  # of one value, in numpy's notation
     unit: str  # "1" for pure numbers, "" for texts
     long_name: str
-    group: str = ""  # inside the file: "" for results, `RUNTIME` for times, ranks and hosts
+    group: str = (
+        ""  # inside the file: "" for results, `RUNTIME` for times, ranks and hosts
+    )
     deterministic: bool = True  # whether the scene alone decides the bytes
-    paper_range: tuple[float, float] | None = None  # in the paper's Table 1, if it is there
+    paper_range: tuple[float, float] | None = (
+        None  # in the paper's Table 1, if it is there
+    )
     shape_of: Literal["", "nodes"] = ""  # "nodes" for a field of shape (rows, nx, ny)
     optional: str = ""  # what has the column, mostly a key of the scene, in Markdown
-    bounds: tuple[float, float] = (-math.inf, math.inf)  # least and most that a value can be
+    bounds: tuple[float, float] = (
+        -math.inf,
+        math.inf,
+    )  # least and most that a value can be
     # Of heights, lengths and E* that a result scales with; None for none, or none that is known.
     powers: Powers | None = None
-    measured: bool = False  # whether the powers are those of a user's output, which files record
+    measured: bool = (
+        False  # whether the powers are those of a user's output, which files record
+    )
     cost: str = ""  # what is computed for it beside the contact, "" for nothing
 
     @property
@@ -118,7 +129,13 @@ _STATISTICS = (
     ("peak_skewness", "1", "skewness of profile peak heights", -1.34, 1.36),
     ("peak_density", "1", "profile peaks per node and direction", 0.19, 0.27),
     ("peak_curvature_mean", "um-1", "mean curvature of profile peaks", 0.015, 0.066),
-    ("peak_curvature_kurtosis_excess", "1", "excess kurtosis of peak curvatures", -0.07, 5.35),
+    (
+        "peak_curvature_kurtosis_excess",
+        "1",
+        "excess kurtosis of peak curvatures",
+        -0.07,
+        5.35,
+    ),
     ("peak_curvature_skewness", "1", "skewness of peak curvatures", 0.55, 1.15),
     ("bandwidth_x", "1", "Nayak's bandwidth parameter along x", 4.06, 46.19),
     ("bandwidth_y", "1", "Nayak's bandwidth parameter along y", 4.19, 48.52),
@@ -128,7 +145,13 @@ _STATISTICS = (
     ("asperity_skewness", "1", "skewness of asperity heights", -1.34, 1.48),
     ("asperity_density", "1", "asperities per node", 0.08, 0.13),
     ("asperity_curvature_mean", "um-1", "mean curvature of asperities", 0.017, 0.072),
-    ("asperity_curvature_rms", "um-1", "standard deviation of asperity curvatures", 0.007, 0.031),
+    (
+        "asperity_curvature_rms",
+        "um-1",
+        "standard deviation of asperity curvatures",
+        0.007,
+        0.031,
+    ),
     (
         "asperity_curvature_kurtosis_pearson",
         "1",
@@ -181,7 +204,9 @@ def _column(quantity: Quantity) -> Column:
     )
 
 
-_runtime = partial(Column, group=RUNTIME, deterministic=False)  # a column of every run's own
+_runtime = partial(
+    Column, group=RUNTIME, deterministic=False
+)  # a column of every run's own
 _LOAD = "load in the unit of the scene's quantity"
 _HARDNESS = "hardness of the softer body"
 _RESULTS = [quantity for quantity in stored_quantities() if quantity is not DELTA]

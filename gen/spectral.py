@@ -13,7 +13,9 @@ from gen.distribution import AboveZero, AtLeastZero, conflict, limits
 from gen.runtime.errors import InputError
 from gen.surface import MOST_NODES, Drawn, Grid, GridSurface, Hurst, Parameters, Random
 
-FARTHEST = 1e30  # largest roll-off over the longest wave, beyond which its powers overflow
+FARTHEST = (
+    1e30  # largest roll-off over the longest wave, beyond which its powers overflow
+)
 MOST_PERIOD_NODES = 4 * MOST_NODES  # of a period along an axis, whose waves take 10 GB
 
 ROUNDING = 1e-12  # share by which a wave may be beyond the cut-off because of rounding
@@ -80,7 +82,9 @@ class SelfAffineSpectrum:
         unit = self.roll_off / (2 * math.pi)
         squares = (self.stretch * unit * qx) ** 2 + (unit * qy) ** 2
         largest = (self.roll_off / self.cut_off * (1 + ROUNDING)) ** 2
-        return np.where(squares <= largest, np.maximum(squares, 1.0) ** (-1 - self.hurst), 0.0)
+        return np.where(
+            squares <= largest, np.maximum(squares, 1.0) ** (-1 - self.hurst), 0.0
+        )
 
 
 def generate_spectral(
@@ -139,7 +143,9 @@ def generate_spectral(
     powers[0, 0] = 0.0
     total = float((powers if rms_slope is None else powers * (qx**2 + qy**2)).sum())
     if not total:
-        raise InputError("no wave between the cut-off and the sides: give a shorter cut-off")
+        raise InputError(
+            "no wave between the cut-off and the sides: give a shorter cut-off"
+        )
     powers *= rms**2 / total  # mean square height of each wave, (2 kx + 1, ky + 1) [um^2]
     phases = random.uniform(0.0, 2 * math.pi, powers.shape)
     return _synthesis(np.sqrt(powers / 2), phases, shape)
@@ -150,7 +156,9 @@ def _wavevectors(
 ) -> tuple[Values, Values]:
     """List the wavevectors (2 kx + 1, 1), from 0 to kx and -kx to -1, and (1, ky + 1) [1/um]."""
     if min(shape) < 2:
-        raise InputError(f"nodes {shape[0]} x {shape[1]}: give at least 2 along both axes")
+        raise InputError(
+            f"nodes {shape[0]} x {shape[1]}: give at least 2 along both axes"
+        )
     for length in sides:
         if not 0.0 < length < math.inf:
             raise InputError(f"side {length}: give a length above 0 um")
@@ -175,7 +183,9 @@ def _synthesis(amplitudes: Values, phases: Values, shape: tuple[int, int]) -> He
     """Sum waves of amplitudes and phases (2 kx + 1, ky + 1) on the grid."""
     # Single precision is enough for phases that are random; the moduli of the amplitudes are exact.
     angles = phases.astype(np.float32)
-    cosines, sines = (function(angles).astype(np.float64) for function in (np.cos, np.sin))
+    cosines, sines = (
+        function(angles).astype(np.float64) for function in (np.cos, np.sin)
+    )
     amplitudes = amplitudes / np.sqrt(cosines**2 + sines**2)
     waves: NDArray[np.complex128] = np.empty(phases.shape, dtype=complex)
     np.multiply(amplitudes, cosines, out=waves.real)
@@ -190,7 +200,9 @@ def _synthesis(amplitudes: Values, phases: Values, shape: tuple[int, int]) -> He
     return np.fft.irfft2(transform, s=shape)
 
 
-OR_DRAWN = ", [low, high] or a distribution of these"  # end of what a drawn parameter may be
+OR_DRAWN = (
+    ", [low, high] or a distribution of these"  # end of what a drawn parameter may be
+)
 
 
 class SpectralSurface(GridSurface):
@@ -198,25 +210,28 @@ class SpectralSurface(GridSurface):
 
     generator: Literal["spectral"]
     hurst: Hurst = Field(default=0.8, description=f"a number from 0 to 1{OR_DRAWN}")
-    roll_off: Annotated[AboveZero, Drawn("um", "longest wavelength of the power law")] = Field(
-        description=f"a wavelength above 0{OR_DRAWN} [um]"
+    roll_off: Annotated[AboveZero, Drawn("um", "longest wavelength of the power law")] = (
+        Field(description=f"a wavelength above 0{OR_DRAWN} [um]")
     )
     cut_off: Annotated[AboveZero, Drawn("um", "shortest wavelength")] = Field(
         description=f"a wavelength above 0{OR_DRAWN} [um]"
     )
-    rms_height: Annotated[AtLeastZero | None, Drawn("um", "rms height drawn for the spectrum")] = (
-        Field(default=None, description=f"a number from 0 on{OR_DRAWN} [um]")
-    )
-    rms_slope: Annotated[AtLeastZero | None, Drawn("1", "rms slope drawn for the spectrum")] = (
-        Field(default=None, description=f"a number from 0 on{OR_DRAWN}")
-    )
-    stretch: Annotated[AboveZero, Drawn("1", "wavelengths along x over those along y")] = Field(
+    rms_height: Annotated[
+        AtLeastZero | None, Drawn("um", "rms height drawn for the spectrum")
+    ] = Field(default=None, description=f"a number from 0 on{OR_DRAWN} [um]")
+    rms_slope: Annotated[
+        AtLeastZero | None, Drawn("1", "rms slope drawn for the spectrum")
+    ] = Field(default=None, description=f"a number from 0 on{OR_DRAWN}")
+    stretch: Annotated[
+        AboveZero, Drawn("1", "wavelengths along x over those along y")
+    ] = Field(
         default=1.0,
         description=f"a number above 0{OR_DRAWN}: wavelengths along x over those along y",
     )
     # Scenes that do not give it take 1 on periodic patches, otherwise 2.
     period: Annotated[float, Field(ge=1, le=16)] | None = Field(
-        default=None, description="the surface's period in sides of the patch, from 1 to 16"
+        default=None,
+        description="the surface's period in sides of the patch, from 1 to 16",
     )
 
     @model_validator(mode="after")
@@ -239,7 +254,9 @@ class SpectralSurface(GridSurface):
         periods = self.period or (1.0 if grid.boundary == "periodic" else 2.0)
         if periods == 1.0:
             return grid.shape
-        nx, ny = (next_fast_len(math.ceil(periods * nodes), real=True) for nodes in grid.shape)
+        nx, ny = (
+            next_fast_len(math.ceil(periods * nodes), real=True) for nodes in grid.shape
+        )
         return nx, ny
 
     def fault_on(self, grid: Grid) -> str:
@@ -259,7 +276,9 @@ class SpectralSurface(GridSurface):
                 " side"
             )
         periods = zip((nx, ny), spacing, (stretches[1], 1.0), strict=True)
-        most = max(nodes * pitch / ratio if nodes > 2 else 0.0 for nodes, pitch, ratio in periods)
+        most = max(
+            nodes * pitch / ratio if nodes > 2 else 0.0 for nodes, pitch, ratio in periods
+        )
         if longest > most * (1 + ROUNDING):
             return (
                 f"cut_off is up to {longest:g} um and the longest wave of the period {most:.6g} um:"
@@ -269,7 +288,9 @@ class SpectralSurface(GridSurface):
             return f"roll_off is up to {beyond:g} um: give at most {FARTHEST * most:g} um"
         return ""
 
-    def heights(self, grid: Grid, surface: int, parameters: Parameters, random: Random) -> Heights:
+    def heights(
+        self, grid: Grid, surface: int, parameters: Parameters, random: Random
+    ) -> Heights:
         """Add waves up; see `GeneratedSurface.heights`.
 
         Off a periodic patch it is a window of a surface with a longer period, so that opposite

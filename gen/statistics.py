@@ -35,7 +35,10 @@ from gen.schema import TABLE_1
 NAMES = tuple(column.name for column in TABLE_1)
 """Names of the statistics in the order of Table 1."""
 
-SPACINGS = (1e-15, 1e15)  # least and most [um], between which no power of a curvature overflows
+SPACINGS = (
+    1e-15,
+    1e15,
+)  # least and most [um], between which no power of a curvature overflows
 ROUNDING = 8.0  # largest second difference by rounding, in spacings of numbers at the top
 
 LOST = 1000.0
@@ -46,7 +49,9 @@ UNDEFINED = "no asperity or one, peaks of equal height or curvature, or flat pro
 """Why statistics are NaN on a surface that is not flat."""
 
 DOT = "i,i->"  # sum of products by einsum: BLAS's last bits would depend on the number of threads
-NEARLY_EQUAL = 1e-3  # spread over mean below which rounding would show in the third moment
+NEARLY_EQUAL = (
+    1e-3  # spread over mean below which rounding would show in the third moment
+)
 
 
 @dataclass(frozen=True)
@@ -86,7 +91,9 @@ class Profiles(NamedTuple):
     curvature: Values  # minus the second difference of heights, 0 at the ends of profiles
     peaks: NDArray[np.bool_]  # whether a node is above both neighbours; false at the ends
     slope_square: float  # mean of the squared first differences
-    curvature_square: float  # that of the second differences; NaN for profiles of two nodes
+    curvature_square: (
+        float  # that of the second differences; NaN for profiles of two nodes
+    )
 
 
 def describe(heights: Values, spacing: float | tuple[float, float]) -> Description:
@@ -128,20 +135,31 @@ def describe(heights: Values, spacing: float | tuple[float, float]) -> Descripti
     noise, ratio = ROUNDING * rounding, (pair[0] / pair[1]) ** 2
     along_x, along_y = _profiles(nodes, axis=0), _profiles(nodes, axis=1)
     lowest, highest = float(nodes.min()), float(nodes.max())
-    whole = _moments(nodes.ravel(), lowest, math.inf)  # Table 1 has no shape of all heights
+    whole = _moments(
+        nodes.ravel(), lowest, math.inf
+    )  # Table 1 has no shape of all heights
     bandwidths = [
         math.nan
         if along.slope_square <= noise * noise  # flat to rounding
-        else (whole.variance / along.slope_square) * (along.curvature_square / along.slope_square)
+        else (whole.variance / along.slope_square)
+        * (along.curvature_square / along.slope_square)
         for along in (along_x, along_y)
     ]
     peaks, asperities = (
-        (_moments(summits, lowest, noise), _moments(curvatures, 0.0, noise * max(1.0, ratio)))
+        (
+            _moments(summits, lowest, noise),
+            _moments(curvatures, 0.0, noise * max(1.0, ratio)),
+        )
         for summits, curvatures in _summits(nodes.ravel(), along_x, along_y, ratio)
     )
     per_length = unit / pair[0] / pair[0]
     values = (
-        *(peaks[0].mean * unit, peaks[0].rms * unit, peaks[0].kurtosis, peaks[0].skewness),
+        *(
+            peaks[0].mean * unit,
+            peaks[0].rms * unit,
+            peaks[0].kurtosis,
+            peaks[0].skewness,
+        ),
         *(peaks[0].number / (2 * nodes.size), peaks[1].mean * per_length),
         *(peaks[1].kurtosis - 3.0, peaks[1].skewness),
         *bandwidths,
@@ -209,7 +227,9 @@ def rms_slope(heights: Values, spacing: tuple[float, float]) -> float:
     return math.sqrt(squares)
 
 
-def rms_slope_of(statistics: Mapping[str, Values], spacing: tuple[float, float]) -> Values:
+def rms_slope_of(
+    statistics: Mapping[str, Values], spacing: tuple[float, float]
+) -> Values:
     """Estimate the rms slopes of surfaces from their statistics, without the surfaces.
 
     Nayak's bandwidth parameter is m0 m4 / m2^2 of a profile. Where slopes are normally distributed,
@@ -235,7 +255,9 @@ def rms_slope_of(statistics: Mapping[str, Values], spacing: tuple[float, float])
     93, 398-407.
     """
     change = 2.0 * (1.0 - np.cos(2.0 * math.pi * statistics["peak_density"]))
-    with np.errstate(all="ignore"):  # an even slope has no curvature; files may hold any numbers
+    with np.errstate(
+        all="ignore"
+    ):  # an even slope has no curvature; files may hold any numbers
         along_x = change / (statistics["bandwidth_x"] * spacing[0] ** 2)
         along_y = change / (statistics["bandwidth_y"] * spacing[1] ** 2)
         return np.asarray(statistics["height_rms"] * np.sqrt(along_x + along_y))
@@ -250,13 +272,17 @@ def refuse_masked(name: str, given: Any) -> None:
 def _normalised(heights: Values) -> tuple[Values, float, float]:
     """Return heights scaled by a power of two, the unit [um], and the spacing of numbers there."""
     if heights.ndim != 2 or min(heights.shape) < 2:
-        raise InputError(f"heights of shape {heights.shape}: give 2-D heights, 2 x 2 nodes or more")
+        raise InputError(
+            f"heights of shape {heights.shape}: give 2-D heights, 2 x 2 nodes or more"
+        )
     if heights.dtype.kind not in "buif":
         raise InputError(f"heights of type {heights.dtype}: give real numbers")
     refuse_masked("heights", heights)
     lowest, highest = float(heights.min()), float(heights.max())
     if not math.isfinite(highest - lowest):
-        raise InputError("heights with NaN, infinities or an infinite range: give finite heights")
+        raise InputError(
+            "heights with NaN, infinities or an infinite range: give finite heights"
+        )
     if lowest == highest:
         return np.zeros(heights.shape), 1.0, 0.0
     exponent = math.frexp(highest - lowest)[1]
@@ -283,7 +309,9 @@ def _profiles(surface: Values, axis: int) -> Profiles:
         curvature[columns - 2 :: columns] = 0.0
         curvature[columns - 1 :: columns] = 0.0
     inside = profiles * (length - 2)
-    slopes, curvatures = (float(np.einsum(DOT, each, each)) for each in (difference, curvature))
+    slopes, curvatures = (
+        float(np.einsum(DOT, each, each)) for each in (difference, curvature)
+    )
     return Profiles(
         stride=stride,
         curvature=curvature,
@@ -299,9 +327,14 @@ def _summits(
     """Yield heights and curvatures, in units of x, of all profiles' peaks, then of asperities."""
     on_x, on_y = np.flatnonzero(along_x.peaks), np.flatnonzero(along_y.peaks)
     heights = np.concatenate((nodes[on_x + along_x.stride], nodes[on_y + along_y.stride]))
-    yield heights, np.concatenate((along_x.curvature[on_x], along_y.curvature[on_y] * ratio))
+    yield (
+        heights,
+        np.concatenate((along_x.curvature[on_x], along_y.curvature[on_y] * ratio)),
+    )
     shift = along_x.stride - along_y.stride
-    on_x = np.flatnonzero(along_x.peaks & along_y.peaks[shift : shift + along_x.peaks.size])
+    on_x = np.flatnonzero(
+        along_x.peaks & along_y.peaks[shift : shift + along_x.peaks.size]
+    )
     curvatures = 0.5 * (along_x.curvature[on_x] + along_y.curvature[on_x + shift] * ratio)
     yield nodes[on_x + along_x.stride], curvatures
 

@@ -15,7 +15,14 @@ from pydantic import Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
 from gen.arrays import Heights
-from gen.distribution import SPANNED, AtLeastZero, Distribution, FromZeroToOne, Positive, Table
+from gen.distribution import (
+    SPANNED,
+    AtLeastZero,
+    Distribution,
+    FromZeroToOne,
+    Positive,
+    Table,
+)
 from gen.runtime.errors import InputError
 from gen.statistics import refuse_masked
 
@@ -41,13 +48,19 @@ def one_or_two(kind: Any, most: float, least: float = 0.0) -> Callable[[Any], An
     return read
 
 
-Nodes = Annotated[int | tuple[int, int], PlainValidator(one_or_two(int, MOST_NODES, least=1))]
+Nodes = Annotated[
+    int | tuple[int, int], PlainValidator(one_or_two(int, MOST_NODES, least=1))
+]
 Side = Annotated[float | tuple[float, float], PlainValidator(one_or_two(float, 1e300))]
 NODES = f"a whole number from 2 to {MOST_NODES}, or one for each axis, [nx, ny]"
 SIDE = "a finite number above 0, or one for each axis, [x, y] [um]"
 
-Parameters = Mapping[str, float]  # parameters that were drawn for a surface, by their names
-Patch = tuple[tuple[int, int], tuple[float, float]]  # nodes and lengths along x and y [um]
+Parameters = Mapping[
+    str, float
+]  # parameters that were drawn for a surface, by their names
+Patch = tuple[
+    tuple[int, int], tuple[float, float]
+]  # nodes and lengths along x and y [um]
 Random = np.random.Generator
 
 
@@ -55,7 +68,9 @@ class Grid(NamedTuple):
     """The grid that a scene's surfaces are made on."""
 
     shape: tuple[int, int]  # nodes along x and y
-    sides: tuple[float, float]  # lengths of the patch: of all cells, or between outer nodes [um]
+    sides: tuple[
+        float, float
+    ]  # lengths of the patch: of all cells, or between outer nodes [um]
     spacing: tuple[float, float]  # distances of neighbouring nodes along x and y [um]
     boundary: str  # "free", "periodic" or "mirror"
 
@@ -97,7 +112,10 @@ class GeneratedSurface(Table):
         cls.NAMES = get_args(cls.model_fields["generator"].annotation)
         fields = cls.model_fields.items()
         cls.PARAMETERS = {
-            name: each for name, field in fields for each in field.metadata if type(each) is Drawn
+            name: each
+            for name, field in fields
+            for each in field.metadata
+            if type(each) is Drawn
         }
 
     def drawn(self) -> dict[str, Distribution]:
@@ -109,7 +127,9 @@ class GeneratedSurface(Table):
         """Return the nodes and the sides of the solved patch, which hold all cells or one less."""
         raise NotImplementedError
 
-    def heights(self, grid: Grid, surface: int, parameters: Parameters, random: Random) -> Heights:
+    def heights(
+        self, grid: Grid, surface: int, parameters: Parameters, random: Random
+    ) -> Heights:
         """Make a surface: heights above the lowest node [um], a pure function of these arguments.
 
         `surface` is its index, `random` a stream of its own. InputError if it cannot be made.
@@ -117,7 +137,12 @@ class GeneratedSurface(Table):
         raise NotImplementedError
 
     def opposite_heights(
-        self, grid: Grid, surface: int, parameters: Parameters, first: Random, random: Random
+        self,
+        grid: Grid,
+        surface: int,
+        parameters: Parameters,
+        first: Random,
+        random: Random,
     ) -> Heights:
         """Make the second rough body; `first` is the surface's own stream, `random` the body's."""
         return self.heights(grid, surface, parameters, random)
@@ -138,7 +163,9 @@ class GeneratedSurface(Table):
         """Complete the table by hashes of what its surfaces depend on; see `Scene.resolved`."""
         return self
 
-    def make_ready(self, home: Path | None, *, sources: bool = False, verify: bool = True) -> None:
+    def make_ready(
+        self, home: Path | None, *, sources: bool = False, verify: bool = True
+    ) -> None:
         """Open the files that surfaces are made from; a SourceError names one that is not there.
 
         With `sources` the original files have to be there too; the master alone looks for damage in
@@ -174,7 +201,9 @@ GENERATORS = ("diamond-square", "midpoint")
 """Generators of `generate` by the names that scenes use."""
 
 
-def generate(generator: str, nodes: int, hurst: float, sigma0: float, random: Random) -> Heights:
+def generate(
+    generator: str, nodes: int, hurst: float, sigma0: float, random: Random
+) -> Heights:
     """Generate a random self-affine surface by displacing midpoints, level by level.
 
     "diamond-square", MIRCO's generator, displaces the centre of a square to the mean of its 4
@@ -224,10 +253,14 @@ def generate(generator: str, nodes: int, hurst: float, sigma0: float, random: Ra
     if not 0.0 <= sigma0 < math.inf:
         raise InputError(f"sigma0 {sigma0}: give a standard deviation of 0 um or more")
     with np.errstate(over="ignore", invalid="ignore"):
-        heights = _displaced(nodes, hurst, sigma0, random, diamonds=generator == "diamond-square")
+        heights = _displaced(
+            nodes, hurst, sigma0, random, diamonds=generator == "diamond-square"
+        )
         heights -= heights.min()
     if not math.isfinite(heights.max()):
-        raise InputError(f"sigma0 {sigma0:g}: its heights are beyond what numbers hold; give less")
+        raise InputError(
+            f"sigma0 {sigma0:g}: its heights are beyond what numbers hold; give less"
+        )
     return heights
 
 
@@ -275,7 +308,9 @@ def _displaced(
         finer[1::2, 1::2] = centres
         amplitude *= decay if diamonds else 1.0
         for axis in (0, 1):
-            corners, beside, edges = (each.swapaxes(0, axis) for each in (heights, centres, finer))
+            corners, beside, edges = (
+                each.swapaxes(0, axis) for each in (heights, centres, finer)
+            )
             means = corners[:-1] + corners[1:]
             if diamonds:
                 means[:, 1:] += beside
@@ -313,7 +348,8 @@ class DisplacedSurface(GridSurface):
         " distribution",
     )
     sigma0: Annotated[
-        AtLeastZero, Drawn("um", "standard deviation of the generator's first displacement")
+        AtLeastZero,
+        Drawn("um", "standard deviation of the generator's first displacement"),
     ] = Field(default=(10.0, 15.0), description=f"{SPANNED} [um]")
 
     def patch(self, boundary: str, *, cells: bool) -> Patch:
@@ -321,7 +357,9 @@ class DisplacedSurface(GridSurface):
         nodes = self.nodes - (boundary != "free")
         return (nodes, nodes), (self.side, self.side)
 
-    def heights(self, grid: Grid, surface: int, parameters: Parameters, random: Random) -> Heights:
+    def heights(
+        self, grid: Grid, surface: int, parameters: Parameters, random: Random
+    ) -> Heights:
         """Displace midpoints; see `GeneratedSurface.heights`."""
         hurst, sigma0 = parameters["hurst"], parameters["sigma0"]
         heights = generate(self.generator, self.nodes, hurst, sigma0, random)

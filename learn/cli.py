@@ -12,8 +12,23 @@ from learn.commands.predict import card, law, predict
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
-COMMANDS = (fit, grow, card, predict, law, compare, tune, show, importance)  # as the help has them
-TOGETHER = ("fit", "grow", "compare", "tune")  # in these all processes of an MPI run take part
+COMMANDS = (
+    fit,
+    grow,
+    card,
+    predict,
+    law,
+    compare,
+    tune,
+    show,
+    importance,
+)  # as the help has them
+TOGETHER = (
+    "fit",
+    "grow",
+    "compare",
+    "tune",
+)  # in these all processes of an MPI run take part
 
 for _command in COMMANDS:
     app.command()(_command)

@@ -50,11 +50,15 @@ class Request:
     train_rows: int | None = None  # training rows at most
     again: bool = False  # True to repeat fits whose results the folder has
     until: float = math.inf  # time of `time.time` at which searches end [s]
-    roots: bool = False  # True to learn square roots, with the features that surrogates see
+    roots: bool = (
+        False  # True to learn square roots, with the features that surrogates see
+    )
     blocks: int | None = None  # per side of the coarse solve of hybrid features
     calibrate_on: Path | None = None  # database whose rows calibrate the intervals
     source: Path | None = None  # comparison folder whose winners' settings are taken
-    load: str = ""  # one of `learn.features.scene.LOADS`; the scene's with its features, or Delta
+    load: str = (
+        ""  # one of `learn.features.scene.LOADS`; the scene's with its features, or Delta
+    )
 
 
 def short_name(column: str) -> str:
@@ -102,9 +106,13 @@ class Dataset:
     inputs: Values  # (n, d)
     target: Values  # (n,), in the unit of its column over `scale`
     rows: Indices  # (n,), numbers of the rows in their databases
-    groups: Indices  # (n,), of rows that no split divides: of one surface, or tile of a map
+    groups: (
+        Indices  # (n,), of rows that no split divides: of one surface, or tile of a map
+    )
     database: Indices  # (n,), number in `origins`
-    population: Indices  # (n,), number of the map, or the database of surfaces from no map
+    population: (
+        Indices  # (n,), number of the map, or the database of surfaces from no map
+    )
     features: FeatureSet  # what the d inputs are
     target_name: str  # the column of the target
     unit: str  # of the target, "1" if it was made free of units
@@ -115,8 +123,12 @@ class Dataset:
     name: str  # the databases' paths
     # Of heights, lengths and E* that the target scales with; None for none, or none that is known.
     powers: Powers | None = None
-    sha256: str = ""  # fingerprint of the columns that decide the results, of all databases
-    by_tile: bool = False  # whether the groups are tiles of maps, from which all surfaces come
+    sha256: str = (
+        ""  # fingerprint of the columns that decide the results, of all databases
+    )
+    by_tile: bool = (
+        False  # whether the groups are tiles of maps, from which all surfaces come
+    )
 
     @property
     def size(self) -> int:
@@ -174,7 +186,9 @@ def read(
     )
     found = [stored(path, request, load) for path in request.databases]
     scenes = [part.scene for part in found]
-    wanted = chosen(request.features, scenes, roots=request.roots, blocks=request.blocks, load=load)
+    wanted = chosen(
+        request.features, scenes, roots=request.roots, blocks=request.blocks, load=load
+    )
     if len(found) > 1:
         _require_compatible(found, scaled=wanted.scaled)
     if wanted.needs_surface:
@@ -188,7 +202,9 @@ def read(
             numbers = replace(part.numbers, delta=deltas, hybrid=hybrid)
             found[place] = part._replace(numbers=numbers)
     targets = range(len(request.targets))
-    return [_usable(found, each, wanted, request.area_max, common=common) for each in targets]
+    return [
+        _usable(found, each, wanted, request.area_max, common=common) for each in targets
+    ]
 
 
 def stored(path: Path, request: Request, load: str) -> Stored:
@@ -206,8 +222,14 @@ def stored(path: Path, request: Request, load: str) -> Stored:
         statistics = np.stack([reader.column(name) for name in STATISTICS], axis=1)
         ratio: Values | float | None = None
         if (limits := limits_of([scene])) is not None:
-            ratio = reader.column("hardness") / scene.contact.e_star if drawn else limits[0]
-        size = math.sqrt(math.prod(scene.grid.sides)), ratio, math.sqrt(math.prod(scene.grid.shape))
+            ratio = (
+                reader.column("hardness") / scene.contact.e_star if drawn else limits[0]
+            )
+        size = (
+            math.sqrt(math.prod(scene.grid.sides)),
+            ratio,
+            math.sqrt(math.prod(scene.grid.shape)),
+        )
         scenic = request.features == SCENE
         given = given_values(scene, reader.column) if scenic or load != "delta" else {}
         numbers = Rows(statistics, reader.column("delta"), *size, given=given)
@@ -241,29 +263,49 @@ def _usable(
     common: bool,
 ) -> Dataset:
     """Join the rows that can be used for a target by its number, or for all, and group them."""
-    column, dropped, origins, usable, arrays = parts[0].targets[number], Counter[str](), [], [], []
+    column, dropped, origins, usable, arrays = (
+        parts[0].targets[number],
+        Counter[str](),
+        [],
+        [],
+        [],
+    )
     powers = column.powers
     if any(part.targets[number].powers != powers for part in parts):
         powers = None
     for part in parts:
-        values = [np.asarray(part.columns[each.name], np.float64) for each in part.targets]
+        values = [
+            np.asarray(part.columns[each.name], np.float64) for each in part.targets
+        ]
         with np.errstate(over="ignore", invalid="ignore"):
             made = wanted.of(part.numbers)
-            decide = np.sum(values, axis=0) if common else values[number]  # finite where all are
+            decide = (
+                np.sum(values, axis=0) if common else values[number]
+            )  # finite where all are
         reasons = _reasons_against(part, made, decide, wanted.name, area_max)
         dropped.update(reasons[reasons != ""].tolist())
         kept = np.flatnonzero(reasons == "")
         scale = wanted.scale(powers, part.numbers, part.scene.contact.e_star)[kept]
         target, inputs = values[number], part.inputs
-        arrays.append((made[kept], target[kept] / scale, part.rows[kept], inputs[kept], scale))
+        arrays.append(
+            (made[kept], target[kept] / scale, part.rows[kept], inputs[kept], scale)
+        )
         drawn = [part.columns[name] for name in ("hardness",) if name in part.columns]
         digest = hashlib.sha256()
-        for each in (part.columns["status"], inputs, target, part.columns["area_percent"], *drawn):
+        for each in (
+            part.columns["status"],
+            inputs,
+            target,
+            part.columns["area_percent"],
+            *drawn,
+        ):
             digest.update(np.ascontiguousarray(each).tobytes())
         known = digest.hexdigest(), part.scene, kept.size, part.versions, part.damage
         origins.append(Origin(str(part.path), *known))
         columns = {name: each[kept] for name, each in part.columns.items()}
-        usable.append(part._replace(rows=part.rows[kept], columns=columns, inputs=inputs[kept]))
+        usable.append(
+            part._replace(rows=part.rows[kept], columns=columns, inputs=inputs[kept])
+        )
     made, target, rows, described, scale = map(np.concatenate, zip(*arrays, strict=True))
     _require_usable(column.name, target * scale, origins, dropped)
     first, *others = (origin.sha256 for origin in origins)
@@ -285,7 +327,9 @@ def _usable(
         origins=tuple(origins),
         name=", ".join(origin.database for origin in origins),
         powers=powers,
-        sha256=hashlib.sha256("".join([first, *others]).encode()).hexdigest() if others else first,
+        sha256=hashlib.sha256("".join([first, *others]).encode()).hexdigest()
+        if others
+        else first,
         by_tile=all(TILE in part.columns for part in parts),
     )
 
@@ -297,7 +341,9 @@ def _reasons_against(
 
     Rows whose surfaces do not define all statistics are done, and of use to some features.
     """
-    status, reason, area = (part.columns[each] for each in ("status", "reason", "area_percent"))
+    status, reason, area = (
+        part.columns[each] for each in ("status", "reason", "area_percent")
+    )
     lacking = np.asarray((status == Status.DONE) & (reason == Reason.NO_STATISTICS))
     reasons = np.full(status.size, "", dtype=object)
     inputs = np.where(lacking[:, None] & np.isnan(part.inputs), 0.0, part.inputs)
@@ -314,7 +360,9 @@ def _reasons_against(
         reasons[(reasons == "") & (area > area_max)] = f"area above {area_max:g} %"
     odd = (reasons == "") & ~np.isfinite(made).all(axis=1)
     reasons[odd] = f"{name} features not finite"
-    reasons[odd & lacking] = f"{name} features need statistics that the surface does not define"
+    reasons[odd & lacking] = (
+        f"{name} features need statistics that the surface does not define"
+    )
     return reasons
 
 
@@ -324,7 +372,9 @@ def _require_usable(
     """Refuse rows that are too few, of a database without any, or of a constant target."""
     name = ", ".join(origin.database for origin in origins)
     if values.size < SMALLEST:
-        left_out = "; ".join(f"{number} {text}" for text, number in sorted(dropped.items()))
+        left_out = "; ".join(
+            f"{number} {text}" for text, number in sorted(dropped.items())
+        )
         raise InputError(
             f"{name}: {values.size} usable rows, {SMALLEST} at least are needed"
             + (f" (left out: {left_out})" if left_out else "")
@@ -333,7 +383,9 @@ def _require_usable(
         if not origin.rows:
             raise InputError(f"{origin.database}: has no usable rows: leave it out")
     if np.allclose(values, values[0], rtol=1e-14, atol=0):
-        raise InputError(f"{name}: {target} is {values[0]:g} in all {values.size} usable rows")
+        raise InputError(
+            f"{name}: {target} is {values[0]:g} in all {values.size} usable rows"
+        )
 
 
 def _require_compatible(parts: Sequence[Stored], *, scaled: bool) -> None:
@@ -346,7 +398,9 @@ def _require_compatible(parts: Sequence[Stored], *, scaled: bool) -> None:
     for file in [file for file, times in files.items() if times > 1]:
         raise InputError(f"{file}: is given twice: give each database once")
     for part in parts[1:]:
-        first, other = (_must_agree(each.scene, scaled=scaled) for each in (parts[0], part))
+        first, other = (
+            _must_agree(each.scene, scaled=scaled) for each in (parts[0], part)
+        )
         for key in [key for key in first if first[key] != other[key]]:
             raise InputError(
                 f"{part.path}: {key} is {shown(other[key])}, {shown(first[key])} in"
@@ -368,7 +422,9 @@ def _must_agree(scene: Scene, *, scaled: bool) -> dict[str, Any]:
         common |= {
             "contact.hardness": "none" if contact.hardness_limits is None else "given",
             "surface.side": float(f"{along:.6g}"),
-            "contact.modulus / (1 - contact.poisson^2)": float(f"{scene.contact.e_star:.9g}"),
+            "contact.modulus / (1 - contact.poisson^2)": float(
+                f"{scene.contact.e_star:.9g}"
+            ),
         }
     return common
 
@@ -378,13 +434,18 @@ def remarks(dataset: Dataset, normalisation: str) -> list[str]:
 
     The normalisation is one of `learn.models.pipeline`.
     """
-    lines = [f"left out {number} rows: {why}" for why, number in sorted(dataset.dropped.items())]
+    lines = [
+        f"left out {number} rows: {why}"
+        for why, number in sorted(dataset.dropped.items())
+    ]
     lines += damage_of(dataset)
     names = dataset.features.columns
     constant = np.flatnonzero(np.ptp(dataset.inputs, axis=0) == 0)
     if constant.size:
         useless = ", ".join(names[index] for index in constant)
-        lines.append(f"warning: constant over all rows, so of no use to a model: {useless}")
+        lines.append(
+            f"warning: constant over all rows, so of no use to a model: {useless}"
+        )
     whole = np.unique(np.column_stack([dataset.inputs, dataset.target]), axis=0)
     if len(whole) < dataset.size:
         lines.append(f"warning: {dataset.size - len(whole)} rows repeat others exactly")

@@ -84,7 +84,9 @@ class Executor:
     ) -> Any:
         """Do one task while all other workers wait, and return its result; see `run`."""
         results: list[Any] = []
-        self.run(work, shared, [task], lambda _, result: results.append(result), until=until)
+        self.run(
+            work, shared, [task], lambda _, result: results.append(result), until=until
+        )
         return results[0]
 
 
@@ -105,11 +107,22 @@ def led() -> Iterator[Executor]:
         while (announced := world.broadcast(None)) is not None:
             work, until, fresh, sent = announced
             shared = sent if fresh else shared
-            farm.run(partial(within, work, shared, until=until), iter(()), lambda *_: None, world)
+            farm.run(
+                partial(within, work, shared, until=until),
+                iter(()),
+                lambda *_: None,
+                world,
+            )
     raise typer.Exit
 
 
-UNITS = {"s": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0, "d": 86400.0}  # [s], of given times
+UNITS = {
+    "s": 1.0,
+    "min": 60.0,
+    "m": 60.0,
+    "h": 3600.0,
+    "d": 86400.0,
+}  # [s], of given times
 LONGEST = 1e10  # longest time that may be given, three centuries [s]
 
 
@@ -124,7 +137,9 @@ def seconds(text: str) -> float:
     except (ValueError, KeyError):
         value = 0.0
     if not 0 < value <= LONGEST:
-        raise InputError(f"--budget {text!r}: give a time above zero, as 90s, 30min, 2h or 1.5d")
+        raise InputError(
+            f"--budget {text!r}: give a time above zero, as 90s, 30min, 2h or 1.5d"
+        )
     return value
 
 

@@ -39,25 +39,37 @@ class SafeKernelRidge(KernelRidge):  # type: ignore[misc]
         (K + alpha I) a = y is solved by Cholesky, with a larger alpha where that is singular.
         ValueError is raised if the kernel matrix is not finite.
         """
-        inputs, target, alpha = np.asarray(X, float), np.asarray(y, float), float(self.alpha)
+        inputs, target, alpha = (
+            np.asarray(X, float),
+            np.asarray(y, float),
+            float(self.alpha),
+        )
         self.X_fit_, self.n_features_in_ = inputs, inputs.shape[1]
         kernel = np.asarray(self._get_kernel(inputs))
         diagonal = kernel.diagonal().copy()
         kernel[np.abs(kernel) < NEGLIGIBLE * np.abs(diagonal).max()] = 0.0
-        rounding = EPSILON * max(float(diagonal.max()), np.finfo(float).tiny) * len(kernel)
+        rounding = (
+            EPSILON * max(float(diagonal.max()), np.finfo(float).tiny) * len(kernel)
+        )
         shift, estimate = alpha, 0.0
         while True:
-            factor = np.array(kernel.T, order="F")  # symmetric; the transpose is Fortran's order
+            factor = np.array(
+                kernel.T, order="F"
+            )  # symmetric; the transpose is Fortran's order
             np.fill_diagonal(factor, diagonal + shift)
             norm = float(matrix_norm(factor, 1, check_finite=False))
             if not np.isfinite(norm):
-                raise ValueError("the kernel matrix is not finite: the inputs are too large")
+                raise ValueError(
+                    "the kernel matrix is not finite: the inputs are too large"
+                )
             factor, failed = dpotrf(factor, overwrite_a=1, clean=0)
             reciprocal = 0.0 if failed else float(dpocon(factor, anorm=norm)[0])
             if reciprocal > EPSILON:
                 break
             # A failed factorisation gives no estimate: take the norm over alpha or the rounding.
-            estimate = estimate or (1 / reciprocal if reciprocal else norm / max(alpha, rounding))
+            estimate = estimate or (
+                1 / reciprocal if reciprocal else norm / max(alpha, rounding)
+            )
             shift = max(SHIFT * rounding, 10 * shift)
         if shift > alpha:
             warnings.warn(
@@ -67,12 +79,19 @@ class SafeKernelRidge(KernelRidge):  # type: ignore[misc]
                 stacklevel=2,
             )
         solution, _ = dpotrs(factor, target)
-        self.dual_coef_, self.alpha_used_ = np.asarray(solution).reshape(target.shape), shift
+        self.dual_coef_, self.alpha_used_ = (
+            np.asarray(solution).reshape(target.shape),
+            shift,
+        )
         return self
 
 
 def predictions(
-    train: Values, target: Values, test: Values, settings: dict[str, Any], alphas: Sequence[float]
+    train: Values,
+    target: Values,
+    test: Values,
+    settings: dict[str, Any],
+    alphas: Sequence[float],
 ) -> list[Values]:
     """Predict with several alphas from kernel matrices that are built once.
 
@@ -96,7 +115,9 @@ def predictions(
         kept = singular > EPSILON * len(train) * singular[0]
         singular, basis = singular[kept], basis[kept]
         weights, projected = left[:, kept].T @ target, test @ basis.T
-        return [projected @ (singular / (singular**2 + alpha) * weights) for alpha in alphas]
+        return [
+            projected @ (singular / (singular**2 + alpha) * weights) for alpha in alphas
+        ]
     model = SafeKernelRidge(**settings)
     kernel = np.asarray(model._get_kernel(train))
     given = [SafeKernelRidge(alpha, kernel="precomputed") for alpha in alphas]

@@ -21,7 +21,12 @@ def scores(truth: ArrayLike, prediction: ArrayLike) -> Scores:
 
     ValueError is raised if the lengths differ, a value is not finite, or the truth does not vary.
     """
-    from sklearn.metrics import max_error, mean_absolute_error, mean_squared_error, r2_score
+    from sklearn.metrics import (
+        max_error,
+        mean_absolute_error,
+        mean_squared_error,
+        r2_score,
+    )
 
     known, guessed = np.asarray(truth, dtype=float), np.asarray(prediction, dtype=float)
     if known.ndim != 1 or known.size < 2 or np.ptp(known) == 0:
@@ -61,7 +66,10 @@ LEVEL = 0.9  # coverage of intervals, where nothing else is asked for
 
 
 def bootstrap(
-    truth: ArrayLike, prediction: ArrayLike, level: float = LEVEL, groups: ArrayLike | None = None
+    truth: ArrayLike,
+    prediction: ArrayLike,
+    level: float = LEVEL,
+    groups: ArrayLike | None = None,
 ) -> dict[str, tuple[float, float]]:
     """Return low and high of "nmse", "nmae" and "r2" over resamples of the rows [%]; {} for one
     group.
@@ -74,21 +82,38 @@ def bootstrap(
     scores(truth, prediction)  # refuses vectors whose scores are undefined
     known = np.asarray(truth, dtype=float)
     error = np.abs(np.asarray(prediction, dtype=float) - known)
-    own = np.arange(known.size) if groups is None else np.unique(groups, return_inverse=True)[1]
+    own = (
+        np.arange(known.size)
+        if groups is None
+        else np.unique(groups, return_inverse=True)[1]
+    )
     number = int(own.max()) + 1
     if number < 2:
         return {}
-    middle = float(known.mean())  # variances are of the distances from it, without cancellation
+    middle = float(
+        known.mean()
+    )  # variances are of the distances from it, without cancellation
     size = magnitude(known)
     from_middle = known - middle
-    each = np.ones_like(known), error**2, error, np.abs(known) - size, from_middle, from_middle**2
+    each = (
+        np.ones_like(known),
+        error**2,
+        error,
+        np.abs(known) - size,
+        from_middle,
+        from_middle**2,
+    )
     sums = np.stack([np.bincount(own, part, number) for part in each], axis=1)
     random = np.random.default_rng(0)
     draws = (random.integers(number, size=number) for _ in range(BOOTSTRAP))
-    rows, *totals = (np.array([np.bincount(each, minlength=number) for each in draws]) @ sums).T
+    rows, *totals = (
+        np.array([np.bincount(each, minlength=number) for each in draws]) @ sums
+    ).T
     square, absolute, beyond, distance, distances = (total / rows for total in totals)
     mean, variance = size + beyond, distances - distance**2
-    usable = (mean > 0) & (variance > ROUNDING * known.var())  # not one group, again and again
+    usable = (mean > 0) & (
+        variance > ROUNDING * known.var()
+    )  # not one group, again and again
     low, high = (1 - level) / 2, (1 + level) / 2
     drawn = {
         "nmse": 100 * square[usable] / mean[usable],
@@ -101,4 +126,6 @@ def bootstrap(
     }
 
 
-ROUNDING = 1e-12  # share of the variance of all rows below which that of a resample is rounding
+ROUNDING = (
+    1e-12  # share of the variance of all rows below which that of a resample is rounding
+)

@@ -42,17 +42,23 @@ class Model:
     name: str  # on the command line and in files
     title: str  # in tables and pictures, as the paper writes it
     path: str  # of the estimator's class, or of a function that makes it
-    own: Mapping[str, Any] = field(default_factory=dict)  # the baseline's, on top of the library's
+    own: Mapping[str, Any] = field(
+        default_factory=dict
+    )  # the baseline's, on top of the library's
     # Settings that all candidates of a search share, in their last fit too.
     tuned: Mapping[str, Any] = field(default_factory=dict)
     shared: str = ""  # setting of which one fit yields the predictions of all values
-    ignored: str = ""  # setting of the paper's grid that the library ignores today, and warns of
+    ignored: str = (
+        ""  # setting of the paper's grid that the library ignores today, and warns of
+    )
 
     def estimator(self, seed: int, *, tuned: bool = False) -> Any:
         """Make the baseline's estimator, or that of a search, with the seed if it draws."""
         home, _, name = self.path.rpartition(".")
         given = {**self.own, **(self.tuned if tuned else {})}
-        made = {name: value() if callable(value) else value for name, value in given.items()}
+        made = {
+            name: value() if callable(value) else value for name, value in given.items()
+        }
         estimator = getattr(import_module(home), name)(**made)
         drawn = "random_state" in estimator.get_params(deep=False)
         return estimator.set_params(random_state=seed) if drawn else estimator
@@ -113,7 +119,12 @@ MODELS: dict[str, Model] = {
             {"kernel": partial(_kernel, "fixed"), "optimizer": None},
             {"kernel": _kernel, "optimizer": "fmin_l_bfgs_b"},
         ),
-        Model("kernel-ridge", "Kernel Ridge", "learn.kernel_ridge.SafeKernelRidge", shared="alpha"),
+        Model(
+            "kernel-ridge",
+            "Kernel Ridge",
+            "learn.kernel_ridge.SafeKernelRidge",
+            shared="alpha",
+        ),
         Model(
             "mlp",
             "MLP Regressor",
@@ -135,8 +146,13 @@ def default_model(features: str) -> str:
 
 def versions() -> dict[str, str]:
     """Return the versions of the libraries that decide the numbers, "" for a missing one."""
-    found = installed((*LIBRARIES, "xgboost"))  # which is the package of xgboost-cpu elsewhere
-    return {name: found.get(name, found.get(name.removesuffix("-cpu"), "")) for name in LIBRARIES}
+    found = installed(
+        (*LIBRARIES, "xgboost")
+    )  # which is the package of xgboost-cpu elsewhere
+    return {
+        name: found.get(name, found.get(name.removesuffix("-cpu"), ""))
+        for name in LIBRARIES
+    }
 
 
 REMARK_LENGTH = 300  # characters of a warning that are kept
@@ -173,7 +189,9 @@ def pipeline(
 
     scalings = {"l2": Normalizer, "standard": StandardScaler, "min-max": MinMaxScaler}
     scaling = "passthrough" if normalisation == "none" else scalings[normalisation]()
-    given = {name: value for name, value in (settings or {}).items() if name != model.ignored}
+    given = {
+        name: value for name, value in (settings or {}).items() if name != model.ignored
+    }
     estimator = model.estimator(seed, tuned=tuned).set_params(**given)
     return Pipeline([("scaling", scaling), (STEP, estimator)])
 
@@ -198,12 +216,19 @@ def remarks() -> Iterator[list[str]]:
         text = " ".join(str(each.message).split())[:REMARK_LENGTH]
         if issubclass(each.category, ConvergenceWarning):
             text = AT_BOUND if "bound" in text else UNFINISHED
-        if text not in said and not issubclass(each.category, FutureWarning | DeprecationWarning):
+        if text not in said and not issubclass(
+            each.category, FutureWarning | DeprecationWarning
+        ):
             said.append(text)
 
 
-USUAL = (1e-3, 1e3)  # range of the medians of targets that are not scaled, as areas in percent
-FAR = 10.0  # mean over the deviation from which on models learn the distance from the mean
+USUAL = (
+    1e-3,
+    1e3,
+)  # range of the medians of targets that are not scaled, as areas in percent
+FAR = (
+    10.0  # mean over the deviation from which on models learn the distance from the mean
+)
 # exponent of the other targets' scaled median: 2^2 to 2^3, that of the paper's areas, whose
 # hyperparameters these targets are fitted with
 SIZE = 3
@@ -231,7 +256,9 @@ def scaling_of(dataset: Dataset, train: Indices, *, standard: bool = False) -> S
     if not (standard or dataset.features.scaled):
         mean, deviation = float(target.mean()), float(target.std())
         mean = mean if abs(mean) > FAR * deviation else 0.0
-        magnitudes = np.abs(target - mean)  # outliers do not move the median of those above 0
+        magnitudes = np.abs(
+            target - mean
+        )  # outliers do not move the median of those above 0
         size = float(np.median(magnitudes[magnitudes > 0])) if magnitudes.any() else 0.0
         if size == 0 or USUAL[0] <= size <= USUAL[1]:
             return Scaling(mean)
@@ -253,7 +280,9 @@ OTHERS = 512  # MiB of other models, as of a cache of kernel rows
 
 def check_memory(model: str, rows: int, *, baseline: bool = False) -> None:
     """Refuse a fit of a model to some rows in one process that this machine cannot hold."""
-    pairs = PAIR_BYTES.get(model, 0.0) * (0.52 if baseline and model == "gaussian-process" else 1)
+    pairs = PAIR_BYTES.get(model, 0.0) * (
+        0.52 if baseline and model == "gaussian-process" else 1
+    )
     flat = 0 if baseline else TREES.get(model, OTHERS) * MIB
     need = PROCESS + pairs * rows**2 + flat * max(1.0, rows / TREE_ROWS)
     limit = USABLE * min(allowed(), free())

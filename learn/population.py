@@ -41,22 +41,33 @@ LIKELY_CENTRES, LIKELY_ROWS = 200, 3000  # the same, and rows, for the evidence
 LENGTHS = (0.1, 10.0)  # shortest and longest length, over the deviation of an input
 STARTS = (1.0, 2.5)  # lengths from which the search for the most likely ones starts
 STEPS = 50  # steps of this search, at most
-VARIANCES = (1e-3, 1e5)  # least and largest variance of the process, over that of the target
+VARIANCES = (
+    1e-3,
+    1e5,
+)  # least and largest variance of the process, over that of the target
 PLANE = 10.0  # deviation of the plane's coefficients before any row is seen, over the target's
 PARTS = 20  # parts of the surfaces that are left out in turn
 TOGETHER = 200  # rows of a surface, at most, whose correlation counts; more are another surface's
 OWN = 1e-4  # least share of the scatter that is a row's own: rows may repeat others
 PASSES = 3  # fits of power law and scatter, each with the weights of the last
-LEAST = 1e-4  # least size of the scatter, over the deviation of the target over its power law
-KEPT = 0.99  # share of the process's variance at the rows that is kept, in far fewer numbers
+LEAST = (
+    1e-4  # least size of the scatter, over the deviation of the target over its power law
+)
+KEPT = (
+    0.99  # share of the process's variance at the rows that is kept, in far fewer numbers
+)
 DOUBT = 0.5  # deviation of the logarithm of squared errors of means, over what the process says
-LEAST_LARGER = 1.15  # least factor of errors over the process's, which takes its lengths for known
+LEAST_LARGER = (
+    1.15  # least factor of errors over the process's, which takes its lengths for known
+)
 LEAST_SHARE = 1e-3  # least share of an error in a direction that tells of its size
 RIDGE = 1e-6  # penalty of polynomials' coefficients, over the weight of all rows
 JITTER = 1e-6  # added to the diagonal of functions at each other's centres, as neighbours are alike
 ROUNDING = 1e-14  # added to the equations' diagonal, over the sum of it
 FLOOR = 1e-3  # least size of residuals and targets of which logarithms are taken, over the median
-SURFACES_PER_TERM = 10  # least surfaces for a term of a polynomial: its degree falls with fewer
+SURFACES_PER_TERM = (
+    10  # least surfaces for a term of a polynomial: its degree falls with fewer
+)
 
 
 class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
@@ -92,14 +103,18 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         blocks = _blocks(surfaces)
         alike = _most_alike(X, wrong / self._scatter(X), blocks)
         size = alike.size * self._scatter(X)
-        rows = Whitened(X, (ratio - self.mean_) / size, self._reach(X) / size, blocks, alike)
+        rows = Whitened(
+            X, (ratio - self.mean_) / size, self._reach(X) / size, blocks, alike
+        )
         centres = X[random.permutation(len(y))[:CENTRES]]
         few = random.permutation(len(y)) < LIKELY_ROWS
         found = _likely(rows.at(few, _blocks(surfaces[few])), centres[:LIKELY_CENTRES])
         self._solve(rows, centres, found, dealt(surfaces, PARTS, random))
         return self
 
-    def _fit_scatter(self, X: Values, ratio: Values, weights: Values, most: float) -> Values:
+    def _fit_scatter(
+        self, X: Values, ratio: Values, weights: Values, most: float
+    ) -> Values:
         """Fit the size of the scatter by the distances of the ratio to the power law from a cubic.
 
         It is the root mean square, and neither below nor above what nearly all rows have. Return
@@ -117,7 +132,9 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         self.ends_ = np.maximum(self.ends_ + larger, least)
         return np.asarray(distances)
 
-    def _solve(self, rows: "Whitened", centres: Values, found: Values, parts: Indices) -> None:
+    def _solve(
+        self, rows: "Whitened", centres: Values, found: Values, parts: Indices
+    ) -> None:
         """Solve for the coefficients with all rows, and predict each part of them without it.
 
         `found` are lengths and variance by `_likely`.
@@ -128,9 +145,9 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         seen, unit = rows.white(functions * rows.reach[:, None]), rows.white(rows.unit)
         matrix, right = seen.T @ seen, seen.T @ unit
         penalty = np.eye(len(matrix)) * (1 + ROUNDING * np.trace(matrix))
-        penalty[: len(centres), : len(centres)] += _among(self.places_)[0] / variance - np.eye(
-            len(centres)
-        )
+        penalty[: len(centres), : len(centres)] += _among(self.places_)[
+            0
+        ] / variance - np.eye(len(centres))
         self.coefficients_ = solve(matrix + penalty, right, assume_a="pos")
         left_out = np.empty(len(unit))
         for part in np.unique(parts):
@@ -140,7 +157,9 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
             left_out[own] = functions[own] @ without
         self.left_out_ = self._restored(rows.X, left_out)
         larger = _larger(seen, unit, penalty, parts < PARTS // 2)
-        inverse = solve_triangular(np.linalg.cholesky(matrix + penalty).T, np.eye(len(matrix)))
+        inverse = solve_triangular(
+            np.linalg.cholesky(matrix + penalty).T, np.eye(len(matrix))
+        )
         weighted = functions.T @ functions
         shares, directions = eigh(inverse.T @ weighted @ inverse)
         kept = np.cumsum(shares) > (1 - KEPT) * shares.sum()
@@ -179,7 +198,9 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         """Return distances of the mean from functions that the process might be, (n, number)."""
         random = np.random.default_rng(self.random_state)
         draws = self.spread_ @ random.standard_normal((self.spread_.shape[1], number))
-        return np.asarray((self._functions(X) @ draws).T * self._reach(X) * self._trend(X)).T
+        return np.asarray(
+            (self._functions(X) @ draws).T * self._reach(X) * self._trend(X)
+        ).T
 
 
 class Alike(NamedTuple):
@@ -195,7 +216,9 @@ class Alike(NamedTuple):
         found = []
         for block in blocks:
             rows = X[block]
-            apart = np.sqrt(np.square(rows[:, :, None, :] - rows[:, None, :, :]).sum(axis=-1))
+            apart = np.sqrt(
+                np.square(rows[:, :, None, :] - rows[:, None, :, :]).sum(axis=-1)
+            )
             alike = np.exp(-((apart / self.length) ** self.power))
             whole = (1 - self.own) * alike + self.own * np.eye(block.shape[1])
             found.append(np.asarray(np.linalg.cholesky(whole)))
@@ -208,20 +231,29 @@ class Whitened:
     def __init__(
         self, X: Values, unit: Values, reach: Values, blocks: list[Indices], alike: Alike
     ) -> None:
-        self.X, self.unit, self.reach, self.alike = X, unit, reach, alike  # (n, d), (n,), (n,)
+        self.X, self.unit, self.reach, self.alike = (
+            X,
+            unit,
+            reach,
+            alike,
+        )  # (n, d), (n,), (n,)
         self._blocks = blocks
         self._inverses = [np.linalg.inv(root) for root in alike.roots(X, blocks)]
 
     def at(self, rows: NDArray[np.bool_], blocks: list[Indices]) -> "Whitened":
         """Return some rows, whose surfaces are in these blocks."""
-        return Whitened(self.X[rows], self.unit[rows], self.reach[rows], blocks, self.alike)
+        return Whitened(
+            self.X[rows], self.unit[rows], self.reach[rows], blocks, self.alike
+        )
 
     def white(self, values: Values, *, back: bool = False) -> Values:
         """Whiten columns, (n, m) or (n,), or with `back` apply the transpose of that."""
         columns = values.reshape(len(values), -1)
         found = np.empty_like(columns)
         for block, inverse in zip(self._blocks, self._inverses, strict=True):
-            found[block] = (inverse.transpose(0, 2, 1) if back else inverse) @ columns[block]
+            found[block] = (inverse.transpose(0, 2, 1) if back else inverse) @ columns[
+                block
+            ]
         return found.reshape(values.shape)
 
     def evidence(self, logarithms: Values, centres: Values) -> tuple[float, Values]:
@@ -229,23 +261,35 @@ class Whitened:
 
         They are functions of the logarithms of lengths and variance; centres are (m, d).
         """
-        lengths, variance, count = np.exp(logarithms[:-1]), np.exp(logarithms[-1]), len(centres)
+        lengths, variance, count = (
+            np.exp(logarithms[:-1]),
+            np.exp(logarithms[-1]),
+            len(centres),
+        )
         places, about, plane = self.X / lengths, centres / lengths, _plane(self.X)
         (near, near_slope), (among, among_slope) = _near(places, about), _among(about)
-        functions, unit = np.hstack([near, plane]) * self.reach[:, None], self.white(self.unit)
+        functions, unit = (
+            np.hstack([near, plane]) * self.reach[:, None],
+            self.white(self.unit),
+        )
         seen = self.white(functions)
         matrix = seen.T @ seen
         matrix += np.eye(len(matrix)) * (1 + ROUNDING * np.trace(matrix))
         matrix[:count, :count] += among / variance - np.eye(count)
         whole, prior = cho_factor(matrix), cho_factor(among)
-        found, inverse = cho_solve(whole, seen.T @ unit), cho_solve(whole, np.eye(len(matrix)))
+        found, inverse = (
+            cho_solve(whole, seen.T @ unit),
+            cho_solve(whole, np.eye(len(matrix))),
+        )
         determinants = np.log(np.diag(whole[0])).sum() - np.log(np.diag(prior[0])).sum()
         squares = unit @ unit - found @ (seen.T @ unit)
         minus = determinants + (count * logarithms[-1] + squares) / 2
         # Slopes by the functions at the rows, and at each other's centres.
         by_seen = np.outer(unit - seen @ found, found[:count]) - seen @ inverse[:, :count]
         by_near = self.white(by_seen, back=True) * self.reach[:, None]
-        moments = (inverse[:count, :count] + np.outer(found[:count], found[:count])) / variance
+        moments = (
+            inverse[:count, :count] + np.outer(found[:count], found[:count])
+        ) / variance
         by_among = (cho_solve(prior, np.eye(count)) - moments) / 2
         slopes = np.empty(len(logarithms))
         slopes[:-1] = _by_lengths(by_near * near_slope, places, about)
@@ -254,7 +298,9 @@ class Whitened:
         return float(minus), -slopes
 
 
-def _larger(seen: Values, unit: Values, penalty: Values, half: NDArray[np.bool_]) -> float:
+def _larger(
+    seen: Values, unit: Values, penalty: Values, half: NDArray[np.bool_]
+) -> float:
     """Return how much larger errors of the mean are than the process says, `LEAST_LARGER` or more.
 
     Each half of the surfaces tells what the mean of the other one is worth: by the scores of
@@ -306,7 +352,10 @@ def _most_alike(X: Values, scatter: Values, blocks: list[Indices]) -> Alike:
         size = np.sqrt(max(squares / len(X), np.finfo(float).tiny))
         return len(X) * np.log(size) + volume, alike._replace(size=float(size))
 
-    given: dict[str, Any] = {"method": "Nelder-Mead", "options": {"maxiter": 100, "xatol": 0.05}}
+    given: dict[str, Any] = {
+        "method": "Nelder-Mead",
+        "options": {"maxiter": 100, "xatol": 0.05},
+    }
 
     def minus(logarithms: Values) -> float:
         return sized(logarithms)[0]
@@ -354,7 +403,9 @@ def _among(places: Values) -> tuple[Values, Values]:
 def _by_lengths(slopes: Values, places: Values, others: Values) -> Values:
     """Return slopes by logarithms of lengths, (d,), of those by squared distances, (n, m)."""
     squares = slopes.sum(axis=1) @ places**2 + slopes.sum(axis=0) @ others**2
-    return np.asarray(-2 * (squares - 2 * np.einsum("jk,jk->k", slopes.T @ places, others)))
+    return np.asarray(
+        -2 * (squares - 2 * np.einsum("jk,jk->k", slopes.T @ places, others))
+    )
 
 
 def _terms(X: Values, degree: int) -> Values:
@@ -362,7 +413,9 @@ def _terms(X: Values, degree: int) -> Values:
     return np.asarray(PolynomialFeatures(degree).fit_transform(X))
 
 
-def _polynomial(X: Values, target: Values, weights: Values, degree: int, most: float) -> Values:
+def _polynomial(
+    X: Values, target: Values, weights: Values, degree: int, most: float
+) -> Values:
     """Return a polynomial's coefficients by weighted least squares, with 0 for terms too many.
 
     With more than `most` terms the polynomial is of a lower degree, whose terms are the first ones.

@@ -25,8 +25,13 @@ from gen.scene import Scene
 if TYPE_CHECKING:
     from learn.dataset import Dataset, Stored
 
-MAP, TILE = "map", "tile"  # columns of the map and of its tile that a surface was cut out of
-DIGITS = 8  # digits of a file's hash in the labels of maps, so that maps of one name differ
+MAP, TILE = (
+    "map",
+    "tile",
+)  # columns of the map and of its tile that a surface was cut out of
+DIGITS = (
+    8  # digits of a file's hash in the labels of maps, so that maps of one name differ
+)
 Folds = NDArray[np.int8]  # fold of each training row
 DRAWS = 20  # draws of a split at most, where a target is constant in a part
 FOLDS = 5  # folds of the cross-validation, the paper's number
@@ -69,7 +74,9 @@ def draw(
     values, place = np.unique(groups, return_inverse=True)
     random, faults = np.random.default_rng(seed), []
     for _ in range(DRAWS):
-        shuffled = np.argsort(np.argsort(random.permutation(values.size))[place], kind="stable")
+        shuffled = np.argsort(
+            np.argsort(random.permutation(values.size))[place], kind="stable"
+        )
         # The test rows are whole surfaces, up to a fifth of the rows, and one surface at least.
         ends = np.flatnonzero(np.diff(groups[shuffled], append=-1)) + 1
         last = np.searchsorted(ends, int(TEST_SHARE * dataset.size), side="right") - 1
@@ -134,7 +141,9 @@ def populations_of(part: Stored) -> Iterator[str]:
     if MAP not in part.columns or not isinstance(surface, ScanSurface):
         yield from [str(part.path)] * part.rows.size
         return
-    maps = [f"{Path(each.file).name} {each.sha256[:DIGITS]}" for each in surface.known().maps]
+    maps = [
+        f"{Path(each.file).name} {each.sha256[:DIGITS]}" for each in surface.known().maps
+    ]
     yield from (maps[index] for index in part.columns[MAP])
 
 

@@ -13,7 +13,16 @@ from importlib import import_module
 from pathlib import Path
 
 MAINS = {"gen": "gen.cli", "learn": "learn.cli", "serve": "asperity.serving.cli"}
-EVENTS = ("import", "exec", "open", "socket", "subprocess", "os.system", "os.exec", "os.spawn")
+EVENTS = (
+    "import",
+    "exec",
+    "open",
+    "socket",
+    "subprocess",
+    "os.system",
+    "os.exec",
+    "os.spawn",
+)
 HARMLESS = "socket.gethostname"
 
 

@@ -30,7 +30,9 @@ class Seen:
     clipped_code: int
 
 
-def look(page: Path, width: int, picture: Path | None = None, *, printed: bool = False) -> Seen:
+def look(
+    page: Path, width: int, picture: Path | None = None, *, printed: bool = False
+) -> Seen:
     """Open a file in a window of some width [pixels], or as it is printed on paper of that width.
 
     A picture of it goes where one is asked for.
@@ -44,7 +46,9 @@ def look(page: Path, width: int, picture: Path | None = None, *, printed: bool =
     complaints: list[str] = []
     with driver.sync_playwright() as playwright:
         # Browsers refuse to run as root inside a sandbox of their own.
-        browser = playwright.chromium.launch(executable_path=program, args=["--no-sandbox"])
+        browser = playwright.chromium.launch(
+            executable_path=program, args=["--no-sandbox"]
+        )
         opened = browser.new_page(viewport={"width": width, "height": 900}, offline=True)
         opened.on("console", lambda message: complaints.append(message.text))
         opened.on("pageerror", lambda error: complaints.append(str(error)))

@@ -29,7 +29,12 @@ INPUTS = {
 }
 """A good file of each kind that commands read."""
 
-OUTPUTS = {"file": "new", "folder": "new-folder", "new-database": "new.h5", "new-scene": "new.toml"}
+OUTPUTS = {
+    "file": "new",
+    "folder": "new-folder",
+    "new-database": "new.h5",
+    "new-scene": "new.toml",
+}
 """A good place for each kind of output."""
 
 LONG = "n" * 300
@@ -37,7 +42,17 @@ LONG = "n" * 300
 
 TEXT = "once upon a time\nthere were two surfaces\n"
 
-BAD_INPUTS = ["missing", "empty", "text", "noise", "truncated", "pipe", "loop", "socket", LONG]
+BAD_INPUTS = [
+    "missing",
+    "empty",
+    "text",
+    "noise",
+    "truncated",
+    "pipe",
+    "loop",
+    "socket",
+    LONG,
+]
 BAD_INPUTS += ["/dev/zero", "folder"]
 """What no command can read, by its name."""
 
@@ -98,7 +113,10 @@ COMMANDS: dict[str, dict[str, Command]] = {
                 ("--side 0", "give the scan length"),
                 ("--crop 5", "give x0:x1,y0:y1"),
                 ("--against-options --fill", "needs --against"),
-                ("--against good.npy --shift 0,99", "fewer than 2 x 2 nodes lie on both maps"),
+                (
+                    "--against good.npy --shift 0,99",
+                    "fewer than 2 x 2 nodes lie on both maps",
+                ),
             ),
         ),
         "plot": Command("<database> -o >file.png"),
@@ -106,7 +124,8 @@ COMMANDS: dict[str, dict[str, Command]] = {
         "check": Command("<database>", (("--recompute -1", "--recompute"),)),
         "merge": Command("<database> <database> -o >new-database"),
         "export": Command(
-            "<database> -o >folder", (("--doi 12", "--doi"), ("--title a\x07b", "--title"))
+            "<database> -o >folder",
+            (("--doi 12", "--doi"), ("--title a\x07b", "--title")),
         ),
         "estimate": Command("<scene>", (("--ranks 0", "--ranks"),)),
         "scene": Command(
@@ -116,7 +135,9 @@ COMMANDS: dict[str, dict[str, Command]] = {
     },
     "learn": {
         "fit": Command("<database> -o >file", (("--area-max 1e-9", "good.h5"),)),
-        "grow": Command("<scene> -o >file", (("--budget soon", "soon"), ("-o good.h5", "good.h5"))),
+        "grow": Command(
+            "<scene> -o >file", (("--budget soon", "soon"), ("-o good.h5", "good.h5"))
+        ),
         "card": Command("<surrogate>"),
         "predict": Command(
             "<surrogate> <surface> --side 9 --delta 1 -o >file", (("--delta 1:2", "1:2"),)
@@ -128,7 +149,9 @@ COMMANDS: dict[str, dict[str, Command]] = {
         "compare": Command("<database> -o >folder", (("--model forest", "forest"),)),
         "tune": Command("<database> -o >folder", (("--budget soon", "soon"),)),
         "show": Command("<comparison>"),
-        "importance": Command("<database> -o >folder", (("--target nothing", "nothing"),)),
+        "importance": Command(
+            "<database> -o >folder", (("--target nothing", "nothing"),)
+        ),
     },
 }
 """Every command that runs on several ranks; those of bench refuse to."""

@@ -18,7 +18,10 @@ def pytest_collection_modifyitems(items):
     """Of a test that is marked `few(n)`, leave n cases in `make test`; skip MPI where none is."""
     from launch import mpiexec
 
-    cases, alone = {}, pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: extra 'mpich'")
+    cases, alone = (
+        {},
+        pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: extra 'mpich'"),
+    )
     for item in items:
         if item.get_closest_marker("mpi"):
             item.add_marker(alone)

@@ -80,7 +80,9 @@ def huge(file: h5py.File, folder: Path) -> None:
         set_text(file, name, value)
     file.attrs.modify("samples", scene.samples)
     found: list[str] = []
-    file.visititems(lambda name, node: found.append(name) if "long_name" in node.attrs else None)
+    file.visititems(
+        lambda name, node: found.append(name) if "long_name" in node.attrs else None
+    )
     for name in found:
         kind = file[name].dtype
         del file[name]
@@ -172,7 +174,9 @@ def refuse(
     for name in names:
         file, word = f"{name}.h5", CRAFTED[name][1]
         began = time.process_time()
-        assert main([file if each == "FILE" else each for each in COMMANDS[command]]) == 2, name
+        assert (
+            main([file if each == "FILE" else each for each in COMMANDS[command]]) == 2
+        ), name
         assert time.process_time() - began < 60, name
         said = capsys.readouterr().err
         assert said.count("\n") == 1, said

@@ -38,7 +38,9 @@ def has_begun(path: Path) -> bool:
     """
     try:
         return bool((status(path) != 0).any())
-    except OSError:  # not there yet, or met in the midst of a write: the caller looks again
+    except (
+        OSError
+    ):  # not there yet, or met in the midst of a write: the caller looks again
         return False
 
 
@@ -62,7 +64,9 @@ NO_ROOM = """
 
 def without_checksums(monkeypatch):
     """Have databases made as older versions made them."""
-    monkeypatch.setattr(database.creation, "stored_columns", lambda scene, **_: columns_for(scene))
+    monkeypatch.setattr(
+        database.creation, "stored_columns", lambda scene, **_: columns_for(scene)
+    )
 
 
 def seal(path):

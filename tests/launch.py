@@ -34,7 +34,16 @@ def command(ranks: int, *arguments: object, module: str = "gen") -> list[str]:
     if ranks:
         launcher = mpiexec()
         assert launcher is not None
-        program = [launcher, "-n", str(ranks), sys.executable, "-m", "mpi4py", "-m", module]
+        program = [
+            launcher,
+            "-n",
+            str(ranks),
+            sys.executable,
+            "-m",
+            "mpi4py",
+            "-m",
+            module,
+        ]
     return [*program, *(str(argument) for argument in arguments)]
 
 

@@ -23,12 +23,17 @@ def surrogate_of(database: Path, *options: str, name: str = "") -> Path:
 
 
 def fitted(
-    path: Path, model: str = "kernel-ridge", features: str = "dimensionless", **options: Any
+    path: Path,
+    model: str = "kernel-ridge",
+    features: str = "dimensionless",
+    **options: Any,
 ) -> Surrogate:
     """Fit a surrogate of area and force, or other targets, to a database."""
     targets = options.pop("targets", ("area", "force"))
     scaling = "l2" if features == "paper" else "standard"
-    request = Request((path,), path, targets, (model,), None, scaling, features, **options)
+    request = Request(
+        (path,), path, targets, (model,), None, scaling, features, **options
+    )
     found = fitting.fit(request, Executor(), lambda line: None)
     assert found is not None
     return found

@@ -26,7 +26,12 @@ def waves(nodes: int, seed: int) -> Field:
 
 
 def read(
-    path: Path, side: str = "", unit: str = "", *, boundary: Boundary = "free", **more: Any
+    path: Path,
+    side: str = "",
+    unit: str = "",
+    *,
+    boundary: Boundary = "free",
+    **more: Any,
 ) -> Topography:
     """Read a map by the options `--side`, `--unit` and more."""
     return read_map(path, Reading(side=side, unit=unit, **more), boundary)

@@ -28,24 +28,42 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
         ("total += sign_x * sign_y * corner", "total += sign_x * corner"),
         ("return total * (aspect / np.pi)", "return total / np.pi"),
         ("square = (x + node_x) ** 2", "square = (x + 0.5 * node_x) ** 2"),
-        ("table[0, 0] = aspect / (np.pi * radius)", "table[0, 0] = aspect / (2 * radius)"),
+        (
+            "table[0, 0] = aspect / (np.pi * radius)",
+            "table[0, 0] = aspect / (2 * radius)",
+        ),
     ),
     "bem/contact.py": (
         ("touching[:, :-1], touching[:-1]", "touching[:-1], touching[:, :-1]"),
-        ("along[:-1]) * self.problem.spacing[1]", "along[:-1]) * self.problem.spacing[0]"),
+        (
+            "along[:-1]) * self.problem.spacing[1]",
+            "along[:-1]) * self.problem.spacing[0]",
+        ),
         ("- ((heights - heights.max())", "- ((heights - heights.mean())"),
         ("np.maximum(interference - self", "np.maximum(interference + self"),
-        ("np.flatnonzero((self.pressure > 0) & ~yielded)", "np.flatnonzero(self.pressure > 0)"),
+        (
+            "np.flatnonzero((self.pressure > 0) & ~yielded)",
+            "np.flatnonzero(self.pressure > 0)",
+        ),
         ("return 2 * low / (1 + low / high)", "return low / (1 + low / high)"),
     ),
     "bem/solving.py": (
-        ("* unit * (problem.spacing[0] * problem.spacing[1])", "* unit * problem.spacing[0] ** 2"),
+        (
+            "* unit * (problem.spacing[0] * problem.spacing[1])",
+            "* unit * problem.spacing[0] ** 2",
+        ),
         ("np.abs(contact.gap), -contact.gap)", "np.abs(contact.gap), contact.gap)"),
         ("not contact.residual <= problem.rtol", "contact.residual > problem.rtol"),
-        ("equilibrium.length / problem.spacing[0]", "equilibrium.length / problem.spacing[1]"),
+        (
+            "equilibrium.length / problem.spacing[0]",
+            "equilibrium.length / problem.spacing[1]",
+        ),
     ),
     "bem/problem.py": (
-        ('if boundary == "free" else side / nodes', 'if boundary != "mirror" else side / nodes'),
+        (
+            'if boundary == "free" else side / nodes',
+            'if boundary != "mirror" else side / nodes',
+        ),
         ("* self.spacing[0] / length", "* self.spacing[1] / length"),
     ),
     "bem/active_set.py": (
@@ -54,7 +72,9 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     "bem/analytic/persson.py": (
         ("shape = gamma + 3 * (1 - gamma)", "shape = gamma + 2 * (1 - gamma)"),
     ),
-    "bem/analytic/indenters.py": (("share = 2 * self.exponent /", "share = self.exponent /"),),
+    "bem/analytic/indenters.py": (
+        ("share = 2 * self.exponent /", "share = self.exponent /"),
+    ),
     "gen/runtime/files.py": (
         ("        os.fsync(descriptor)\n", ""),
         ("if any(_is_same(path, file) for file in read):", "if path in read:"),
@@ -67,7 +87,10 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
         ("self._held.sync()\n        for rows in waiting:", "for rows in waiting:"),
         ("chunk[wanted - start] = Status.PENDING", "chunk[wanted - start] = Status.DONE"),
         ("(chunk == Status.DONE) | (chunk == Status.FAILED)", "chunk == Status.DONE"),
-        ("        self.confirm()\n        status = arrays.pop", "        status = arrays.pop"),
+        (
+            "        self.confirm()\n        status = arrays.pop",
+            "        status = arrays.pop",
+        ),
     ),
     "gen/generation/plan.py": (
         ("stream.advance(before + offset * per)", "stream.advance(before + offset)"),
@@ -87,15 +110,23 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     "gen/spectral.py": (("(-1 - self.hurst)", "(-0.5 - self.hurst)"),),
     "gen/maps/prepare.py": (
         ("<= high / apart + ROUNDING", "<= high / apart - 1 + ROUNDING"),
-        ("(heights < below) | (heights > above)", "(heights < below) & (heights > above)"),
+        (
+            "(heights < below) | (heights > above)",
+            "(heights < below) & (heights > above)",
+        ),
     ),
     "gen/maps/outliers.py": (("scatter = 1.4826 *", "scatter = 1.0 *"),),
     "gen/maps/library.py": (("patch = patch.T if symmetry & TRANSPOSED else patch", ""),),
     "gen/maps/read.py": (
-        ("self.sides[0] / nx, self.sides[1] / ny", "self.sides[0] / ny, self.sides[1] / nx"),
+        (
+            "self.sides[0] / nx, self.sides[1] / ny",
+            "self.sides[0] / ny, self.sides[1] / nx",
+        ),
     ),
     "gen/material.py": (("(e / (1 - nu**2))", "(e / (1 + nu**2))"),),
-    "gen/runtime/terminal.py": (('character if character.isprintable() else "?"', "character"),),
+    "gen/runtime/terminal.py": (
+        ('character if character.isprintable() else "?"', "character"),
+    ),
     "learn/split.py": (
         ("train, test = shuffled[cut:]", "train, test = shuffled[cut - 1 :]"),
         ("np.random.default_rng(seed)", "np.random.default_rng(0)"),
@@ -172,7 +203,16 @@ def is_caught(tree: Path, fault: Fault, *, everything: bool, near: bool) -> bool
 
 def fail(tree: Path, tests: Sequence[str]) -> bool:
     """Run tests in a tree until one fails; say whether one does."""
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-x",
+        "-q",
+        "-p",
+        "no:cacheprovider",
+        *tests,
+    ]
     alone = os.environ | {"PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1"}
     try:
         done = subprocess.run(
@@ -188,9 +228,15 @@ app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
 @app.command()
 def mutation(
-    everything: Annotated[bool, typer.Option("--all", help="Run the long tests too.")] = False,
-    near: Annotated[bool, typer.Option(help="Run the tests of a fault's package alone.")] = False,
-    only: Annotated[str, typer.Option(metavar="TEXT", help="Files whose path holds it.")] = "",
+    everything: Annotated[
+        bool, typer.Option("--all", help="Run the long tests too.")
+    ] = False,
+    near: Annotated[
+        bool, typer.Option(help="Run the tests of a fault's package alone.")
+    ] = False,
+    only: Annotated[
+        str, typer.Option(metavar="TEXT", help="Files whose path holds it.")
+    ] = "",
 ) -> int:
     """Put small faults into the code, one by one, and see whether the tests catch them.
 

@@ -6,7 +6,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PATHS = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-PAGES = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in PATHS}
+PAGES = {
+    path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in PATHS
+}
 """The text of each page by its path from the top folder."""
 
 TEXT = "\n".join(PAGES.values())
@@ -41,13 +43,17 @@ def steps(page: str) -> list[tuple[str, str]]:
     found = []
     fenced = r"^```(\w*)[^\n]*\n(.*?)^```$"
     indented = r"(?:(?<=\n\n)|\A)((?: {4}[^\n]*\n)+)"
-    for block in re.finditer(f"{fenced}|{indented}", PAGES[page], flags=re.DOTALL | re.MULTILINE):
+    for block in re.finditer(
+        f"{fenced}|{indented}", PAGES[page], flags=re.DOTALL | re.MULTILINE
+    ):
         language, code, lines = block.groups()
         if language == "python":
             found.append(("python", code))
         elif lines or language == "sh":
             text = (lines or code).replace("\\\n", " ")
-            found += [("shell", line.strip()) for line in text.splitlines() if line.strip()]
+            found += [
+                ("shell", line.strip()) for line in text.splitlines() if line.strip()
+            ]
     return found
 
 

@@ -25,7 +25,9 @@ def json_of(path):
         return float(text)
 
     text = Path(path).read_text(encoding="utf-8")
-    found = json.loads(text, parse_constant=refuse, object_pairs_hook=unique, parse_float=number)
+    found = json.loads(
+        text, parse_constant=refuse, object_pairs_hook=unique, parse_float=number
+    )
     json.dumps(found, ensure_ascii=False).encode()  # fails for halves of characters
     return found
 

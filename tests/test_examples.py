@@ -36,7 +36,9 @@ AREA = "--target", "area"
 
 
 def example(name):
-    spec = importlib.util.spec_from_file_location(f"example_{name}", FOLDER / f"{name}.py")
+    spec = importlib.util.spec_from_file_location(
+        f"example_{name}", FOLDER / f"{name}.py"
+    )
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module.main
@@ -44,7 +46,9 @@ def example(name):
 
 @pytest.fixture(scope="module")
 def surrogate(tmp_path_factory):
-    return str(surrogate_of(database_of(tmp_path_factory.mktemp("examples"), SCENE), *AREA))
+    return str(
+        surrogate_of(database_of(tmp_path_factory.mktemp("examples"), SCENE), *AREA)
+    )
 
 
 def test_every_example_is_short_and_tested():
@@ -72,7 +76,9 @@ def test_the_notebook_prints_what_it_shows(tmp_path, monkeypatch, capsys):
             continue
         shown = "".join("".join(each.get("text", "")) for each in cell["outputs"])
         assert number.split(printed) == number.split(shown)
-        found, stored = (list(map(float, number.findall(text))) for text in (printed, shown))
+        found, stored = (
+            list(map(float, number.findall(text))) for text in (printed, shown)
+        )
         assert found == pytest.approx(stored, rel=0.02)
     pyplot.close("all")
 
@@ -118,8 +124,17 @@ def test_examples_take_any_scene(name, populations, tmp_path, capsys):
         assert np.isfinite(example("study")([path, "--small", "--trust"])).all()
 
 
-def test_the_area_of_the_study_grows_with_delta_and_with_the_hurst_exponent(surrogate, tmp_path):
-    asked = [surrogate, "--small", "--parameter", "hurst", "--csv", str(tmp_path / "study.csv")]
+def test_the_area_of_the_study_grows_with_delta_and_with_the_hurst_exponent(
+    surrogate, tmp_path
+):
+    asked = [
+        surrogate,
+        "--small",
+        "--parameter",
+        "hurst",
+        "--csv",
+        str(tmp_path / "study.csv"),
+    ]
     areas = example("study")(asked)
     assert (np.diff(areas, axis=0) > 0).all()
     assert (np.diff(areas, axis=1) > 0).all()
@@ -131,7 +146,14 @@ def test_identification_finds_delta(surrogate, tmp_path, capsys):
     heights = generate("diamond-square", 33, 0.65, 12.5, np.random.default_rng(11))
     np.save(tmp_path / "surface.npy", heights)
     contact = bem.solve(heights, 1000.0, 18.0)
-    asked = [surrogate, str(tmp_path / "surface.npy"), "--side", "1000", "--small", "--area"]
+    asked = [
+        surrogate,
+        str(tmp_path / "surface.npy"),
+        "--side",
+        "1000",
+        "--small",
+        "--area",
+    ]
     delta, low, high = example("identification")([*asked, str(contact.area_percent)])
     assert delta == pytest.approx(18.0, rel=0.15)
     assert low <= delta <= high
@@ -162,15 +184,21 @@ def test_the_sample_is_the_first_rows_of_the_papers_database(tmp_path):
 
 def test_the_sample_trains_a_surrogate(tmp_path):
     path = surrogate_of(Path(shutil.copy(FOLDER / "sample.h5", tmp_path)), *AREA)
-    surface = np.asarray(generate("diamond-square", 129, 0.65, 12.5, np.random.default_rng(5)))
+    surface = np.asarray(
+        generate("diamond-square", 129, 0.65, 12.5, np.random.default_rng(5))
+    )
     answer = Surrogate.load(path).for_surface(surface, side=1000.0).predict([15.0])
-    assert answer.area[0] == pytest.approx(bem.solve(surface, 1000.0, 15.0).area_percent, rel=0.3)
+    assert answer.area[0] == pytest.approx(
+        bem.solve(surface, 1000.0, 15.0).area_percent, rel=0.3
+    )
 
 
 def test_the_second_loading_is_elastic_up_to_the_first_load(tmp_path):
     law = example("unloading")(["--small", "--plot", str(tmp_path / "laws.png")])
     load, new, again, _, yielded_again = law.T
-    assert (again[load < 50] > new[load < 50]).all()  # flattened asperities touch at lower loads
+    assert (
+        again[load < 50] > new[load < 50]
+    ).all()  # flattened asperities touch at lower loads
     assert not yielded_again[load < 40].any()
     assert again[-2] == pytest.approx(new[-2], abs=0.05)
     assert (tmp_path / "laws.png").stat().st_size > 1000
@@ -189,10 +217,14 @@ def test_laws_of_larger_windows_scatter_less(tmp_path):
 def test_midpoint_displacement_has_a_smaller_exponent_than_it_is_asked_for(tmp_path):
     rows = example("hurst")(["--small", "--table", str(tmp_path / "hurst.csv")])
     with (tmp_path / "hurst.csv").open(encoding="utf-8") as file:
-        assert [row["generator"] for row in csv.DictReader(file)] == [r["generator"] for r in rows]
+        assert [row["generator"] for row in csv.DictReader(file)] == [
+            r["generator"] for r in rows
+        ]
     for row in rows:
         off = row["hurst"] - row["asked_for"]
-        assert (abs(off) < 0.05) if row["generator"] == "spectral" else (-0.3 < off < 0.0), row
+        assert (
+            (abs(off) < 0.05) if row["generator"] == "spectral" else (-0.3 < off < 0.0)
+        ), row
 
 
 def test_the_served_solver_has_the_mean_area_of_the_solver(tmp_path, monkeypatch, capsys):
@@ -217,7 +249,9 @@ def test_the_served_solver_has_the_mean_area_of_the_solver(tmp_path, monkeypatch
     points = random.uniform([0.5, 10.0, 5.0], [0.8, 15.0, 25.0], size=(300, 3)).tolist()
     client = Client("", "")
     areas = [client([[h, s], [d]], {"nodes": 17})[0][0] for h, s, d in points]
-    assert mean == pytest.approx(np.mean(areas), abs=0.2 + 3 * np.std(areas) / np.sqrt(300))
+    assert mean == pytest.approx(
+        np.mean(areas), abs=0.2 + 3 * np.std(areas) / np.sqrt(300)
+    )
     with pytest.raises(SystemExit, match="2"):
         example("served")([*arguments, "--limits", "0.5:0.8"])
     assert "sizes [2, 1]" in capsys.readouterr().err
@@ -225,10 +259,17 @@ def test_the_served_solver_has_the_mean_area_of_the_solver(tmp_path, monkeypatch
 
 def test_multilevel_finds_the_mean_of_the_finest_grid():
     main = example("multilevel")
-    mean, error, _ = main(["quick", "--nodes", "17,33", "--output", "force", "--error", "400"])
-    function, timed = asperity.SceneFunction("quick", ["force"]), main.__globals__["timed"]
+    mean, error, _ = main(
+        ["quick", "--nodes", "17,33", "--output", "force", "--error", "400"]
+    )
+    function, timed = (
+        asperity.SceneFunction("quick", ["force"]),
+        main.__globals__["timed"],
+    )
     plain, _ = timed(function, load("quick"), 5000, 5300, 33)
-    assert mean == pytest.approx(plain.mean(), abs=3 * np.hypot(error, plain.std() / 300**0.5))
+    assert mean == pytest.approx(
+        plain.mean(), abs=3 * np.hypot(error, plain.std() / 300**0.5)
+    )
     assert error == pytest.approx(400, rel=0.3)
 
 
@@ -257,7 +298,9 @@ def test_calibration_finds_the_hardness_of_a_surface_that_it_has_not_seen(capsys
     pressures = np.array([50.0, 100.0, 200.0, 400.0])
     given = {"rms_slope": 0.17, "pressure": pressures, "surface": 5000}
     areas = function(**given, hardness=2500.0)[:, 0] * [1.05, 0.97, 1.0, 0.98]
-    np.savetxt("m.csv", np.c_[pressures, areas], "%g", ",", header="pressure,area_percent")
+    np.savetxt(
+        "m.csv", np.c_[pressures, areas], "%g", ",", header="pressure,area_percent"
+    )
     small = ["--surfaces", "15", "--hardnesses", "9"]
     median, low, high = example("calibration")(["scene.toml", "m.csv", *small])
     assert low < 2500 < high < 1.5 * low
@@ -270,9 +313,15 @@ def test_calibration_finds_the_hardness_of_a_surface_that_it_has_not_seen(capsys
 @pytest.mark.parametrize(
     ("table", "line"),
     [
-        ("load,area\n1,2\n", "t.csv: has no column pressure, area_percent; it has 'load, area'"),
+        (
+            "load,area\n1,2\n",
+            "t.csv: has no column pressure, area_percent; it has 'load, area'",
+        ),
         ("pressure,area_percent\n", "t.csv: has a header and no rows"),
-        ("pressure,area_percent\n1\n", "t.csv, line 2: pressure, area_percent have to be finite"),
+        (
+            "pressure,area_percent\n1\n",
+            "t.csv, line 2: pressure, area_percent have to be finite",
+        ),
         (None, "No such file"),
     ],
 )
@@ -280,7 +329,9 @@ def test_input_that_an_example_cannot_use_is_told_in_one_line(tmp_path, table, l
     if table is not None:
         (tmp_path / "t.csv").write_text(table)
     command = [sys.executable, FOLDER / "calibration.py", "quick", "t.csv"]
-    ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    ended = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, text=True, check=False
+    )
     assert ended.returncode == 2
     assert ended.stderr.startswith("calibration.py: ")
     assert line in ended.stderr
@@ -289,17 +340,24 @@ def test_input_that_an_example_cannot_use_is_told_in_one_line(tmp_path, table, l
 
 CLAIMS = {
     "area": lambda it: (
-        it["areas"][0, 1, 1:] == pytest.approx(it["fine"].continuum_area_percent, rel=0.01)
+        it["areas"][0, 1, 1:]
+        == pytest.approx(it["fine"].continuum_area_percent, rel=0.01)
     ),
     "hertz": lambda it: np.abs(it["force_error"]).max() < 1e-3,
-    "scan_to_law": lambda it: it["area"][-1] == pytest.approx(50, abs=1),  # load / hardness
+    "scan_to_law": lambda it: (
+        it["area"][-1] == pytest.approx(50, abs=1)
+    ),  # load / hardness
     "hardness": lambda it: (it["areas"][2000.0] > 100 * it["pressures"] / 2000).all(),
-    "unloading": lambda it: (it["yielded"][:, 0] > 0).all() and not it["yielded"][:5, 1].any(),
+    "unloading": lambda it: (
+        (it["yielded"][:, 0] > 0).all() and not it["yielded"][:5, 1].any()
+    ),
     "boundaries": lambda it: it["border"].mean() == pytest.approx(0.18, abs=0.005),
     "calculix": lambda it: (np.diff(it["laws"]["conductance_W_per_mm2_K"]) > 0).all(),
     "database": lambda it: len(it["done"]) == 200 and it["correlation"] > 0.9,
     "surrogate": lambda it: it["error"] < 0.05 and it["inside"] >= 0.7,
-    "propagation": lambda it: it["areas"][:30].mean() == pytest.approx(np.mean(it["solved"]), 0.1),
+    "propagation": lambda it: (
+        it["areas"][:30].mean() == pytest.approx(np.mean(it["solved"]), 0.1)
+    ),
     "sobol": lambda it: np.argmax(it["indices"]["ST"]) == 2,  # Delta
     "spots": lambda it: it["heavy"].spots.gap_connects == (False, False),
     "spectrum": lambda it: it["hurst"] == pytest.approx(0.8, abs=0.01),

@@ -37,7 +37,9 @@ def rows(name: str) -> list[dict[str, str]]:
 
 
 NUMBER = r"(-?[\d,]*\d(?:\.\d+)?)"
-UNITS = r"%|times\b|-fold|s\b|ms\b|milliseconds|seconds|minutes|min\b|h\b|hours|[GMk]i?B\b"
+UNITS = (
+    r"%|times\b|-fold|s\b|ms\b|milliseconds|seconds|minutes|min\b|h\b|hours|[GMk]i?B\b"
+)
 FIGURE = re.compile(rf"\d[\d.,]*\s?(?:{UNITS})")
 """What counts as a figure of a page: a number with one of these units."""
 
@@ -62,7 +64,9 @@ def stated(page: str, sentence: str) -> list[float]:
 def prose(text: str) -> str:
     """Return a page with blanks in the place of code, so that all else stays where it is."""
     code = r"^```.*?^```$|`[^`]*`|^ {4}[^\n]*"
-    return re.sub(code, lambda m: re.sub(r"\S", " ", m[0]), text, flags=re.DOTALL | re.MULTILINE)
+    return re.sub(
+        code, lambda m: re.sub(r"\S", " ", m[0]), text, flags=re.DOTALL | re.MULTILINE
+    )
 
 
 def figures_without_a_source(page: str, text: str) -> list[str]:
@@ -79,17 +83,24 @@ def figures_without_a_source(page: str, text: str) -> list[str]:
 @pytest.mark.parametrize("page", PAGES)
 def test_every_figure_of_a_page_has_a_source(page):
     missing = figures_without_a_source(page, PAGES[page])
-    assert not missing, f"{page}: tell in tests/figures.toml where these come from: {missing}"
+    assert not missing, (
+        f"{page}: tell in tests/figures.toml where these come from: {missing}"
+    )
 
 
 def test_a_figure_without_a_source_is_found():
-    text = PAGES["README.md"] + "\nIt is 17 times faster, in `3 s`, by 4 %.\n\n    took 5 s\n"
+    text = (
+        PAGES["README.md"]
+        + "\nIt is 17 times faster, in `3 s`, by 4 %.\n\n    took 5 s\n"
+    )
     assert figures_without_a_source("README.md", text) == ["17 times", "4 %"]
     changed = PAGES["README.md"].replace("jump within 0.1 %", "jump well within 0.1 %")
     assert figures_without_a_source("README.md", changed) == ["0.1 %"]
 
 
-@pytest.mark.parametrize("entry", ENTRIES, ids=lambda e: f"{e['page']}: {e['says'].strip()[:40]}")
+@pytest.mark.parametrize(
+    "entry", ENTRIES, ids=lambda e: f"{e['page']}: {e['says'].strip()[:40]}"
+)
 def test_every_sentence_is_on_its_page_and_its_source_is_there(entry):
     assert len(pattern(entry["says"]).findall(PAGES[entry["page"]])) == 1
     kinds = entry.keys() & {"cells", "test", "because"}
@@ -105,7 +116,9 @@ def value(cell: dict[str, Any]) -> float:
     def of(where: dict[str, str]) -> float:
         found = [
             row[cell["column"]]
-            for path in named(RESULTS / Path(cell["file"]).parent, Path(cell["file"]).name)
+            for path in named(
+                RESULTS / Path(cell["file"]).parent, Path(cell["file"]).name
+            )
             for row in read_table(path)[1]
             if all(
                 fnmatch(row[name], want.lstrip("!")) != want.startswith("!")
@@ -116,19 +129,33 @@ def value(cell: dict[str, Any]) -> float:
         assert "of" in cell or len(found) == 1, f"{len(found)} rows of {cell}"
         if cell.get("of") == "count":
             return len(found)
-        chosen = {"mean": mean, "min": min, "max": max, "sum": sum, "last": lambda all_: all_[-1]}
+        chosen = {
+            "mean": mean,
+            "min": min,
+            "max": max,
+            "sum": sum,
+            "last": lambda all_: all_[-1],
+        }
         return float(chosen[cell.get("of", "min")]([float(text) for text in found]))
 
-    return cell.get("times", 1) * of(cell["where"]) / (of(cell["over"]) if "over" in cell else 1)
+    return (
+        cell.get("times", 1)
+        * of(cell["where"])
+        / (of(cell["over"]) if "over" in cell else 1)
+    )
 
 
-@pytest.mark.parametrize("entry", FIGURES["measured"], ids=lambda e: e["says"].strip()[:40])
+@pytest.mark.parametrize(
+    "entry", FIGURES["measured"], ids=lambda e: e["says"].strip()[:40]
+)
 def test_figures_are_those_of_their_cells(entry):
     (found,) = pattern(entry["says"]).finditer(PAGES[entry["page"]])
     for text, cell in zip(found.groups(), entry["cells"], strict=True):
         digits = len(text.partition(".")[2])
         said = float(text.replace(",", ""))
-        near = pytest.approx(value(cell), rel=cell.get("within", 0), abs=0.500001 * 10.0**-digits)
+        near = pytest.approx(
+            value(cell), rel=cell.get("within", 0), abs=0.500001 * 10.0**-digits
+        )
         assert said == near, cell
 
 
@@ -139,7 +166,9 @@ def test_exponents_are_as_much_smaller_as_is_said():
         - float(row["hurst"])
         for row in rows("hurst/hurst.csv")
     }
-    displaced = [each for (generator, *_), each in lacking.items() if generator != "spectral"]
+    displaced = [
+        each for (generator, *_), each in lacking.items() if generator != "spectral"
+    ]
     sentence = "ask for more than the estimate: # to # more on these grids"
     least, most = stated("docs/how-to/scenes.md", sentence)
     assert [least, most] == [round(min(displaced) + 1e-9, 2), round(max(displaced), 2)]
@@ -148,8 +177,12 @@ def test_exponents_are_as_much_smaller_as_is_said():
     scene = (ROOT / "gen" / "scenes" / "paper.toml").read_text(encoding="utf-8")
     (paper,) = re.findall(r"at 129 nodes a side ([.\d]+) less", scene)
     for hurst in ("0.5", "0.7"):
-        assert lacking["diamond-square", "129", hurst] == pytest.approx(float(paper), abs=0.005)
-    spectral = [each for (generator, *_), each in lacking.items() if generator == "spectral"]
+        assert lacking["diamond-square", "129", hurst] == pytest.approx(
+            float(paper), abs=0.005
+        )
+    spectral = [
+        each for (generator, *_), each in lacking.items() if generator == "spectral"
+    ]
     assert max(map(abs, spectral)) < 0.02
 
 
@@ -163,7 +196,8 @@ def test_hertz_is_met_as_closely_as_is_said():
         for name in ("force_uN", "area_percent")
     )
     said, nodes, _ = stated(
-        "README.md", "force within # % (# nodes a side, # um) | `bench/results/hertz/hertz.csv`"
+        "README.md",
+        "force within # % (# nodes a side, # um) | `bench/results/hertz/hertz.csv`",
     )
     error = abs(force["uniform-pressure", f"{nodes:.0f}"] / force["hertz", ""] - 1)
     assert said / 2 < 100 * error <= said
@@ -171,7 +205,9 @@ def test_hertz_is_met_as_closely_as_is_said():
         "docs/results/unstated.md",
         "paraboloid at # nodes a side, concentrated forces lack # % of the area",
     )
-    assert said == round(100 * (1 - area["concentrated-force", f"{nodes:.0f}"] / area["hertz", ""]))
+    assert said == round(
+        100 * (1 - area["concentrated-force", f"{nodes:.0f}"] / area["hertz", ""])
+    )
 
 
 def test_laws_are_met_in_calculix_as_closely_as_is_said():
@@ -180,7 +216,9 @@ def test_laws_are_met_in_calculix_as_closely_as_is_said():
         "closure, pressure and temperature jump within # % | `bench/results/calculix",
     )
     found = rows("calculix/calculix.csv")
-    off = [abs(float(row[name])) for row in found for name in row if name.endswith("_off")]
+    off = [
+        abs(float(row[name])) for row in found for name in row if name.endswith("_off")
+    ]
     assert len(off) == 3 * len(found) > 0
     assert 100 * max(off) <= said
 
@@ -202,7 +240,9 @@ def test_other_solvers_take_as_long_as_is_said():
     peers = [row for row in rows("peers/peers.csv") if row["times_ours"]]
     others = least([each for each in peers if each["solver"] not in OTHERS], *CASE)
     periodic = [
-        row for row in rows("peers/periodic.csv") if row["times_ours"] and row["solver"] != "bem"
+        row
+        for row in rows("peers/periodic.csv")
+        if row["times_ours"] and row["solver"] != "bem"
     ]
     aspher = [row for row in periodic if row["solver"].startswith("ASPHER")]
     rest = [float(row["times_ours"]) for row in periodic if row not in aspher]
@@ -214,7 +254,8 @@ def test_other_solvers_take_as_long_as_is_said():
     fastest = least(aspher, "nodes", "mean_pressure")
     assert said == pytest.approx([*ends(fastest), *ends(rest)], rel=0.03)
     said = stated(
-        "README.md", "the fastest takes # to # times our time, on periodic patches # to # times"
+        "README.md",
+        "the fastest takes # to # times our time, on periodic patches # to # times",
     )
     everywhere = least(periodic, "nodes", "mean_pressure")
     assert said == pytest.approx([*ends(others), *ends(everywhere)], rel=0.03)
@@ -233,7 +274,10 @@ def test_bodies_that_yield_are_compared_as_is_said():
     }
     theirs = [row for row in found if row["solver"] != "bem" and row["times_ours"]]
     times = [float(row["times_ours"]) for row in theirs]
-    more = [float(row["convolutions"]) / work[row["delta_um"], row["hardness"]] for row in theirs]
+    more = [
+        float(row["convolutions"]) / work[row["delta_um"], row["hardness"]]
+        for row in theirs
+    ]
     assert said == pytest.approx([*ends(times), *ends(more)], rel=0.03)
     elastic = [row for row in rows("peers/hardness.csv") if not row["hardness"]]
     ours = {row["delta_um"]: row for row in elastic if row["solver"] == "bem"}
@@ -251,9 +295,12 @@ def test_bodies_that_yield_are_compared_as_is_said():
 
 def test_as_many_rows_lie_beyond_full_contact_as_is_said():
     """Of 600 rows, so to within three standard errors."""
-    (percent,) = stated("docs/how-to/boundaries.md", "of the paper these are # % of the rows")
+    (percent,) = stated(
+        "docs/how-to/boundaries.md", "of the paper these are # % of the rows"
+    )
     scene = Scene.parse(
-        'samples = 600\n[contact]\nboundary = "periodic"\n[surface]\nnodes = 129\n', "the page"
+        'samples = 600\n[contact]\nboundary = "periodic"\n[surface]\nnodes = 129\n',
+        "the page",
     )
     plan = parameters(scene, 0, 600)
     full = [(h := surface_of(scene, plan, row)).max() - h.mean() for row in range(600)]
@@ -263,11 +310,16 @@ def test_as_many_rows_lie_beyond_full_contact_as_is_said():
 
 def test_an_island_bears_on_its_borders_as_is_said(tmp_path, capsys):
     """What the command says of the surface of the first example."""
-    said = stated("docs/how-to/boundaries.md", "at 50 MPa this is # %, on # % of the nodes")
+    said = stated(
+        "docs/how-to/boundaries.md", "at 50 MPa this is # %, on # % of the nodes"
+    )
     surface = tmp_path / "surface.npy"
     np.save(surface, generate("diamond-square", 129, 0.7, 12.0, np.random.default_rng(0)))
     material = ["--young", "210e3", "--poisson", "0.3"]
-    assert gen.cli.main(["contact", str(surface), "--side=1000", "--pressure=50", *material]) == 0
+    assert (
+        gen.cli.main(["contact", str(surface), "--side=1000", "--pressure=50", *material])
+        == 0
+    )
     told = " ".join("".join(capsys.readouterr()).split())
     (nodes,) = re.findall(r"the outer 5 % on each side \((\d+) % of the nodes\)", told)
     (force,) = re.findall(r"carry ([0-9.]+) % of the force", told)

@@ -54,7 +54,16 @@ TESTED_TOGETHER = {
 """Tests that are named after a property of many modules, and the property."""
 
 BEM_NEEDS = {"numpy", "scipy", "pyfftw", "threadpoolctl"}
-NUMERICS = {"numpy", "scipy", "pyfftw", "h5py", "mpi4py", "matplotlib", "sklearn", "pandas"}
+NUMERICS = {
+    "numpy",
+    "scipy",
+    "pyfftw",
+    "h5py",
+    "mpi4py",
+    "matplotlib",
+    "sklearn",
+    "pandas",
+}
 
 
 @functools.cache
@@ -74,7 +83,9 @@ def _imported_modules(path: Path, for_types: bool) -> Iterator[str]:
             assert node.level == 0, f"{path}: imports are absolute"
             home = ROOT / str(node.module).replace(".", "/")
             for name in node.names:
-                inside = (home / name.name).is_dir() or (home / f"{name.name}.py").is_file()
+                inside = (home / name.name).is_dir() or (
+                    home / f"{name.name}.py"
+                ).is_file()
                 yield f"{node.module}.{name.name}" if inside else str(node.module)
 
 
@@ -93,7 +104,9 @@ def sources(package: str) -> list[Path]:
 def test_packages_import_one_way(package):
     for path in sources(package):
         wrong = set(imports(path)) & MAY_IMPORT.keys()
-        assert wrong <= MAY_IMPORT[package], f"{path} imports {wrong - MAY_IMPORT[package]}"
+        assert wrong <= MAY_IMPORT[package], (
+            f"{path} imports {wrong - MAY_IMPORT[package]}"
+        )
 
 
 def room_of(module: str) -> str:
@@ -151,7 +164,9 @@ def test_heavy_libraries_have_one_home(library):
     }
     homes = ONE_HOME[library]
     assert users, f"nothing imports {library}: drop the rule"
-    strangers = [user for user in users if not any(user.startswith(home) for home in homes)]
+    strangers = [
+        user for user in users if not any(user.startswith(home) for home in homes)
+    ]
     assert not strangers
 
 
@@ -204,8 +219,10 @@ LEAVES_OUT = {
     "bench hertz --help": NUMERICS,
     "gen run --help": NUMERICS,
     "gen describe surface.npy --side 100": NUMERICS - {"numpy"},
-    "gen contact surface.npy --side 9 --delta 1": NUMERICS - BEM_NEEDS | {"bem.derived.flow"},
-    "gen run small.toml -o small.h5": NUMERICS - BEM_NEEDS - {"h5py"} | {"bem.derived.flow"},
+    "gen contact surface.npy --side 9 --delta 1": NUMERICS - BEM_NEEDS
+    | {"bem.derived.flow"},
+    "gen run small.toml -o small.h5": NUMERICS - BEM_NEEDS - {"h5py"}
+    | {"bem.derived.flow"},
     "gen info made.h5": {"mpi4py", "pyfftw", "matplotlib", "sklearn"},
 }
 """What a statement, or a command line of `asperity`, must not import."""
@@ -217,9 +234,13 @@ def test_what_is_not_needed_is_not_imported(line, tmp_path):
     (tmp_path / "small.toml").write_text("samples = 3\n[surface]\nnodes = 9\n")
     if "made.h5" in line:
         create(tmp_path / "made.h5", load(str(tmp_path / "small.toml")))
-    start = f"import sys; sys.argv[1:] = {line.split()!r}\nfrom asperity.command import main"
+    start = (
+        f"import sys; sys.argv[1:] = {line.split()!r}\nfrom asperity.command import main"
+    )
     code = line if line.startswith("import ") else f"{start}; assert main() == 0"
-    done = python("-c", f"{code}\nimport sys; print(sorted(sys.modules))", folder=tmp_path)
+    done = python(
+        "-c", f"{code}\nimport sys; print(sorted(sys.modules))", folder=tmp_path
+    )
     assert done.returncode == 0, done.stderr
     assert not set(ast.literal_eval(done.stdout.splitlines()[-1])) & LEAVES_OUT[line]
 
@@ -227,9 +248,15 @@ def test_what_is_not_needed_is_not_imported(line, tmp_path):
 def test_no_data_lie_in_the_top_folder():
     """Files that somebody tries the commands with there are easily committed with the rest."""
     listed = subprocess.run(
-        ["git", "ls-files", "--", ":(glob)*"], cwd=ROOT, check=False, capture_output=True, text=True
+        ["git", "ls-files", "--", ":(glob)*"],
+        cwd=ROOT,
+        check=False,
+        capture_output=True,
+        text=True,
     )
     if listed.returncode:
         pytest.skip("not a checkout, or not ours to list")
     kinds = {".cff", ".md", ".py", ".toml", ".yaml", ""}
-    assert not [name for name in listed.stdout.splitlines() if Path(name).suffix not in kinds]
+    assert not [
+        name for name in listed.stdout.splitlines() if Path(name).suffix not in kinds
+    ]

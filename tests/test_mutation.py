@@ -7,7 +7,9 @@ import pytest
 from tests.mutation import ROOT, faults, stages
 
 
-@pytest.mark.parametrize("fault", faults(), ids=lambda each: f"{each.file}: {each.old.strip()}")
+@pytest.mark.parametrize(
+    "fault", faults(), ids=lambda each: f"{each.file}: {each.old.strip()}"
+)
 def test_every_fault_fits_the_code(fault):
     text = (ROOT / fault.file).read_text(encoding="utf-8")
     assert text.count(fault.old) == 1

@@ -42,8 +42,12 @@ def copied(folder: Path) -> Path:
 def wheel(tmp_path_factory) -> zipfile.ZipFile:
     """The wheel of this clone's files, built without a network."""
     folder = copied(tmp_path_factory.mktemp("wheel"))
-    build = "pip wheel --quiet --no-build-isolation --no-deps --no-index --wheel-dir made ."
-    subprocess.run([sys.executable, "-m", *build.split()], cwd=folder, check=True, timeout=600)
+    build = (
+        "pip wheel --quiet --no-build-isolation --no-deps --no-index --wheel-dir made ."
+    )
+    subprocess.run(
+        [sys.executable, "-m", *build.split()], cwd=folder, check=True, timeout=600
+    )
     (made,) = (folder / "made").iterdir()
     assert made.name == f"asperity-{VERSION}-py3-none-any.whl"
     return zipfile.ZipFile(made)
@@ -57,7 +61,9 @@ def test_a_package_built_from_a_checkout_knows_its_commit(tmp_path):
     build = [sys.executable, "setup.py", "-q", "build", "--build-lib", "made"]
     subprocess.run(build, cwd=tmp_path, check=True, timeout=600, capture_output=True)
     asked = "from gen.runtime.installation import git_commit as it; print(it())"
-    done = subprocess.check_output([sys.executable, "-c", asked], cwd=tmp_path / "made", text=True)
+    done = subprocess.check_output(
+        [sys.executable, "-c", asked], cwd=tmp_path / "made", text=True
+    )
     assert done.strip() == COMMIT
 
 
@@ -73,7 +79,10 @@ DATA = {
 }
 """Files of the wheel that are neither Python nor of a kind below."""
 
-KINDS = [*(r"gen/scenes/[\w-]+\.toml", r"gen/\w+/[\w.]+\.jinja"), r"bench/(\w+/)?[\w.-]+\.toml"]
+KINDS = [
+    *(r"gen/scenes/[\w-]+\.toml", r"gen/\w+/[\w.]+\.jinja"),
+    r"bench/(\w+/)?[\w.-]+\.toml",
+]
 
 
 def test_the_files_of_a_wheel(wheel):
@@ -85,7 +94,10 @@ def test_the_files_of_a_wheel(wheel):
     others = files - python
     assert others >= DATA
     assert all(any(re.fullmatch(kind, name) for kind in KINDS) for name in others - DATA)
-    data = [*(ROOT / "gen" / "scenes").glob("*.toml"), *(ROOT / "bench" / "reports").glob("*.toml")]
+    data = [
+        *(ROOT / "gen" / "scenes").glob("*.toml"),
+        *(ROOT / "bench" / "reports").glob("*.toml"),
+    ]
     assert {path.relative_to(ROOT).as_posix() for path in data} <= others
     assert {name.partition("/")[0] for name in files} == set(PACKAGES)
 
@@ -93,7 +105,12 @@ def test_the_files_of_a_wheel(wheel):
 def test_a_wheel_brings_the_command_and_what_it_says_of_itself(wheel):
     inside = f"asperity-{VERSION}.dist-info"
     commands = wheel.read(f"{inside}/entry_points.txt").decode()
-    assert commands.split() == ["[console_scripts]", "asperity", "=", "asperity.command:main"]
+    assert commands.split() == [
+        "[console_scripts]",
+        "asperity",
+        "=",
+        "asperity.command:main",
+    ]
     said = message_from_bytes(wheel.read(f"{inside}/METADATA"))
     assert (said["Name"], said["Version"]) == ("asperity", VERSION)
     assert said["License-Expression"] == "BSD-3-Clause"
@@ -107,11 +124,17 @@ def test_a_wheel_brings_the_command_and_what_it_says_of_itself(wheel):
 
 def documents() -> list[Path]:
     """Texts for people: of the root, of the manual, of the batch scripts, and the examples."""
-    texts = [*ROOT.glob("*.md"), *(ROOT / "slurm").rglob("*.md"), *(ROOT / "docs").rglob("*.md")]
+    texts = [
+        *ROOT.glob("*.md"),
+        *(ROOT / "slurm").rglob("*.md"),
+        *(ROOT / "docs").rglob("*.md"),
+    ]
     return [*texts, *(ROOT / "examples").rglob("*.py"), ROOT / "Makefile"]
 
 
-@pytest.mark.parametrize("path", documents(), ids=lambda path: path.relative_to(ROOT).as_posix())
+@pytest.mark.parametrize(
+    "path", documents(), ids=lambda path: path.relative_to(ROOT).as_posix()
+)
 def test_extras_that_documents_name_exist(path):
     """Those of `pip install`, and those called so: `[learn]`, the extra `learn`."""
     text = path.read_text(encoding="utf-8")
@@ -139,7 +162,10 @@ def test_the_citation_is_of_this_version():
     _, _, released = versions_of_the_changelog()[0].partition(" ")
     assert released == f"({said['date-released']})"
     (paper,) = said["references"]
-    names = [f"{author['given-names'][0]}. {author['family-names']}" for author in paper["authors"]]
+    names = [
+        f"{author['given-names'][0]}. {author['family-names']}"
+        for author in paper["authors"]
+    ]
     wanted = f"{', '.join(names)}: {paper['title']}".lower()
     assert wanted in " ".join(text("docs/references.md").lower().split())
 
@@ -193,14 +219,25 @@ def test_a_clone_is_named_by_its_path():
 def test_beside_a_clone_no_index_is_asked(monkeypatch, tmp_path):
     """Whoever asks an index for `asperity` may get somebody else's."""
     monkeypatch.setattr(installation, "REPOSITORY", tmp_path)
-    assert installation.command_for("learn") == "install Asperity again, with its extra 'learn'"
+    assert (
+        installation.command_for("learn")
+        == "install Asperity again, with its extra 'learn'"
+    )
 
 
 def test_messages_name_extras_that_there_are():
-    sources = [path for name in ("gen", "learn", "bench") for path in (ROOT / name).rglob("*.py")]
+    sources = [
+        path for name in ("gen", "learn", "bench") for path in (ROOT / name).rglob("*.py")
+    ]
     texts = "".join(path.read_text(encoding="utf-8") for path in sources)
-    named = set(re.findall(r"""command_for\(['"](\w+)""", texts)) | {*command_line.EXTRAS.values()}
-    assert {"mpi", "mpich", "plot", "learn", "instruments", "bench"} <= named <= EXTRAS.keys()
+    named = set(re.findall(r"""command_for\(['"](\w+)""", texts)) | {
+        *command_line.EXTRAS.values()
+    }
+    assert (
+        {"mpi", "mpich", "plot", "learn", "instruments", "bench"}
+        <= named
+        <= EXTRAS.keys()
+    )
 
 
 @pytest.mark.parametrize("module", command_line.EXTRAS)
@@ -219,7 +256,9 @@ def test_every_library_is_always_there_or_of_an_extra():
     known = {*needed, *command_line.EXTRAS, *beside, "mpi4py", *PACKAGES}
     for package in PACKAGES:
         for path in (ROOT / package).rglob("*.py"):
-            if path.parent.name == "suites":  # run by pytest, with the extra that brings it
+            if (
+                path.parent.name == "suites"
+            ):  # run by pytest, with the extra that brings it
                 continue
             strangers = set(imports(path)) - known - set(sys.stdlib_module_names)
             assert not strangers, f"{path}: {strangers}"

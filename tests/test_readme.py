@@ -139,11 +139,16 @@ def test_the_scan_has_the_law_that_is_stated(here, capsys):
     assert (here / "scan.png").stat().st_size > 50_000
 
     def at_100_megapascals(changed: str) -> dict[str, float]:
-        command = changed.replace("1:1000:16:log", "100").replace("-o ground", "--csv law.csv")
+        command = changed.replace("1:1000:16:log", "100").replace(
+            "-o ground", "--csv law.csv"
+        )
         assert cli.main(shlex.split(command)) == 0
         with (here / "law.csv").open(newline="") as file:
             row = list(csv.DictReader(file))[-1]
-        return {name: float(row[name]) for name in ("pressure_MPa", "closure_um", "area_percent")}
+        return {
+            name: float(row[name])
+            for name in ("pressure_MPa", "closure_um", "area_percent")
+        }
 
     stated = {"pressure_MPa": 100.0, "closure_um": 1.38, "area_percent": 5.1}
     assert "closed by 1.38 um, and 5.1 % of it" in section
@@ -178,14 +183,18 @@ def test_reading_with_xarray_as_shown(here):
 
 
 def test_a_model_of_ones_own_repeats_a_score_of_a_comparison(here):
-    database_of(here, "samples = 60\nsamples_per_surface = 2\n[surface]\nnodes = 9\n", "paper")
+    database_of(
+        here, "samples = 60\nsamples_per_surface = 2\n[surface]\nnodes = 9\n", "paper"
+    )
     asked = ["compare", "paper.h5", "-o", "comparison", "--model", "decision-tree"]
     assert learn.cli.main(asked) == 0
     shown: dict = {}
     (script,) = codes("python", COMPARE)
     assert len(script.strip().splitlines()) < 25
     exec(script, shown)
-    assert shown["r2"] == pytest.approx(shown["scores"].loc["decision-tree", "r2"], rel=1e-9)
+    assert shown["r2"] == pytest.approx(
+        shown["scores"].loc["decision-tree", "r2"], rel=1e-9
+    )
 
 
 def test_a_database_is_published_and_read_as_shown(here, capsys):
@@ -244,14 +253,24 @@ def run(words):
 def test_the_readme(folder, monkeypatch, capfd):
     pytest.importorskip("SurfaceTopography")
     monkeypatch.chdir(folder)
-    (scan,) = codes("python", "docs/how-to/scan.md")  # the page that the README names for it
+    (scan,) = codes(
+        "python", "docs/how-to/scan.md"
+    )  # the page that the README names for it
     exec(scan, {})
     walk("README.md", folder, monkeypatch)
-    made = ("surface.npy", "quick.png", "first.surrogate", "law.h", "law-calculix.inp", "ground.h")
+    made = (
+        "surface.npy",
+        "quick.png",
+        "first.surrogate",
+        "law.h",
+        "law-calculix.inp",
+        "ground.h",
+    )
     for name in made:
         assert (folder / name).stat().st_size > 500
     area, delta, gap = map(
-        float, re.findall(r"^([\d.]+) ([\d.]+) ([\d.]+)$", capfd.readouterr().out, re.M)[0]
+        float,
+        re.findall(r"^([\d.]+) ([\d.]+) ([\d.]+)$", capfd.readouterr().out, re.M)[0],
     )
     assert 2.5 <= area < 10  # load / hardness is 2.5 %
     assert min(delta, gap) > 0

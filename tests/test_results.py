@@ -48,12 +48,16 @@ def test_no_page_repeats_a_table_of_the_results():
 def page() -> str:
     """The page that `python -m bench page bench/results` writes."""
     pytest.importorskip("jinja2")
-    return page_of(PARTS, Inputs(RESULTS, RESULTS / "none.h5", RESULTS / "comparison", full=True))
+    return page_of(
+        PARTS, Inputs(RESULTS, RESULTS / "none.h5", RESULTS / "comparison", full=True)
+    )
 
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("width", "printed"), [(360, False), (1440, False), (680, True)], ids=["phone", "desk", "A4"]
+    ("width", "printed"),
+    [(360, False), (1440, False), (680, True)],
+    ids=["phone", "desk", "A4"],
 )
 def test_the_page_fits(page, tmp_path, width, *, printed):
     (tmp_path / "index.html").write_text(page, encoding="utf-8")
@@ -63,7 +67,9 @@ def test_the_page_fits(page, tmp_path, width, *, printed):
     assert seen.content_width <= width
 
 
-@pytest.mark.parametrize("record", sorted(RESULTS.glob("*/*.part.json")), ids=lambda p: p.name)
+@pytest.mark.parametrize(
+    "record", sorted(RESULTS.glob("*/*.part.json")), ids=lambda p: p.name
+)
 def test_every_part_says_how_it_came(record, page):
     found = json.loads(record.read_text(encoding="utf-8"))
     assert found["command"].startswith("python -m ")
@@ -92,7 +98,9 @@ def test_every_picture_is_shown_somewhere(page):
 @pytest.mark.parametrize("name", ["comparison", "comparison-hybrid"])
 def test_comparisons_are_of_the_same_data_and_say_their_versions(name):
     record = json.loads((RESULTS / name / "area" / "comparison.json").read_text("utf-8"))
-    other = json.loads((RESULTS / "comparison" / "area" / "comparison.json").read_text("utf-8"))
+    other = json.loads(
+        (RESULTS / "comparison" / "area" / "comparison.json").read_text("utf-8")
+    )
     for key in ("database_sha256", "train_rows", "test_rows", "seed", "area_max"):
         assert record["conditions"][key] == other["conditions"][key]
     assert set(record["conditions"]["versions"]) == set(LIBRARIES)
@@ -122,7 +130,9 @@ def test_links_that_lead_nowhere_are_found(tmp_path):
         '<a href="sub/other.html#gone">bad</a><a href="none.html">bad</a><img src="none.png">'
         '<a href="https://example.org/a?b#c">elsewhere</a>'
     )
-    (tmp_path / "sub" / "other.html").write_text('<p id="place"><a href="../index.html">good</a>')
+    (tmp_path / "sub" / "other.html").write_text(
+        '<p id="place"><a href="../index.html">good</a>'
+    )
     pages = check.read_pages(tmp_path)
     broken = [(path.name, link) for path, link in check.broken_links(pages)]
     assert broken == [
@@ -143,7 +153,8 @@ def test_links_that_lead_nowhere_are_found(tmp_path):
 def test_a_block_that_names_what_is_not_there_stops_the_build(tmp_path, block, fault):
     results = extension("results")
     environment = SimpleNamespace(
-        doc2path=lambda _: str(tmp_path / "page.md"), note_dependency=lambda *_, **__: None
+        doc2path=lambda _: str(tmp_path / "page.md"),
+        note_dependency=lambda *_, **__: None,
     )
     with pytest.raises(fault):
         results.fill(SimpleNamespace(env=environment), "page", [f"{block}\n"])

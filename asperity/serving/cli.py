@@ -17,20 +17,26 @@ from gen.runtime.terminal import echo
 if TYPE_CHECKING:
     from aiohttp import web
 
-PATIENCE = 5.0  # seconds that clients get to take their last answers after a second Ctrl-C
+PATIENCE = (
+    5.0  # seconds that clients get to take their last answers after a second Ctrl-C
+)
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
 Sources = Annotated[
     list[str],
-    typer.Argument(metavar="MODEL...", help="Scenes (a name or a file) and surrogates to serve."),
+    typer.Argument(
+        metavar="MODEL...", help="Scenes (a name or a file) and surrogates to serve."
+    ),
 ]
 Port = Annotated[int, typer.Option(min=1, max=65535, help="Port to listen on.")]
 Host = Annotated[
-    str, typer.Option(metavar="ADDRESS", help="Address to listen on; 0.0.0.0 lets others in.")
+    str,
+    typer.Option(metavar="ADDRESS", help="Address to listen on; 0.0.0.0 lets others in."),
 ]
 Processes = Annotated[
-    int | None, typer.Option(min=1, max=1024, help="Questions answered at once; all cores if none.")
+    int | None,
+    typer.Option(min=1, max=1024, help="Questions answered at once; all cores if none."),
 ]
 
 
@@ -63,7 +69,9 @@ def serve(
     from bem.threads import cores
 
     if not host.strip():
-        raise InputError(f"--host {host!r}: give an address; 0.0.0.0 lets other machines ask")
+        raise InputError(
+            f"--host {host!r}: give an address; 0.0.0.0 lets other machines ask"
+        )
     models = [model_of(source) for source in sources]
     names = [model.name for model in models]
     if len(set(names)) < len(names):
@@ -79,9 +87,14 @@ def serve(
     ctrl_c = _CtrlC(workers.close)
 
     async def stop(_: web.Application) -> None:
-        echo("stopping: questions under way are answered first; Ctrl-C again ends at once")
+        echo(
+            "stopping: questions under way are answered first; Ctrl-C again ends at once"
+        )
 
-    everywhere = host in {"0.0.0.0", "::"}  # whoever lets others in knows better how they call us
+    everywhere = host in {
+        "0.0.0.0",
+        "::",
+    }  # whoever lets others in knows better how they call us
     own = () if everywhere else ("localhost", host.lower(), socket.gethostname().lower())
     served = Server(models, workers, own).app()
     served.on_startup.append(ctrl_c.listen)

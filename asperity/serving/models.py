@@ -19,7 +19,9 @@ from gen.runtime.files import kind_of
 from gen.scene import Scene, load, preset_names
 
 Vectors = list[list[FiniteFloat]]  # input of a model: vectors, each of one size
-Answer = list[list[float | None]]  # its output; None, which is null in JSON, for what does not hold
+Answer = list[
+    list[float | None]
+]  # its output; None, which is null in JSON, for what does not hold
 
 
 class Configuration(BaseModel):
@@ -27,17 +29,25 @@ class Configuration(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
-    surface: int = Field(default=0, ge=0, lt=2**32)  # its index, which decides its random numbers
+    surface: int = Field(
+        default=0, ge=0, lt=2**32
+    )  # its index, which decides its random numbers
     seed: int | None = None  # of the scene
-    nodes: int | Annotated[list[int], Field(min_length=2, max_length=2)] | None = None  # x and y
+    nodes: int | Annotated[list[int], Field(min_length=2, max_length=2)] | None = (
+        None  # x and y
+    )
     stiffness: bool = False  # whether the solver tells it too, as a fourth output
     interval: bool = True  # whether a surrogate tells the ends of its intervals
 
 
 def _answered(function: Function, vectors: Vectors, config: Configuration) -> list[float]:
     """Return the outputs of a function, with the client's settings."""
-    numbers: dict[str, Any] = dict(zip(function.names, chain.from_iterable(vectors), strict=True))
-    outputs = function(surface=config.surface, nodes=config.nodes, seed=config.seed, **numbers)
+    numbers: dict[str, Any] = dict(
+        zip(function.names, chain.from_iterable(vectors), strict=True)
+    )
+    outputs = function(
+        surface=config.surface, nodes=config.nodes, seed=config.seed, **numbers
+    )
     return [float(output) for output in outputs]
 
 
@@ -52,7 +62,10 @@ class SolverModel:
 
     def __init__(self, scene: Scene, name: str) -> None:
         self.name = name
-        self._functions = [SceneFunction(scene), SceneFunction(scene, (*USUAL, UNLOADING.name))]
+        self._functions = [
+            SceneFunction(scene),
+            SceneFunction(scene, (*USUAL, UNLOADING.name)),
+        ]
         self.input_sizes = self._functions[0].inputs.sizes
 
     def output_sizes(self, config: Configuration) -> list[int]:
@@ -62,7 +75,8 @@ class SolverModel:
     def evaluate(self, vectors: Vectors, config: Configuration) -> Answer:
         """Solve one contact problem."""
         return [
-            [number] for number in _answered(self._functions[config.stiffness], vectors, config)
+            [number]
+            for number in _answered(self._functions[config.stiffness], vectors, config)
         ]
 
 
@@ -97,7 +111,9 @@ class SurrogateModel:
             raise InputError("config.stiffness: a surrogate predicts its targets alone")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", OutsideTraining)  # the flag tells clients
-            *numbers, inside = _answered(self._functions[config.interval], vectors, config)
+            *numbers, inside = _answered(
+                self._functions[config.interval], vectors, config
+            )
         if not config.interval:
             return [[value, inside] for value in numbers]
         answer: Answer = []

@@ -53,7 +53,9 @@ class Server:
 
     def app(self) -> web.Application:
         """Return the application of aiohttp."""
-        app = web.Application(middlewares=[_in_words, self._own_only], client_max_size=LARGEST)
+        app = web.Application(
+            middlewares=[_in_words, self._own_only], client_max_size=LARGEST
+        )
         answers = {
             "/InputSizes": self._input_sizes,
             "/OutputSizes": self._output_sizes,
@@ -63,7 +65,9 @@ class Server:
             "/ApplyJacobian": self._derivative,
             "/ApplyHessian": self._derivative,
         }
-        app.add_routes([web.post(route, self._asked(each)) for route, each in answers.items()])
+        app.add_routes(
+            [web.post(route, self._asked(each)) for route, each in answers.items()]
+        )
         app.add_routes([web.get("/Info", self._info)])
         return app
 
@@ -84,7 +88,9 @@ class Server:
 
     async def _info(self, _: web.Request) -> web.Response:
         """Tell the protocol's version and the models' names."""
-        return web.json_response({"protocolVersion": VERSION, "models": list(self._models)})
+        return web.json_response(
+            {"protocolVersion": VERSION, "models": list(self._models)}
+        )
 
     async def _input_sizes(self, body: Body) -> dict[str, Any]:
         """Tell the sizes of the input vectors."""
@@ -102,13 +108,20 @@ class Server:
 
     async def _evaluate(self, body: Body) -> dict[str, Any]:
         """Evaluate a model."""
-        wanted, given = self._model(body).input_sizes, [len(vector) for vector in body.input]
+        wanted, given = (
+            self._model(body).input_sizes,
+            [len(vector) for vector in body.input],
+        )
         if given != wanted:
-            raise Refusal("InvalidInput", f"input: vectors of {given} numbers, wanted {wanted}")
+            raise Refusal(
+                "InvalidInput", f"input: vectors of {given} numbers, wanted {wanted}"
+            )
         output = await self._workers.ask(Call(body.name, body.input, body.config))
         numbers = [number for vector in output for number in vector if number is not None]
         if not all(map(math.isfinite, numbers)):
-            raise Refusal("InvalidOutput", f"{output}: not finite, and JSON has no such number")
+            raise Refusal(
+                "InvalidOutput", f"{output}: not finite, and JSON has no such number"
+            )
         return {"output": output}
 
     async def _derivative(self, body: Body) -> NoReturn:
@@ -120,18 +133,24 @@ class Server:
             ("outWrt", "inWrt", "inWrt1", "inWrt2"), indices, sizes, strict=True
         ):
             if not 0 <= index < size:
-                raise Refusal("InvalidInput", f"{name} = {index!r:.30}; allowed: 0 to {size - 1}")
+                raise Refusal(
+                    "InvalidInput", f"{name} = {index!r:.30}; allowed: 0 to {size - 1}"
+                )
         raise Refusal("UnsupportedFeature", f"{model.name} has no derivatives")
 
     def _model(self, body: Body) -> Model:
         """Return the model that a question names."""
         if body.name not in self._models:
             known = ", ".join(self._models)
-            raise Refusal("ModelNotFound", f"no model {body.name!r:.100}; there is {known}")
+            raise Refusal(
+                "ModelNotFound", f"no model {body.name!r:.100}; there is {known}"
+            )
         return self._models[body.name]
 
     @web.middleware
-    async def _own_only(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+    async def _own_only(
+        self, request: web.Request, handler: Handler
+    ) -> web.StreamResponse:
         """Refuse questions to a name that is not this server's, and those of foreign web pages.
 
         A web page that a user looks at can let its own name point to this machine ("DNS
@@ -148,7 +167,9 @@ class Server:
             raise Refusal("InvalidInput", f"Host {given!r:.100}: ask {known}") from None
         origin = request.headers.get("Origin")
         if origin is not None and origin.lower() != f"http://{given.lower()}":
-            raise Refusal("InvalidInput", f"Origin {origin!r:.100}: web pages may not ask")
+            raise Refusal(
+                "InvalidInput", f"Origin {origin!r:.100}: web pages may not ask"
+            )
         return await handler(request)
 
 
@@ -160,7 +181,9 @@ def _body(text: bytes) -> Body:
         fault = error.errors(include_url=False)[0]
         place = ".".join(map(str, fault["loc"])) or "body"
         given = reprlib.repr(fault["input"])
-        raise Refusal("InvalidInput", f"{printable(place)} = {given}: {fault['msg']}") from None
+        raise Refusal(
+            "InvalidInput", f"{printable(place)} = {given}: {fault['msg']}"
+        ) from None
     except (ValueError, RecursionError) as error:
         raise Refusal("InvalidInput", f"the body is not JSON: {error}") from None
 
@@ -178,8 +201,16 @@ async def _in_words(request: web.Request, handler: Handler) -> web.StreamRespons
     except Refusal as refusal:
         kind, message, status = refusal.kind, refusal.message, refusal.status
     except web.HTTPException as error:  # an unknown route, a body that is too large
-        kind, message, status = "InvalidInput", f"{request.path}: {error.reason}", error.status
+        kind, message, status = (
+            "InvalidInput",
+            f"{request.path}: {error.reason}",
+            error.status,
+        )
     except Exception as error:
         logging.getLogger(__name__).exception("a bug")
-        kind, message, status = "ModelError", f"a bug of the server: {type(error).__name__}", 500
+        kind, message, status = (
+            "ModelError",
+            f"a bug of the server: {type(error).__name__}",
+            500,
+        )
     return web.json_response({"error": {"type": kind, "message": message}}, status=status)

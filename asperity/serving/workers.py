@@ -17,7 +17,9 @@ from gen.runtime.farm import unheard
 from gen.runtime.memory import require_blas
 from gen.runtime.user_code import TRUSTED
 
-ATTEMPTS = 2  # times that a question is asked; a worker that was killed is replaced in between
+ATTEMPTS = (
+    2  # times that a question is asked; a worker that was killed is replaced in between
+)
 WAITING = 1000  # most questions that wait for a free process
 
 GRACE = 5.0
@@ -121,7 +123,9 @@ class Workers:
         for pool in self._pools:
             _end(pool)
         for pool in self._pools:
-            pool.shutdown(cancel_futures=True)  # waits: a thread left behind complains at exit
+            pool.shutdown(
+                cancel_futures=True
+            )  # waits: a thread left behind complains at exit
 
     def _replaced(self, pool: ProcessPoolExecutor) -> ProcessPoolExecutor:
         """End a process, and return the one that takes its place unless the server ends."""

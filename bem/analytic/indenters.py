@@ -58,7 +58,9 @@ class PowerLaw:
     def __post_init__(self) -> None:
         """Refuse profiles without a tip, and tips with an infinite slope."""
         if not 0 < self.coefficient < math.inf:
-            raise ValueError(f"coefficient = {self.coefficient!r}: must be above 0 um^(1 - m)")
+            raise ValueError(
+                f"coefficient = {self.coefficient!r}: must be above 0 um^(1 - m)"
+            )
         if not 1 <= self.exponent < math.inf:
             raise ValueError(f"exponent = {self.exponent!r}: must be at least 1")
 

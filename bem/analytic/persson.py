@@ -55,7 +55,9 @@ def area_share(reduced_pressure: Values, slope: float = PERSSON) -> Values:
     ndarray, shape of reduced_pressure
         Contact area as a share of the whole [1].
     """
-    return np.asanyarray(erf(math.sqrt(math.pi) / 2 * slope * np.asanyarray(reduced_pressure)))
+    return np.asanyarray(
+        erf(math.sqrt(math.pi) / 2 * slope * np.asanyarray(reduced_pressure))
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +145,9 @@ class PerssonInterface:
         ndarray, shape (k,)
             Stiffness of the interface per area; infinite in full contact [MPa/um].
         """
-        lengths = self._sum_over_waves(_energy_rate(self._ratios(pressure, modulus), self.gamma))
+        lengths = self._sum_over_waves(
+            _energy_rate(self._ratios(pressure, modulus), self.gamma)
+        )
         with np.errstate(divide="ignore"):
             return np.asanyarray(pressure / lengths)
 

@@ -212,7 +212,9 @@ class WavySurface:
             If the approach is not below that of full contact.
         """
         if not approach < self.amplitude:
-            raise ValueError(f"approach = {approach!r}: must be below {self.amplitude:g} um")
+            raise ValueError(
+                f"approach = {approach!r}: must be below {self.amplitude:g} um"
+            )
         if approach <= 0:
             return 0.0
         branch = lambertw(-approach / (np.e * self.amplitude), -1)
@@ -323,7 +325,9 @@ class DoublySinusoidal:
         """
         return math.sqrt(2) * np.pi * modulus * self.amplitude / self.wavelength
 
-    def area_share_at_light_load(self, mean_pressure: float, modulus: float = 1.0) -> float:
+    def area_share_at_light_load(
+        self, mean_pressure: float, modulus: float = 1.0
+    ) -> float:
         """Return pi (3 / (8 pi) p / p*)^(2/3), by Hertz at each peak on its own [1].
 
         The leading term for p / p* -> 0.
@@ -367,7 +371,9 @@ class DoublySinusoidal:
         hertz = share * spacing**2 / np.pi * curvature
         return hertz + SQUARE_LATTICE * mean_pressure * spacing / (np.pi * modulus)
 
-    def area_share_near_full_contact(self, mean_pressure: float, modulus: float = 1.0) -> float:
+    def area_share_near_full_contact(
+        self, mean_pressure: float, modulus: float = 1.0
+    ) -> float:
         """Return 1 - 3 / (2 pi) (1 - p / p*), with a circular gap in each valley [1].
 
         The leading term for p / p* -> 1: the gaps are penny-shaped cracks without a singularity.
@@ -387,7 +393,9 @@ class DoublySinusoidal:
         load = mean_pressure / self.full_contact_pressure(modulus)
         return 1 - 3 / (2 * np.pi) * (1 - load)
 
-    def mean_gap_near_full_contact(self, mean_pressure: float, modulus: float = 1.0) -> float:
+    def mean_gap_near_full_contact(
+        self, mean_pressure: float, modulus: float = 1.0
+    ) -> float:
         """Return the leading term of the mean gap for p / p* -> 1 [um].
 
         The gap in a valley is 16 k / (9 pi E*) (b^2 - r^2)^(3/2) where the pressure of full contact

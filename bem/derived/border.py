@@ -78,7 +78,9 @@ CONTINUED: dict[Boundary, Literal["edge", "wrap", "symmetric"]] = {
 RIM = 2
 
 
-def continuum_nodes(problem: Problem, pressure: Field, gap: Field, depth: Field | None) -> float:
+def continuum_nodes(
+    problem: Problem, pressure: Field, gap: Field, depth: Field | None
+) -> float:
     """Return the area of contact in the continuum, in cells.
 
     Parameters
@@ -124,7 +126,9 @@ def _offsets(
     continued, zeros = CONTINUED[problem.boundary], np.zeros(pressure.shape)
     fields: list[tuple[NDArray[Any], Any]] = [(pressure, continued), (gap, continued)]
     fields += [(zeros if depth is None else depth, "constant"), (zeros == 0, "constant")]
-    pressures, gaps, depths, patch = (np.pad(one, RIM, mode).ravel() for one, mode in fields)
+    pressures, gaps, depths, patch = (
+        np.pad(one, RIM, mode).ravel() for one, mode in fields
+    )
     contact = pressures > 0
     touching = np.flatnonzero(contact & patch)
     row = pressure.shape[1] + 2 * RIM
@@ -140,7 +144,9 @@ def _offsets(
             terms[:, 1] = opened / (opened + elastic + yielded)
             terms[:, 2:] = USUAL_RATIOS
             both = pressed + pressures[here + step]
-            np.divide(pressed, both, out=terms[:, 2], where=patch[here + step] | (not free))
+            np.divide(
+                pressed, both, out=terms[:, 2], where=patch[here + step] | (not free)
+            )
             both = opened + gaps[here - 2 * step]
             known = (patch[here - 2 * step] | (not free)) & (both > 0)
             np.divide(opened, both, out=terms[:, 3], where=known)

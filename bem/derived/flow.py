@@ -108,7 +108,9 @@ def flows_through(
         If the equations are not solved to `RTOL`.
     """
     if wrong := {*axes} - {0, 1}:
-        raise ValueError(f"axis {wrong.pop()!r}: give 0 for flow along x, 1 for flow along y")
+        raise ValueError(
+            f"axis {wrong.pop()!r}: give 0 for flow along x, 1 for flow along y"
+        )
     if periodic:
         both = _flows(gap, spacing, periodic=True)
         return [both[axis] for axis in axes]
@@ -130,7 +132,9 @@ def _flows(gap: Field, spacing: tuple[float, float], *, periodic: bool) -> list[
         return nothing
     if not WIDEST[0] < largest < WIDEST[1]:
         low, high = WIDEST
-        raise OutOfRange(f"widest gap = {largest:g} um: its flow needs {low:g} to {high:g} um")
+        raise OutOfRange(
+            f"widest gap = {largest:g} um: its flow needs {low:g} to {high:g} um"
+        )
     reduced = np.where(gap > CLOSED * largest, gap / largest, 0.0)
     nodes = np.arange(gap.size).reshape(gap.shape)
     if not periodic:  # reservoirs, which are as wide as need be
@@ -146,7 +150,9 @@ def _flows(gap: Field, spacing: tuple[float, float], *, periodic: bool) -> list[
         conducted = float(drop @ drop) * largest**3 * length / width
         through = faces.root * drop * (largest**3 * length / 2)
         flux = np.zeros((2, gap.size + 1))
-        for component, chosen in enumerate((slice(0, faces.crossed), slice(faces.crossed, None))):
+        for component, chosen in enumerate(
+            (slice(0, faces.crossed), slice(faces.crossed, None))
+        ):
             for cells in (faces.first[chosen], faces.second[chosen]):
                 flux[component] += np.bincount(cells, through[chosen], gap.size + 1)
         flux /= np.array([[dy], [dx]])
@@ -155,7 +161,9 @@ def _flows(gap: Field, spacing: tuple[float, float], *, periodic: bool) -> list[
     return flows
 
 
-def _pockets(gap: Field, nodes: Nodes, *, periodic: bool) -> tuple[csr_matrix, int, Field, Mask]:
+def _pockets(
+    gap: Field, nodes: Nodes, *, periodic: bool
+) -> tuple[csr_matrix, int, Field, Mask]:
     """Find the pockets of all levels.
 
     Returns
@@ -179,11 +187,15 @@ def _pockets(gap: Field, nodes: Nodes, *, periodic: bool) -> tuple[csr_matrix, i
         inside = gap > 0 if last else gap >= threshold
         labels, crossing, patch = regions(inside, periodic=periodic)
         if not periodic:
-            patch = (labels == labels[0, 0])[None]  # joined to the reservoir at the higher pressure
+            patch = (labels == labels[0, 0])[
+                None
+            ]  # joined to the reservoir at the higher pressure
         crosses = crossing.T[:drives, labels]
         lift = np.where(inside & ~crosses, patch, lift)
         roots = np.zeros(len(crossing), dtype=np.intp)
-        roots[labels.reshape(-1)[rising]] = nodes.reshape(-1)[rising]  # the widest of each is last
+        roots[labels.reshape(-1)[rising]] = nodes.reshape(-1)[
+            rising
+        ]  # the widest of each is last
         now = np.where(inside, roots[labels], nodes)
         joined = now != widest
         rows.append(nodes[joined])
@@ -197,15 +209,23 @@ def _pockets(gap: Field, nodes: Nodes, *, periodic: bool) -> tuple[csr_matrix, i
     lifted = np.zeros((cells + 1, drives))
     lifted[nodes] = np.moveaxis(lift, 0, -1)
     lifted[cells], row, column = 0.0, np.concatenate(rows), np.concatenate(columns)
-    wanted = flowing[row] & (whole[column] != column)  # one of each region is where it counts from
+    wanted = flowing[row] & (
+        whole[column] != column
+    )  # one of each region is where it counts from
     row, column = row[wanted], column[wanted]
     order = np.argsort(row, kind="stable")
     members = np.bincount(column, minlength=cells)
     x, y = np.divmod(np.arange(cells), gap.shape[1])
     red = (members == 1) & ((x + y) % 2 == 1) & ((x > 0) & (y > 0) | (not periodic))
-    inward = np.minimum(np.minimum(x, x[-1] - x), np.minimum(y, y[-1] - y)).astype(np.int16)
-    others = np.flatnonzero((members > 0) & ~red)  # from the rim inward the factor fills up less
-    unknowns = np.append(others[np.argsort(inward[others], kind="stable")], np.flatnonzero(red))
+    inward = np.minimum(np.minimum(x, x[-1] - x), np.minimum(y, y[-1] - y)).astype(
+        np.int16
+    )
+    others = np.flatnonzero(
+        (members > 0) & ~red
+    )  # from the rim inward the factor fills up less
+    unknowns = np.append(
+        others[np.argsort(inward[others], kind="stable")], np.flatnonzero(red)
+    )
     number = np.empty(cells, dtype=np.intp)
     number[unknowns] = np.arange(unknowns.size)
     starts = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=cells + 1))])
@@ -215,12 +235,19 @@ def _pockets(gap: Field, nodes: Nodes, *, periodic: bool) -> tuple[csr_matrix, i
 
 
 def _faces(
-    gaps: Field, cells: Nodes, spacing: tuple[float, float], flowing: Mask, *, periodic: bool
+    gaps: Field,
+    cells: Nodes,
+    spacing: tuple[float, float],
+    flowing: Mask,
+    *,
+    periodic: bool,
 ) -> _Faces:
     """Return the faces between cells where something flows."""
     line = gaps.shape[1]
     if periodic:
-        nodes, gap = (np.concatenate([field, field[:, :1]], axis=1) for field in (cells, gaps))
+        nodes, gap = (
+            np.concatenate([field, field[:, :1]], axis=1) for field in (cells, gaps)
+        )
         cells, gaps = (np.concatenate([field, field[:1]]) for field in (cells, gaps))
     else:
         nodes, gap = cells[1:-1], gaps[1:-1]
@@ -232,7 +259,10 @@ def _faces(
     place = np.arange(first.size)
     along = place < cells.size - line
     if periodic:
-        last = along & (place >= cells.size - 2 * line), ~along & ((place + 1) % line == 0)
+        last = (
+            along & (place >= cells.size - 2 * line),
+            ~along & ((place + 1) % line == 0),
+        )
         driven = np.stack(last, axis=1)
     else:
         driven = (place < line)[:, None]
@@ -240,8 +270,12 @@ def _faces(
     kept = (low > 0) & flowing[first] & flowing[second]
     along, low, high = along[kept], low[kept], high[kept]
     share = low / high
-    root = low * np.sqrt(2 * low * np.where(along, ratio, 1 / ratio) / (1 + share * share * share))
-    return _Faces(first[kept], second[kept], int(along.sum()), root, driven[kept].astype(float))
+    root = low * np.sqrt(
+        2 * low * np.where(along, ratio, 1 / ratio) / (1 + share * share * share)
+    )
+    return _Faces(
+        first[kept], second[kept], int(along.sum()), root, driven[kept].astype(float)
+    )
 
 
 def _solved(faces: _Faces, basis: csr_matrix, lone: int, lift: Field) -> Field:
@@ -253,7 +287,10 @@ def _solved(faces: _Faces, basis: csr_matrix, lone: int, lift: Field) -> Field:
     drop: Field = root[:, None] * (faces.drop - (lift[faces.second] - lift[faces.first]))
     if not basis.shape[1]:
         return drop
-    ends, weights = np.stack([faces.second, faces.first], axis=1), np.stack([root, -root], axis=1)
+    ends, weights = (
+        np.stack([faces.second, faces.first], axis=1),
+        np.stack([root, -root], axis=1),
+    )
     pairs = weights.reshape(-1), ends.reshape(-1), np.arange(0, 2 * count + 1, 2)
     rises = csr_matrix(pairs, (count, basis.shape[0])) @ basis
     rises.eliminate_zeros()

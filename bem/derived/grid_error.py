@@ -103,7 +103,10 @@ class GridError:
     @computed_once
     def area_percent(self) -> float:
         """Of `Contact.continuum_area_percent` [%]."""
-        spacing, percent = self.contact.problem.spacing, self.contact.continuum_area_percent
+        spacing, percent = (
+            self.contact.problem.spacing,
+            self.contact.continuum_area_percent,
+        )
         scale = percent / (area_within(self.contact) or 1.0)
         floor = AT_LEAST["area"] * self.counted
         if self.order < LEAST_ORDER and self.spare <= NEARLY_YIELDED:
@@ -119,7 +122,9 @@ class GridError:
         """Of `Contact.delta`, 0 where it was given [um]."""
         if self.contact.problem.delta is not None:
             return 0.0
-        return self._bar(lambda contact: contact.delta - contact.problem.heights.max(), self.summit)
+        return self._bar(
+            lambda contact: contact.delta - contact.problem.heights.max(), self.summit
+        )
 
     @computed_once
     def force(self) -> float:
@@ -132,7 +137,9 @@ class GridError:
     def mean_gap(self) -> float:
         """Of `Contact.mean_gap` [um]."""
         floor, raised = AT_LEAST["gap"] * self.counted * self.contact.mean_gap, 0.0
-        if self.contact.problem.delta is not None:  # the bodies approach, and deform the more
+        if (
+            self.contact.problem.delta is not None
+        ):  # the bodies approach, and deform the more
             raised = self.summit - self.growth * float(self.contact.displacement.mean())
         return self._bar(lambda contact: contact.mean_gap, floor, raised)
 
@@ -179,7 +186,9 @@ def grid_error_of(contact: Contact) -> GridError:
             if contact.problem.delta is not None:
                 delta = contact.delta - float(heights.max() - half.heights.max())
                 half = replace(half, delta=delta, force=None)
-                check_solvable(replace(half, delta=delta + summit))  # also under a higher summit
+                check_solvable(
+                    replace(half, delta=delta + summit)
+                )  # also under a higher summit
             # A full contact without edges needs no start: the coarser one is known to be full too.
             full = half.boundary != "free" and contact.contact_nodes == heights.size
             coarse = contact.again(half, None if full else near)
@@ -207,7 +216,10 @@ def _verdict(
         borne = f"{100 * (1 - spare):.3g} %"
         return True, f"yielding decides it: load / hardness alone is {borne} of this area"
     if order < LEAST_ORDER:
-        return False, f"waves go on down to the grid, so that the area has no limit: {words}"
+        return (
+            False,
+            f"waves go on down to the grid, so that the area has no limit: {words}",
+        )
     if abs(change) > LARGEST_DIFFERENCE:
         return False, f"too few nodes in a wave, or in contact: {words}"
     return True, words
@@ -219,7 +231,9 @@ def _growth(contact: Contact, summit: float) -> float:
         return 0.0
     approach, touching = contact.approach, contact.pressure > 0
     pressure = contact.pressure[touching]
-    pressed = (contact.problem.heights[touching] - contact.problem.heights.max()) / approach + 1
+    pressed = (
+        contact.problem.heights[touching] - contact.problem.heights.max()
+    ) / approach + 1
     if contact.problem.hardness is not None:
         pressed += contact.yielded_depth[touching] / approach
     work = np.average(pressed, weights=pressure / pressure.max()) / 2  # [F d]
@@ -268,7 +282,10 @@ def slope_order(heights: Field, boundary: Boundary) -> float:
             if periodic:
                 rise = np.roll(lines, -lag, axis=0) - lines
             else:
-                rise = lines[first + lag : nodes - first] - lines[first : nodes - first - lag]
+                rise = (
+                    lines[first + lag : nodes - first]
+                    - lines[first : nodes - first - lag]
+                )
             squares = np.einsum("ij,ij->i", rise, rise) / columns
             halved = lag > 1 and not periodic  # the first and the last place
             ends = (squares[0] + squares[-1]) / 2 if halved else 0.0
@@ -287,7 +304,11 @@ def coarser(problem: Problem, pressure: Field) -> tuple[Problem, Field]:
     its own waves where the patch has no edges, and by cubic splines on free patches; the pressure
     is that of the nearest node.
     """
-    heights, spacing, free = problem.heights, list(problem.spacing), problem.boundary == "free"
+    heights, spacing, free = (
+        problem.heights,
+        list(problem.spacing),
+        problem.boundary == "free",
+    )
     for axis in (0, 1):
         nodes = heights.shape[axis]
         if nodes == 1:
@@ -299,7 +320,9 @@ def coarser(problem: Problem, pressure: Field) -> tuple[Problem, Field]:
         heights = _read(heights, axis, places, problem.boundary)
         pressure = pressure.take(np.rint(places).astype(np.intp), axis)
         spacing[axis] *= places[1] - places[0]
-    if problem.kernel == "concentrated-force":  # which needs square cells, to the last digit
+    if (
+        problem.kernel == "concentrated-force"
+    ):  # which needs square cells, to the last digit
         spacing = [float(np.sqrt(spacing[0] * spacing[1]))] * 2
     rtol = max(problem.rtol, COARSE_RTOL)
     half = replace(problem, heights=heights, spacing=(spacing[0], spacing[1]), rtol=rtol)
@@ -313,7 +336,9 @@ def _read(heights: Field, axis: int, places: Field, boundary: Boundary) -> Field
     if np.array_equal(whole, places):
         return np.ascontiguousarray(heights.take(whole, axis=axis))
     if boundary == "free":
-        from scipy.interpolate import make_interp_spline  # here, because few grids need it
+        from scipy.interpolate import (
+            make_interp_spline,
+        )  # here, because few grids need it
 
         spline = make_interp_spline(np.arange(nodes), heights, 3, axis=axis)
         return np.ascontiguousarray(spline(places))
@@ -323,7 +348,9 @@ def _read(heights: Field, axis: int, places: Field, boundary: Boundary) -> Field
         kernel = (there @ here.conj().T).real / nodes
     else:
         waves = np.pi / nodes * np.arange(nodes)
-        there, here = (np.cos(np.outer(x + 0.5, waves)) for x in (places, np.arange(nodes)))
+        there, here = (
+            np.cos(np.outer(x + 0.5, waves)) for x in (places, np.arange(nodes))
+        )
         kernel = (there * np.where(waves == 0, 1.0, 2.0)) @ here.T / nodes
     read: Field = np.moveaxis(np.tensordot(kernel, heights, (1, axis)), 0, axis)
     return np.ascontiguousarray(read)

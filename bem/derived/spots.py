@@ -113,7 +113,9 @@ def regions(mask: Mask, *, periodic: bool) -> tuple[Labels, Crosses, Labels]:
         By how many patches along either axis each node lies off its place in the mask where its
         region is seen as a whole, up to a number that the region shares; 0 if nothing repeats.
     """
-    from scipy.ndimage import label  # here, because few contacts are asked for their spots
+    from scipy.ndimage import (
+        label,
+    )  # here, because few contacts are asked for their spots
 
     labels = np.empty(mask.shape, dtype=np.int32)
     number = label(mask, output=labels)

@@ -115,7 +115,11 @@ class Filter:
     """
 
     def __init__(
-        self, shape: tuple[int, int], factors: Real, periods: tuple[int, int], largest: float
+        self,
+        shape: tuple[int, int],
+        factors: Real,
+        periods: tuple[int, int],
+        largest: float,
     ) -> None:
         self.shape, self.largest, self.periods = shape, largest, periods
         period, columns = periods[0], len(factors)
@@ -145,11 +149,15 @@ class Filter:
                 )
             )
         arrays = self._factors, self.field, self._waves, buffer
-        self.bytes = sum(array.nbytes for array in arrays) + 2 * PLAN_BYTES * len(self._batches)
+        self.bytes = sum(array.nbytes for array in arrays) + 2 * PLAN_BYTES * len(
+            self._batches
+        )
 
     def in_single_precision(self) -> "Filter":
         """Return the same filter in single precision."""
-        factors = self._factors[:, : 2 * (self.periods[0] // 2 + 1) : 2].astype(np.float32)
+        factors = self._factors[:, : 2 * (self.periods[0] // 2 + 1) : 2].astype(
+            np.float32
+        )
         return Filter(self.shape, factors, self.periods, self.largest)
 
     def transform(self) -> None:
@@ -181,7 +189,11 @@ class LargeFilter:
     """
 
     def __init__(
-        self, shape: tuple[int, int], factors: Real, periods: tuple[int, int], largest: float
+        self,
+        shape: tuple[int, int],
+        factors: Real,
+        periods: tuple[int, int],
+        largest: float,
     ) -> None:
         self.shape, self.largest, self.periods = shape, largest, periods
         self._rooms: dict[str, Real] = {}
@@ -221,15 +233,21 @@ class LargeFilter:
         """Filter the field in place."""
         if threads_here() > len(self._lanes):
             with unforked():
-                self._lanes += [_Lane(self) for _ in range(threads_here() - len(self._lanes))]
+                self._lanes += [
+                    _Lane(self) for _ in range(threads_here() - len(self._lanes))
+                ]
         rows, columns = self.waves.shape
         self._share(_Lane.transform_rows, rows, ROWS)
         self._share(_Lane.filter_columns, columns, self._lanes[0].columns)
         self._share(_Lane.transform_back, rows, ROWS)
 
-    def _share(self, work: Callable[["_Lane", slice], None], size: int, length: int) -> None:
+    def _share(
+        self, work: Callable[["_Lane", slice], None], size: int, length: int
+    ) -> None:
         """Do some work on all slices of a length, each thread in its own lane."""
-        slices = [slice(first, min(first + length, size)) for first in range(0, size, length)]
+        slices = [
+            slice(first, min(first + length, size)) for first in range(0, size, length)
+        ]
         share(lambda thread, some: work(self._lanes[thread], some), slices)
 
 
@@ -244,7 +262,9 @@ class _Lane:
         dtype, waves, period = owner.field.dtype, owner.waves.dtype, owner.periods[0]
         self.columns = max(BATCH_BYTES // (period * waves.itemsize), 1)
         rows = owner.shape[0]
-        self._padded, self._returned = (_aligned((ROWS, owner.periods[1]), dtype) for _ in range(2))
+        self._padded, self._returned = (
+            _aligned((ROWS, owner.periods[1]), dtype) for _ in range(2)
+        )
         wide = period + GAP_BYTES // waves.itemsize
         self._source, self._target = (
             _aligned((self.columns, wide), waves)[:, :period] for _ in range(2)
@@ -258,7 +278,9 @@ class _Lane:
         self._forward = _plan(self._source, self._filtered)
         self._backward = _plan(self._filtered, self._target, backward=True)
         buffers = self._padded, self._returned, self._filtered, self._source, self._target
-        self.bytes = sum((each if each.base is None else each.base).nbytes for each in buffers)
+        self.bytes = sum(
+            (each if each.base is None else each.base).nbytes for each in buffers
+        )
         self.bytes += (2 + 2 * len(self._there)) * PLAN_BYTES
 
     def transform_rows(self, some: slice) -> None:
@@ -353,7 +375,9 @@ def _plan(source: Any, target: Any, *, backward: bool = False) -> Plan:
     """Plan transforms along the second axis; backward ones may destroy their input."""
     direction = "FFTW_BACKWARD" if backward else "FFTW_FORWARD"
     flags = ("FFTW_ESTIMATE", "FFTW_DESTROY_INPUT") if backward else ("FFTW_ESTIMATE",)
-    return cast("Plan", pyfftw.FFTW(source, target, axes=(1,), direction=direction, flags=flags))
+    return cast(
+        "Plan", pyfftw.FFTW(source, target, axes=(1,), direction=direction, flags=flags)
+    )
 
 
 def _aligned(shape: tuple[int, ...], dtype: Any) -> Real:
@@ -400,7 +424,9 @@ def kept(make: Callable[[*Given], Kind]) -> Callable[[*Given], Kind]:
         with unforked():  # plans and transforms are made under locks
             made = filters[key] = make(*arguments)
             _KEPT.memory.bytes += made.bytes
-            bound = max(KEPT_BYTES, KEPT_LARGEST * max(each.bytes for each in filters.values()))
+            bound = max(
+                KEPT_BYTES, KEPT_LARGEST * max(each.bytes for each in filters.values())
+            )
             with _COUNTING:
                 excess = sum(memory.bytes for memory in _MEMORIES) - bound
             while excess > 0 and len(filters) > FEWEST_KEPT:

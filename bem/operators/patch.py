@@ -136,7 +136,9 @@ class Patch:
         self._means = _means_filter(shape, boundary, aspect)
         self.norm = self._exact.largest
         limits = FEW_FREE if boundary == "free" else FEW_EDGELESS
-        self.few = min(int(factor * (shape[0] * shape[1]) ** power) for factor, power in limits)
+        self.few = min(
+            int(factor * (shape[0] * shape[1]) ** power) for factor, power in limits
+        )
         self.soft = give != 0 or boundary != "free"
         self.convolutions, self.count, self.singular = 0, 0, False
         self._outside = np.zeros((0, 0), np.float32)
@@ -189,7 +191,9 @@ class Patch:
     def _sum_listed(self, values: Real | None) -> None:
         """Sum values of listed nodes over blocks, or count the nodes."""
         size = self._means.field.size
-        self._means.field.reshape(-1)[:] = np.bincount(self._blocks, values, minlength=size)
+        self._means.field.reshape(-1)[:] = np.bincount(
+            self._blocks, values, minlength=size
+        )
 
     def in_contact(self, field: Real) -> Real:
         """Return the values of an (nx, ny) field on the contact set, as `correct` takes them.
@@ -232,7 +236,9 @@ class Patch:
         columns = means.field.repeat(BLOCK, axis=1)[:, np.newaxis]
         if listed is None:
             vacant = outside.reshape(-1, BLOCK, width)
-            for first in range(0, len(blocks), BAND):  # so that what is added stays in the cache
+            for first in range(
+                0, len(blocks), BAND
+            ):  # so that what is added stays in the cache
                 some = slice(first, first + BAND)
                 blocks[some] += vacant[some] * columns[some]
         else:
@@ -255,7 +261,9 @@ class Patch:
 
     def unbalanced(self, displacement: Field) -> Field:
         """Compute the zero-mean pressure whose displacement equals the given one but for a mean."""
-        inverse = edgeless_filter(self.shape, self.boundary, self._cells[2], "float64", True)
+        inverse = edgeless_filter(
+            self.shape, self.boundary, self._cells[2], "float64", True
+        )
         pressure: Field = filtered(inverse, displacement).copy()
         return pressure
 
@@ -275,13 +283,18 @@ class Patch:
             return InfluenceMatrix(*self._cells, dtype).among(nodes, self.give)
         (nx, ny), mirrored, count = self.shape, self.boundary == "mirror", len(nodes)
         periods = (2 * nx, 2 * ny) if mirrored else (nx, ny)
-        table, width = _edgeless_coefficients(periods, self._cells[2], dtype), 2 * periods[1]
+        table, width = (
+            _edgeless_coefficients(periods, self._cells[2], dtype),
+            2 * periods[1],
+        )
         rows, columns = np.divmod(nodes, ny)
         here = rows * width + columns + (periods[0] * width + periods[1])
         images = [(rows, columns)]
         if mirrored:
             images = [
-                (along, across) for along in (rows, -1 - rows) for across in (columns, -1 - columns)
+                (along, across)
+                for along in (rows, -1 - rows)
+                for across in (columns, -1 - columns)
             ]
         matrix = np.zeros((count, count), dtype)
         for first in range(0, count, ROWS):
@@ -383,7 +396,9 @@ def _penalty(shape: tuple[int, int], boundary: Boundary, aspect: float) -> float
 
 
 @kept
-def _splitting_filter(shape: tuple[int, int], boundary: Boundary, aspect: float) -> FieldFilter:
+def _splitting_filter(
+    shape: tuple[int, int], boundary: Boundary, aspect: float
+) -> FieldFilter:
     """Tabulate 1 / (2 / |q| + c)."""
     waves = _compliances(shape, boundary, aspect) + _penalty(shape, boundary, aspect)
     return _even_filter(shape, boundary, 1 / waves, "float64")
@@ -420,11 +435,15 @@ def _inverse_filter(
         folded = (1 - share) * table[:half]
         folded[1:] += share[1:] * table[: period - half : -1]
         table = folded.T  # the other axis next
-    return spectral_filter((rows, periods[1]), 1 / _even_spectrum(table), "float32", periods)
+    return spectral_filter(
+        (rows, periods[1]), 1 / _even_spectrum(table), "float32", periods
+    )
 
 
 @kept
-def _means_filter(shape: tuple[int, int], boundary: Boundary, aspect: float) -> FieldFilter:
+def _means_filter(
+    shape: tuple[int, int], boundary: Boundary, aspect: float
+) -> FieldFilter:
     """Tabulate the spectrum of weighted means over the blocks of the approximate inverse."""
     rows, columns = _whole_blocks(shape[0]) // BLOCK, _whole_blocks(shape[1]) // BLOCK
     if boundary == "free":
@@ -442,7 +461,9 @@ def _block_means(blocks: tuple[int, int], aspect: float) -> Field:
 
     The weights add up to one for a mean. Its shape is (rows, columns // 2 + 1).
     """
-    along, across = (np.minimum(np.arange(many), -np.arange(many) % many) for many in blocks)
+    along, across = (
+        np.minimum(np.arange(many), -np.arange(many) % many) for many in blocks
+    )
     distance = np.hypot(along[:, np.newaxis], aspect * across)
     distance[0, 0] = 1
     weights = distance**-DECAY

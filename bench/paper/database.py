@@ -79,12 +79,23 @@ def _range(column: Column, values: pd.Series, inside: float) -> tuple[object, ..
     }.get(column.name, why("extremes"))
     apart = (ours[0] - low, ours[1] - high)
     shifts = ", ".join(f"{100 * each / (high - low):+.1f} %" for each in apart)
-    return column.long_name, column.unit, *ours, low, high, f"{inside:.1f}", shifts, reason
+    return (
+        column.long_name,
+        column.unit,
+        *ours,
+        low,
+        high,
+        f"{inside:.1f}",
+        shifts,
+        reason,
+    )
 
 
 MODEL = "kernel-ridge"
 CURVATURE = "peak_curvature_mean"
-FINE_SCENE = "[surface]\nnodes = 257\n"  # the finer grid, where no database of it is given
+FINE_SCENE = (
+    "[surface]\nnodes = 257\n"  # the finer grid, where no database of it is given
+)
 
 
 class Judged(NamedTuple):
@@ -100,7 +111,9 @@ def fine_grid(database: Path, fine: Path) -> Report:
     found = {name: _judge(database, fine, name) for name in OF_SURFACES}
     first = found["paper"].rows
     pairs = zip(first.target, *(e.prediction for e in found.values()), strict=True)
-    dots = [[row, *few(pair)] for row, pair in zip(first.rows.tolist(), pairs, strict=True)]
+    dots = [
+        [row, *few(pair)] for row, pair in zip(first.rows.tolist(), pairs, strict=True)
+    ]
     tables = {
         "table-5": _table_5(found, database),
         "fine-grid": rows_of(("row", "solved_percent", *found), dots),
@@ -131,7 +144,10 @@ def _table_5(found: dict[str, Judged], database: Path) -> list[Row]:
     fine = found["paper"].rows
     with Reader(database) as reader, Reader(Path(fine.name)) as other:
         coarse, own = reader.column(CURVATURE), other.column(CURVATURE)[fine.rows]
-    growth, beyond = np.median(own) / np.nanmedian(coarse), 100 * (own > np.nanmax(coarse)).mean()
+    growth, beyond = (
+        np.median(own) / np.nanmedian(coarse),
+        100 * (own > np.nanmax(coarse)).mean(),
+    )
     reason = why("fine", growth=float(growth), beyond=float(beyond))
     rows: list[tuple[object, ...]] = []
     for name, theirs in asdict(FINE).items():
@@ -146,7 +162,9 @@ def _table_5(found: dict[str, Judged], database: Path) -> list[Row]:
 def _fine_picture(found: dict[str, Judged]) -> Any:
     """Draw predictions over truth with each feature set."""
     figure = new_figure(12, 4)
-    for axis, (name, each) in zip(figure.subplots(1, len(found)), found.items(), strict=True):
+    for axis, (name, each) in zip(
+        figure.subplots(1, len(found)), found.items(), strict=True
+    ):
         parity_axes(axis, each.rows.target)
         look: dict[str, Any] = {"marker": ".", "ms": 3, "ls": "none", "color": COLOURS[0]}
         draw_parity(axis, each.rows.target, each.prediction, **look)

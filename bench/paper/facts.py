@@ -15,11 +15,18 @@ from gen.scene import ALL_COLUMNS
 from learn.metrics import Scores
 
 GRIDS = (2, 8, 32, 128)  # cells a side of the surfaces that show how the generator works
-DELTAS = (25.0, 35.0)  # displacements at which two topographies are pressed (section 2.4) [um]
-LONGEST_SOLVE = 1750.0  # time that a simulation takes at most, approximately (section 2.4) [s]
+DELTAS = (
+    25.0,
+    35.0,
+)  # displacements at which two topographies are pressed (section 2.4) [um]
+LONGEST_SOLVE = (
+    1750.0  # time that a simulation takes at most, approximately (section 2.4) [s]
+)
 TRAIN_ROWS = PAPER_ROWS - PAPER_TESTS  # rows that train (section 3.2)
 FINE_ROWS = 800  # simulations on the finer grid (section 4.3)
-FINE = Scores(1.46, 3.95, 7.56, 99.16)  # scores of kernel ridge on the finer grid, Table 5 [%]
+FINE = Scores(
+    1.46, 3.95, 7.56, 99.16
+)  # scores of kernel ridge on the finer grid, Table 5 [%]
 # Smallest and largest value of each quantity of Table 1.
 RANGES = {column.name: column.paper_range for column in ALL_COLUMNS if column.paper_range}
 AREA_MAX = RANGES["area_percent"][1]  # largest area in the paper's database [%]

@@ -7,7 +7,15 @@ from typing import Any
 import pandas as pd
 
 from bench.paper.database import finished
-from bench.paper.facts import AREA_MAX, LONGEST_SOLVE, TRAIN_ROWS, few, ratio, rows_of, why
+from bench.paper.facts import (
+    AREA_MAX,
+    LONGEST_SOLVE,
+    TRAIN_ROWS,
+    few,
+    ratio,
+    rows_of,
+    why,
+)
 from bench.picture import COLOURS, new_figure
 from bench.report import Report
 from bench.surrogates.cost import PAPER_ROWS, PAPER_SOLVE, PAPER_TESTS
@@ -38,7 +46,9 @@ def opened(comparison: Path) -> Folder:
         )
     features = folder.record()["conditions"].get("features", "paper")
     if features != "paper":
-        raise InputError(f"--comparison {comparison}: is on {features} features, not the paper's")
+        raise InputError(
+            f"--comparison {comparison}: is on {features} features, not the paper's"
+        )
     return folder
 
 
@@ -50,7 +60,9 @@ def results(folder: Folder, kind: str) -> Shown:
 def _searched(folder: Folder) -> Shown:
     """Return the results of searches that judged enough candidates, by model."""
     tuned = results(folder, "tuned").items()
-    return {m: each for m, each in tuned if tables.winner_of(each["search"]) != NOT_SEARCHED}
+    return {
+        m: each for m, each in tuned if tables.winner_of(each["search"]) != NOT_SEARCHED
+    }
 
 
 def _scored(folder: Folder) -> list[tuple[str, str, dict[str, Any]]]:
@@ -70,15 +82,28 @@ def table_2(comparison: Path | None = None) -> Report:
     tuned = {} if comparison is None else _searched(opened(comparison))
     rows: list[tuple[object, ...]] = []
     for model, space in SPACES.items():
-        search, found = (tuned.get(model, {}).get(name, {}) for name in ("search", "settings"))
+        search, found = (
+            tuned.get(model, {}).get(name, {}) for name in ("search", "settings")
+        )
         default = "the library's" if search.get("winner") == "baseline" else ""
         for name, values in space.items():
             theirs = _value(OPTIMA[model][name])
             ours = _value(found[name]) if name in found else default
-            same = "" if not (found or default) else "same" if ours == theirs else "another"
+            same = (
+                "" if not (found or default) else "same" if ours == theirs else "another"
+            )
             parameter, tried = name.removeprefix("estimator__"), _values(values)
-            rows.append((_title(model), parameter, len(values), tried, theirs, ours, same))
-    header = ("model", "hyperparameter", "points", "values_tried", "paper_optimum", "our_optimum")
+            rows.append(
+                (_title(model), parameter, len(values), tried, theirs, ours, same)
+            )
+    header = (
+        "model",
+        "hyperparameter",
+        "points",
+        "values_tried",
+        "paper_optimum",
+        "our_optimum",
+    )
     return Report({"table-2": rows_of((*header, "deviation"), rows)})
 
 
@@ -122,15 +147,25 @@ def table_4(comparison: Path) -> Report:
     ours = opened(comparison)
     here = spread(ours)
     rows = [
-        (_title(model), tables.label(model, kind), *_scores_and_times(model, kind, result, here))
+        (
+            _title(model),
+            tables.label(model, kind),
+            *_scores_and_times(model, kind, result, here),
+        )
         for model, kind, result in _scored(ours)
     ]
-    pairs = [f"{n}{end}" for n in (*tables.SCORES.values(), "fit_s", "predict_s") for end in ENDS]
+    pairs = [
+        f"{n}{end}"
+        for n in (*tables.SCORES.values(), "fit_s", "predict_s")
+        for end in ENDS
+    ]
     header = ("model", "result", *pairs, "nMAE_ratio", "unexplained_ratio", "explanation")
     return Report({"table-4": rows_of(header, rows)})
 
 
-def _scores_and_times(model: str, kind: str, result: dict[str, Any], here: float) -> Iterator[str]:
+def _scores_and_times(
+    model: str, kind: str, result: dict[str, Any], here: float
+) -> Iterator[str]:
     """Yield the cells of a row of Table 4, ours and the paper's in turn."""
     theirs, times = paper.TEST.get(kind, {}).get(model), result.get("times") or {}
     for name in tables.SCORES:
@@ -158,7 +193,12 @@ TIMES = {"fit": "fit [s]", "test": "prediction of\nall test rows [s]"}
 
 def predictions(comparison: Path) -> Report:
     """Draw predictions over truth, of baselines and of tuned models, where there are any."""
-    header, folder, tables, pictures = ("model", "solved", "predicted"), opened(comparison), {}, {}
+    header, folder, tables, pictures = (
+        ("model", "solved", "predicted"),
+        opened(comparison),
+        {},
+        {},
+    )
     for kind in ("baseline", "tuned"):
         if shown := results(folder, kind):
             rows, pictures[f"predictions-{kind}"] = _predictions(folder, kind, shown)
@@ -166,7 +206,9 @@ def predictions(comparison: Path) -> Report:
     return Report(tables, pictures)
 
 
-def _predictions(ours: Folder, kind: str, shown: Shown) -> tuple[list[tuple[object, ...]], Any]:
+def _predictions(
+    ours: Folder, kind: str, shown: Shown
+) -> tuple[list[tuple[object, ...]], Any]:
     """Return rows and figure of one kind of results, tuned ones beside the baselines."""
     columns = min(3, len(shown))
     lines = -(-len(shown) // columns)
@@ -186,7 +228,9 @@ def _predictions(ours: Folder, kind: str, shown: Shown) -> tuple[list[tuple[obje
     return rows, figure
 
 
-def _draw_prediction(axis: Any, folder: Folder, kind: str, model: str) -> list[tuple[object, ...]]:
+def _draw_prediction(
+    axis: Any, folder: Folder, kind: str, model: str
+) -> list[tuple[object, ...]]:
     """Draw dots for a model; return its rows for the table."""
     truth, predicted = folder.prediction(kind, model)
     result = folder.result(kind, model) or {}
@@ -209,10 +253,14 @@ def bars(comparison: Path) -> Report:
         return Report({})
     pairs: dict[str, list[tuple[Any, float]]] = {}
     for name, title in tables.SCORES.items():
-        both = ((found["test"][name], getattr(theirs[m], name)) for m, found in shown.items())
+        both = (
+            (found["test"][name], getattr(theirs[m], name)) for m, found in shown.items()
+        )
         pairs[f"{title} [%]"] = list(both)
     for place, (name, title) in enumerate(TIMES.items()):
-        took = {model: (found.get("times") or {}).get(name) for model, found in shown.items()}
+        took = {
+            model: (found.get("times") or {}).get(name) for model, found in shown.items()
+        }
         pairs[title] = [(took[m], paper.TIMES["baseline"][m][place]) for m in shown]
     figure = new_figure(max(7.5, 2.2 + len(shown)), 10.5)
     axes = figure.subplots(len(pairs), 1, sharex=True)
@@ -220,15 +268,21 @@ def bars(comparison: Path) -> Report:
     rows: list[tuple[object, ...]] = []
     for axis, (title, values) in zip(axes, pairs.items(), strict=True):
         quantity = title.replace("\n", " ")
-        rows += [(model, quantity, *pair) for model, pair in zip(shown, values, strict=True)]
+        rows += [
+            (model, quantity, *pair) for model, pair in zip(shown, values, strict=True)
+        ]
         drawn = pd.DataFrame(values, names, ("ours", "the paper's"), dtype=float)
         drawn = 100 - drawn if title.startswith("R2") else drawn
-        drawn.plot.bar(ax=axis, logy=True, rot=0, legend=axis is axes[0], color=COLOURS[:5:4])
+        drawn.plot.bar(
+            ax=axis, logy=True, rot=0, legend=axis is axes[0], color=COLOURS[:5:4]
+        )
         for each in axis.containers:
             axis.bar_label(each, fmt="%.3g", fontsize=7, padding=1)
         axis.set_ylabel(title.replace("R2", "1 - R²"), fontsize=9)
         axis.margins(y=0.25)
-    return Report({"bars": rows_of(("model", "quantity", "ours", "paper"), rows)}, {"bars": figure})
+    return Report(
+        {"bars": rows_of(("model", "quantity", "ours", "paper"), rows)}, {"bars": figure}
+    )
 
 
 Row = tuple[str, str, str, str, str, str]
@@ -254,7 +308,9 @@ def _of_the_database(path: Path) -> Iterator[Row]:
     reason, solver = why("areas", largest=AREA_MAX), why("solver")
     yield _row("largest area [%]", "Table 1", AREA_MAX, float(area.max()), reason)
     below = 100 * float((area <= AREA_MAX).mean())
-    yield _row("rows up to the paper's largest area [%]", "Table 1", 100, below, reason, "{:.3g}")
+    yield _row(
+        "rows up to the paper's largest area [%]", "Table 1", 100, below, reason, "{:.3g}"
+    )
     mean, longest = float(seconds.mean()), float(seconds.max())
     yield _row("mean time of a simulation [s]", "3.2, 4.4", PAPER_SOLVE, mean, solver)
     yield _row("longest simulation [s]", "2.4", LONGEST_SOLVE, longest, solver)
@@ -266,7 +322,9 @@ def _of_the_database(path: Path) -> Iterator[Row]:
 def time_of(seconds: float) -> str:
     """Write a time in a unit that suits it."""
     units = {1e-3: ("us", 1e6), 1.0: ("ms", 1e3), 600.0: ("s", 1.0), 1e6: ("h", 1 / 3600)}
-    unit, number = next((u for most, u in units.items() if seconds < most), ("d", 1 / 86400))
+    unit, number = next(
+        (u for most, u in units.items() if seconds < most), ("d", 1 / 86400)
+    )
     return f"{number * seconds:.3g} {unit}"
 
 
@@ -274,15 +332,26 @@ def _of_the_comparison(comparison: Path) -> Iterator[Row]:
     folder = opened(comparison)
     found = folder.record()["conditions"]
     limit = found["area_max"]
-    reason = "as asked for" if limit is None else f"rows with areas up to {limit:g} % only"
-    yield _row("rows that train", "3.2", TRAIN_ROWS, found["train_rows"], reason, "{:,.0f}")
-    yield _row("rows that test", "3.2", PAPER_TESTS, found["test_rows"], reason, "{:,.0f}")
+    reason = (
+        "as asked for" if limit is None else f"rows with areas up to {limit:g} % only"
+    )
+    yield _row(
+        "rows that train", "3.2", TRAIN_ROWS, found["train_rows"], reason, "{:,.0f}"
+    )
+    yield _row(
+        "rows that test", "3.2", PAPER_TESTS, found["test_rows"], reason, "{:,.0f}"
+    )
     what, here = "variance of test areas over their mean [%]", spread(folder)
     yield _row(what, "Table 4", paper.SPREAD, here, why("spread"), "{:.3g}")
 
 
 def _row(
-    quantity: str, section: str, theirs: float, ours: float, reason: str, form: str = "{:.4g}"
+    quantity: str,
+    section: str,
+    theirs: float,
+    ours: float,
+    reason: str,
+    form: str = "{:.4g}",
 ) -> Row:
     """Return a row; equal numbers need no explanation."""
     texts = form.format(theirs), form.format(ours)

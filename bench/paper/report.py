@@ -13,7 +13,9 @@ from bench.paper import models, surfaces
 from bench.report import Report, remark
 
 
-def paper(folder: Path, rows: int, database: Path | None, comparison: Path | None) -> Report:
+def paper(
+    folder: Path, rows: int, database: Path | None, comparison: Path | None
+) -> Report:
     """Make all parts that the inputs allow; some need a comparison.
 
     The arguments are those of the command. Databases that are not given are generated in the

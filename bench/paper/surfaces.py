@@ -29,10 +29,15 @@ SIDE, NODES = PRESET.side, PRESET.nodes
 ROUGH, SMOOTH = limits(PRESET.hurst)
 # The middle of the preset's range [um].
 SIGMA0 = sum(limits(PRESET.sigma0)) / 2
-ALONG, ACROSS = ((-1, 0), (1, 0)), ((0, -1), (0, 1))  # neighbours in profiles along x and along y
+ALONG, ACROSS = (
+    ((-1, 0), (1, 0)),
+    ((0, -1), (0, 1)),
+)  # neighbours in profiles along x and along y
 
 
-def shown_surface(hurst: float, generator: str = "diamond-square", nodes: int = NODES) -> Heights:
+def shown_surface(
+    hurst: float, generator: str = "diamond-square", nodes: int = NODES
+) -> Heights:
     """Return the heights, shape (nodes, nodes), of the surface that all pictures show [um]."""
     return generate(generator, nodes, hurst, SIGMA0, np.random.default_rng(SEED))
 
@@ -54,16 +59,26 @@ def levels() -> Report:
     axes = figure.subplots(len(GENERATORS), len(GRIDS))
     rows = []
     for line, generator in zip(axes, GENERATORS, strict=True):
-        grids = [shown_surface((ROUGH + SMOOTH) / 2, generator, cells + 1) for cells in GRIDS]
+        grids = [
+            shown_surface((ROUGH + SMOOTH) / 2, generator, cells + 1) for cells in GRIDS
+        ]
         highest = max(float(heights.max()) for heights in grids)
         for axis, cells, heights in zip(line, GRIDS, grids, strict=True):
             shown = _image(axis, heights, vmin=0, vmax=highest)
             axis.set_title(f"{cells} × {cells}", fontsize=10)
             axis.set_xlabel("x [µm]")
-            rows.append((generator, cells, cells + 1, float(heights.std()), float(heights.max())))
+            rows.append(
+                (generator, cells, cells + 1, float(heights.std()), float(heights.max()))
+            )
         figure.colorbar(shown, ax=line, label="height [µm]", shrink=0.9)
         line[0].set_ylabel(f"{generator}\ny [µm]")
-    header = ("generator", "cells_a_side", "nodes_a_side", "rms_height_um", "largest_height_um")
+    header = (
+        "generator",
+        "cells_a_side",
+        "nodes_a_side",
+        "rms_height_um",
+        "largest_height_um",
+    )
     return Report({"levels": rows_of(header, rows)}, {"levels": figure})
 
 
@@ -79,12 +94,19 @@ def profile() -> Report:
     figure.colorbar(_image(left, heights), ax=left, label="height [µm]")
     left.axhline(x[middle], color="w", lw=1.5)
     left.plot(*(x[places] for places in np.nonzero(asperities)), "w.", ms=1.2)
-    left.set(title="(a) topography: asperities, a profile", xlabel="x [µm]", ylabel="y [µm]")
+    left.set(
+        title="(a) topography: asperities, a profile", xlabel="x [µm]", ylabel="y [µm]"
+    )
     _draw_profile(right, x, line, peaks, asperities[:, middle])
     values = describe(heights, PRESET.side / (NODES - 1)).values
     number = round(values["peak_density"] * 2 * heights.size)
     counted = (
-        ("profile peaks, this profile", int(peaks.sum()), line[peaks].mean(), line[peaks].std()),
+        (
+            "profile peaks, this profile",
+            int(peaks.sum()),
+            line[peaks].mean(),
+            line[peaks].std(),
+        ),
         ("profile peaks, all profiles", number, values["peak_mean"], values["peak_rms"]),
         ("asperities", asperities.sum(), values["asperity_mean"], values["asperity_rms"]),
         ("all nodes", heights.size, values["height_mean"], values["height_rms"]),
@@ -94,19 +116,29 @@ def profile() -> Report:
 
 
 def _draw_profile(
-    axis: Any, x: Heights, line: Heights, peaks: NDArray[np.bool_], asperities: NDArray[np.bool_]
+    axis: Any,
+    x: Heights,
+    line: Heights,
+    peaks: NDArray[np.bool_],
+    asperities: NDArray[np.bool_],
 ) -> None:
     """Draw a profile, its peaks and their statistics."""
     heights = line[peaks]
-    mean, rms, top = (float(each) for each in (heights.mean(), heights.std(), heights.max()))
+    mean, rms, top = (
+        float(each) for each in (heights.mean(), heights.std(), heights.max())
+    )
     circles = {"ms": 8, "mfc": "none", "color": COLOURS[1]}
     axis.plot(x, line, color="0.45", lw=1, label="profile")
     axis.plot(x[peaks], heights, "^", ms=4, color=COLOURS[0], label="peaks")
     axis.plot(x[asperities], line[asperities], "o", label="also asperities", **circles)
     axis.axhspan(mean - rms, mean + rms, color=COLOURS[5], alpha=0.25, lw=0)
-    axis.axhline(mean, color=COLOURS[0], ls="--", label=f"mean of peaks {mean:.3g} ± {rms:.2g} µm")
+    axis.axhline(
+        mean, color=COLOURS[0], ls="--", label=f"mean of peaks {mean:.3g} ± {rms:.2g} µm"
+    )
     axis.axhline(top, color="k", ls=":", label=f"highest peak {top:.3g} µm")
-    axis.set(title="(b) the profile", xlabel="x [µm]", ylabel="height [µm]", xlim=(x[0], x[-1]))
+    axis.set(
+        title="(b) the profile", xlabel="x [µm]", ylabel="height [µm]", xlim=(x[0], x[-1])
+    )
     axis.margins(y=0.25)
     axis.legend(ncols=2, fontsize=8, loc="upper center")
 
@@ -121,7 +153,9 @@ def topographies() -> Report:
     pairs = zip(surfaces, cases, strict=True)
     pressed = [bem.solve(heights, SIDE, delta) for heights, (*_, delta) in pairs]
     fields = [contact.pressure * (SIDE / (NODES - 1)) ** 2 for contact in pressed]
-    highest, strongest = (max(float(each.max()) for each in both) for both in (surfaces, fields))
+    highest, strongest = (
+        max(float(each.max()) for each in both) for both in (surfaces, fields)
+    )
     rows = []
     together = zip(axes.T, cases, surfaces, pressed, fields, strict=True)
     for (upper, lower), (names, hurst, delta), heights, contact, force in together:
@@ -177,7 +211,9 @@ def equal_kernels(database: Path) -> Report:
     test, truth = rows.inputs[parts.test], rows.target[parts.test]
     figure = new_figure(8.7, 8.2)
     lines: list[tuple[str, float, float, float]] = []
-    for panels, (case, (kernel, ridge)) in zip(figure.subplots(2, 2), cases.items(), strict=True):
+    for panels, (case, (kernel, ridge)) in zip(
+        figure.subplots(2, 2), cases.items(), strict=True
+    ):
         process = {"kernel": kernel, "alpha": ridge["alpha"]}
         both = []
         for name, settings in (("gaussian-process", process), ("kernel-ridge", ridge)):
@@ -186,12 +222,18 @@ def equal_kernels(database: Path) -> Report:
             both.append(np.asarray(model.predict(test), dtype=float))
         off = np.abs(both[0] - both[1])
         largest = float(off.max() / np.abs(truth).max())
-        lines.append((case, scores(truth, both[0]).r2, scores(truth, both[1]).r2, largest))
-        panels[0].plot(truth, both[0], "o", ms=4, mew=0.5, mfc="none", label="Gaussian process")
+        lines.append(
+            (case, scores(truth, both[0]).r2, scores(truth, both[1]).r2, largest)
+        )
+        panels[0].plot(
+            truth, both[0], "o", ms=4, mew=0.5, mfc="none", label="Gaussian process"
+        )
         panels[0].plot(truth, both[1], ".", ms=2, label="kernel ridge")
         panels[0].set(xlabel="solved area [%]", ylabel="predicted area [%]", title=case)
         panels[0].legend()
         panels[1].semilogy(truth, off + 1e-18, ".", ms=3)
-        panels[1].set(xlabel="solved area [%]", ylabel="difference of the predictions [%]")
+        panels[1].set(
+            xlabel="solved area [%]", ylabel="difference of the predictions [%]"
+        )
     header = ("case", "gp_r2", "ridge_r2", "largest_difference")
     return Report({"appendix": rows_of(header, lines)}, {"appendix": figure})

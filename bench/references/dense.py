@@ -39,7 +39,10 @@ def influence_view(shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0) 
 
 
 def influence_matrix(
-    shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0, nodes: Nodes | None = None
+    shape: tuple[int, int],
+    kernel: Kernel,
+    aspect: float = 1.0,
+    nodes: Nodes | None = None,
 ) -> Field:
     """Write out the displacement of each node under unit pressure on each other node.
 
@@ -61,7 +64,10 @@ def displace(pressure: Field, kernel: Kernel, aspect: float = 1.0) -> Field:
 
 
 def solve(
-    matrix: Field, interference: Field, start: Sides | None = None, hardness: float = np.inf
+    matrix: Field,
+    interference: Field,
+    start: Sides | None = None,
+    hardness: float = np.inf,
 ) -> Field:
     """Find the pressure 0 <= p <= H with gap w = A p - u >= 0 where p = 0 and <= 0 where p = H.
 
@@ -95,11 +101,15 @@ def solve(
             patience -= 1
         else:
             wrong[: np.flatnonzero(wrong)[-1]] = False
-        side = np.where(wrong, np.where(side == 0, np.where(pressure > 0, 1, -1), 0), side)
+        side = np.where(
+            wrong, np.where(side == 0, np.where(pressure > 0, 1, -1), 0), side
+        )
     raise ArithmeticError(f"dense solve: {count} of {side.size} nodes are still wrong")
 
 
-def balance(matrix: Field, interference: Field, side: Sides, hardness: float = np.inf) -> Field:
+def balance(
+    matrix: Field, interference: Field, side: Sides, hardness: float = np.inf
+) -> Field:
     """(m,) pressure that closes the gap between the bounds, where side is 0; at a bound elsewhere.
 
     `side` is -1 at nodes without pressure and 1 at yielded nodes.
@@ -112,7 +122,9 @@ def balance(matrix: Field, interference: Field, side: Sides, hardness: float = n
     return pressure
 
 
-def press(heights: Field, delta: float, kernel: Kernel, aspect: float = 1.0) -> tuple[Field, Field]:
+def press(
+    heights: Field, delta: float, kernel: Kernel, aspect: float = 1.0
+) -> tuple[Field, Field]:
     """Solve contact on a rigid far field that is displaced by Delta > 0 [um].
 
     Return the pressure [E* delta / first side of a cell] and the gap [delta], of the heights' shape
@@ -124,7 +136,9 @@ def press(heights: Field, delta: float, kernel: Kernel, aspect: float = 1.0) -> 
     pressure = np.zeros(heights.size)
     pressure[nodes] = solve(matrix, interference[nodes])
     field = pressure.reshape(heights.shape)
-    return field, displacement(field, kernel, aspect) - interference.reshape(heights.shape)
+    return field, displacement(field, kernel, aspect) - interference.reshape(
+        heights.shape
+    )
 
 
 def full_contact_delta(heights: Field, kernel: Kernel, aspect: float = 1.0) -> float:
@@ -154,7 +168,10 @@ def press_yielding(
     """
     interference = ((heights - heights.max()) + delta).reshape(-1)
     nodes = np.flatnonzero(interference > 0)
-    matrix, over = influence_matrix(heights.shape, kernel, aspect, nodes), interference[nodes]
+    matrix, over = (
+        influence_matrix(heights.shape, kernel, aspect, nodes),
+        interference[nodes],
+    )
     pressure = np.zeros(heights.size)
     start = None if sides is None else sides(matrix, over, hardness)
     pressure[nodes] = solve(matrix, over, start, hardness)
@@ -171,7 +188,11 @@ def by_least_squares(matrix: Field, interference: Field, hardness: float) -> Sid
 
 
 def press_by_nnls(
-    heights: Field, delta: float, *, kernel: Kernel = "uniform-pressure", rtol: float = 1e-8
+    heights: Field,
+    delta: float,
+    *,
+    kernel: Kernel = "uniform-pressure",
+    rtol: float = 1e-8,
 ) -> Field:
     """Press a surface on square cells as `press` does, up to a penetration rtol over Delta.
 
@@ -181,7 +202,10 @@ def press_by_nnls(
     """
     over = (((heights - heights.max()) + delta) / delta).reshape(-1)
     nodes = np.flatnonzero(over > 0)
-    matrix, interference = influence_matrix(heights.shape, kernel, nodes=nodes), over[nodes]
+    matrix, interference = (
+        influence_matrix(heights.shape, kernel, nodes=nodes),
+        over[nodes],
+    )
     candidates = interference.size
     active = np.empty(candidates, np.intp)  # the first `count` are in contact
     rows = np.empty_like(matrix)  # those of H that belong to them
@@ -203,7 +227,9 @@ def press_by_nnls(
                 break
             count = _release(pressure, values, active, rows, count)
             if solves > 10 * candidates:
-                raise ArithmeticError(f"no end after {solves} solves for {candidates} nodes")
+                raise ArithmeticError(
+                    f"no end after {solves} solves for {candidates} nodes"
+                )
         pressure[inside] = values
         gap = values @ rows[:count] - interference
         gap[inside] = 0
@@ -212,7 +238,9 @@ def press_by_nnls(
     return found.reshape(heights.shape)
 
 
-def _release(pressure: Field, values: Field, active: Nodes, rows: Field, count: int) -> int:
+def _release(
+    pressure: Field, values: Field, active: Nodes, rows: Field, count: int
+) -> int:
     """Go towards the balance as far as pressures stay positive; release the node that stops it.
 
     The last of the active nodes takes its place. Return the number of nodes still in contact.

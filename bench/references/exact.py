@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 from bench.references.half_space import Field
 from gen.statistics import NAMES
 
-SMALL_ENOUGH = 2**20  # whole heights up to here are kept in machine words: their curvatures fit too
+SMALL_ENOUGH = (
+    2**20
+)  # whole heights up to here are kept in machine words: their curvatures fit too
 DIGITS = 60  # of powers of two and roots that are no fractions
 
 
@@ -62,7 +64,9 @@ def integers(heights: Field) -> tuple[NDArray[Any], Fraction]:
     lowest, highest = (top * (unit // bottom) for top, bottom in (pairs[0], pairs[-1]))
     if highest - lowest < SMALL_ENOUGH and unit < 2**40 and abs(lowest) < 2**53:
         return (heights * unit).astype(np.int64) - lowest, Fraction(1, unit)
-    steps = np.vectorize(lambda height: int(Fraction(height) * unit) - lowest, otypes=[object])
+    steps = np.vectorize(
+        lambda height: int(Fraction(height) * unit) - lowest, otypes=[object]
+    )
     return steps(heights), Fraction(1, unit)
 
 
@@ -83,7 +87,11 @@ def moments(values: NDArray[Any], unit: Fraction) -> tuple[float, float, float, 
         for power in (2, 3, 4)
     )
     rms = root(second)
-    shapes = (float(fourth / second**2), float(third / (second * rms))) if second else (nan, nan)
+    shapes = (
+        (float(fourth / second**2), float(third / (second * rms)))
+        if second
+        else (nan, nan)
+    )
     return float(Fraction(total, number) * unit), float(rms * unit), *shapes
 
 
@@ -108,7 +116,9 @@ def _bandwidth(z: NDArray[Any], slopes: NDArray[Any], curvatures: NDArray[Any]) 
 
 
 def _mean_square(values: NDArray[Any]) -> Fraction:
-    return Fraction(sum(value * value * count for value, count in _counts(values)), values.size)
+    return Fraction(
+        sum(value * value * count for value, count in _counts(values)), values.size
+    )
 
 
 def _counts(values: NDArray[Any]) -> list[tuple[int, int]]:

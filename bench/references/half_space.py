@@ -20,7 +20,9 @@ FLAT_PUNCH_RTOL = 1e-13  # of conjugate gradients, in the 2-norm
 
 
 @lru_cache(maxsize=16)
-def influence_coefficients(shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0) -> Field:
+def influence_coefficients(
+    shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0
+) -> Field:
     """Displacement at a cell's centre from unit pressure on the cell (i, j) away.
 
     The kernel is "uniform-pressure", after Love (1929), or "concentrated-force", as in MIRCO, which
@@ -41,8 +43,12 @@ def _uniform_pressure(x: Long, y: Long, aspect: float) -> Long:
     """Johnson (1985), eq. 3.25, in the machine's longest numbers: far away it cancels."""
     left, right = x - 0.5, x + 0.5
     lower, upper = y - 0.5 * aspect, y + 0.5 * aspect
-    total: Long = right * _log_ratio(right, upper, lower) - left * _log_ratio(left, upper, lower)
-    total += upper * _log_ratio(upper, right, left) - lower * _log_ratio(lower, right, left)
+    total: Long = right * _log_ratio(right, upper, lower) - left * _log_ratio(
+        left, upper, lower
+    )
+    total += upper * _log_ratio(upper, right, left) - lower * _log_ratio(
+        lower, right, left
+    )
     return total / np.pi
 
 
@@ -62,7 +68,9 @@ def _concentrated_force(distance: Long) -> Long:
 def displacement(pressure: Field, kernel: Kernel, aspect: float = 1.0) -> Field:
     """Return the displacement [first side of a cell] under a pressure [E*], convolved by SciPy."""
     table = influence_coefficients(pressure.shape, kernel, aspect)
-    mirrored = table[np.ix_(*(np.abs(np.arange(1 - nodes, nodes)) for nodes in table.shape))]
+    mirrored = table[
+        np.ix_(*(np.abs(np.arange(1 - nodes, nodes)) for nodes in table.shape))
+    ]
     moved: Field = fftconvolve(mirrored, pressure, mode="valid")
     return moved
 
@@ -76,12 +84,16 @@ def flat_punch(shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0) -> F
     nodes = shape[0] * shape[1]
     matrix = LinearOperator(
         (nodes, nodes),
-        matvec=lambda values: displacement(values.reshape(shape), kernel, aspect).reshape(-1),
+        matvec=lambda values: displacement(values.reshape(shape), kernel, aspect).reshape(
+            -1
+        ),
         dtype=np.float64,
     )
     values, failure = cg(matrix, np.ones(nodes), rtol=FLAT_PUNCH_RTOL)
     if failure:
-        raise ArithmeticError(f"flat punch on {shape[0]} x {shape[1]} nodes did not converge")
+        raise ArithmeticError(
+            f"flat punch on {shape[0]} x {shape[1]} nodes did not converge"
+        )
     pressure: Field = values.reshape(shape)
     pressure.setflags(write=False)
     return pressure

@@ -54,7 +54,9 @@ SURFACES: dict[str, Callable[[Random, Shape], Field]] = {
     "white noise": Random.standard_normal,
     "integer ties": lambda random, shape: random.integers(0, 4, shape).astype(float),
     "one height": lambda random, shape: np.full(shape, random.standard_normal()),
-    "random walk": lambda random, shape: random.standard_normal(shape).cumsum(0).cumsum(1),
+    "random walk": lambda random, shape: (
+        random.standard_normal(shape).cumsum(0).cumsum(1)
+    ),
     "self-affine": self_affine,
     "paraboloid": paraboloid,
     "tilted plane": tilted_plane,

@@ -24,7 +24,15 @@ import numpy as np
 from scipy import fft
 
 from bem.problem import Boundary
-from bench.solvers.solver import MAX_ITERATIONS, Answer, Case, Control, Failure, Press, Solver
+from bench.solvers.solver import (
+    MAX_ITERATIONS,
+    Answer,
+    Case,
+    Control,
+    Failure,
+    Press,
+    Solver,
+)
 
 # Stiffness of the mean displacement of a periodic patch, which is to be zero [MPa / um].
 RIGID = 1e30
@@ -36,7 +44,10 @@ def fast_grid(nodes: int) -> int:
 
 
 def primal_gradients(
-    nodes: int, spacing: float, control: Control = "displacement", boundary: Boundary = "free"
+    nodes: int,
+    spacing: float,
+    control: Control = "displacement",
+    boundary: Boundary = "free",
 ) -> Press:
     """Open ContactMechanics' default, Polonsky and Keer's conjugate gradients.
 
@@ -48,7 +59,11 @@ def primal_gradients(
     def press(case: Case, force: float, tolerance: float) -> Answer:
         by_force = {"external_force": force}
         result = system(case).minimize_proxy(
-            **(by_force if control == "force" else {"offset": case.delta - case.heights.max()}),
+            **(
+                by_force
+                if control == "force"
+                else {"offset": case.delta - case.heights.max()}
+            ),
             pentol=tolerance * case.delta,
             thermotol=tolerance,
             forcetol=np.inf,
@@ -83,7 +98,9 @@ def dual_gradients(nodes: int, spacing: float, boundary: Boundary = "free") -> P
 
 def _systems(nodes: int, spacing: float, boundary: Boundary) -> Callable[[Case], Any]:
     """Return what poses a case on the substrate, whose coefficients are kept for all contacts."""
-    package, surface = map(importlib.import_module, ("ContactMechanics", "SurfaceTopography"))
+    package, surface = map(
+        importlib.import_module, ("ContactMechanics", "SurfaceTopography")
+    )
     sides = nodes * spacing, nodes * spacing
     if boundary == "free":
         half_space, more = package.FreeFFTElasticHalfSpace, {}
@@ -120,7 +137,9 @@ def projected_gradients(nodes: int, spacing: float, boundary: Boundary = "free")
     package = importlib.import_module("tamaas")
     package.set_log_level(package.LogLevel.error)
     sides = [nodes * spacing, nodes * spacing]
-    model = package.ModelFactory.createModel(package.model_type.basic_2d, sides, [nodes, nodes])
+    model = package.ModelFactory.createModel(
+        package.model_type.basic_2d, sides, [nodes, nodes]
+    )
     model.E, model.nu = 1.0, 0.0
     if boundary == "free":
         package.ModelFactory.registerNonPeriodic(model, OPERATOR)
@@ -214,7 +233,11 @@ OTHERS: tuple[Solver, ...] = (
     _cm("ContactMechanics dual", dual_gradients),
     _cm("ContactMechanics dual, margin", dual_gradients, grid=fast_grid),
     _by_force(
-        "Tamaas, margin", projected_gradients, "tamaas", "pip install tamaas", grid=fast_grid
+        "Tamaas, margin",
+        projected_gradients,
+        "tamaas",
+        "pip install tamaas",
+        grid=fast_grid,
     ),
     _aspher("ASPHER", single_grid),
     _nested("ASPHER nested, stencil, margin", partial(nested_grids, engine="stencil")),

@@ -19,7 +19,9 @@ from bench.references import dense, half_space
 from bench.references.half_space import Field
 from gen.runtime.installation import versions
 
-EXACT_RTOL = 1e-14  # a hundredth of the tightest tolerance that is measured, near rounding
+EXACT_RTOL = (
+    1e-14  # a hundredth of the tightest tolerance that is measured, near rounding
+)
 PERIODIC_RTOL = 1e-13  # of the exact solution of a periodic patch
 PROVED = 1e-10  # what two convolutions of an exact solution may differ by [Delta]
 # A pressure counts as the hardness within this share of it: solvers scale what they return.
@@ -35,9 +37,13 @@ class Case:
     side: float  # scan length [um]
     delta: float  # displacement of the far field from first touch on [um]
     kernel: Kernel = "uniform-pressure"
-    hardness: float | None = None  # upper bound of the pressure, None for elastic bodies [MPa]
+    hardness: float | None = (
+        None  # upper bound of the pressure, None for elastic bodies [MPa]
+    )
     hurst: float | None = None  # Hurst exponent of the surface, if it matters
-    load: float | None = None  # mean pressure on a periodic patch, which has the given Delta [MPa]
+    load: float | None = (
+        None  # mean pressure on a periodic patch, which has the given Delta [MPa]
+    )
 
     @property
     def nodes(self) -> int:
@@ -47,7 +53,9 @@ class Case:
     @property
     def spacing(self) -> float:
         """Of the nodes [um]."""
-        return node_spacing(self.nodes, self.side, "free" if self.load is None else "periodic")
+        return node_spacing(
+            self.nodes, self.side, "free" if self.load is None else "periodic"
+        )
 
     def mean_pressure(self, force: float) -> float:
         """Return a force over the area of all cells [MPa]."""
@@ -130,7 +138,9 @@ def find_exact(case: Case) -> Exact:
 Control = Literal["displacement", "force"]
 Item = TypeVar("Item")
 
-MAX_ITERATIONS = 1000  # bound on the steps of a solver; a run that meets it counts as failed
+MAX_ITERATIONS = (
+    1000  # bound on the steps of a solver; a run that meets it counts as failed
+)
 
 # Tolerances that are tried, falling from 0.1 to 1e-12.
 LADDER = tuple(10.0 ** (-half_decades / 2) for half_decades in range(2, 25))
@@ -145,7 +155,9 @@ class Answer:
     """The pressure that a solver returned, and the work that it took."""
 
     pressure: Field  # (n, n), of contact [MPa]
-    convolutions: int | None = None  # applications of H, None where the solver does not say
+    convolutions: int | None = (
+        None  # applications of H, None where the solver does not say
+    )
     seconds: float = math.nan  # of wall time, from heights to pressure
 
 
@@ -168,7 +180,9 @@ class Solver:
     control: Control = "displacement"  # the quantity that is given to it
     kernels: tuple[Kernel, ...] = ("uniform-pressure",)
     plastic: bool = False  # whether it knows a hardness
-    grid: Callable[[int], int] = int  # nodes a side that it runs on; the margin never touches
+    grid: Callable[[int], int] = (
+        int  # nodes a side that it runs on; the margin never touches
+    )
     ladder: tuple[float, ...] = LADDER  # tolerances that are tried, falling
     largest_contact: float = math.inf  # nodes in contact beyond which it is not tried
 
@@ -194,7 +208,9 @@ class Solver:
         try:
             answer = press(posed, force, rtol)
         except Exception as fault:
-            if isinstance(fault, Failure) or not self.install:  # only others may fail in any way
+            if (
+                isinstance(fault, Failure) or not self.install
+            ):  # only others may fail in any way
                 raise
             raise Failure(f"{type(fault).__name__}: {fault}") from fault
         seconds = time.perf_counter() - began
@@ -227,7 +243,9 @@ def press_boundary_elements(case: Case, force: float, tolerance: float) -> Answe
 
 def press_by_nnls(case: Case, force: float, tolerance: float) -> Answer:
     """Press a case by Bemporad and Paggi's active set, the paper's algorithm."""
-    pressure = dense.press_by_nnls(case.heights, case.delta, kernel=case.kernel, rtol=tolerance)
+    pressure = dense.press_by_nnls(
+        case.heights, case.delta, kernel=case.kernel, rtol=tolerance
+    )
     return Answer(pressure * (case.delta / case.spacing))
 
 

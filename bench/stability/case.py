@@ -46,7 +46,9 @@ class Refusal(NamedTuple):
         """Compare an error with the wanted one."""
         message = str(raised)
         missing = [word for word in self.words if word not in message]
-        yield Finding(f"other than {self.error.__name__}", int(type(raised) is not self.error), 0)
+        yield Finding(
+            f"other than {self.error.__name__}", int(type(raised) is not self.error), 0
+        )
         yield Finding("lines", len(message.splitlines()), 1)
         yield Finding(", ".join(["words missing", *missing]), len(missing), 0)
 
@@ -61,7 +63,9 @@ class Answer:
     out: str  # the answer in words, or the message of the error
     findings: Sequence[Finding] = ()  # whether it is right
     asked: str = ""  # the input in words
-    numbers: Mapping[str, object] = field(default_factory=dict)  # further columns of the table
+    numbers: Mapping[str, object] = field(
+        default_factory=dict
+    )  # further columns of the table
     raised: Exception | None = None  # the error, if there was no answer
 
     @property
@@ -112,7 +116,9 @@ def run_case(case: Case) -> Answer:
     if case.refusal is not None:
         conduct += case.refusal.judge(answer.raised)
     elif answer.raised is not None:
-        conduct.append(Finding(f"{type(answer.raised).__name__} instead of an answer", 1, 0))
+        conduct.append(
+            Finding(f"{type(answer.raised).__name__} instead of an answer", 1, 0)
+        )
     texts = dict.fromkeys(one_line(warning.message) for warning in warned)
     warnings_too = [Finding(f"warning {text[:200]}", 1, 0) for text in texts]
     findings = (*conduct, *answer.findings, *warnings_too)
@@ -179,5 +185,7 @@ def report(full: bool, of: Sequence[str]) -> Report:
         tables[file] = [row_of(table, *each) for each in judged]
         failed = [(case, answer) for case, answer in judged if not answer.passed]
         said.append(f"{title}: {len(judged)} cases, {len(failed)} failed")
-        said += [f"  {case.family}, {case.name}: {answer.failed}" for case, answer in failed]
+        said += [
+            f"  {case.family}, {case.name}: {answer.failed}" for case, answer in failed
+        ]
     return Report(tables, text="\n".join(said))

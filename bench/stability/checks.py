@@ -87,7 +87,9 @@ def worst_gap(pressure: Field, gap: Field, bound: float) -> float:
 def gap_under(asked: Setup, pressure: Field, displace: Displace = displacement) -> Field:
     """Return the (nx, ny) distance left between the surfaces [Delta; um where Delta <= 0]."""
     unit = asked.delta if asked.delta > 0 else 1.0
-    with np.errstate(all="ignore"):  # what no number can hold fails as such, in `violation`
+    with np.errstate(
+        all="ignore"
+    ):  # what no number can hold fails as such, in `violation`
         reduced: Field = pressure * (asked.compliance / unit)
         approach = asked.delta / unit
         if asked.far_field == "compliant":
@@ -115,17 +117,23 @@ def _ordinary_contact() -> bem.Contact:
     return Setup(paper(), DELTA).solve()
 
 
-def scales(force: float, allowed: float, _asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
+def scales(
+    force: float, allowed: float, _asked: Setup, contact: bem.Contact
+) -> Iterator[Finding]:
     """The ordinary contact in other units: its force times `force` [1], the same nodes."""
     ordinary = _ordinary_contact()
-    yield Finding("force off similarity", deviation(contact.force, force * ordinary.force), allowed)
+    yield Finding(
+        "force off similarity", deviation(contact.force, force * ordinary.force), allowed
+    )
     yield Finding("nodes off", unlike(contact.pressure > 0, ordinary.pressure > 0), 0)
 
 
 def is_nearly_elastic(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
     """Force and contact nodes are those of the elastic contact, to the tolerance of both."""
     elastic = replace(asked, hardness=None).solve()
-    yield Finding("force off the elastic one", abs(contact.force / elastic.force - 1), asked.rtol)
+    yield Finding(
+        "force off the elastic one", abs(contact.force / elastic.force - 1), asked.rtol
+    )
     off = unlike(contact.pressure > 0, elastic.pressure > 0)
     yield Finding("nodes off the elastic contact", off, 0)
 
@@ -194,7 +202,9 @@ def judge(
     """
     first = ordinary_iterations(contact.pressure.shape)
     findings = [
-        finding for check in (*checks, complementarity) for finding in check(asked, contact)
+        finding
+        for check in (*checks, complementarity)
+        for finding in check(asked, contact)
     ]
     findings += [
         Finding("iterations", contact.iterations, asked.max_iterations),

@@ -88,7 +88,9 @@ def ordinary(features: str = "paper") -> Dataset:
     )
 
 
-def altered(part: str, where: Any, to: float | None = None, factor: float = 1.0) -> Change:
+def altered(
+    part: str, where: Any, to: float | None = None, factor: float = 1.0
+) -> Change:
     """Set some of the rows' `inputs` or `target` to a number, or multiply them.
 
     `where` is any index of the array.
@@ -136,7 +138,10 @@ class Asked:
     @property
     def remarks(self) -> tuple[str, ...]:
         """The warnings of the product about the rows and the fit."""
-        return (*remarks(self.train, self.train.features.normalisation), *self.fit.remarks)
+        return (
+            *remarks(self.train, self.train.features.normalisation),
+            *self.fit.remarks,
+        )
 
     def score(self) -> float:
         """R2 on the training rows [1]; nan where the target is constant."""
@@ -189,7 +194,9 @@ def fitted(
 
 def sound(asked: Asked) -> Iterator[Finding]:
     """Numbers, never worse than the mean without saying so."""
-    numbers = np.concatenate([asked.predicted(rows) for rows in (asked.test, asked.train)])
+    numbers = np.concatenate(
+        [asked.predicted(rows) for rows in (asked.test, asked.train)]
+    )
     yield Finding("not finite", int(np.count_nonzero(~np.isfinite(numbers))), 0)
     unsaid = int(asked.worse_than_constant() and not asked.remarks)
     yield Finding("worse than a constant, unsaid", unsaid, 0)
@@ -208,7 +215,10 @@ def constant(asked: Asked) -> Iterator[Finding]:
 def flagged(asked: Asked) -> Iterator[Finding]:
     """Rows far outside the training are said to be, or refused; values are possible ones."""
     for factor in (1e-12, 1e-3, 1e3, 1e12, 1e150, 1e300):
-        statistics, delta = asked.test.described[:, 1:] * factor, asked.test.described[:, 0]
+        statistics, delta = (
+            asked.test.described[:, 1:] * factor,
+            asked.test.described[:, 0],
+        )
         try:
             rows = asked.surrogate.of_statistics(statistics, delta, SIDE)
             found = asked.surrogate.predict_rows(rows)
@@ -216,7 +226,9 @@ def flagged(asked: Asked) -> Iterator[Finding]:
             continue
         unsaid = sum(not reason for reason in found.reasons)
         yield Finding(f"statistics times {factor:g} unflagged", unsaid, 0)
-        values = np.concatenate([found.values["target"], found.low["target"], found.high["target"]])
+        values = np.concatenate(
+            [found.values["target"], found.low["target"], found.high["target"]]
+        )
         impossible = np.count_nonzero(~((values >= 0) & (values <= 100)))
         yield Finding(f"statistics times {factor:g} impossible", int(impossible), 0)
 
@@ -267,10 +279,16 @@ class Spoilt:
             rows = self.change(ordinary(self.features))
             asked = fitted(name, way, rows, self.settings, self.seen)
             score, remarks = asked.score(), ", ".join(asked.remarks)[:150]
-            told = "constant target" if np.isnan(score) else f"R2 {100 * score:.4g} % of seen rows"
+            told = (
+                "constant target"
+                if np.isnan(score)
+                else f"R2 {100 * score:.4g} % of seen rows"
+            )
             said.append(f"{way}: {told}" + f" ({remarks})" * bool(remarks))
             for check in (sound, solves_its_equations, *self.checks):
-                findings += [each._replace(what=f"{way}: {each.what}") for each in check(asked)]
+                findings += [
+                    each._replace(what=f"{way}: {each.what}") for each in check(asked)
+                ]
         return Answer("; ".join(said), findings)
 
 
@@ -279,25 +297,49 @@ def cases() -> Iterator[Case]:
     for spoilt in KINDS:
         for name in spoilt.models:
             examine = partial(spoilt.examine, name)
-            yield Case(f"models: {spoilt.family}", MODELS[name].title, spoilt.asked, examine)
+            yield Case(
+                f"models: {spoilt.family}", MODELS[name].title, spoilt.asked, examine
+            )
 
 
 KINDS = (
     Spoilt("ordinary rows", "60 rows train"),
-    Spoilt("constant target", "area 3.7 % in all rows", altered("target", ..., 3.7), (constant,)),
-    Spoilt("constant column", "an input is 0.25 in all rows", altered("inputs", np.s_[:, 5], 0.25)),
+    Spoilt(
+        "constant target",
+        "area 3.7 % in all rows",
+        altered("target", ..., 3.7),
+        (constant,),
+    ),
+    Spoilt(
+        "constant column",
+        "an input is 0.25 in all rows",
+        altered("inputs", np.s_[:, 5], 0.25),
+    ),
     Spoilt("collinear columns", "an input is twice another, one a sum of two", collinear),
     Spoilt("duplicated rows", "30 rows, each twice", doubled),
     Spoilt(
-        "a row of zeros", "cannot be scaled to unit length", altered("inputs", [3, SEEN + 15], 0.0)
+        "a row of zeros",
+        "cannot be scaled to unit length",
+        altered("inputs", [3, SEEN + 15], 0.0),
     ),
-    Spoilt("tiny inputs", "all inputs times 2^-40", altered("inputs", ..., factor=2.0**-40)),
-    Spoilt("huge inputs", "all inputs times 2^40", altered("inputs", ..., factor=2.0**40)),
-    Spoilt("one huge input", "an input times 1e12", altered("inputs", np.s_[:, 20], factor=1e12)),
+    Spoilt(
+        "tiny inputs", "all inputs times 2^-40", altered("inputs", ..., factor=2.0**-40)
+    ),
+    Spoilt(
+        "huge inputs", "all inputs times 2^40", altered("inputs", ..., factor=2.0**40)
+    ),
+    Spoilt(
+        "one huge input",
+        "an input times 1e12",
+        altered("inputs", np.s_[:, 20], factor=1e12),
+    ),
     Spoilt("outlier among inputs", "one row times 1e9", altered("inputs", 3, factor=1e9)),
     Spoilt("outlier among targets", "one area of 1e12 %", altered("target", 3, 1e12)),
     Spoilt(
-        "few rows", "6 rows train, 2 calibrate, 2 test", lambda rows: rows.at(np.arange(10)), seen=6
+        "few rows",
+        "6 rows train, 2 calibrate, 2 test",
+        lambda rows: rows.at(np.arange(10)),
+        seen=6,
     ),
     Spoilt(
         "nearly singular",
@@ -313,7 +355,11 @@ KINDS = (
         settings={"alpha": 1e-10, "kernel__length_scale": 1e3, "optimizer": None},
         models=("gaussian-process",),
     ),
-    Spoilt("far outside", "statistics of the test rows times 1e-12 to 1e300", checks=(flagged,)),
+    Spoilt(
+        "far outside",
+        "statistics of the test rows times 1e-12 to 1e300",
+        checks=(flagged,),
+    ),
     Spoilt(
         "far outside, without units",
         "dimensionless features",

@@ -25,9 +25,14 @@ from bench.stability.checks import honesty, says_what_yields, unlike, violation,
 from bench.stability.setup import Setup
 from gen.runtime.farm import Overtime, at_most
 
-YIELDING, EDGELESS = 24, 25  # keep draws apart from those of another table with the same seeds
+YIELDING, EDGELESS = (
+    24,
+    25,
+)  # keep draws apart from those of another table with the same seeds
 RTOL = 1e-10  # tolerance of the solves beside references [Delta]
-ROUNDING = 1e-11  # what gaps may differ by through rounding alone [Delta, or range of heights]
+ROUNDING = (
+    1e-11  # what gaps may differ by through rounding alone [Delta, or range of heights]
+)
 BLOCK = 100  # problems of a case; the first block is in the quick table
 SECONDS = 60.0  # wall-clock time after which a solve counts as a loop
 
@@ -42,7 +47,9 @@ def _blocks(
     """Cut many problems, each drawn with a seed and then compared, into cases."""
     for first in range(0, problems, BLOCK):
         name, block = f"seeds {first} to {first + BLOCK - 1}", range(first, first + BLOCK)
-        yield Case(family, name, asked, partial(examine, block, draw, compare), slow=first > 0)
+        yield Case(
+            family, name, asked, partial(examine, block, draw, compare), slow=first > 0
+        )
 
 
 def _surface_and_aspect(
@@ -81,7 +88,9 @@ def examine(
             worst = largest.get(finding.what, finding)
             largest[finding.what] = max(worst, finding, key=lambda each: each.rank)
     middle, most = np.percentile(iterations or [0], (50, 100))
-    out = f"{len(seeds)} solves, {middle:.0f} iterations in the middle, {most:.0f} at most"
+    out = (
+        f"{len(seeds)} solves, {middle:.0f} iterations in the middle, {most:.0f} at most"
+    )
     unanswered = Finding(", ".join(["without an answer", *astray[:3]]), len(astray), 0)
     return Answer(out, [unanswered, *largest.values()])
 
@@ -123,7 +132,9 @@ def yielding_problem(seed: int) -> Setup:
         share = float(10 ** random.uniform(-2, 0))
         hardness = float(np.clip(share * delta * elastic.max(), *HARDNESS))
     cell = (1.0, aspect)
-    return Setup(heights, delta, spacing=cell, kernel=kernel, hardness=hardness, rtol=RTOL)
+    return Setup(
+        heights, delta, spacing=cell, kernel=kernel, hardness=hardness, rtol=RTOL
+    )
 
 
 @lru_cache(maxsize=128)
@@ -139,11 +150,15 @@ def judge_yielding(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
     off = abs(contact.force / (float(pressure.sum()) * asked.aspect) - 1)
     yield Finding("force off least squares", off, 1e-8)
     little, close = UNDECIDED * hardness, UNDECIDED * asked.delta
-    touching = unlike(contact.pressure > 0, pressure > 0, (pressure > little) | (gap > close))
+    touching = unlike(
+        contact.pressure > 0, pressure > 0, (pressure > little) | (gap > close)
+    )
     bound, apart = hardness * (1 - 1e-15), (hardness - pressure > little) | (gap < -close)
     yielded = unlike(contact.pressure == hardness, pressure >= bound, apart)
     yield Finding("nodes off least squares", touching + yielded, 0)
-    beyond = int(np.count_nonzero(~((contact.pressure >= 0) & (contact.pressure <= hardness))))
+    beyond = int(
+        np.count_nonzero(~((contact.pressure >= 0) & (contact.pressure <= hardness)))
+    )
     yield Finding("nodes in tension or above the hardness", beyond, 0)
     wrong = violation(asked, contact.pressure, dense.displace)
     yield Finding("gap", wrong, RTOL + ROUNDING)
@@ -160,7 +175,9 @@ def judge_both_ways(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
 
 
 MOST_MIRRORED = 40  # of patches that are compared with their mirror images or shifted
-LARGEST_DELTA = 4.0  # largest displacement of bodies that yield [that of full elastic contact]
+LARGEST_DELTA = (
+    4.0  # largest displacement of bodies that yield [that of full elastic contact]
+)
 
 
 def edgeless() -> Iterator[Case]:
@@ -168,7 +185,9 @@ def edgeless() -> Iterator[Case]:
     small, nodes = "1 to 24 nodes a side, rtol = 1e-10", "1 to 40 nodes a side"
     yield from _blocks("dense references", 1000, small, edgeless_problem, judge_edgeless)
     yield from _blocks("mirror images", 200, nodes, mirrored_problem, judge_images)
-    yield from _blocks("cyclic shifts", 100, f"{nodes}, periodic", periodic_problem, judge_shift)
+    yield from _blocks(
+        "cyclic shifts", 100, f"{nodes}, periodic", periodic_problem, judge_shift
+    )
 
 
 def edgeless_problem(seed: int, most: int | None = None) -> Setup:
@@ -179,7 +198,9 @@ def edgeless_problem(seed: int, most: int | None = None) -> Setup:
     full elastic contact, or its distance from that is; bodies that yield are pressed further.
     """
     random = np.random.default_rng((EDGELESS, seed))
-    heights, aspect = _surface_and_aspect(random, (1, most or _most(seed, 24, 16, 10)), 30.0)
+    heights, aspect = _surface_and_aspect(
+        random, (1, most or _most(seed, 24, 16, 10)), 30.0
+    )
     asked = Setup(
         heights,
         spacing=(1.0, aspect),
@@ -204,7 +225,11 @@ def edgeless_problem(seed: int, most: int | None = None) -> Setup:
     delta = patch.full_contact_delta * (share if random.random() < 0.5 else 1 - share)
     if asked.hardness is not None:
         delta *= float(LARGEST_DELTA ** random.random())
-    return replace(asked, delta=delta) if delta > ROUNDING else replace(asked, pressure=pressure)
+    return (
+        replace(asked, delta=delta)
+        if delta > ROUNDING
+        else replace(asked, pressure=pressure)
+    )
 
 
 def _compared_problem(boundary: Boundary, seed: int) -> Setup:
@@ -264,7 +289,9 @@ def images(field: Field) -> Field:
 def judge_images(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
     """Compare a mirrored patch with the periodic one of itself and its images."""
     force = None if asked.force is None else 4 * asked.force
-    whole = replace(asked, heights=images(asked.surface), boundary="periodic", force=force).solve()
+    whole = replace(
+        asked, heights=images(asked.surface), boundary="periodic", force=force
+    ).solve()
     yield from alike(asked, contact, whole, images)
 
 
@@ -280,13 +307,21 @@ def judge_shift(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
 
 
 def alike(
-    asked: Setup, contact: bem.Contact, other: bem.Contact, placed: Callable[[Field], Field]
+    asked: Setup,
+    contact: bem.Contact,
+    other: bem.Contact,
+    placed: Callable[[Field], Field],
 ) -> Iterator[Finding]:
     """Compare pressures with those of the same contact placed otherwise, and both operators."""
     wanted = placed(contact.pressure)
     largest = float(wanted.max())
-    yield Finding("pressure off", float(np.abs(wanted - other.pressure).max()) / largest, 1e-8)
+    yield Finding(
+        "pressure off", float(np.abs(wanted - other.pressure).max()) / largest, 1e-8
+    )
     displacement = replace(other, pressure=wanted).displacement
     error = float(np.abs(placed(contact.displacement) - displacement).max())
-    sides = (nodes * cell for nodes, cell in zip(contact.pressure.shape, asked.cell, strict=True))
+    sides = (
+        nodes * cell
+        for nodes, cell in zip(contact.pressure.shape, asked.cell, strict=True)
+    )
     yield Finding("operator off", error / (largest / asked.modulus * max(sides)), 1e-13)

@@ -23,7 +23,9 @@ CELL = SIDE / (NODES - 1)  # spacing of the nodes then [um]
 
 
 @lru_cache(maxsize=16)
-def paper(nodes: int = NODES, hurst: float | None = None, sigma0: float | None = None) -> Field:
+def paper(
+    nodes: int = NODES, hurst: float | None = None, sigma0: float | None = None
+) -> Field:
     """The surface of the paper preset's first row, read-only; its coarse nodes are always the same.
 
     Hurst exponent [1] and standard deviation of the first displacement [um] may replace the row's.
@@ -110,8 +112,12 @@ class Setup:
 
     def solve(self) -> bem.Contact:
         """The contact that `bem` computes."""
-        given: dict[str, Any] = {each.name: getattr(self, each.name) for each in fields(self)}
-        return bem.solve(**given | ({"delta": None} if self.pressure or self.force else {}))
+        given: dict[str, Any] = {
+            each.name: getattr(self, each.name) for each in fields(self)
+        }
+        return bem.solve(
+            **given | ({"delta": None} if self.pressure or self.force else {})
+        )
 
     @cached_property
     def surface(self) -> Field:
@@ -124,7 +130,9 @@ class Setup:
         if self.spacing is not None:
             return _pair(self.spacing)
         pairs = zip(self.surface.shape, _pair(self.side), strict=True)
-        first, second = (node_spacing(nodes, side, self.boundary) for nodes, side in pairs)
+        first, second = (
+            node_spacing(nodes, side, self.boundary) for nodes, side in pairs
+        )
         return first, second
 
     @property

@@ -40,23 +40,36 @@ def cases() -> Iterator[Case]:
 
 def _one_cell(delta: float, spacing: float) -> Any:
     """One square cell carries the force that presses it down by Delta, E* = 1 MPa."""
-    force = delta * spacing / float(influence_coefficients((1, 1), "uniform-pressure")[0, 0])
+    force = (
+        delta * spacing / float(influence_coefficients((1, 1), "uniform-pressure")[0, 0])
+    )
     return partial(judged.has_force, "one cell", force, 1e-6)
 
 
 def _materials_and_sizes() -> Iterator[Case]:
-    def case(family: str, name: str, factor: float, force: float, **arguments: Any) -> Case:
+    def case(
+        family: str, name: str, factor: float, force: float, **arguments: Any
+    ) -> Case:
         allowed = judged.FOUR_ULP if np.log2(factor).is_integer() else HEIGHT_ROUNDING
         heights, check = paper() * factor, partial(judged.scales, force, allowed)
-        return contact_case(family, name, heights, DELTA * factor, checks=(check,), **arguments)
+        return contact_case(
+            family, name, heights, DELTA * factor, checks=(check,), **arguments
+        )
 
     for modulus in (1e-12, 1e-6, 1e6, 1e15):
         yield case("material", f"E = {modulus:g} MPa", 1, modulus, modulus=modulus)
     for poisson in (-0.99, -0.5, 0.3, 0.5):
-        yield case("material", f"ν = {poisson:g}", 1, 1 / (1 - poisson**2), poisson=poisson)
+        yield case(
+            "material", f"ν = {poisson:g}", 1, 1 / (1 - poisson**2), poisson=poisson
+        )
     for side in (1e-9, 1.0, 1e9):
         yield case("size", f"L = {side:g} um", 1, side / SIDE, side=side)
-    for name, factor in (("1e-12", 1e-12), ("1e12", 1e12), ("2^-40", 2.0**-40), ("2^40", 2.0**40)):
+    for name, factor in (
+        ("1e-12", 1e-12),
+        ("1e12", 1e12),
+        ("2^-40", 2.0**-40),
+        ("2^40", 2.0**40),
+    ):
         yield case("size", f"heights and Δ times {name}", factor, factor)
     name = "E, L, heights and Δ"
     yield case("size", f"{name} small", 1e-12, 1e-36, side=1e-9, modulus=1e-12)
@@ -70,10 +83,19 @@ def _displacements() -> Iterator[Case]:
         yield case(f"Δ = {delta:g}", paper, delta, checks=(untouched,))
     ulp = float(np.spacing(paper().max()))
     for name, delta in (("one ulp of the highest node", ulp), ("1e-300 um", 1e-300)):
-        yield case(f"first touch by {name}", paper, delta, checks=(_one_cell(delta, CELL),))
-    shares = {"1e-3 short of": 1 - 1e-3, "at": 1.0, "1e-3 beyond": 1 + 1e-3, "10 times": 10.0}
+        yield case(
+            f"first touch by {name}", paper, delta, checks=(_one_cell(delta, CELL),)
+        )
+    shares = {
+        "1e-3 short of": 1 - 1e-3,
+        "at": 1.0,
+        "1e-3 beyond": 1 + 1e-3,
+        "10 times": 10.0,
+    }
     for name, factor in shares.items():
-        yield case(f"{name} full contact", paper(SMALL), partial(_to_full_contact, factor))
+        yield case(
+            f"{name} full contact", paper(SMALL), partial(_to_full_contact, factor)
+        )
     for times in (1.0, 10.0, 1e3, 1e6):
         yield case(f"Δ of {times:g} height ranges", paper, times * float(np.ptp(paper())))
 
@@ -88,7 +110,11 @@ def _grids() -> Iterator[Case]:
     for k in range(1, 12):
         yield case(f"k = {k}", partial(paper, 2**k + 1), slow=k >= 10)
     yield case("a single node", flat(1), 3.0, spacing=2.0, checks=(_one_cell(3, 2),))
-    for name, shape in (("one row", (1, 129)), ("one column", (129, 1)), ("four nodes", (2, 2))):
+    for name, shape in (
+        ("one row", (1, 129)),
+        ("one column", (129, 1)),
+        ("four nodes", (2, 2)),
+    ):
         yield case(name, corner(shape), 10.0, spacing=7.8125)
     yield case("a patch of 1:64", corner((3, 129)), side=(1000 / 64, 1000.0))
     for sides in ((1000.0, 64000.0), (64000.0, 1000.0)):
@@ -138,15 +164,26 @@ def _terraces() -> Iterator[Case]:
 def _bodies() -> Iterator[Case]:
     """Closed forms, within what the grid costs; some 60 nodes carry the first."""
     bodies: tuple[tuple[str, str, Indenter, float, int, float], ...] = (
-        ("Hertz, even grid: four nodes tie", "Hertz's", Paraboloid(5000.0), 0.2, 128, 0.01),
+        (
+            "Hertz, even grid: four nodes tie",
+            "Hertz's",
+            Paraboloid(5000.0),
+            0.2,
+            128,
+            0.01,
+        ),
         ("Hertz", "Hertz", Paraboloid(5000.0), 5.0, NODES, 0.001),
         ("a cone", "a cone", Cone(0.1), 25.0, NODES, 0.001),
         ("a flat punch", "a flat punch", FlatPunch(250.0), 1.0, NODES, 0.01),
     )
     for name, whose, body, delta, nodes, allowed in bodies:
-        off_tip = 0.0 if nodes % 2 else SIDE / (nodes - 1) * np.sqrt(0.5)  # of the nearest node
+        off_tip = (
+            0.0 if nodes % 2 else SIDE / (nodes - 1) * np.sqrt(0.5)
+        )  # of the nearest node
         below_tip = -float(body.heights(np.array(off_tip)))
-        closed_form = partial(judged.has_force, whose, body.force(delta + below_tip), allowed)
+        closed_form = partial(
+            judged.has_force, whose, body.force(delta + below_tip), allowed
+        )
         surface = partial(topographies.indenter, body, nodes)
         yield contact_case("closed form", name, surface, delta, checks=(closed_form,))
 
@@ -167,10 +204,17 @@ def _compliant_far_fields() -> Iterator[Case]:
     case = partial(contact_case, "compliant far field", far_field="compliant")
     refusal = Refusal(BeyondCriticalDelta, ("delta = ", "must stay below Delta* = "))
     for kernel, share in product(KERNELS, (0.9, 0.99, 0.999, 1 + 1e-9, 2.0)):
-        name, delta = f"Δ = {share:.10g} Δ*, {kernel}", partial(_of_critical, share, kernel)
-        judged_by: dict[str, Any] = {"most": math.inf} if share < 1 else {"refusal": refusal}
+        name, delta = (
+            f"Δ = {share:.10g} Δ*, {kernel}",
+            partial(_of_critical, share, kernel),
+        )
+        judged_by: dict[str, Any] = (
+            {"most": math.inf} if share < 1 else {"refusal": refusal}
+        )
         yield case(name, paper, delta, kernel=kernel, **judged_by)
-    nowhere = Refusal(BeyondCriticalDelta, ("delta = 1e-09 um", "must stay below Delta* = 0 um"))
+    nowhere = Refusal(
+        BeyondCriticalDelta, ("delta = 1e-09 um", "must stay below Delta* = 0 um")
+    )
     yield case("flat: Δ* = 0", flat, 1e-9, refusal=nowhere)
 
 
@@ -195,7 +239,10 @@ def _limits() -> Iterator[Case]:
     largest = float(Setup(paper()).solve().pressure.max())
     for title, hardness in (
         ("the largest elastic pressure", largest),
-        ("one ulp above the largest elastic pressure", float(np.nextafter(largest, np.inf))),
+        (
+            "one ulp above the largest elastic pressure",
+            float(np.nextafter(largest, np.inf)),
+        ),
         ("one ulp below the largest elastic pressure", float(np.nextafter(largest, 0))),
         ("H = 1e90 E*", 1e90),
     ):
@@ -218,12 +265,16 @@ def _yielding_surfaces() -> Iterator[Case]:
         ("exact ties", topographies.terraces, 25.0),
     )
     hardnesses = (1e-3, 1e-2, 5e-2)
-    for (name, surface, delta), hardness, kernel in product(surfaces, hardnesses, KERNELS):
+    for (name, surface, delta), hardness, kernel in product(
+        surfaces, hardnesses, KERNELS
+    ):
         title = f"{name}, H = {hardness:g} E*, {kernel}"
         yield capped(title, surface, delta, hardness=hardness, kernel=kernel)
     for sides in ((1000.0, 64000.0), (64000.0, 1000.0)):
         for hardness in (1e-4, 1e-3, 1e-2):
-            title = f"cells of {sides[0] / 1000:g}:{sides[1] / 1000:g}, H = {hardness:g} E*"
+            title = (
+                f"cells of {sides[0] / 1000:g}:{sides[1] / 1000:g}, H = {hardness:g} E*"
+            )
             yield capped(title, paper, hardness=hardness, side=sides)
 
 
@@ -233,8 +284,13 @@ def _loads() -> Iterator[Case]:
         for share in (1e-3, 0.5, 0.9, 0.99, 1 - 1e-6, 1.0, 2.0):
             pressure = share * hardness
             given = partial(
-                judged.has_force, "the one given", pressure * paper().size * CELL**2, 1e-12
+                judged.has_force,
+                "the one given",
+                pressure * paper().size * CELL**2,
+                1e-12,
             )
             refusal = Refusal(bem.NoSolution, ("hardness",)) if share >= 1 else None
             case = partial(capped, hardness=hardness, checks=(given,), refusal=refusal)
-            yield case(f"p = {share:.7g} H, H = {hardness:g} E*", paper, pressure=pressure)
+            yield case(
+                f"p = {share:.7g} H, H = {hardness:g} E*", paper, pressure=pressure
+            )

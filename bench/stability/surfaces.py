@@ -23,7 +23,9 @@ NODES = 33  # nodes a side of most surfaces
 G = 7.8125  # spacing of the paper's nodes [um]
 STEP = 1 / 1024  # steps of heights that are to take offsets exactly [um]
 EXACT = 1e-12  # what a few hundred roundings may add up to, relative to each statistic
-ROUNDING = 1e-14  # what the roundings of a few levels may add up to, over the range of heights
+ROUNDING = (
+    1e-14  # what the roundings of a few levels may add up to, over the range of heights
+)
 
 LENGTHS = {name for name in NAMES if name.split("_")[-1] in {"mean", "rms", "max"}}
 CURVATURES = {name for name in LENGTHS if "curvature" in name}
@@ -49,7 +51,9 @@ def generator_cases() -> Iterator[Case]:
         for name, hurst in HURSTS.items():
             examine = partial(_nested, generator, NODES, hurst)
             title = f"H = {name}, {generator}"
-            yield Case("generator: Hurst exponent", title, "33 x 33, beside 17 x 17", examine)
+            yield Case(
+                "generator: Hurst exponent", title, "33 x 33, beside 17 x 17", examine
+            )
         for name, sigma0 in AMPLITUDES.items():
             asked = "129 x 129, H = 0.65" + ", beside σ0 = 1 um" * bool(sigma0)
             allowed = 0.0 if name.startswith(("0", "2^")) else ROUNDING
@@ -63,7 +67,9 @@ def generator_cases() -> Iterator[Case]:
             yield Case("generator: levels", f"k = {k}, {generator}", asked, examine)
 
 
-def _surface(generator: str, nodes: int, hurst: float = 0.65, sigma0: float = 12.0) -> Field:
+def _surface(
+    generator: str, nodes: int, hurst: float = 0.65, sigma0: float = 12.0
+) -> Field:
     return generate(generator, nodes, hurst, sigma0, np.random.default_rng(SEED))
 
 
@@ -76,7 +82,9 @@ def _answer(heights: Field, *findings: Finding) -> Answer:
 def _scaled(generator: str, sigma0: float, allowed: float) -> Answer:
     """Heights are proportional to sigma0."""
     unit, heights = (_surface(generator, 129, sigma0=each) for each in (1.0, sigma0))
-    error = float(np.abs(heights / (sigma0 or 1.0) - unit * bool(sigma0)).max() / unit.max())
+    error = float(
+        np.abs(heights / (sigma0 or 1.0) - unit * bool(sigma0)).max() / unit.max()
+    )
     return _answer(heights, Finding("off proportion [range]", error, allowed))
 
 
@@ -86,7 +94,9 @@ def _nested(generator: str, nodes: int, hurst: float = 0.65) -> Answer:
     coarse = _surface(generator, max((nodes + 1) // 2, 3), hurst)
     step = (nodes - 1) // (len(coarse) - 1)
     shared = heights[::step, ::step]
-    off = np.abs((shared - shared[0, 0]) - (coarse - coarse[0, 0])).max() / np.ptp(heights)
+    off = np.abs((shared - shared[0, 0]) - (coarse - coarse[0, 0])).max() / np.ptp(
+        heights
+    )
     unlike = int(np.count_nonzero(heights != again)) + abs(heights.shape[0] - nodes)
     return _answer(
         heights,
@@ -101,7 +111,9 @@ def described(heights: ArrayLike, spacing: Spacing = (G, G)) -> Answer:
     given = np.asanyarray(heights)
     expected = exact.statistics(np.array(given, dtype=np.float64), spacing)
     found = describe(given, spacing)
-    errors = [_error(name, found.values[name], expected[name], expected) for name in NAMES]
+    errors = [
+        _error(name, found.values[name], expected[name], expected) for name in NAMES
+    ]
     worst = int(np.argmax(errors))
     unlike = [n for n in NAMES if math.isnan(found.values[n]) != math.isnan(expected[n])]
     error = Finding(f"off exact: {NAMES[worst]}", errors[worst], EXACT)
@@ -118,7 +130,9 @@ def _error(name: str, value: float, expected: float, beside: dict[str, float]) -
     if expected:
         return abs(value / expected - 1)
     kind = CURVATURES if name in CURVATURES else LENGTHS - CURVATURES
-    largest = max((abs(beside[each]) for each in kind if beside[each] == beside[each]), default=0.0)
+    largest = max(
+        (abs(beside[each]) for each in kind if beside[each] == beside[each]), default=0.0
+    )
     return abs(value) / largest if largest else math.inf
 
 
@@ -128,7 +142,9 @@ def says(heights: ArrayLike, *words: str) -> Answer:
     missing = [word for word in words if word not in found.reason]
     said = Finding(", ".join(["words missing in the reason", *missing]), len(missing), 0)
     defined = not any(map(math.isnan, found.values.values()))
-    return Answer(in_words(found), [said, Finding("undefined without a reason", int(defined), 0)])
+    return Answer(
+        in_words(found), [said, Finding("undefined without a reason", int(defined), 0)]
+    )
 
 
 def in_words(found: Description) -> str:
@@ -198,9 +214,14 @@ def _cancellation() -> Iterator[Case]:
     asked = "the others σ0 = 12 um"
     for depth in (1e4, 1e8, 1e10):
         yield case(f"one node {depth:g} um deep", asked, _with(stepped(), -depth))
-    yield case("one node 1e16 um deep", asked, _with(stepped(), -1e16), "lost in rounding")
+    yield case(
+        "one node 1e16 um deep", asked, _with(stepped(), -1e16), "lost in rounding"
+    )
     for slope in (1e3, 1e6):
-        asked, plane = "σ0 = 12 um in steps of 1/1024 um", slope * np.arange(NODES)[:, None]
+        asked, plane = (
+            "σ0 = 12 um in steps of 1/1024 um",
+            slope * np.arange(NODES)[:, None],
+        )
         yield case(f"tilted by {slope:g} um a node", asked, stepped() + plane)
 
 
@@ -227,12 +248,26 @@ def _grids() -> Iterator[Case]:
             asked += ", heights in steps of 1/16 um"
             surface = partial(stepped, nodes, 1 / 16)
         yield case(f"k = {k}", asked, surface)
-    for rows, columns in ((2, 2), (2, 3), (3, 2), (3, 3), (2, 129), (129, 2), (9, 100), (128, 17)):
-        corner, asked = rough(129)[:rows, :columns], "a corner of 129 x 129, g = 0.5 and 2 um"
+    for rows, columns in (
+        (2, 2),
+        (2, 3),
+        (3, 2),
+        (3, 3),
+        (2, 129),
+        (129, 2),
+        (9, 100),
+        (128, 17),
+    ):
+        corner, asked = (
+            rough(129)[:rows, :columns],
+            "a corner of 129 x 129, g = 0.5 and 2 um",
+        )
         yield case(f"{rows} x {columns}", asked, corner, spacing=oblong)
     turned = {"turned by 180°": rough()[::-1, ::-1], "axes swapped": rough().T}
     for name, image in (turned | {"turned by 90°": np.rot90(rough())}).items():
-        yield case(name, "seen otherwise in memory, g = 0.5 and 2 um", image, spacing=oblong)
+        yield case(
+            name, "seen otherwise in memory, g = 0.5 and 2 um", image, spacing=oblong
+        )
 
 
 def _features() -> Iterator[Case]:
@@ -261,6 +296,10 @@ def _features() -> Iterator[Case]:
         ("two spikes", "of 1 and 2 um", _with(spike, 2.0, (5, 5))),
         ("ridges", "profiles along y flat", np.repeat(stepped()[:, :1], 9, axis=1)),
         ("white noise", "σ = 1 um", noise),
-        ("an outlier", "one node of 1e6 um, the others σ0 = 12 um", _with(stepped(), 1e6)),
+        (
+            "an outlier",
+            "one node of 1e6 um, the others σ0 = 12 um",
+            _with(stepped(), 1e6),
+        ),
     ):
         yield case(name, asked, heights)

@@ -46,7 +46,9 @@ def test_write_by_one(benchmark: Any, tmp_path: Path, size: str) -> None:
     benchmark.pedantic(lambda: write_rows(*arguments), setup=create, rounds=3)
     require_rows(path, blocks, template)
     if benchmark.enabled:
-        benchmark.extra_info["megabytes_per_second"] = spec.megabytes / benchmark.stats["median"]
+        benchmark.extra_info["megabytes_per_second"] = (
+            spec.megabytes / benchmark.stats["median"]
+        )
 
 
 TASKS = {"smoke": 256, "paper": 15_878, "large": 100_000}
@@ -54,7 +56,9 @@ TASKS = {"smoke": 256, "paper": 15_878, "large": 100_000}
 
 def dispatch(tasks: int) -> int:
     results: list[int] = []
-    farm.run(abs, iter(range(tasks)), lambda _task, result: results.append(result), World())
+    farm.run(
+        abs, iter(range(tasks)), lambda _task, result: results.append(result), World()
+    )
     return sum(results)
 
 
@@ -74,7 +78,9 @@ sizes = pytest.mark.parametrize("nodes", SIZES.values(), ids=SIZES)
 
 
 def stream(surface: int) -> np.random.Generator:
-    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(7, spawn_key=(surface,))))
+    return np.random.Generator(
+        np.random.PCG64(np.random.SeedSequence(7, spawn_key=(surface,)))
+    )
 
 
 @sizes

@@ -63,12 +63,16 @@ def best_of_scikit_learn(name: str, size: str, samples: Samples, folds: Folds) -
 
     space = {f"{STEP}__{key}": values for key, values in space_of(name, size).items()}
     model = pipeline(MODELS[name], tuned=True)
-    done = GridSearchCV(model, space, cv=PredefinedSplit(folds), scoring="r2", refit=False)
+    done = GridSearchCV(
+        model, space, cv=PredefinedSplit(folds), scoring="r2", refit=False
+    )
     done.fit(*samples)
     return float(np.max(done.cv_results_["mean_test_score"]))
 
 
-def best_of_ours(name: str, size: str, samples: Samples, folds: Folds, path: Path) -> float:
+def best_of_ours(
+    name: str, size: str, samples: Samples, folds: Folds, path: Path
+) -> float:
     inputs, target = samples
     training = Training(inputs, target, folds, inputs[:2], target[:2])
     model = MODELS[name]
@@ -88,14 +92,18 @@ def test_search(benchmark: Any, name: str, size: str, tmp_path: Path) -> None:
         pytest.skip("the smoke size asserts the same; this one is for times")
     samples, folds = samples_of(SEARCHED), (np.arange(SEARCHED) % 5).astype(np.int8)
     path = tmp_path / "trials.jsonl"
-    ours = benchmark.pedantic(best_of_ours, args=(name, size, samples, folds, path), rounds=3)
+    ours = benchmark.pedantic(
+        best_of_ours, args=(name, size, samples, folds, path), rounds=3
+    )
     began = perf_counter()
     theirs = best_of_scikit_learn(name, size, samples, folds)
     seconds = perf_counter() - began
     assert ours == pytest.approx(theirs, abs=1e-10)
     benchmark.extra_info["best R2"] = ours
     if benchmark.enabled:
-        benchmark.extra_info["scikit_learn_over_ours"] = seconds / benchmark.stats.stats.median
+        benchmark.extra_info["scikit_learn_over_ours"] = (
+            seconds / benchmark.stats.stats.median
+        )
 
 
 @pytest.mark.parametrize("size", ROWS)
@@ -115,7 +123,9 @@ def test_baseline(benchmark: Any, name: str, what: str, size: str) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of perceptrons that have not converged
         if what == "fit":
-            benchmark.pedantic(model.fit, args=samples, rounds=2 if size == "smoke" else 1)
+            benchmark.pedantic(
+                model.fit, args=samples, rounds=2 if size == "smoke" else 1
+            )
         else:
             model.fit(*samples)
             benchmark.pedantic(model.predict, args=samples[:1], rounds=5, warmup_rounds=1)
@@ -135,7 +145,9 @@ SIDE, DELTA = 1000.0, 12.0
 @pytest.mark.parametrize("name", OF_SURFACES)
 def test_features(benchmark: Any, name: str, size: str) -> None:
     """Cold: statistics, and all else that a surface is asked for, anew in every round."""
-    heights = generate("diamond-square", NODES[size], 0.65, 12.0, np.random.default_rng(7))
+    heights = generate(
+        "diamond-square", NODES[size], 0.65, 12.0, np.random.default_rng(7)
+    )
     wanted, deltas, step = chosen(name), np.array([DELTA]), SIDE / (NODES[size] - 1)
 
     def features() -> NDArray[np.float64]:
@@ -148,7 +160,9 @@ def test_features(benchmark: Any, name: str, size: str) -> None:
         above = np.maximum(heights - (heights.max() - DELTA), 0.0)
         places = [wanted.columns.index(column) for column in HYBRID[:2]]
         bearing = found[0, places]
-        assert bearing == pytest.approx([np.mean(above > 0), above.mean() / DELTA], rel=1e-12)
+        assert bearing == pytest.approx(
+            [np.mean(above > 0), above.mean() / DELTA], rel=1e-12
+        )
     lengths = 1.0 if wanted.scaled else 2.0
     large = SurfaceFeatures(2 * heights, (2 * SIDE, 2 * SIDE), (2 * step, 2 * step))
     doubled = wanted.of(large.rows(wanted, 2 * deltas))
@@ -169,7 +183,11 @@ def test_surrogate(benchmark: Any, name: str, size: str) -> None:
     answer = benchmark(asked.surrogate.predict_rows, every)
     alone = asked.surrogate.predict_rows(rows)
     few = order[:40]
-    assert answer.values["target"][:40] == pytest.approx(alone.values["target"][few], rel=1e-9)
+    assert answer.values["target"][:40] == pytest.approx(
+        alone.values["target"][few], rel=1e-9
+    )
     assert answer.low["target"][:40] == pytest.approx(alone.low["target"][few], rel=1e-9)
     if benchmark.enabled:
-        benchmark.extra_info["answers_per_second"] = ASKED_ROWS[size] / benchmark.stats["median"]
+        benchmark.extra_info["answers_per_second"] = (
+            ASKED_ROWS[size] / benchmark.stats["median"]
+        )

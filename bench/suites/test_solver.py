@@ -57,7 +57,9 @@ def random_field(nodes: int, seed: int = 7) -> NDArray[np.float64]:
 def assert_exact(contact: bem.Contact) -> None:
     """Contact nodes within 0.05 %, or one, of those at a far tighter tolerance; the same force."""
     problem = contact.problem
-    exact = bem.solve(problem.heights, SIDE, problem.delta, kernel=problem.kernel, rtol=EXACT)
+    exact = bem.solve(
+        problem.heights, SIDE, problem.delta, kernel=problem.kernel, rtol=EXACT
+    )
     missed = abs(contact.contact_nodes - exact.contact_nodes)
     assert missed <= max(exact.contact_nodes // 2000, 1)
     assert contact.force == pytest.approx(exact.force, rel=1e-5)
@@ -77,7 +79,9 @@ def seconds_of(work: Work, rounds: int = 5) -> list[float]:
     return seconds
 
 
-def record_time_over(benchmark: BenchmarkFixture, name: str, work: Work, other: Work) -> None:
+def record_time_over(
+    benchmark: BenchmarkFixture, name: str, work: Work, other: Work
+) -> None:
     """The median time of one work over that of another, where time is taken."""
     if benchmark.enabled:
         benchmark.extra_info[name] = median(seconds_of(work)) / median(seconds_of(other))
@@ -95,9 +99,13 @@ def record_effort(benchmark: BenchmarkFixture, contacts: list[bem.Contact]) -> N
         rows, columns = contacts[0].pressure.shape
         kernel = contacts[0].problem.kernel
         operator = displacement_filter((rows, columns), "free", kernel, 1.0, "float64")
-        operator.field.fill(0)  # in place, any other field would grow from one time to the next
+        operator.field.fill(
+            0
+        )  # in place, any other field would grow from one time to the next
         bare = min(seconds_of(operator.transform, 50))
-        benchmark.extra_info["seconds_per_solve"] = benchmark.stats["mean"] / len(contacts)
+        benchmark.extra_info["seconds_per_solve"] = benchmark.stats["mean"] / len(
+            contacts
+        )
         benchmark.extra_info["bare_convolutions_per_solve"] = (
             benchmark.stats["min"] / len(contacts) / bare
         )
@@ -105,7 +113,9 @@ def record_effort(benchmark: BenchmarkFixture, contacts: list[bem.Contact]) -> N
 
 @sizes
 @kernels
-def test_influence_coefficients(benchmark: BenchmarkFixture, kernel: Kernel, nodes: int) -> None:
+def test_influence_coefficients(
+    benchmark: BenchmarkFixture, kernel: Kernel, nodes: int
+) -> None:
     """Cold: every round tabulates anew."""
 
     def tabulate() -> NDArray[np.float64]:
@@ -136,7 +146,9 @@ def test_convolution(benchmark: BenchmarkFixture, dtype: str, nodes: int) -> Non
 
 @sizes
 @pytest.mark.parametrize("boundary", BOUNDARIES)
-def test_approximate_inverse(benchmark: BenchmarkFixture, boundary: Boundary, nodes: int) -> None:
+def test_approximate_inverse(
+    benchmark: BenchmarkFixture, boundary: Boundary, nodes: int
+) -> None:
     """It is symmetric and positive definite on half the nodes: conjugate gradients may use it."""
     operator = Patch((nodes, nodes), boundary, "uniform-pressure", 1.0)
     operator.take_contact(random_field(nodes) > 0)
@@ -167,7 +179,9 @@ def test_solve_paper(benchmark: BenchmarkFixture, rtol: float) -> None:
 @sizes
 @pytest.mark.parametrize("percent", [1, 10, 50])
 def test_solve_at_contact(benchmark: BenchmarkFixture, percent: int, nodes: int) -> None:
-    contact = benchmark(bem.solve, paper_case(0, nodes).heights, SIDE, DELTAS[nodes][percent])
+    contact = benchmark(
+        bem.solve, paper_case(0, nodes).heights, SIDE, DELTAS[nodes][percent]
+    )
     record_effort(benchmark, [contact])
     assert contact.area_percent == pytest.approx(percent, rel=0.1)
     assert_exact(contact)
@@ -175,11 +189,16 @@ def test_solve_at_contact(benchmark: BenchmarkFixture, percent: int, nodes: int)
 
 @pytest.mark.parametrize("percent", [0.5, 1.0, 2.0, 4.0])
 @pytest.mark.parametrize("nodes", [129, 257])
-def test_solve_few_in_contact(benchmark: BenchmarkFixture, nodes: int, percent: float) -> None:
+def test_solve_few_in_contact(
+    benchmark: BenchmarkFixture, nodes: int, percent: float
+) -> None:
     """Dense algebra on the contact set where it is few; its time over that of iterations alone."""
     heights = paper_case(0, nodes).heights
     delta = optimize.brentq(
-        lambda d: bem.solve(heights, SIDE, d, rtol=1e-2).area_percent - percent, 1, 60, xtol=0.1
+        lambda d: bem.solve(heights, SIDE, d, rtol=1e-2).area_percent - percent,
+        1,
+        60,
+        xtol=0.1,
     )
     solve = partial(bem.solve, heights, SIDE, delta)
 
@@ -205,7 +224,9 @@ def test_solve_given_force(benchmark: BenchmarkFixture, control: str) -> None:
     asked = [
         partial(bem.solve, c.problem.heights, SIDE, force=c.force)
         if control == "force"
-        else partial(bem.solve, c.problem.heights, SIDE, pressure=float(c.pressure.mean()))
+        else partial(
+            bem.solve, c.problem.heights, SIDE, pressure=float(c.pressure.mean())
+        )
         for c in expected
     ]
     contacts = benchmark(lambda: [solve() for solve in asked])
@@ -246,13 +267,18 @@ def test_stiffness(benchmark: BenchmarkFixture, nodes: int, boundary: Boundary) 
 FLOWS = [(129, load, boundary) for load in (0.003, 0.01, 0.03) for boundary in BOUNDARIES]
 
 
-@pytest.mark.parametrize(("nodes", "pressure", "boundary"), [*FLOWS, (1025, 0.03, "free")])
+@pytest.mark.parametrize(
+    ("nodes", "pressure", "boundary"), [*FLOWS, (1025, 0.03, "free")]
+)
 def test_flow(benchmark: Any, nodes: int, pressure: float, boundary: Boundary) -> None:
     """The flow through the gap along x; its cost over that of the contact."""
     heights = paper_case(0, nodes).heights[:-1, :-1]
     solve = partial(bem.solve, heights, SIDE, pressure=pressure, boundary=boundary)
     contact = solve()
-    gap, spacing = np.where(contact.pressure > 0, 0, contact.gap.clip(0)), contact.problem.spacing
+    gap, spacing = (
+        np.where(contact.pressure > 0, 0, contact.gap.clip(0)),
+        contact.problem.spacing,
+    )
     axes = (0, 1) if boundary == "periodic" else (0,)  # there one factor serves both
     work = partial(flows_through, gap, spacing, axes, periodic=boundary == "periodic")
     flow, *_ = benchmark.pedantic(work, rounds=1 if nodes > SIZES["paper"] else 9)

@@ -90,7 +90,9 @@ def measure_solver(contacts: Contacts) -> Times:
     """
     rows, deltas = range(len(contacts)), np.linspace(*DELTAS, LOADS)
     plan = parameters(SCENE, 0, len(contacts))
-    loose = [partial(bem.solve, each, SIDE, delta, rtol=LOOSE) for each, delta in contacts]
+    loose = [
+        partial(bem.solve, each, SIDE, delta, rtol=LOOSE) for each, delta in contacts
+    ]
     exact = [partial(solve_contact, SCENE, *each) for each in contacts]
     climbs = [lambda z=z: list(bem.ladder(z, SIDE, deltas)) for z, _ in contacts]
     areas = ([solve().area_percent for solve in solves] for solves in (exact, loose))
@@ -130,7 +132,8 @@ def measure_surrogate(fitted: Fitted, features: str, contacts: Contacts) -> Time
     many = np.resize(rows, (BATCH, rows.shape[1]))
     return {
         "surface": surface,
-        "load": mean_seconds(partial(features_of, each, deltas) for each in known) / LOADS,
+        "load": mean_seconds(partial(features_of, each, deltas) for each in known)
+        / LOADS,
         "single": median_seconds(partial(fitted.learnt.raw, rows[:1])),
         "batched": median_seconds(partial(fitted.learnt.raw, many)) / BATCH,
     }
@@ -169,10 +172,14 @@ def cost(
     path = databases.of_the_paper(database, folder / "databases", rows)
     remark(f"the solver on {surfaces} surfaces")
     plan = parameters(SCENE, 0, surfaces)
-    contacts = [(surface_of(SCENE, plan, row), float(plan.load[row])) for row in range(surfaces)]
+    contacts = [
+        (surface_of(SCENE, plan, row), float(plan.load[row])) for row in range(surfaces)
+    ]
     solver, questions = measure_solver(contacts), [of_the_paper()]
     points: list[Row] = []
-    spent = [{"of": "solver", "what": what, "value": value} for what, value in solver.items()]
+    spent = [
+        {"of": "solver", "what": what, "value": value} for what, value in solver.items()
+    ]
     for features in OF_SURFACES:
         request = request_for(path, "kernel-ridge", features, area_max)
         parts = parted(read(request, rows))
@@ -180,7 +187,9 @@ def cost(
         full = fit(request, parts.train, parts.folds)
         answer = measure_surrogate(full, features, contacts)
         of = f"{features} features"
-        spent += [{"of": of, "what": what, "value": value} for what, value in answer.items()]
+        spent += [
+            {"of": of, "what": what, "value": value} for what, value in answer.items()
+        ]
         build = build_times(rows, solver, answer, full, features)
         search = searched if features == "paper" else math.nan
         questions += _questions(features, rows, solver, answer, build, search)
@@ -202,7 +211,12 @@ def tuning_seconds(comparison: Path) -> float:
 
 
 def question(
-    who: tuple[str, str, str], rows: int, build: Times, solve: float, query: float, search: float
+    who: tuple[str, str, str],
+    rows: int,
+    build: Times,
+    solve: float,
+    query: float,
+    search: float,
 ) -> Row:
     """Return a row: surrogate against a solver in one situation, by the times of an answer [s].
 
@@ -216,7 +230,9 @@ def question(
         **build,
         **dict(zip(("search", "solve", "query"), (search, solve, query), strict=True)),
         "break_even": break_even(own, solve, query),
-        "break_even_searched": break_even(own + search, solve, query) if known else math.nan,
+        "break_even_searched": break_even(own + search, solve, query)
+        if known
+        else math.nan,
         "search_pays": break_even(search, solve, query) if known else math.nan,
     }
 
@@ -230,13 +246,17 @@ def of_the_paper() -> Row:
     return question(who, PAPER_ROWS, build, PAPER_SOLVE, tests / PAPER_TESTS, searched)
 
 
-def build_times(rows: float, solver: Times, answer: Times, fitted: Fitted, features: str) -> Times:
+def build_times(
+    rows: float, solver: Times, answer: Times, fitted: Fitted, features: str
+) -> Times:
     """Return times before the first answer [s]: t_d, `database`, t_h, `tuning`, and t_f, `fit`.
 
     Where features need surfaces, these are generated again; `tuning` chooses among the settings
     that come with the program.
     """
-    again = solver["surface"] + answer["surface"] if chosen(features).needs_surface else 0.0
+    again = (
+        solver["surface"] + answer["surface"] if chosen(features).needs_surface else 0.0
+    )
     database = rows * (solver["row"] + again)
     return {"database": database, "tuning": fitted.choosing, "fit": fitted.fitting}
 
@@ -245,7 +265,10 @@ def _questions(
     features: str, rows: int, solver: Times, answer: Times, build: Times, search: float
 ) -> Iterator[Row]:
     """Yield all situations of a feature set; a surface itself costs both sides the same."""
-    theirs = {**build, "database": build["database"] + rows * (PAPER_SOLVE - solver["solve"])}
+    theirs = {
+        **build,
+        "database": build["database"] + rows * (PAPER_SOLVE - solver["solve"]),
+    }
     new, more = (answer[name] + answer["batched"] for name in ("surface", "load"))
     yield question((NEW, PAPERS, features), rows, theirs, PAPER_SOLVE, new, search)
     yield question((NEW, OURS, features), rows, build, solver["solve"], new, search)
@@ -257,7 +280,9 @@ def _questions(
 
 def sizes(most: int) -> list[int]:
     """Return the training rows of a curve's points: doubled up to all of them."""
-    doubled = [FEWEST * 2**power for power in range(30) if FEWEST * 2**power < 0.75 * most]
+    doubled = [
+        FEWEST * 2**power for power in range(30) if FEWEST * 2**power < 0.75 * most
+    ]
     return [*doubled, most]
 
 
@@ -272,18 +297,29 @@ def _curve(
     most = parts.train.size
     for size in sizes(most):
         folds = (np.arange(size) % 5).astype(np.int8)
-        draws = [np.arange(n * size, (n + 1) * size) for n in range(min(DRAWS, most // size))]
-        fits = [full] if size == most else [fit(request, parts.train.at(n), folds) for n in draws]
+        draws = [
+            np.arange(n * size, (n + 1) * size) for n in range(min(DRAWS, most // size))
+        ]
+        fits = (
+            [full]
+            if size == most
+            else [fit(request, parts.train.at(n), folds) for n in draws]
+        )
         solved = size * rows / most
         judged = [asdict(each.scores(parts.test)) for each in fits]
-        builds = [build_times(solved, solver, answer, each, request.features) for each in fits]
+        builds = [
+            build_times(solved, solver, answer, each, request.features) for each in fits
+        ]
         build = float(np.median([sum(each.values()) for each in builds]))
         query = answer["surface"] + answer["batched"]
         yield {
             "features": request.features,
             "trained": size,
             "rows": round(solved),
-            **{name: float(np.median([each[name] for each in judged])) for name in judged[0]},
+            **{
+                name: float(np.median([each[name] for each in judged]))
+                for name in judged[0]
+            },
             "build": build,
             "break_even": break_even(build, solver["solve"], query),
         }
@@ -293,11 +329,18 @@ def _totals(questions: list[Row]) -> Iterator[Row]:
     """Yield the total cost [s] of a solver, and of each surrogate beside it, over the queries."""
     for solver in (PAPERS, OURS):
         own = [row for row in questions if (row["asked"], row["solver"]) == (NEW, solver)]
-        most = max((q["break_even"] for q in own if math.isfinite(q["break_even"])), default=1e5)
+        most = max(
+            (q["break_even"] for q in own if math.isfinite(q["break_even"])), default=1e5
+        )
         curves = {"the solver": (0.0, own[0]["solve"])}
         for each in own:
             build = each["database"] + each["tuning"] + each["fit"]
             curves[f"{each['features']} features"] = build, each["query"]
         for name, (build, each) in curves.items():
             for n in np.geomspace(1, 30 * most, 40).tolist():
-                yield {"solver": solver, "of": name, "queries": n, "seconds": build + n * each}
+                yield {
+                    "solver": solver,
+                    "of": name,
+                    "queries": n,
+                    "seconds": build + n * each,
+                }

@@ -37,7 +37,12 @@ WANTED = 0.86  # smallest coverage of unflagged rows that is asked for, within i
 ENOUGH = 30  # unflagged rows, fewer of which tell nothing
 FEWEST = 300  # smallest number of rows of the preset
 
-PAPER, MIDPOINT, SPECTRAL, YIELDING = "paper", "midpoint", "broad-spectral", "paper-yielding"
+PAPER, MIDPOINT, SPECTRAL, YIELDING = (
+    "paper",
+    "midpoint",
+    "broad-spectral",
+    "paper-yielding",
+)
 FINE = {257: "fine-257", 513: "fine-513"}
 
 STORE = "[store]\nmean_gap = true\n"
@@ -70,9 +75,15 @@ class Case:
     tested_on: str
     pool: tuple[str, ...]  # databases that are read together
     train: Indices  # rows that are split into training, calibration and test
-    judged: Indices | None = None  # rows that judge it; None for the test rows of the split
-    added: Indices = field(default_factory=lambda: np.empty(0, np.int64))  # further training rows
-    flagged: Indices = field(default_factory=lambda: np.empty(0, np.int64))  # whatever they are
+    judged: Indices | None = (
+        None  # rows that judge it; None for the test rows of the split
+    )
+    added: Indices = field(
+        default_factory=lambda: np.empty(0, np.int64)
+    )  # further training rows
+    flagged: Indices = field(
+        default_factory=lambda: np.empty(0, np.int64)
+    )  # whatever they are
 
 
 def databases(folder: Path, rows: int) -> dict[str, Path]:
@@ -81,7 +92,9 @@ def databases(folder: Path, rows: int) -> dict[str, Path]:
     for name in (YIELDING, *BROAD):
         shipped = (files("gen") / "scenes" / f"{name}.toml").read_text(encoding="utf-8")
         lines = shipped.splitlines(keepends=True)
-        texts[name] = "".join(each for each in lines if not each.startswith(("title", "samples")))
+        texts[name] = "".join(
+            each for each in lines if not each.startswith(("title", "samples"))
+        )
     for seed, name in enumerate(FOREIGN, 3000):
         surface = SCENES["kinds"].get(name, SCENES["function"].replace("NAME", name))
         texts[name] = f"seed = {seed}\n{surface}{SCENES['load']}"
@@ -95,11 +108,15 @@ def databases(folder: Path, rows: int) -> dict[str, Path]:
 
 def cases(pool: tuple[str, ...], rows: Dataset, seed: int) -> Iterator[Case]:
     """Yield the cases of one pool of databases, whose rows have been read."""
-    place = {name: np.flatnonzero(rows.database == index) for index, name in enumerate(pool)}
+    place = {
+        name: np.flatnonzero(rows.database == index) for index, name in enumerate(pool)
+    }
     if {*FOREIGN} <= {*pool}:
         foreign = np.concatenate([place[name] for name in FOREIGN])
         trained = "broad" if BROAD[0] in pool else "preset"
-        yield Case(trained, KIND, pool, np.setdiff1d(np.arange(rows.size), foreign), foreign)
+        yield Case(
+            trained, KIND, pool, np.setdiff1d(np.arange(rows.size), foreign), foreign
+        )
     elif pool == (PAPER,):
         yield Case("preset", "preset", pool, place[PAPER])
         low = column(rows, "hurst") <= HURST_BORDER
@@ -108,7 +125,10 @@ def cases(pool: tuple[str, ...], rows: Dataset, seed: int) -> Iterator[Case]:
     elif pool == (YIELDING,):
         ratio = column(rows, "hardness")  # E* is 1 MPa
         inside = (ratio >= HARDNESS[0]) & (ratio <= HARDNESS[1])
-        words = f"preset, hardness {HARDNESS[0]:g} to {HARDNESS[1]:g} E*", "other hardness"
+        words = (
+            f"preset, hardness {HARDNESS[0]:g} to {HARDNESS[1]:g} E*",
+            "other hardness",
+        )
         outside = np.flatnonzero(~inside)
         yield Case(*words, pool, np.flatnonzero(inside), outside, flagged=outside)
     elif pool[0] == PAPER:
@@ -125,7 +145,9 @@ def cases(pool: tuple[str, ...], rows: Dataset, seed: int) -> Iterator[Case]:
         yield Case("broad", "broad", pool, every)
         for kind, names in KINDS.items():
             judged = np.sort(np.concatenate([place[name] for name in names]))
-            yield Case(f"broad without {kind}", kind, pool, np.setdiff1d(every, judged), judged)
+            yield Case(
+                f"broad without {kind}", kind, pool, np.setdiff1d(every, judged), judged
+            )
 
 
 def column(rows: Dataset, name: str) -> Values:
@@ -138,7 +160,13 @@ def pools() -> Sequence[tuple[str, ...]]:
     """Return the databases that are read together for the cases."""
     beside = (MIDPOINT, SPECTRAL, *FINE.values())
     elsewhere = (PAPER, *FOREIGN), (*BROAD, *FOREIGN)
-    return ((PAPER,), *((PAPER, other) for other in beside), (YIELDING,), BROAD, *elsewhere)
+    return (
+        (PAPER,),
+        *((PAPER, other) for other in beside),
+        (YIELDING,),
+        BROAD,
+        *elsewhere,
+    )
 
 
 def coverage(folder: Path, rows: int, seeds: int) -> Report:
@@ -149,16 +177,25 @@ def coverage(folder: Path, rows: int, seeds: int) -> Report:
     An InputError is raised if there are too few rows or seeds.
     """
     if rows < FEWEST or seeds < 1:
-        raise InputError(f"--rows {rows}, --seeds {seeds}: give {FEWEST} rows and 1 seed or more")
+        raise InputError(
+            f"--rows {rows}, --seeds {seeds}: give {FEWEST} rows and 1 seed or more"
+        )
     made = databases(folder / "databases", rows)
     found = []
     for pool in pools():
-        for target, read in zip(TARGETS, _read(*(made[name] for name in pool)), strict=True):
+        for target, read in zip(
+            TARGETS, _read(*(made[name] for name in pool)), strict=True
+        ):
             for seed in range(seeds):
                 for case in cases(pool, read, seed):
-                    judged = [{"target": target} | row for row in _judged(case, read, rows, seed)]
+                    judged = [
+                        {"target": target} | row
+                        for row in _judged(case, read, rows, seed)
+                    ]
                     share = judged[0]["covered_unflagged"]
-                    remark(f"{case.trained_on}: {case.tested_on}, {target}: {share:.1%} in 90 %")
+                    remark(
+                        f"{case.trained_on}: {case.tested_on}, {target}: {share:.1%} in 90 %"
+                    )
                     found += judged
     table = pooled(found)
     elsewhere = [row for row in table if not row["tested_on"].startswith(KIND)]
@@ -201,7 +238,9 @@ def _parts(case: Case, rows: Dataset, most: int, seed: int) -> Parts:
     if case.added.size:
         train = np.append(train, case.added)
         folds = np.append(folds, np.arange(case.added.size) % FOLDS).astype(np.int8)
-        order = np.random.default_rng(seed).permutation(train.size)  # a search sees the first rows
+        order = np.random.default_rng(seed).permutation(
+            train.size
+        )  # a search sees the first rows
         train, folds = train[order], folds[order]
     return Parts(rows.at(train), test, folds)
 
@@ -241,8 +280,16 @@ def by_kind(table: Sequence[Row]) -> list[Row]:
     for row in table:
         if row["tested_on"].startswith(KIND):
             kind = row["tested_on"].removeprefix(f"{KIND}: ").replace(KIND, "all")
-            names = {"trained_on": row["trained_on"], "kind": kind, "judged": row["judged"]}
-            counts = {"flagged": row["flagged"], "unflagged": row["unflagged"], "empty": 0}
+            names = {
+                "trained_on": row["trained_on"],
+                "kind": kind,
+                "judged": row["judged"],
+            }
+            counts = {
+                "flagged": row["flagged"],
+                "unflagged": row["unflagged"],
+                "empty": 0,
+            }
             own = found.setdefault((row["trained_on"], kind), names | counts)
             own["empty"] += row["empty"]
             own[row["target"]] = row["covered_unflagged"]
@@ -253,7 +300,9 @@ def by_kind(table: Sequence[Row]) -> list[Row]:
 def _pooled(rows: Sequence[Row]) -> Row:
     """Return a row of all seeds of a case."""
     names = ("unflagged", "covered_unflagged", "width", "nmae", "flagged", "covered")
-    weights, each, width, *others = (np.array([row[name] for row in rows]) for name in names)
+    weights, each, width, *others = (
+        np.array([row[name] for row in rows]) for name in names
+    )
     share = error = mean_width = float("nan")
     if (some := weights > 0).any():
         share = float(np.average(each[some], weights=weights[some]))

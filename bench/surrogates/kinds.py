@@ -15,8 +15,26 @@ from gen.spectral import SelfAffineSpectrum, generate_spectral
 from gen.surface import generate
 
 NAMES = (
-    *("turned", "ground", "honed", "sandblasted", "one_to_five", "one_to_ten", "sine", "egg_box"),
-    *("lognormal", "pitted", "bumps", "spheres", "worn", "two_scales", "grains", "scratched"),
+    *(
+        "turned",
+        "ground",
+        "honed",
+        "sandblasted",
+        "one_to_five",
+        "one_to_ten",
+        "sine",
+        "egg_box",
+    ),
+    *(
+        "lognormal",
+        "pitted",
+        "bumps",
+        "spheres",
+        "worn",
+        "two_scales",
+        "grains",
+        "scratched",
+    ),
     *("stepped", "patchy", "brushed", "holed", "weibull", "truncated", "liner", "pores"),
 )
 
@@ -57,9 +75,13 @@ def _axes(shape: Shape) -> tuple[Heights, Heights]:
     return np.linspace(0, 1, shape[0])[:, None], np.linspace(0, 1, shape[1])[None, :]
 
 
-def _made(kind: Kind, shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
+def _made(
+    kind: Kind, shape: Shape, spacing: Spacing, rng: np.random.Generator
+) -> Heights:
     """Make a map of `bench.made_maps` of this shape."""
-    made = MadeMap(kind, int(rng.integers(2**31)), shape, 1.0, shape[0] * rng.uniform(0.12, 0.4))
+    made = MadeMap(
+        kind, int(rng.integers(2**31)), shape, 1.0, shape[0] * rng.uniform(0.12, 0.4)
+    )
     return _sized(surface(made), rng)
 
 
@@ -72,15 +94,21 @@ def _long(
 ) -> Heights:
     """Make waves that are longer along y than along x."""
     longest = rng.uniform(0.1, most)
-    return _sized(_self_affine(shape, spacing, rng, longest=longest, stretch=stretch), rng)
+    return _sized(
+        _self_affine(shape, spacing, rng, longest=longest, stretch=stretch), rng
+    )
 
 
 one_to_five, one_to_ten = partial(_long, 0.4, 0.2), partial(_long, 0.2, 0.1)
 
 
-def _exponential(sign: int, shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
+def _exponential(
+    sign: int, shape: Shape, spacing: Spacing, rng: np.random.Generator
+) -> Heights:
     """Make peaks or pits: the exponential of a self-affine surface, or less that."""
-    return _sized(sign * np.exp(rng.uniform(0.3, 1.0) * _self_affine(shape, spacing, rng)), rng)
+    return _sized(
+        sign * np.exp(rng.uniform(0.3, 1.0) * _self_affine(shape, spacing, rng)), rng
+    )
 
 
 lognormal, pitted = partial(_exponential, 1), partial(_exponential, -1)
@@ -90,7 +118,9 @@ def sine(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
     """A wave along one direction, with self-affine noise of 0.1 to 0.4 of its rms height."""
     (x, y), angle = _axes(shape), rng.uniform(0, np.pi)
     phase = (
-        2 * np.pi * (rng.uniform(3, 10) * (x * np.cos(angle) + y * np.sin(angle)) + rng.uniform())
+        2
+        * np.pi
+        * (rng.uniform(3, 10) * (x * np.cos(angle) + y * np.sin(angle)) + rng.uniform())
     )
     noise = _self_affine(shape, spacing, rng)
     return _sized(np.sqrt(2) * np.sin(phase) + rng.uniform(0.1, 0.4) * noise, rng)
@@ -109,7 +139,11 @@ def bumps(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
     """Paraboloids of random places, radii and heights on a fine noise."""
     (x, y), heights = _axes(shape), 0.02 * rng.normal(size=shape)
     for _ in range(int(rng.integers(20, 120))):
-        at, radius, height = rng.uniform(size=2), rng.uniform(0.04, 0.15), rng.uniform(0.5, 1.0)
+        at, radius, height = (
+            rng.uniform(size=2),
+            rng.uniform(0.04, 0.15),
+            rng.uniform(0.5, 1.0),
+        )
         cap = height * (1 - ((x - at[0]) ** 2 + (y - at[1]) ** 2) / radius**2)
         heights = np.maximum(heights, cap)
     return _sized(heights, rng)
@@ -122,7 +156,10 @@ def spheres(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights
     shift = rng.uniform(0, pitch, 2)
     for row in range(-1, rows):
         for column in range(-1, int(1 / pitch) + 2):
-            at = shift[0] + (column + 0.5 * (row % 2)) * pitch, shift[1] + row * 0.866 * pitch
+            at = (
+                shift[0] + (column + 0.5 * (row % 2)) * pitch,
+                shift[1] + row * 0.866 * pitch,
+            )
             square = (pitch / 2) ** 2 - (x - at[0]) ** 2 - (y - at[1]) ** 2
             top = np.sqrt(np.maximum(square, 0.0)) + 0.05 * pitch * rng.normal()
             heights = np.maximum(heights, np.where(square > 0, top, -pitch / 2))
@@ -152,7 +189,9 @@ def grains(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
     own = squares.argmin(axis=-1)
     tilts = rng.normal(0, 3.0, (number, 2))
     inside = tilts[own, 0] * (x - at[own, 0]) + tilts[own, 1] * (y - at[own, 1])
-    return _sized(rng.normal(size=number)[own] + inside + 0.02 * rng.normal(size=shape), rng)
+    return _sized(
+        rng.normal(size=number)[own] + inside + 0.02 * rng.normal(size=shape), rng
+    )
 
 
 def scratched(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
@@ -182,7 +221,11 @@ def truncated(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heigh
 
 def liner(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
     """A self-affine surface, slightly worn, with crossing scratches of two widths."""
-    (x, y), heights, angle = _axes(shape), _self_affine(shape, spacing, rng), rng.uniform(0.3, 1.2)
+    (x, y), heights, angle = (
+        _axes(shape),
+        _self_affine(shape, spacing, rng),
+        rng.uniform(0.3, 1.2),
+    )
     heights = np.where(heights > 0, rng.uniform(0.3, 1.0) * heights, heights)
     for number in range(int(rng.integers(8, 40))):
         along, wide = angle * (-1) ** number, number % 4 == 0
@@ -206,12 +249,18 @@ def pores(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
 
 def _midpoint(shape: Shape, rng: np.random.Generator) -> Heights:
     """Make a surface as the paper preset has them: random midpoint displacement."""
-    return generate("diamond-square", shape[0], rng.uniform(0.5, 0.8), rng.uniform(10, 15), rng)
+    return generate(
+        "diamond-square", shape[0], rng.uniform(0.5, 0.8), rng.uniform(10, 15), rng
+    )
 
 
 def stepped(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
     """A surface of the paper preset with a step along a straight line."""
-    heights, (x, y), angle = _midpoint(shape, rng), _axes(shape), rng.uniform(0, 2 * np.pi)
+    heights, (x, y), angle = (
+        _midpoint(shape, rng),
+        _axes(shape),
+        rng.uniform(0, 2 * np.pi),
+    )
     beyond = (x - rng.uniform(0.2, 0.8)) * np.cos(angle) + (y - 0.5) * np.sin(angle) > 0
     return np.asarray(heights + rng.uniform(0.1, 1.5) * heights.std() * beyond)
 
@@ -219,18 +268,24 @@ def stepped(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights
 def patchy(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
     """A surface of the paper preset whose roughness varies over the patch."""
     heights, (x, y) = _midpoint(shape, rng), _axes(shape)
-    wave = np.sin(2 * np.pi * (x + rng.uniform())) * np.sin(2 * np.pi * (y + rng.uniform()))
+    wave = np.sin(2 * np.pi * (x + rng.uniform())) * np.sin(
+        2 * np.pi * (y + rng.uniform())
+    )
     return np.asarray(heights * np.exp(rng.uniform(0.1, 1.0) * wave))
 
 
 def brushed(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
     """A surface of the paper preset, smoothed along x by means over five nodes."""
     heights, weight = _midpoint(shape, rng), rng.uniform(0.1, 1.0)
-    return np.asarray((1 - weight) * heights + weight * uniform_filter1d(heights, 5, axis=0))
+    return np.asarray(
+        (1 - weight) * heights + weight * uniform_filter1d(heights, 5, axis=0)
+    )
 
 
 def holed(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
     """A surface of the paper preset with deep holes of a node each."""
     heights = _midpoint(shape, rng)
     holes = rng.uniform(size=shape) < rng.uniform(0.001, 0.02)
-    return np.asarray(np.where(holes, heights - rng.uniform(1, 4) * heights.std(), heights))
+    return np.asarray(
+        np.where(holes, heights - rng.uniform(1, 4) * heights.std(), heights)
+    )

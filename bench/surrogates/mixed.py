@@ -27,7 +27,9 @@ def mixed(folder: Path, rows: int) -> list[Row]:
     """Return errors and biases [%] of both areas, for each set of grids that trains and judges."""
     paths = []
     for n in GRIDS:
-        text = f"samples = {rows}\nseed = {n}\n" + SCENE.replace("nodes = 33", f"nodes = {n}")
+        text = f"samples = {rows}\nseed = {n}\n" + SCENE.replace(
+            "nodes = 33", f"nodes = {n}"
+        )
         paths.append(generated(folder / "databases", f"spectral-{n}", text))
     found: dict[tuple[str, ...], Row] = {}
     for features in ("dimensionless", "hybrid", "scene"):
@@ -37,13 +39,17 @@ def mixed(folder: Path, rows: int) -> list[Row]:
             (every,) = dataset.read(request)
             for key, scores in _judged(request, every):
                 row = found.setdefault((features, *key), {})
-                row |= {f"{name}_{score}_percent": value for score, value in scores.items()}
+                row |= {
+                    f"{name}_{score}_percent": value for score, value in scores.items()
+                }
             remark(f"{features} features, {target}: done")
     names = "features", "trained_on", "judged_on"
     return [dict(zip(names, key, strict=True)) | row for key, row in found.items()]
 
 
-def _judged(request: Request, every: Dataset) -> Iterator[tuple[tuple[str, str], dict[str, float]]]:
+def _judged(
+    request: Request, every: Dataset
+) -> Iterator[tuple[tuple[str, str], dict[str, float]]]:
     """Yield the grids that train and judge, with the errors of rows that have not trained."""
     nodes = np.array(GRIDS)[every.database]
     for trains in (*((grid,) for grid in GRIDS), GRIDS, GRIDS[:-1]):

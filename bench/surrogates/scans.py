@@ -87,7 +87,9 @@ class Judged:
     def rows(self) -> list[Row]:
         """Return the rows of the table: all maps together, then each."""
         every = np.ones(self.maps.size, dtype=bool)
-        each = [self.row(name, self.maps == index) for index, name in enumerate(self.names)]
+        each = [
+            self.row(name, self.maps == index) for index, name in enumerate(self.names)
+        ]
         return [self.row("all", every), *each]
 
 
@@ -99,7 +101,9 @@ def scans(folder: Path, rows: int, nodes: Sequence[int], seed: int) -> Report:
     """
     if rows < FEWEST:
         raise InputError(f"--rows {rows}: give {FEWEST} or more, ten of each map")
-    if not (folder / "maps").is_dir():  # some formats hold the time at which they were written
+    if not (
+        folder / "maps"
+    ).is_dir():  # some formats hold the time at which they were written
         write_all(folder / "maps", ONE_INSTRUMENT)
     found = []
     for size in nodes:
@@ -128,15 +132,21 @@ def _judged(path: Path, nodes: int, left_out: str, seed: int) -> Judged:
         low[test], high[test] = fitted.interval(judged, LEVEL)
         prediction[test] = fitted.predict(judged)
         flagged[test] = fitted.flags(judged)
-    made = Judged(nodes, left_out, maps, names, rows.target, prediction, low, high, flagged)
+    made = Judged(
+        nodes, left_out, maps, names, rows.target, prediction, low, high, flagged
+    )
     score = scores(made.truth, made.prediction)
     remark(f"{nodes} nodes, {left_out}: R2 {score.r2:.2f} %, nMAE {score.nmae:.2f} %")
     return made
 
 
-def _tests(rows: Dataset, maps: Indices, *, by_map: bool, seed: int = 0) -> Iterator[Indices]:
+def _tests(
+    rows: Dataset, maps: Indices, *, by_map: bool, seed: int = 0
+) -> Iterator[Indices]:
     """Yield the rows that are judged together: those of a map, or of a fifth of all tiles."""
-    groups = np.random.default_rng(seed).permutation(np.unique(maps if by_map else rows.groups))
+    groups = np.random.default_rng(seed).permutation(
+        np.unique(maps if by_map else rows.groups)
+    )
     for part in np.array_split(groups, groups.size if by_map else FOLDS):
         yield np.flatnonzero(np.isin(maps if by_map else rows.groups, part))
 
@@ -164,12 +174,16 @@ def picture(found: Sequence[Judged]) -> Any:
     for panel, judged in zip(panels.flat, found, strict=True):
         parity_axes(panel, judged.truth)
         for kind, colour in zip(KINDS, COLOURS, strict=False):
-            own = [index for index, name in enumerate(judged.names) if name.startswith(kind)]
+            own = [
+                index for index, name in enumerate(judged.names) if name.startswith(kind)
+            ]
             here = np.isin(judged.maps, own)
             x, y = judged.truth[here], judged.prediction[here]
             look = {"marker": ".", "ms": 3, "ls": "none", "color": colour}
             draw_parity(panel, x, y, label=kind, **look)
         panel.set(xlabel="solved area [%]", ylabel="predicted area [%]")
-        panel.set_title(f"{judged.nodes} x {judged.nodes} nodes, {judged.left_out}", fontsize=10)
+        panel.set_title(
+            f"{judged.nodes} x {judged.nodes} nodes, {judged.left_out}", fontsize=10
+        )
     panels.flat[0].legend(markerscale=3)
     return figure

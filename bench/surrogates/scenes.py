@@ -42,11 +42,17 @@ FEW = 20  # surfaces that a user would solve for a mean
 QUESTIONS = 10_000
 LEVEL = 0.9
 MEANS = ("nmae", "floor", "mean_inside", "mean_width")
-MODELS = ("population", "kernel-ridge", "gaussian-process")  # whose fits `learn fit` makes
+MODELS = (
+    "population",
+    "kernel-ridge",
+    "gaussian-process",
+)  # whose fits `learn fit` makes
 MODEL_ROWS = 3000  # that train each of them: the fits of the last two take the cube of their number
 SIZES = (500, 1500, 5000)  # rows that train means too
 DRAWS = 5  # of these rows, since means of one fit err alike at neighbouring points
-PROCESS_ROWS = 1000  # of the plain Gaussian process, whose fit takes the cube of their number
+PROCESS_ROWS = (
+    1000  # of the plain Gaussian process, whose fit takes the cube of their number
+)
 
 SCENES: dict[str, str] = read_toml("surrogates/scenes")["own-numbers"]
 
@@ -61,7 +67,9 @@ def scene_surrogate(folder: Path, rows: int, points: int, surfaces: int) -> Repo
     models: list[Row] = []
     means: list[Row] = []
     for name, text in SCENES.items():
-        path = generated(folder / "databases", name.replace(" ", "-"), f"samples = {rows}\n{text}")
+        path = generated(
+            folder / "databases", name.replace(" ", "-"), f"samples = {rows}\n{text}"
+        )
         with Reader(path) as reader:
             scene = reader.scene
         load = load_of(scene)
@@ -79,20 +87,37 @@ def scene_surrogate(folder: Path, rows: int, points: int, surfaces: int) -> Repo
         said = {"scene": name, "load": load, "rows": rows, "fit_seconds": seconds}
         found += [said | row for row in _judged(surrogate, request, asked, truth)]
         for model in MODELS:
-            own, seconds = _fitted(replace(request, models=(model,), train_rows=MODEL_ROWS))
+            own, seconds = _fitted(
+                replace(request, models=(model,), train_rows=MODEL_ROWS)
+            )
             new = own.predict_rows(own.of_numbers(asked), level=LEVEL)
             for target, learnt in own.learnt.items():
                 true = truth[learnt.column]
-                row = {"scene": name, "target": target, "model": model, "fit_seconds": seconds}
+                row = {
+                    "scene": name,
+                    "target": target,
+                    "model": model,
+                    "fit_seconds": seconds,
+                }
                 row["nmae"] = _Errors(true).of(new.values[target])
-                models.append({**row, "inside": _inside(new.low[target], new.high[target], true)})
+                models.append(
+                    {**row, "inside": _inside(new.low[target], new.high[target], true)}
+                )
         for size in (each for each in SIZES if each < rows):
-            draws = [replace(request, train_rows=size, seed=draw) for draw in range(DRAWS)]
+            draws = [
+                replace(request, train_rows=size, seed=draw) for draw in range(DRAWS)
+            ]
             fits = [list(_means(_fitted(each)[0], asked, truth)) for each in draws]
             for same in zip(*fits, strict=True):
-                mean = {name: float(np.mean([each[name] for each in same])) for name in MEANS}
-                means.append({"scene": name, "target": same[0]["target"], "rows": size, **mean})
-    return Report({"scene-surrogate": found, "scene-models": models, "scene-means": means})
+                mean = {
+                    name: float(np.mean([each[name] for each in same])) for name in MEANS
+                }
+                means.append(
+                    {"scene": name, "target": same[0]["target"], "rows": size, **mean}
+                )
+    return Report(
+        {"scene-surrogate": found, "scene-models": models, "scene-means": means}
+    )
 
 
 def _fitted(request: Request) -> tuple[Surrogate, float]:
@@ -151,11 +176,17 @@ def _means(
 
 
 def _judged(
-    surrogate: Surrogate, request: Request, asked: dict[str, Values], truth: dict[str, Values]
+    surrogate: Surrogate,
+    request: Request,
+    asked: dict[str, Values],
+    truth: dict[str, Values],
 ) -> Iterator[Row]:
     """Yield a row for each target: errors of the mean, coverage, times; and the plain process's."""
     questions = surrogate.of_numbers(asked)
-    new, means = surrogate.predict_rows(questions, level=LEVEL), _means(surrogate, asked, truth)
+    new, means = (
+        surrogate.predict_rows(questions, level=LEVEL),
+        _means(surrogate, asked, truth),
+    )
     many = {name: np.resize(values, QUESTIONS) for name, values in asked.items()}
     seconds = median_seconds(
         lambda: surrogate.predict_rows(surrogate.of_numbers(many), level=LEVEL)
@@ -169,7 +200,8 @@ def _judged(
         process = make_pipeline(
             StandardScaler(),
             GaussianProcessRegressor(
-                ConstantKernel() * RBF(np.ones(inputs.shape[1])) + WhiteKernel(), normalize_y=True
+                ConstantKernel() * RBF(np.ones(inputs.shape[1])) + WhiteKernel(),
+                normalize_y=True,
             ),
         )
         few = rows.inputs[:PROCESS_ROWS], rows.target[:PROCESS_ROWS]

@@ -35,7 +35,9 @@ def walks() -> dict[str, list[tuple[str, str, int]]]:
     """Trace the walks anew: their modules with those that enter them, and their functions."""
     script = [sys.executable, str(ROOT / "docs" / "extensions" / "walks.py")]
     done = subprocess.run(script, capture_output=True, text=True, check=True)
-    traced: dict[str, list[tuple[str, str, int]]] = json.loads(done.stdout.splitlines()[-1])
+    traced: dict[str, list[tuple[str, str, int]]] = json.loads(
+        done.stdout.splitlines()[-1]
+    )
     return traced
 
 
@@ -63,7 +65,9 @@ def drawn(modules: list[tuple[str, str, int]]) -> Figure:
         places[module] = x, y
         if by:
             left, top = places[by]
-            axes.plot([left + 0.08, left + 0.08, x], [top - 0.07, y, y], color="0.7", lw=0.8)
+            axes.plot(
+                [left + 0.08, left + 0.08, x], [top - 0.07, y, y], color="0.7", lw=0.8
+            )
         colour = COLOURS[module.partition("/")[0]]
         axes.plot(x + 0.08, y, "s", color=colour, ms=5)
         axes.text(x + 0.2, y, module, va="center", size=8.5, color=colour)

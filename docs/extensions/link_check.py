@@ -52,7 +52,11 @@ def broken_links(pages: dict[Path, Page]) -> list[tuple[Path, str]]:
             if urlsplit(link).scheme or link.startswith("//"):
                 continue
             address, place = urldefrag(link)
-            target = (path.parent / unquote(urlsplit(address).path)).resolve() if address else path
+            target = (
+                (path.parent / unquote(urlsplit(address).path)).resolve()
+                if address
+                else path
+            )
             place = unquote(place)
             known = pages[target].places if target in pages else set()
             if not target.exists() or (place and target in pages and place not in known):
@@ -73,11 +77,18 @@ def check(app: Sphinx, exception: Exception | None) -> None:
     folder = Path(app.outdir)
     pages = read_pages(folder)
     for path, link in broken_links(pages):
-        logger.warning("%s: the link %s leads nowhere", path.relative_to(folder.resolve()), link)
+        logger.warning(
+            "%s: the link %s leads nowhere", path.relative_to(folder.resolve()), link
+        )
     listed = external_links(pages)
-    (folder / LISTED).write_text("".join(f"{link}\n" for link in listed), encoding="utf-8")
+    (folder / LISTED).write_text(
+        "".join(f"{link}\n" for link in listed), encoding="utf-8"
+    )
     logger.info(
-        "links: %d pages checked, %d addresses listed in %s", len(pages), len(listed), LISTED
+        "links: %d pages checked, %d addresses listed in %s",
+        len(pages),
+        len(listed),
+        LISTED,
     )
 
 

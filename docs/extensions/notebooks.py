@@ -22,7 +22,9 @@ def notebook(name: str, _: list[str], page: Path) -> str:
             continue
         parts.append(f"```python\n{source}\n```")
         outputs = cell["outputs"]
-        printed = "".join("".join(each["text"]) for each in outputs if each.get("name") == "stdout")
+        printed = "".join(
+            "".join(each["text"]) for each in outputs if each.get("name") == "stdout"
+        )
         if printed:
             parts.append(f"```text\n{COLOUR.sub('', printed).rstrip()}\n```")
         for output in outputs:

@@ -20,7 +20,8 @@ from bench.page import fragment
 
 ROOT = Path(__file__).resolve().parents[2]
 BLOCK = re.compile(
-    r"^```\{(result|report|rooms|walk|notebook)\} (\S+)\n(.*?)^```$", flags=re.DOTALL | re.MULTILINE
+    r"^```\{(result|report|rooms|walk|notebook)\} (\S+)\n(.*?)^```$",
+    flags=re.DOTALL | re.MULTILINE,
 )
 
 

@@ -48,14 +48,19 @@ def pair(row: Row, first: str, second: str) -> str:
 def models() -> list[str]:
     """Scores of the nine models beside the paper's Table 4."""
     names = "nmse", "nmae", "nmaxe", "r2"
-    found = {**scores("search"), **scores("comparison")}  # whole grids come from the run itself
+    found = {
+        **scores("search"),
+        **scores("comparison"),
+    }  # whole grids come from the run itself
     lines, searched = [], ways_of_search()
     for model, result in product(MODELS, KINDS):
         if (row := found.get((model, result))) is None:
             continue
         tuned = ", tuned" if model in searched else ", tuned on too few candidates"
         fixed = ", the paper's kernel" if model in LIBRARY else ""
-        added = {"tuned": tuned, "baseline": fixed, "library": ", its library's own"}[result]
+        added = {"tuned": tuned, "baseline": fixed, "library": ", its library's own"}[
+            result
+        ]
         title = MODELS[model].title + added
         theirs = cells(row, *(f"paper_{name}" for name in names))
         lines.append(f"| {title} | {cells(row, *names)} | {theirs} |")
@@ -68,7 +73,8 @@ def ways_of_search() -> dict[str, str]:
         row["model"]: row["searched"]
         for name in ("search", "comparison")
         for row in table(f"{name}/area/tuning.csv")
-        if int(row["candidates_scored"]) >= min(LEAST_JUDGED, int(row["candidates_differing"]))
+        if int(row["candidates_scored"])
+        >= min(LEAST_JUDGED, int(row["candidates_differing"]))
     }
 
 
@@ -127,8 +133,12 @@ def peers() -> list[str]:
 
     def ends(names: tuple[str, ...], nodes: str) -> str:
         each = [found[name, nodes] for name in names]
-        best = [min(ratios[delta] for ratios in each if delta in ratios) for delta in each[0]]
-        low, high = (f"{each:.{2 if each < 100 else 3}g}" for each in (min(best), max(best)))
+        best = [
+            min(ratios[delta] for ratios in each if delta in ratios) for delta in each[0]
+        ]
+        low, high = (
+            f"{each:.{2 if each < 100 else 3}g}" for each in (min(best), max(best))
+        )
         return low if len(best) == 1 else f"{low} to {high}"
 
     sizes = sorted({nodes for _, nodes in found}, key=int)
@@ -193,7 +203,9 @@ def scans() -> list[str]:
             wrong = f"{float(row['width']):.2f} | {row['wrong']}, {flagged}"
             wrong += f" | {1000 * float(row['wrong_unflagged']):.1f}"
             size = f"{row['nodes']} x {row['nodes']} nodes, {row['left_out']}"
-            lines.append(f"| {size} | {pair(row, 'r2', 'nmae')} | {' | '.join(shares)} | {wrong} |")
+            lines.append(
+                f"| {size} | {pair(row, 'r2', 'nmae')} | {' | '.join(shares)} | {wrong} |"
+            )
     return lines
 
 
@@ -205,10 +217,16 @@ def growths() -> list[str]:
     lines = []
     for (population, seed), targets in found.items():
         first = targets["area"]
-        columns = [f"{population}, seed {seed}", f"{float(first['asked']):g}", first["rows"]]
+        columns = [
+            f"{population}, seed {seed}",
+            f"{float(first['asked']):g}",
+            first["rows"],
+        ]
         for row in targets.values():
             columns.append(pair(row, "nmae", "at_most"))
-            columns.append(f"{float(row['fresh_nmae']):.2f} ± {float(row['fresh_error']):.2f}")
+            columns.append(
+                f"{float(row['fresh_nmae']):.2f} ± {float(row['fresh_error']):.2f}"
+            )
         lines.append(f"| {' | '.join(columns)} |")
     return lines
 
@@ -226,7 +244,11 @@ def grids() -> list[str]:
     for row in table("search/area/whole-grids.csv"):
         ours, theirs = hours(float(row["seconds"])), hours(float(row["paper_s"]))
         if row["fits"] != row["of"]:
-            error = 100 * float(row["error"]) / float(row["seconds"]) if row["error"] else None
+            error = (
+                100 * float(row["error"]) / float(row["seconds"])
+                if row["error"]
+                else None
+            )
             ours += "" if error is None else f" +- {error:.0f} %"
         how = searched.get(row["model"], "not searched")
         title = MODELS[row["model"]].title
@@ -251,7 +273,9 @@ def nearest() -> list[str]:
     """Table 4 of the nearest reading beside the paper's."""
     return [
         f"| {row['model']} | "
-        + " | ".join(pair(row, name, f"paper_{name}") for name in ("nmse", "nmae", "nmaxe", "r2"))
+        + " | ".join(
+            pair(row, name, f"paper_{name}") for name in ("nmse", "nmae", "nmaxe", "r2")
+        )
         + " |"
         for row in table("nearest/baselines.csv")
     ]
@@ -272,13 +296,18 @@ def nearest_costs() -> list[str]:
     for row in table("nearest/scores.csv"):
         own = found.setdefault(row["model"], [pair(row, "paper_nmse", "paper_r2")])
         own.append(pair(row, "nmse", "r2"))
-    return [f"| {MODELS[model].title} | {' | '.join(own)} |" for model, own in found.items()]
+    return [
+        f"| {MODELS[model].title} | {' | '.join(own)} |" for model, own in found.items()
+    ]
 
 
 def nearest_hurst() -> list[str]:
     """What the range of Hurst exponents does to the nearest reading."""
     nearest_one, *_ = table("nearest/finalists.csv")
-    start = {name: nearest_one[name] for name in ("split", "delta", "loads", "sigma0", "kernel")}
+    start = {
+        name: nearest_one[name]
+        for name in ("split", "delta", "loads", "sigma0", "kernel")
+    }
     start["seed"] = "0"
     names = "decision-tree", "adaboost", "xgboost", "gaussian-process", "kernel-ridge"
     rows = [row for row in table("nearest/search.csv") if start.items() <= row.items()]
@@ -340,22 +369,34 @@ def in_short(times: Sequence[Row], growth: Sequence[Row]) -> list[tuple[str, str
     found = {(row["case"], row["size"]): row for row in times}
 
     def time(case: str, size: str = "paper", of: int = 1) -> str:
-        middle, spread = (float(found[case, size][f"{e}_ms"]) / of for e in ("median", "spread"))
+        middle, spread = (
+            float(found[case, size][f"{e}_ms"]) / of for e in ("median", "spread")
+        )
         return f"{middle:.2g} ms ± {spread:.1g}"
 
     def ratio(case: str, name: str) -> str:
         (value,) = re.findall(rf"{name} (\S+?)(?:;|$)", found[case, ""]["more"])
         return f"{float(value):.2g}"
 
-    tight, default, force = "solve paper: 1e-06", "solve paper: 2e-07", "solve given force: force"
+    tight, default, force = (
+        "solve paper: 1e-06",
+        "solve paper: 2e-07",
+        "solve given force: force",
+    )
     few, alone = "solve few in contact: 129-1.0", "time_over_iterations_alone"
     bare = [
         f"{ratio(e, 'bare_convolutions_per_solve')} bare convolutions' time"
         for e in (tight, default)
     ]
-    rungs = [ratio(f"solve ladder: {many}", "time_over_single_solves") for many in (161, 9, 41)]
-    longer = [ratio(force, f"{name}_over_given_delta") for name in ("time", "convolutions")]
-    first = "contact solve, mean over the first 64 rows of `paper`, residual 1e-6 of Delta"
+    rungs = [
+        ratio(f"solve ladder: {many}", "time_over_single_solves") for many in (161, 9, 41)
+    ]
+    longer = [
+        ratio(force, f"{name}_over_given_delta") for name in ("time", "convolutions")
+    ]
+    first = (
+        "contact solve, mean over the first 64 rows of `paper`, residual 1e-6 of Delta"
+    )
     return [
         (first, time(tight, "", SOLVES), bare[0]),
         ("the same at the default residual, 2e-7", time(default, "", SOLVES), bare[1]),
@@ -398,9 +439,12 @@ def features() -> list[str]:
     lines = []
     for name, rows in found.items():
         means = [
-            mean(float(row[each]) for row in rows) for each in ("trained", "nmse", "nmae", "r2")
+            mean(float(row[each]) for row in rows)
+            for each in ("trained", "nmse", "nmae", "r2")
         ]
-        lines.append(f"| {name} | {means[0]:,.0f} | {' | '.join(f'{e:.2f}' for e in means[1:])} |")
+        lines.append(
+            f"| {name} | {means[0]:,.0f} | {' | '.join(f'{e:.2f}' for e in means[1:])} |"
+        )
     return lines
 
 
@@ -447,7 +491,11 @@ TABLES = {
         asked,
         (
             *("hertz/hertz.csv", "peers/peers.csv", "peers/periodic.csv"),
-            *("stability/models.csv", "stability/stability.csv", "stability/surfaces.csv"),
+            *(
+                "stability/models.csv",
+                "stability/stability.csv",
+                "stability/surfaces.csv",
+            ),
             *("growth/growth.csv", "scale/scale.csv", "comparison/area/scores.csv"),
             *("cost/learning.csv", "coverage/coverage.csv", "scans/scans.csv"),
             *("grow/grow.csv", "cost/cost.csv"),
@@ -611,7 +659,11 @@ TABLES = {
         ("nearest/search.csv", "nearest/finalists.csv"),
     ),
     "exponents": PageTable(
-        ("generator", "nodes a side", *(f"asked for {hurst}" for hurst in (0.3, 0.5, 0.7, 0.9))),
+        (
+            "generator",
+            "nodes a side",
+            *(f"asked for {hurst}" for hurst in (0.3, 0.5, 0.7, 0.9)),
+        ),
         exponents,
         ("hurst/hurst.csv",),
     ),

@@ -29,8 +29,27 @@ COMMANDS = {
         *("--delta", "5:25:5", *STEEL),
     ],
     "law": [
-        *("gen", "law", "surface.npy", "--side", "1000", "--despike", "7", "--level", "plane"),
-        *("--fill", "--pressure", "1:1000:8:log", *STEEL, "--hardness", "2000", "-o", "law"),
+        *(
+            "gen",
+            "law",
+            "surface.npy",
+            "--side",
+            "1000",
+            "--despike",
+            "7",
+            "--level",
+            "plane",
+        ),
+        *(
+            "--fill",
+            "--pressure",
+            "1:1000:8:log",
+            *STEEL,
+            "--hardness",
+            "2000",
+            "-o",
+            "law",
+        ),
     ],
 }
 """Arguments of `asperity`; heights are solved in Python."""

@@ -32,8 +32,12 @@ coarse, fine = (
     for nodes in (8 * shortest, 64 * shortest)
 )
 error = coarse.grid_error()
-print(f"count of nodes {coarse.area_percent:.2f} %, on the fine grid {fine.area_percent:.2f} %")
-print(f"area in the continuum {coarse.continuum_area_percent:.2f} +- {error.area_percent:.2f} %")
+print(
+    f"count of nodes {coarse.area_percent:.2f} %, on the fine grid {fine.area_percent:.2f} %"
+)
+print(
+    f"area in the continuum {coarse.continuum_area_percent:.2f} +- {error.area_percent:.2f} %"
+)
 print(f"on the fine grid {fine.continuum_area_percent:.2f} %; resolved: {error.resolved}")
 
 # %%
@@ -44,13 +48,18 @@ grids = np.array([24, 32, 48, 64, 96, 128, 192, 256])
 areas = np.empty((2, 2, grids.size))
 for place, nodes in enumerate(grids.tolist()):
     for kind, waves in enumerate((shortest, nodes // 2 - 1)):
-        contact = bem.solve(surface(nodes, waves), 1.0, pressure=pressure, boundary="periodic")
+        contact = bem.solve(
+            surface(nodes, waves), 1.0, pressure=pressure, boundary="periodic"
+        )
         areas[kind, :, place] = contact.area_percent, contact.continuum_area_percent
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(9.5, 4), layout="constrained")
 part = slice(0, 32)
 left.imshow(
-    coarse.pressure[part, part].T > 0, origin="lower", extent=(0, 0.5, 0, 0.5), cmap="Blues"
+    coarse.pressure[part, part].T > 0,
+    origin="lower",
+    extent=(0, 0.5, 0, 0.5),
+    cmap="Blues",
 )
 places = (np.arange(256) + 0.5) / 512 + 0.5 / 64 - 0.5 / 512
 left.contour(places, places, (fine.pressure[:256, :256] > 0).T, [0.5], colors="C1")

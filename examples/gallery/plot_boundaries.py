@@ -30,10 +30,13 @@ contacts = {
 border = np.ones(heights.shape, dtype=bool)
 border[6:-6, 6:-6] = False
 shares = {
-    name: each.pressure[border].sum() / each.pressure.sum() for name, each in contacts.items()
+    name: each.pressure[border].sum() / each.pressure.sum()
+    for name, each in contacts.items()
 }
 for name, share in shares.items():
-    print(f"{name:8} {100 * share:4.1f} % of the force on {100 * border.mean():.0f} % of the nodes")
+    print(
+        f"{name:8} {100 * share:4.1f} % of the force on {100 * border.mean():.0f} % of the nodes"
+    )
 
 # %%
 # The free patch is a punch: its pressures rise towards its borders. The other two know no border.

@@ -28,7 +28,9 @@ np.save(folder / "surface.npy", heights)
 # %%
 # Steel with a hardness of 2,000 MPa, which conducts 50 W/(m K).
 
-options = "--side 1000 --pressure 0.1:100:12:log --young 210e3 --poisson 0.3 --hardness 2000"
+options = (
+    "--side 1000 --pressure 0.1:100:12:log --young 210e3 --poisson 0.3 --hardness 2000"
+)
 table, include = folder / "law.csv", folder / "joint-calculix.inp"
 code = cli.main(
     [

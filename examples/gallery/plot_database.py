@@ -21,7 +21,9 @@ print(done[["hurst", "delta", "height_rms", "area_percent", "force"]].describe()
 # Units and meanings stand in the file.
 
 for name in ("delta", "height_rms", "area_percent"):
-    print(f"{name}: {database[name].attrs['long_name']} [{database[name].attrs['units']}]")
+    print(
+        f"{name}: {database[name].attrs['long_name']} [{database[name].attrs['units']}]"
+    )
 
 # %%
 # The interference decides: Delta over the rms height explains most of the area.

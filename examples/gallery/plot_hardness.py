@@ -34,9 +34,13 @@ elastic = bem.solve(heights, side, pressure=300.0, **steel)
 yielding = bem.solve(heights, side, pressure=300.0, hardness=2000.0, **steel)
 print(f"largest pressure: elastic {elastic.largest_pressure:.0f} MPa,", end=" ")
 print(f"with a hardness of 2,000 MPa {yielding.largest_pressure:.0f} MPa")
-print(f"yielded: {yielding.yielded_percent:.2f} of {yielding.area_percent:.2f} % in contact")
+print(
+    f"yielded: {yielding.yielded_percent:.2f} of {yielding.area_percent:.2f} % in contact"
+)
 
-figure, (left, middle, right) = plt.subplots(1, 3, figsize=(11, 3.6), layout="constrained")
+figure, (left, middle, right) = plt.subplots(
+    1, 3, figsize=(11, 3.6), layout="constrained"
+)
 for hardness, area in areas.items():
     name = "elastic" if hardness is None else f"{hardness:,.0f} MPa"
     left.loglog(pressures, area, "o-", label=name)
@@ -44,7 +48,11 @@ left.set(xlabel="nominal pressure [MPa]", ylabel="contact area [%]")
 left.legend(title="hardness")
 for axis, contact, name in ((middle, elastic, "elastic"), (right, yielding, "2,000 MPa")):
     image = axis.imshow(
-        np.ma.masked_equal(contact.pressure, 0).T, origin="lower", vmin=0, vmax=8000, cmap="viridis"
+        np.ma.masked_equal(contact.pressure, 0).T,
+        origin="lower",
+        vmin=0,
+        vmax=8000,
+        cmap="viridis",
     )
     axis.set(title=f"{name}, at 300 MPa", xticks=[], yticks=[])
 figure.colorbar(image, ax=(middle, right), label="contact pressure [MPa]", extend="max")

@@ -32,7 +32,9 @@ hertz_forces = 4 / 3 * e_star * np.sqrt(radius) * deltas**1.5
 hertz_areas = np.pi * radius * deltas
 force_error = forces / hertz_forces - 1
 for delta, force, error in zip(deltas, forces, force_error, strict=True):
-    print(f"Delta {delta:3.1f} um: {force / 1e6:7.4f} N, {100 * error:+5.2f} % from Hertz")
+    print(
+        f"Delta {delta:3.1f} um: {force / 1e6:7.4f} N, {100 * error:+5.2f} % from Hertz"
+    )
 
 # %%
 # The forces agree closely. Areas are counted in whole cells, which shows where few cells touch.

@@ -28,20 +28,26 @@ surrogate = Surrogate.load(path)
 
 delta, areas, solved = 15.0, [], []
 for number in range(300):
-    heights = generate("diamond-square", 129, 0.65, 12.5, np.random.default_rng([2025, number]))
+    heights = generate(
+        "diamond-square", 129, 0.65, 12.5, np.random.default_rng([2025, number])
+    )
     areas.append(surrogate.predict(heights, 1000.0, delta, level=None).area[0])
     if number < 30:
         solved.append(bem.solve(heights, 1000.0, delta).area_percent)
 areas = np.array(areas)
 low, middle, high = np.quantile(areas, [0.05, 0.5, 0.95])
 print(f"median {middle:.2f} %, nine of ten surfaces from {low:.2f} to {high:.2f} %")
-print(f"mean of the first 30: {areas[:30].mean():.2f} %, by the solver {np.mean(solved):.2f} %")
+print(
+    f"mean of the first 30: {areas[:30].mean():.2f} %, by the solver {np.mean(solved):.2f} %"
+)
 
 # %%
 
 figure, axis = plt.subplots(figsize=(6, 3.5), layout="constrained")
 axis.hist(areas, bins=30, density=True, label="surrogate, 300 surfaces")
-axis.hist(solved, bins=10, density=True, histtype="step", color="k", label="solver, 30 of them")
+axis.hist(
+    solved, bins=10, density=True, histtype="step", color="k", label="solver, 30 of them"
+)
 axis.axvspan(low, high, alpha=0.15, label="nine of ten surfaces")
 axis.set(xlabel="effective contact area at 15 um [%]", ylabel="density")
 axis.legend()

@@ -22,7 +22,8 @@ nodes = [(finest - 1) // step + 1 for step in steps]
 steel = {"modulus": 210e3, "poisson": 0.3}
 elastic = [bem.solve(heights[::s, ::s], side, pressure=20.0, **steel) for s in steps]
 yielding = [
-    bem.solve(heights[::s, ::s], side, pressure=20.0, hardness=2000.0, **steel) for s in steps
+    bem.solve(heights[::s, ::s], side, pressure=20.0, hardness=2000.0, **steel)
+    for s in steps
 ]
 
 # %%
@@ -30,10 +31,13 @@ yielding = [
 # fall below load / hardness, which is 1 %.
 
 elastic_area, yielding_area = (
-    np.array([contact.area_percent for contact in contacts]) for contacts in (elastic, yielding)
+    np.array([contact.area_percent for contact in contacts])
+    for contacts in (elastic, yielding)
 )
 for count, first, second in zip(nodes, elastic_area, yielding_area, strict=True):
-    print(f"{count:4} nodes a side: elastic {first:.3f} %, with a hardness {second:.3f} %")
+    print(
+        f"{count:4} nodes a side: elastic {first:.3f} %, with a hardness {second:.3f} %"
+    )
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.5), layout="constrained")
 left.loglog(nodes, elastic_area, "o-", label="elastic")

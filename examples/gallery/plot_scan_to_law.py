@@ -37,7 +37,14 @@ law = folder / "law.csv"
 options = "--side 128 --despike 7 --level plane --fill --young 210e3 --poisson 0.3 --hardness 2000"
 loads = "--pressure 1:1000:10:log"
 code = cli.main(
-    ["law", str(folder / "ground.npy"), *options.split(), *loads.split(), "--csv", str(law)]
+    [
+        "law",
+        str(folder / "ground.npy"),
+        *options.split(),
+        *loads.split(),
+        "--csv",
+        str(law),
+    ]
 )
 
 # %%

@@ -37,14 +37,18 @@ inputs = sampling.sample(problem, 256, calc_second_order=False, seed=2025)
 
 def area(hurst: float, sigma0: float, delta: float, seed: float) -> float:
     """Return the predicted area of one surface [%]."""
-    heights = generate("diamond-square", 129, hurst, sigma0, np.random.default_rng(int(seed)))
+    heights = generate(
+        "diamond-square", 129, hurst, sigma0, np.random.default_rng(int(seed))
+    )
     return float(surrogate.predict(heights, 1000.0, delta, level=None).area[0])
 
 
 indices = analysis.analyze(
     problem, np.array([area(*row) for row in inputs]), calc_second_order=False, seed=2025
 )
-for name, first, total in zip(problem["names"], indices["S1"], indices["ST"], strict=True):
+for name, first, total in zip(
+    problem["names"], indices["S1"], indices["ST"], strict=True
+):
     print(f"{name:14} first order {first:5.2f}, total {total:5.2f}")
 
 # %%

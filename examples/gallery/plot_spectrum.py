@@ -30,8 +30,12 @@ q = 2 * np.pi * np.fft.fftfreq(nodes, side / nodes)
 length = np.hypot(q[:, None], q)
 rings = np.geomspace(2 * np.pi / side, 2 * np.pi / 4, 30)
 ring = np.digitize(length, rings)
-means = [density[ring == number].mean() for number in range(1, 30) if (ring == number).any()]
-middles = [length[ring == number].mean() for number in range(1, 30) if (ring == number).any()]
+means = [
+    density[ring == number].mean() for number in range(1, 30) if (ring == number).any()
+]
+middles = [
+    length[ring == number].mean() for number in range(1, 30) if (ring == number).any()
+]
 middles, means = np.array(middles), np.array(means)
 
 # %%

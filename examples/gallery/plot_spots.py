@@ -20,7 +20,8 @@ spectrum = SelfAffineSpectrum(hurst=0.8, roll_off=64.0, cut_off=8.0)
 random = np.random.default_rng(7)
 heights = generate_spectral((128, 128), side, spectrum, random, rms_slope=slope)
 light, heavy = (
-    bem.solve(heights, side, pressure=share * slope, boundary="periodic") for share in (0.1, 0.5)
+    bem.solve(heights, side, pressure=share * slope, boundary="periodic")
+    for share in (0.1, 0.5)
 )  # E* = 1 MPa: pressures are shares of E* times the rms slope
 
 # %%
@@ -39,9 +40,13 @@ for contact in (light, heavy):
 figure, axes = plt.subplots(1, 2, figsize=(9, 4.4), layout="constrained")
 for axis, contact in zip(axes, (light, heavy), strict=True):
     spots = contact.spots
-    axis.imshow(np.where(spots.open_gap, 1.0, 0.75).T, cmap="gray", vmin=0, vmax=1, origin="lower")
+    axis.imshow(
+        np.where(spots.open_gap, 1.0, 0.75).T, cmap="gray", vmin=0, vmax=1, origin="lower"
+    )
     colours = np.ma.masked_equal(spots.labels, 0) % 20
     axis.imshow(colours.T, cmap="tab20", origin="lower", interpolation="nearest")
     sealed = "leaks" if any(spots.gap_connects) else "seals"
-    axis.set(title=f"{contact.area_percent:.0f} % in contact: {sealed}", xticks=[], yticks=[])
+    axis.set(
+        title=f"{contact.area_percent:.0f} % in contact: {sealed}", xticks=[], yticks=[]
+    )
 plt.show()

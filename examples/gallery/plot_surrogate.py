@@ -24,7 +24,9 @@ from learn import Surrogate, cli
 folder = Path(tempfile.mkdtemp())
 database = shutil.copy("../sample.h5", folder)
 path = folder / "area.surrogate"
-code = cli.main(["fit", database, "--features", "hybrid", "--target", "area", "-o", str(path)])
+code = cli.main(
+    ["fit", database, "--features", "hybrid", "--target", "area", "-o", str(path)]
+)
 surrogate = Surrogate.load(path)
 
 # %%
@@ -42,7 +44,9 @@ for row in range(20):
     solved[row] = bem.solve(heights, 1000.0, delta).area_percent
 inside = np.mean((low <= solved) & (solved <= high))
 error = np.abs(predicted - solved).mean() / solved.mean()
-print(f"mean error {100 * error:.1f} % of the mean area; {inside:.0%} inside their 90 % interval")
+print(
+    f"mean error {100 * error:.1f} % of the mean area; {inside:.0%} inside their 90 % interval"
+)
 
 # %%
 

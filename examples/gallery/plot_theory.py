@@ -32,7 +32,9 @@ mean = np.mean(areas, axis=0) / 100
 # At light load the area is kappa p / (E* h'), with a slope kappa that the theories do not agree on.
 
 kappa = mean[0] / reduced[0]
-print(f"kappa {kappa:.2f}: Persson {PERSSON:.2f}, Bush, Gibson and Thomas {BUSH_GIBSON_THOMAS:.2f}")
+print(
+    f"kappa {kappa:.2f}: Persson {PERSSON:.2f}, Bush, Gibson and Thomas {BUSH_GIBSON_THOMAS:.2f}"
+)
 
 fine = np.geomspace(0.01, 1.0, 200)
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained")
@@ -41,7 +43,9 @@ left.plot(reduced, 100 * mean, "o", label="solved, mean of 4")
 left.set(xlabel="p / (E* h')", ylabel="contact area [%]")
 left.legend()
 right.semilogx(fine, area_share(fine) / fine, "k-", reduced, mean / reduced, "o")
-right.axhline(BUSH_GIBSON_THOMAS, color="0.5", linestyle="--", label="Bush, Gibson, Thomas")
+right.axhline(
+    BUSH_GIBSON_THOMAS, color="0.5", linestyle="--", label="Bush, Gibson, Thomas"
+)
 right.axhline(PERSSON, color="k", linestyle=":", label="Persson, at light load")
 right.set(xlabel="p / (E* h')", ylabel="kappa: area / (p / (E* h'))", ylim=(0, 3))
 right.legend()

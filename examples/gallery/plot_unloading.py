@@ -30,8 +30,12 @@ yielded = np.array(
     [[a.yielded_percent, b.yielded_percent] for a, b in zip(first, again, strict=True)]
 )
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.5), layout="constrained")
-left.plot(pressures, [contact.area_percent for contact in first], "o-", label="first loading")
-left.plot(pressures, [contact.area_percent for contact in again], "s--", label="second loading")
+left.plot(
+    pressures, [contact.area_percent for contact in first], "o-", label="first loading"
+)
+left.plot(
+    pressures, [contact.area_percent for contact in again], "s--", label="second loading"
+)
 left.set(xlabel="nominal pressure [MPa]", ylabel="contact area [%]")
 left.legend()
 right.plot(pressures, yielded[:, 0], "o-", pressures, yielded[:, 1], "s--")

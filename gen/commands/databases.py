@@ -76,11 +76,15 @@ def run(
             )
         if pending and result.signal:
             stop = signal.Signals(result.signal).name
-            echo(f"stopped by {stop}; the same command goes on with the rows that are pending")
+            echo(
+                f"stopped by {stop}; the same command goes on with the rows that are pending"
+            )
     return 128 + result.signal if result.signal and result.counts.pending else 0
 
 
-def estimate(scene: options.Scene, ranks: options.Ranks = 1, trust: Trust = False) -> None:
+def estimate(
+    scene: options.Scene, ranks: options.Ranks = 1, trust: Trust = False
+) -> None:
     """Measure a few samples and predict time, memory and disk space of a run."""
     from gen.commands import printer
     from gen.generation.completion import completed
@@ -94,7 +98,11 @@ def estimate(scene: options.Scene, ranks: options.Ranks = 1, trust: Trust = Fals
     workers = max(ranks - 1, 1)
     seconds = loaded.samples * mean / workers
     hours, rest = divmod(round(seconds), 3600)
-    time = f"{hours}:{rest // 60:02}:{rest % 60:02} h" if seconds >= 60 else f"{seconds:.2g} s"
+    time = (
+        f"{hours}:{rest // 60:02}:{rest % 60:02} h"
+        if seconds >= 60
+        else f"{seconds:.2g} s"
+    )
     echo(
         f"  time      {time} on {workers} {'workers' if workers > 1 else 'worker'}:"
         f" {1e3 * mean:.2f} ms a sample, mean of {measured} measured here"
@@ -113,7 +121,9 @@ def info(file: options.Database) -> None:
         printer.print_database(reader)
 
 
-def plot(file: options.Database, output: options.NewPicture, trust: Trust = False) -> None:
+def plot(
+    file: options.Database, output: options.NewPicture, trust: Trust = False
+) -> None:
     """Draw a database: one surface and its pressure, all areas, all solve times."""
     from gen.commands.picture import draw_database
 
@@ -155,7 +165,9 @@ def check(
         if repair:
             require_writable(file)
         if another and recompute:
-            echo(f"{file}: {another}: of rows computed again, only the surfaces are compared")
+            echo(
+                f"{file}: {another}: of rows computed again, only the surfaces are compared"
+            )
         found = []
         for fault in faults(file, recompute, seed):
             found.append(fault)
@@ -181,10 +193,14 @@ def _repair(file: Path, faults: "list[Fault]", another: str) -> int:
     if pending.size:
         rows = "row is" if pending.size == 1 else "rows are"
         run = to_type("gen run")
-        echo(f"{file}: {pending.size} {rows} pending now; the same {run} computes them again")
+        echo(
+            f"{file}: {pending.size} {rows} pending now; the same {run} computes them again"
+        )
     if left.size:
         rows = "row is" if left.size == 1 else "rows are"
-        reason = another or "the bytes are those that were written, perhaps by another machine"
+        reason = (
+            another or "the bytes are those that were written, perhaps by another machine"
+        )
         echo(f"{file}: {left.size} {rows} left as before: {reason}")
     return 1 if left.size else 0
 

@@ -84,7 +84,9 @@ class Looking:
         from gen.maps.texture import LAW
 
         topography, fit = look.topography, look.fit
-        edgeless = {} if topography.boundary == "free" else {"boundary": topography.boundary}
+        edgeless = (
+            {} if topography.boundary == "free" else {"boundary": topography.boundary}
+        )
         row: Row = {
             **look.description.values,
             **dict(zip(("nodes_x", "nodes_y"), topography.heights.shape, strict=True)),

@@ -35,7 +35,10 @@ def draw_database(file: Path, picture: Path) -> None:
         scene, first = reader.scene, reader.rows.start
     typical = int(np.argsort(columns[AREA.name])[done.size // 2])
     ratio = scene.grid.sides[1] / scene.grid.sides[0]
-    heights = [min(max(0.4 * WIDTH * ratio, 1.5), 0.6 * WIDTH) + 0.9, 3.8]  # titles and labels too
+    heights = [
+        min(max(0.4 * WIDTH * ratio, 1.5), 0.6 * WIDTH) + 0.9,
+        3.8,
+    ]  # titles and labels too
     figure.set_size_inches(WIDTH, sum(heights) + 0.4)
     top, bottom = figure.subfigures(2, 1, height_ratios=heights)
     figure.suptitle(shortened(str(file)), fontsize=11, parse_math=False)
@@ -68,12 +71,18 @@ def _draw_sample(axes: NDArray[Any], scene: Scene, row: int) -> None:
         f" {contact.area_percent:.3g} % of {contact.pressure.size} nodes, the median of rows done"
     )
     # A narrow map is centred in its half, so that fewer letters fit into a line above it.
-    letters = int(LETTERS * min(1.0, 0.4 + 0.6 * scene.grid.sides[0] / scene.grid.sides[1]))
-    for axis, surface_map in zip(axes, contact_maps(contact, surface, pressure), strict=True):
+    letters = int(
+        LETTERS * min(1.0, 0.4 + 0.6 * scene.grid.sides[0] / scene.grid.sides[1])
+    )
+    for axis, surface_map in zip(
+        axes, contact_maps(contact, surface, pressure), strict=True
+    ):
         draw_map(axis, surface_map, letters=letters)
 
 
-def _draw_areas(figure: Any, axis: Any, columns: dict[str, NDArray[Any]], scene: Scene) -> None:
+def _draw_areas(
+    figure: Any, axis: Any, columns: dict[str, NDArray[Any]], scene: Scene
+) -> None:
     """Draw the effective contact area of every row over the load that the scene draws."""
     loads, label = columns[DELTA.name], DELTA.label
     if scene.quantity.startswith("pressure"):
@@ -100,7 +109,9 @@ def _draw_times(axis: Any, columns: dict[str, NDArray[Any]]) -> None:
         return
     axis.plot(columns[AREA.name][known], milliseconds, ".", color="tab:blue", ms=4)
     axis.axhline(milliseconds.mean(), color="tab:red", lw=1, label="mean of this run")
-    axis.legend(loc="lower right")  # light contacts, which take less time, are on the left
+    axis.legend(
+        loc="lower right"
+    )  # light contacts, which take less time, are on the left
     axis.set(
         title="times of the solves",
         xlabel=AREA.label,

@@ -21,7 +21,11 @@ if TYPE_CHECKING:  # each command imports no more than it needs
     from gen.maps.settings import Reading
     from gen.material import Bodies
 
-GIVEN = {"delta": "given_delta_um", "force": "given_force_uN", "pressure": "given_pressure_MPa"}
+GIVEN = {
+    "delta": "given_delta_um",
+    "force": "given_force_uN",
+    "pressure": "given_pressure_MPa",
+}
 """Column of the load that was asked for, in tables of several maps."""
 
 
@@ -82,15 +86,24 @@ class Pressing:
         warnings = material_doubts(self.bodies)
         rows: list[Row] = []
         try:
-            topography, doubts = read_surface(file, self.reading, self.boundary, self.body)
+            topography, doubts = read_surface(
+                file, self.reading, self.boundary, self.body
+            )
             warnings += doubts
-            solutions = contacts.solve_loads(topography, self.load, self.values, **self.settings)
+            solutions = contacts.solve_loads(
+                topography, self.load, self.values, **self.settings
+            )
             for value, (contact, fault) in zip(self.values, solutions, strict=True):
                 if contact is None:
                     warnings.append(f"not solved, left out: {fault}")
                 else:
                     cells = contacts.answers(contact, self.wanted)
-                    rows.append({self.column: value, **{each.column: each.value for each in cells}})
+                    rows.append(
+                        {
+                            self.column: value,
+                            **{each.column: each.value for each in cells},
+                        }
+                    )
                 left -= 1
                 progress.advance(1, int(contact is None))
         except InputError:
@@ -99,7 +112,10 @@ class Pressing:
         judged = contacts.judged(rows)
         warnings += contact_doubts(topography.heights, self.bodies, self.load, judged)
         tell_preparation(topography, warnings)
-        record = {"prepared": "; ".join(topography.steps), "warnings": "; ".join(warnings)}
+        record = {
+            "prepared": "; ".join(topography.steps),
+            "warnings": "; ".join(warnings),
+        }
         return [{**row, **record} for row in rows]
 
     def summaries(self, rows: Sequence[Row]) -> list[Row]:
@@ -125,8 +141,12 @@ def press_one(pressing: Pressing, surface: Path, files: ContactFiles) -> None:
 
     figure = empty_figure(files.picture, 11, 8.2)
     bodies, load = pressing.bodies, pressing.load
-    topography, doubts = read_surface(surface, pressing.reading, pressing.boundary, pressing.body)
-    solutions = contacts.solve_loads(topography, load, pressing.values, **pressing.settings)
+    topography, doubts = read_surface(
+        surface, pressing.reading, pressing.boundary, pressing.body
+    )
+    solutions = contacts.solve_loads(
+        topography, load, pressing.values, **pressing.settings
+    )
     number = len(pressing.values)
     answers, last, faults, seconds = contacts.follow(solutions, number, pressing.wanted)
     rows: list[Row] = [{each.column: each.value for each in row} for row in answers]
@@ -165,7 +185,9 @@ def press_one(pressing: Pressing, surface: Path, files: ContactFiles) -> None:
         )
 
 
-def press_several(pressing: Pressing, inputs: Sequence[Path], files: ContactFiles) -> None:
+def press_several(
+    pressing: Pressing, inputs: Sequence[Path], files: ContactFiles
+) -> None:
     """Print a row for each map and load, then mean and standard deviation, and write them."""
     from gen.commands import printer
     from gen.maps import several

@@ -42,7 +42,9 @@ def print_database(reader: Reader) -> None:
     if len(reader.rows) < reader.scene.samples:
         part = f": {reader.rows.start} to {reader.rows.stop - 1} of {reader.scene.samples}, a part"
     echo(f"  size      {size(reader.path.stat().st_size)}, {sum(counts)} rows{part}")
-    echo(f"  rows      {counts.done} done, {counts.failed} failed, {counts.pending} pending")
+    echo(
+        f"  rows      {counts.done} done, {counts.failed} failed, {counts.pending} pending"
+    )
     for status in (Status.DONE, Status.FAILED):
         for code, number in reader.reasons(status).items():
             reason = REASONS.get(code, f"reason {code}")
@@ -56,7 +58,9 @@ def print_database(reader: Reader) -> None:
     for line in _scene_lines(json.loads(reader.scene.text())):
         echo(f"  scene     {line}")
     versions = json.loads(str(attributes["versions"]))
-    echo("  versions  " + ", ".join(f"{name} {value}" for name, value in versions.items()))
+    echo(
+        "  versions  " + ", ".join(f"{name} {value}" for name, value in versions.items())
+    )
     echo(
         f"  made      {attributes['created']}, commit {attributes['git_commit'] or 'unknown'},"
         f" layout {attributes['schema']}, physics {attributes['physics']}"
@@ -68,7 +72,9 @@ def print_database(reader: Reader) -> None:
 
 def _print_changes(physics: int) -> None:
     """Print what has changed since results of a physics number, if it is not today's."""
-    changes = (f"since physics {n}, {said}" for n, said in PHYSICS_CHANGES.items() if n > physics)
+    changes = (
+        f"since physics {n}, {said}" for n, said in PHYSICS_CHANGES.items() if n > physics
+    )
     if another := made_by_another(physics):
         for line in (another, *changes):
             echo(f"            {line}")
@@ -159,7 +165,9 @@ def tell_preparation(topography: Topography, warnings: Sequence[str]) -> None:
         echo(f"  warning: {warning}", err=True)
 
 
-def print_statistics(topography: Topography, found: Description, areal: Description) -> None:
+def print_statistics(
+    topography: Topography, found: Description, areal: Description
+) -> None:
     """Print the 22 statistics of a surface and its areal parameters, and its tilt unless level."""
     from gen.maps.prepare import least_squares
     from gen.maps.texture import PARAMETERS
@@ -170,14 +178,19 @@ def print_statistics(topography: Topography, found: Description, areal: Descript
         f" {spacing[1]:.6g} um, heights {heights.min():.6g} to {heights.max():.6g} um"
     )
     if not topography.followed & {"level plane", "level quadratic", "form"}:
-        said += ", tilt {:.4g} along x, {:.4g} along y".format(*least_squares(topography)[1])
+        said += ", tilt {:.4g} along x, {:.4g} along y".format(
+            *least_squares(topography)[1]
+        )
     echo(said)
     own = [(each.name, each.unit, each.long_name) for each in TABLE_1]
     for title, known, names in (
         ("statistic", found, own),
         ("ISO 25178", areal, [each for each in PARAMETERS if each[0] in areal.values]),
     ):
-        rows = ((name, f"{known.values[name]:.6g}", unit, words) for name, unit, words in names)
+        rows = (
+            (name, f"{known.values[name]:.6g}", unit, words)
+            for name, unit, words in names
+        )
         print_columns(rows, (title, "value", "unit", "meaning"), right={"value"})
         if known.reason:
             echo(f"Where nan stands: {known.reason}")
@@ -236,12 +249,16 @@ ONE_ONLY = {
 """Columns that a table of several loads has in its file alone."""
 
 
-def print_contacts(rows: Sequence[Sequence[Answer]], contact: Contact, seconds: float) -> None:
+def print_contacts(
+    rows: Sequence[Sequence[Answer]], contact: Contact, seconds: float
+) -> None:
     """Print one contact in full, with the time that it took [s]; several with a line for each."""
     if len(rows) > 1:
         kept = [[each for each in row if each.column not in ONE_ONLY] for row in rows]
         titles = [each.column for each in kept[0]]
-        print_columns([[each.shown for each in row] for row in kept], titles, right=titles)
+        print_columns(
+            [[each.shown for each in row] for row in kept], titles, right=titles
+        )
         return
     from gen.maps.contacts import CONTINUUM_ERROR
 
@@ -258,14 +275,29 @@ def print_contacts(rows: Sequence[Sequence[Answer]], contact: Contact, seconds: 
             *((each.label, each.shown, each.unit) for each in row),
             ("contact pressure", f"{mean:.6g}", "MPa, mean where in contact"),
             ("spacing", f"{x:.6g} x {y:.6g}", "um"),
-            ("iterations", f"{contact.iterations}", f"({contact.convolutions} convolutions)"),
+            (
+                "iterations",
+                f"{contact.iterations}",
+                f"({contact.convolutions} convolutions)",
+            ),
             ("time", f"{1e3 * seconds:.1f}", "ms, the set-up of a first solve included"),
         ]
     )
 
 
 MAIN = (
-    *("nodes_x", "nodes_y", "side_x_um", "side_y_um", "Sq", "Ssk", "Sku", "Sdq", "Sal", "Str"),
+    *(
+        "nodes_x",
+        "nodes_y",
+        "side_x_um",
+        "side_y_um",
+        "Sq",
+        "Ssk",
+        "Sku",
+        "Sdq",
+        "Sal",
+        "Str",
+    ),
     *("hurst", "roll_off", "cut_off", "nodes_a_wave"),
 )
 """Columns that `print_looks` shows of each map."""

@@ -36,7 +36,11 @@ def describe(
     from gen.commands.looks import LookFiles, Looking, look_at_one, look_at_several
     from gen.maps import several
 
-    outputs = [Output(table, "--csv"), Output(json, "--json"), Output(spectrum, "--spectrum")]
+    outputs = [
+        Output(table, "--csv"),
+        Output(json, "--json"),
+        Output(spectrum, "--spectrum"),
+    ]
     outputs.append(Output(picture, "--plot", "picture"))
     check_outputs(outputs, filter(None, [*surfaces, facing.against]))
     files = LookFiles(table, json, spectrum, picture, command=typed(context, "gen"))
@@ -90,13 +94,21 @@ def contact(
     from gen.commands.pressings import ContactFiles, Pressing, press_one, press_several
     from gen.maps import contacts, several
 
-    load, values = contacts.chosen_load({"delta": delta, "force": force, "pressure": pressure})
+    load, values = contacts.chosen_load(
+        {"delta": delta, "force": force, "pressure": pressure}
+    )
     if flattened is not None and material.hardness is None:
-        raise InputError("--flattened needs --hardness: elastic bodies keep their surface")
+        raise InputError(
+            "--flattened needs --hardness: elastic bodies keep their surface"
+        )
     if flattened is not None and flattened.suffix.lower() != ".npy":
         raise InputError(f"--flattened {flattened}: give a name that ends in .npy")
     pair = contacts.require_conductivities(conductivity) if conductivity else None
-    outputs = [Output(table, "--csv"), Output(json, "--json"), Output(picture, "--plot", "picture")]
+    outputs = [
+        Output(table, "--csv"),
+        Output(json, "--json"),
+        Output(picture, "--plot", "picture"),
+    ]
     outputs.append(Output(flattened, "--flattened", "heights"))
     check_outputs(outputs, filter(None, [*surfaces, facing.against]))
     bodies = Bodies.of(*material)

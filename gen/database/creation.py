@@ -140,7 +140,9 @@ def merge(target: Path, sources: Sequence[Path]) -> Counts:
             words = f"in {first}", f"in {other}"
             different = differences(scenes[first], scenes[other], words)
             one, two = (int(files[path].attrs["physics"]) for path in (first, other))
-            if not different and (fault := _differing_powers(scenes[first], scenes[other])):
+            if not different and (
+                fault := _differing_powers(scenes[first], scenes[other])
+            ):
                 different = [fault]
             if not different and one != two:
                 different = [f"results of physics {one} and of physics {two}"]
@@ -153,7 +155,10 @@ def merge(target: Path, sources: Sequence[Path]) -> Counts:
         scene = scenes[largest]
         forced = max(int(file.attrs["physics_forced"]) for file in files.values())
         attributes = read_attributes(files[largest]) | {"physics_forced": forced}
-        parts = [Part(path, file, rows_of(read_attributes(file))) for path, file in files.items()]
+        parts = [
+            Part(path, file, rows_of(read_attributes(file)))
+            for path, file in files.items()
+        ]
         checksums = all(has_checksums(file, scenes[path]) for path, file in files.items())
         columns = stored_columns(scene, checksums=checksums)
         _assemble(target, scene, range(scene.samples), columns, attributes, parts)
@@ -166,7 +171,9 @@ def _differing_powers(first: Scene, other: Scene) -> str:
     one, two = first.store.powers or {}, other.store.powers or {}
     for name in sorted({*one, *two}):
         if one.get(name) != two.get(name):
-            return f"store.powers.{name}: {shown(one.get(name))} and {shown(two.get(name))}"
+            return (
+                f"store.powers.{name}: {shown(one.get(name))} and {shown(two.get(name))}"
+            )
     return ""
 
 
@@ -177,9 +184,13 @@ class Part(NamedTuple):
     file: h5py.File
     rows: range
 
-    def read(self, column: Column, start: int, stop: int, grid: tuple[int, int]) -> NDArray[Any]:
+    def read(
+        self, column: Column, start: int, stop: int, grid: tuple[int, int]
+    ) -> NDArray[Any]:
         """Return the rows start..stop of a column, with fill values for rows that it lacks."""
-        values = np.full(column.shape(stop - start, grid), column.fill, dtype=column.dtype)
+        values = np.full(
+            column.shape(stop - start, grid), column.fill, dtype=column.dtype
+        )
         first, last = max(start, self.rows.start), min(stop, self.rows.stop)
         stored = self.file[stored_path(self.file, column)][
             first - self.rows.start : last - self.rows.start
@@ -203,8 +214,12 @@ def _merge_rows(
     done = status == Status.DONE
     merit = 2 * done + (status == Status.FAILED)
     owner = merit.argmax(axis=0) if parts else merit
-    for column in sorted(columns, key=lambda column: column == CHECKSUM):  # its cause comes first
-        merged = np.full(column.shape(stop - start, grid), column.fill, dtype=column.dtype)
+    for column in sorted(
+        columns, key=lambda column: column == CHECKSUM
+    ):  # its cause comes first
+        merged = np.full(
+            column.shape(stop - start, grid), column.fill, dtype=column.dtype
+        )
         for index, part in enumerate(parts):
             known = np.flatnonzero(merit[index])
             if not known.size:
@@ -216,7 +231,10 @@ def _merge_rows(
             shared = np.flatnonzero(done[index] & (owner != index))
             if not column.deterministic or not shared.size:
                 continue
-            bits = [each[shared].view("u1").reshape(shared.size, -1) for each in (merged, values)]
+            bits = [
+                each[shared].view("u1").reshape(shared.size, -1)
+                for each in (merged, values)
+            ]
             unequal = shared[(bits[0] != bits[1]).any(axis=1)]  # equal NaNs are equal
             if unequal.size:
                 other = parts[owner[unequal[0]]].path
@@ -231,8 +249,12 @@ def _conflict(row: int, column: Column, one: Path, other: Path) -> InputError:
         with Reader(path) as reader:
             if reader.damaged_rows(row, row + 1).size:
                 repair = to_type(f"gen check {path} --repair")
-                return InputError(f"{differs}, and is damaged in {path}: {repair} makes it pending")
-    return InputError(f"{differs}, which other code or another machine must have made: not merged")
+                return InputError(
+                    f"{differs}, and is damaged in {path}: {repair} makes it pending"
+                )
+    return InputError(
+        f"{differs}, which other code or another machine must have made: not merged"
+    )
 
 
 def _assemble(
@@ -257,7 +279,10 @@ def _assemble(
             " ask for less"
         )
     trouble = disk_trouble(path, lambda: "nothing was changed")
-    with trouble, unfinished(real, "replace" if replaced else "refuse", SIGNATURE) as made:
+    with (
+        trouble,
+        unfinished(real, "replace" if replaced else "refuse", SIGNATURE) as made,
+    ):
         old, new = (each.stat() for each in (real if replaced else made, made))
         if (new.st_uid, new.st_gid) != (old.st_uid, old.st_gid):
             raise InputError(
@@ -268,7 +293,9 @@ def _assemble(
             _lay_out(file, scene, rows, columns, attributes)
         with open_file(made, True) as file:
             for start, stop in chunks(rows.stop, max(sizes), rows.start):
-                _merge_rows(file, rows.start, parts, columns, scene.grid.shape, start, stop)
+                _merge_rows(
+                    file, rows.start, parts, columns, scene.grid.shape, start, stop
+                )
         if replaced is not None:
             replaced.check()
 
@@ -291,7 +318,9 @@ def _lay_out(
         "scene_hash": scene.fingerprint(),
         "samples": scene.samples,
     }
-    own = own | {n: each for n, each in attributes.items() if n not in (*own, *PART_NUMBERS)}
+    own = own | {
+        n: each for n, each in attributes.items() if n not in (*own, *PART_NUMBERS)
+    }
     own |= {"schema": PART if part else SCHEMA}
     own |= dict(zip(PART_NUMBERS, (rows.start, len(rows)), strict=True)) if part else {}
     for name, value in own.items():
@@ -302,13 +331,17 @@ def _lay_out(
     dimensions = []
     for name, length in axes.items():  # netCDF-4: a scale without data or disk space
         scale = file.create_dataset(name, shape=(length,), dtype=">f4")
-        scale.make_scale(f"This is a netCDF dimension but not a netCDF variable.{length:10d}")
+        scale.make_scale(
+            f"This is a netCDF dimension but not a netCDF variable.{length:10d}"
+        )
         dimensions.append(scale)
     file.create_group(RUNTIME, track_order=True)
     for column in columns:
         properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
         properties.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
-        properties.set_fill_time(h5py.h5d.FILL_TIME_NEVER)  # it would crash on a full disk
+        properties.set_fill_time(
+            h5py.h5d.FILL_TIME_NEVER
+        )  # it would crash on a full disk
         shape, fill = column.shape(len(rows), scene.grid.shape), column.fill
         dataset = file.create_dataset(
             column.path, shape=shape, dtype=column.dtype, fillvalue=fill, dcpl=properties
@@ -324,7 +357,9 @@ def _lay_out(
         if flags := FLAGS.get(column):
             dataset.attrs["flag_values"] = np.array(list(flags), dtype=column.dtype)
             # CF's list of meanings is separated by blanks: each text has to be one word.
-            words = (re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_") for text in flags.values())
+            words = (
+                re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_") for text in flags.values()
+            )
             _set(dataset, "flag_meanings", " ".join(word or "none" for word in words))
 
 

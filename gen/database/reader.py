@@ -45,9 +45,14 @@ CHUNK_BYTES = 8 * 2**20  # most bytes of a column that are in memory at once
 
 TEXTS = ("title", "scene", "scene_hash", "versions", "git_commit", "created")
 NUMBERS = ("samples", "schema", "physics", "physics_forced")
-LARGEST_ATTRIBUTE = 2**22  # most bytes of an attribute, more than the text of any scene has
+LARGEST_ATTRIBUTE = (
+    2**22
+)  # most bytes of an attribute, more than the text of any scene has
 
-PART_NUMBERS = ("first_row", "rows")  # attributes of a part: its first row, and its number of rows
+PART_NUMBERS = (
+    "first_row",
+    "rows",
+)  # attributes of a part: its first row, and its number of rows
 
 FLAGS: dict[Column, dict[int, str]] = {
     STATUS: {status: status.name.lower() for status in Status},
@@ -80,7 +85,9 @@ def rows_of(attributes: Mapping[str, str | int]) -> range:
         return range(samples)
     first, count = (int(attributes[name]) for name in PART_NUMBERS)
     if not (0 <= first < samples and 1 <= count <= samples - first):
-        raise ValueError(f"it is said to hold {count} rows from row {first} on, of {samples}")
+        raise ValueError(
+            f"it is said to hold {count} rows from row {first} on, of {samples}"
+        )
     return range(first, first + count)
 
 
@@ -124,11 +131,17 @@ def open_file(path: Path, writing: bool = False, communicator: Any = None) -> h5
 
     HDF5's buffer for small writes is off: a failed write leaves nothing that would fail at the end.
     """
-    if require_file(path).is_file() and not path.stat().st_size:  # HDF5 would make it its own
-        raise InputError(f"{path} is empty, not a database; give another name or remove it")
+    if (
+        require_file(path).is_file() and not path.stat().st_size
+    ):  # HDF5 would make it its own
+        raise InputError(
+            f"{path} is empty, not a database; give another name or remove it"
+        )
     access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
     access.set_fclose_degree(h5py.h5f.CLOSE_STRONG)
-    access.set_file_locking(False, True)  # no locks, and no error if the environment disables them
+    access.set_file_locking(
+        False, True
+    )  # no locks, and no error if the environment disables them
     access.set_sieve_buf_size(0)
     if communicator is not None:
         hints = communicator.Get_info()
@@ -144,7 +157,9 @@ def open_file(path: Path, writing: bool = False, communicator: Any = None) -> h5
         if number:
             raise _unread(path, number) from None
         if (kind := kind_of(path)) != "database":
-            raise InputError(f"{path} is no database but {kind}; give another name") from None
+            raise InputError(
+                f"{path} is no database but {kind}; give another name"
+            ) from None
         raise InputError(
             f"{path} cannot be read as a database ({first_line(error)}); give another name, or"
             " restore it"
@@ -158,7 +173,9 @@ def first_line(error: Exception) -> str:
 
 def _unread(path: Path, number: int) -> InputError:
     """Return the error for a file that the system cannot read; the file itself may be whole."""
-    return InputError(f"{path} cannot be read: {os.strerror(number)}; nothing was changed")
+    return InputError(
+        f"{path} cannot be read: {os.strerror(number)}; nothing was changed"
+    )
 
 
 @contextmanager
@@ -168,9 +185,19 @@ def _damage(path: Path) -> Iterator[None]:
         yield
     except InputError:
         raise
-    except (OSError, RuntimeError, KeyError, TypeError, AttributeError, ValueError) as error:
+    except (
+        OSError,
+        RuntimeError,
+        KeyError,
+        TypeError,
+        AttributeError,
+        ValueError,
+    ) as error:
         number = errno_of(error)
-        if number not in {0, errno.EINVAL}:  # that is what the system says of a damaged address
+        if number not in {
+            0,
+            errno.EINVAL,
+        }:  # that is what the system says of a damaged address
             raise _unread(path, number) from None
         raise InputError(
             f"{path} is damaged, or gen has not written it ({first_line(error)}); restore it from a"
@@ -212,12 +239,16 @@ def _check_columns(file: h5py.File, path: Path, scene: Scene, rows: int) -> None
             or (dataset.shape, dataset.dtype) != (shape, np.dtype(column.dtype))
             or dataset.id.get_type().committed()
         ):
-            raise ValueError(f"column {name!r} is not of type {column.dtype} and shape {shape}")
+            raise ValueError(
+                f"column {name!r} is not of type {column.dtype} and shape {shape}"
+            )
         if dataset.external or dataset.is_virtual or dataset.chunks is not None:
             raise ValueError(f"column {name!r} is in another file, virtual, or in chunks")
         first, length = dataset.id.get_offset(), rows * column.row_bytes(scene.grid.shape)
         if first is None or first + length > size:
-            raise ValueError(f"{rows} rows of column {name!r} do not fit into its {size} bytes")
+            raise ValueError(
+                f"{rows} rows of column {name!r} do not fit into its {size} bytes"
+            )
         places.append((first, first + length, name))
     for (_, end, name), (first, _, other) in pairwise(sorted(places)):
         if first < end:
@@ -229,8 +260,12 @@ def checked(
 ) -> Scene:
     """Check that an open file is a database of this layout, into which a wanted scene may write."""
     with _damage(path):
-        if not all(name in file.attrs for name in ("schema", "physics", "scene", "samples")):
-            raise InputError(f"{path} is HDF5 but not a database of Asperity; give another name")
+        if not all(
+            name in file.attrs for name in ("schema", "physics", "scene", "samples")
+        ):
+            raise InputError(
+                f"{path} is HDF5 but not a database of Asperity; give another name"
+            )
         attributes = read_attributes(file)
         if (schema := attributes["schema"]) not in {SCHEMA, PART}:
             raise InputError(
@@ -298,12 +333,16 @@ class Reader(ExitStack):
             self._take(opened.enter_context(open_file(self.path)))
             self.push(opened.pop_all())
 
-    def _take(self, file: h5py.File, wanted: Scene | None = None, *, force: bool = False) -> None:
+    def _take(
+        self, file: h5py.File, wanted: Scene | None = None, *, force: bool = False
+    ) -> None:
         """Check an open file, and read what it holds."""
         self._file = file
         self.scene = checked(file, self.path, wanted, force=force)
         self.rows = rows_of(read_attributes(file))
-        self._columns = stored_columns(self.scene, checksums=has_checksums(file, self.scene))
+        self._columns = stored_columns(
+            self.scene, checksums=has_checksums(file, self.scene)
+        )
 
     def _places(self, first: int, last: int | None) -> tuple[int, int]:
         """Return first and last position in the columns of those rows that the file has."""
@@ -331,7 +370,9 @@ class Reader(ExitStack):
         """
         total = np.zeros(256, dtype=np.int64)
         for start, stop in chunks(len(self.rows), 1):
-            total += np.bincount(self._file[STATUS.path][start:stop], minlength=total.size)
+            total += np.bincount(
+                self._file[STATUS.path][start:stop], minlength=total.size
+            )
         done, failed = int(total[Status.DONE]), int(total[Status.FAILED])
         return Counts(len(self.rows) - done - failed, done, failed)
 
@@ -402,7 +443,9 @@ class Reader(ExitStack):
         wanted = [
             column
             for column in self._columns
-            if not column.shape_of and column.dtype[0] != "S" and column not in NO_QUANTITIES
+            if not column.shape_of
+            and column.dtype[0] != "S"
+            and column not in NO_QUANTITIES
         ]
         ranges = {column.name: (math.nan, math.nan) for column in wanted}
         for start, stop in chunks(len(self.rows), 8):
@@ -440,7 +483,9 @@ class Reader(ExitStack):
         damaged = [np.empty(0, dtype=np.int64)]
         if not self.has_checksums:
             return damaged[0]
-        guarded = [each for each in self._columns if each.deterministic and each != CHECKSUM]
+        guarded = [
+            each for each in self._columns if each.deterministic and each != CHECKSUM
+        ]
         row_bytes = sum(column.row_bytes(self.scene.grid.shape) for column in guarded)
         begin, end = self._places(start, stop)
         for first, last in chunks(end, row_bytes, begin):

@@ -22,7 +22,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gen.arrays import Indices
-from gen.database.reader import Reader, checksums_of, chunks, first_line, open_file, stored_path
+from gen.database.reader import (
+    Reader,
+    checksums_of,
+    chunks,
+    first_line,
+    open_file,
+    stored_path,
+)
 from gen.runtime.errors import InputError, errno_of
 from gen.runtime.files import require_writable
 from gen.scene import Scene
@@ -30,7 +37,9 @@ from gen.schema import CHECKSUM, STATUS, Status
 
 T = TypeVar("T")
 
-SYNC_SECONDS = 5.0  # least time between two syncs of a writer: what a kill or a power cut can cost
+SYNC_SECONDS = (
+    5.0  # least time between two syncs of a writer: what a kill or a power cut can cost
+)
 
 FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})  # a full disk, quota, or file
 
@@ -69,7 +78,9 @@ class HeldFile(ExitStack):
 
     def intact(self) -> bool:
         """Tell whether the file, wherever it is now, has the bytes that no writer changes."""
-        seen = [os.pread(self._descriptor, stop - start, start) for start, stop in self.parts]
+        seen = [
+            os.pread(self._descriptor, stop - start, start) for start, stop in self.parts
+        ]
         self._metadata = self._metadata or seen
         return seen == self._metadata
 
@@ -114,7 +125,9 @@ class Writer(Reader):
                 held = opened.enter_context(HeldFile(path))
                 file = opened.enter_context(open_file(path, True))
             else:
-                status = path.stat() if path.exists() else None  # a rank may see another folder
+                status = (
+                    path.stat() if path.exists() else None
+                )  # a rank may see another folder
                 place = status and (status.st_ino, status.st_size)
                 places = communicator.allgather((place, socket.gethostname()))
                 for rank, (there, host) in enumerate(places):
@@ -127,11 +140,14 @@ class Writer(Reader):
                 file = _on_all(communicator, lambda: open_file(path, True, communicator))
                 opened.enter_context(file)
             self._take(file, scene, force=force)
-            self._datasets = {each.name: file[stored_path(file, each)] for each in self._columns}
+            self._datasets = {
+                each.name: file[stored_path(file, each)] for each in self._columns
+            }
             self._status = self._datasets[STATUS.name]
             ids = [each.id for each in self._datasets.values()]
             ends = [
-                (each.get_offset(), each.get_offset() + each.get_storage_size()) for each in ids
+                (each.get_offset(), each.get_offset() + each.get_storage_size())
+                for each in ids
             ]
             # A file that has grown has one more byte behind its columns.
             behind = max(end for _, end in ends), path.stat().st_size + 1
@@ -154,7 +170,9 @@ class Writer(Reader):
                 with tempfile.TemporaryFile() as nothing:
                     os.dup2(nothing.fileno(), self._file.id.get_vfd_handle())
 
-    def write_block(self, start: int, stop: int, columns: Mapping[str, ArrayLike]) -> None:
+    def write_block(
+        self, start: int, stop: int, columns: Mapping[str, ArrayLike]
+    ) -> None:
         """Write the finished rows of a block, whose statuses follow once the data are on the disk.
 
         Parameters
@@ -172,7 +190,9 @@ class Writer(Reader):
             If the disk is full or fails, or the file has been replaced.
         """
         if not self.rows.start <= start < stop <= self.rows.stop:
-            raise ValueError(f"rows {start} to {stop} of {self.rows.start} to {self.rows.stop}")
+            raise ValueError(
+                f"rows {start} to {stop} of {self.rows.start} to {self.rows.stop}"
+            )
         if wrong := (columns.keys() ^ self._datasets.keys()) - {CHECKSUM.name}:
             raise ValueError(f"columns missing or unknown: {', '.join(sorted(wrong))}")
         arrays = {}
@@ -190,7 +210,9 @@ class Writer(Reader):
             )
         self.confirm()
         status = arrays.pop(STATUS.name)
-        edges = np.flatnonzero(np.diff(status != Status.PENDING, prepend=False, append=False))
+        edges = np.flatnonzero(
+            np.diff(status != Status.PENDING, prepend=False, append=False)
+        )
         with disk_trouble(self.path, self._what_is_safe):
             for first, last in edges.reshape(-1, 2).tolist():
                 place = start + first - self.rows.start
@@ -238,9 +260,8 @@ class Writer(Reader):
         """Save the rows that were written before an error of the disk; say how many are done."""
         with suppress(OSError, RuntimeError, ValueError):  # the same error, perhaps
             self._sync()
-        return (
-            f"{self.counts().done} rows are done and safe: make room and run the same command again"
-        )
+        done = self.counts().done
+        return f"{done} rows are done and safe: make room and run the same command again"
 
     def _flush(self) -> None:
         """Pass all data to the kernel, which keeps them if this process is killed."""
@@ -309,7 +330,9 @@ def _on_all(communicator: Any, action: Callable[[], T]) -> T:
     except InputError as error:
         refusal = str(error)
     refusals = [each for each in communicator.allgather(refusal) if each]
-    if refusals and isinstance(outcome, h5py.File):  # it would wait for the others as it closes
+    if refusals and isinstance(
+        outcome, h5py.File
+    ):  # it would wait for the others as it closes
         raise RuntimeError("; ".join(refusals))
     if refusals:
         raise InputError(refusals[0])
@@ -348,5 +371,9 @@ def disk_trouble(path: Path, left: Callable[[], str]) -> Iterator[None]:
         if not number and not isinstance(error, OSError):
             raise
         reason = os.strerror(number) if number else first_line(error)
-        fault = f"the disk is full ({reason})" if number in FULL else f"cannot be written: {reason}"
+        fault = (
+            f"the disk is full ({reason})"
+            if number in FULL
+            else f"cannot be written: {reason}"
+        )
         raise InputError(f"{path}: {fault}; {left()}") from None

@@ -36,7 +36,9 @@ from gen.runtime.files import Output, atomic, check_outputs
 from gen.runtime.terminal import RunProgress, echo, printable, to_type
 from gen.scene import Scene
 
-FEW_TILES = 10  # tiles from which the part that tests a surrogate, a fifth, holds two or more
+FEW_TILES = (
+    10  # tiles from which the part that tests a surrogate, a fifth, holds two or more
+)
 # nodes in contact under the smallest load; fewer count the grid rather than the area
 FEWEST_NODES = 50
 LARGEST_AREA = 0.4  # share of the patch in contact under the largest load, about
@@ -80,7 +82,9 @@ def draft(
             f"{proposed.windows} windows of {proposed.nodes} x {proposed.nodes} nodes of"
             f" {len(proposed.used)} of {len(paths)} maps, {scene.samples} samples"
         )
-    doubts += [f"{look.path.name}: {warning}" for look in looks for warning in look.warnings]
+    doubts += [
+        f"{look.path.name}: {warning}" for look in looks for warning in look.warnings
+    ]
     for doubt in (*scene.contact.doubts, *doubts):
         echo(f"warning: {doubt}", err=True)
     echo(f"wrote {output}: {made}")
@@ -91,7 +95,9 @@ def scene_of_windows(
 ) -> str:
     """Return a scene of windows of maps, with comments that say why it has its values."""
     nodes, tiles = proposal.nodes, proposal.tiles
-    few = "\n# That is few: scores of a surrogate on them mean little." * (tiles < FEW_TILES)
+    few = "\n# That is few: scores of a surrogate on them mean little." * (
+        tiles < FEW_TILES
+    )
     steps = [look.spacing for look in proposal.used]
     spacing = f"# All maps have a node every {in_words(steps[0])} um, and keep it."
     if proposal.spacing is not None:
@@ -100,9 +106,13 @@ def scene_of_windows(
 # um; the maps have a node every {min(apart):.4g} to {max(apart):.4g} um. Finer maps can lose
 # detail, coarser ones cannot gain it.
 spacing = {float(proposal.spacing)!r}"""
-    given = [(name, value) for name, value in proposal.reading.of("reading").items() if value]
+    given = [
+        (name, value) for name, value in proposal.reading.of("reading").items() if value
+    ]
     keys = "\n".join(f"{name} = {quoted(value)}" for name, value in given)
-    reading = f"\n# For files that do not say it.\n[surface.reading]\n{keys}\n" if given else ""
+    reading = (
+        f"\n# For files that do not say it.\n[surface.reading]\n{keys}\n" if given else ""
+    )
     database, surrogate = (
         printable(str(output.with_suffix(suffix))) for suffix in (".h5", ".surrogate")
     )
@@ -136,7 +146,9 @@ nodes = {nodes}
 
 def _head(title: str, output: Path, surfaces: int, then: str = "") -> str:
     """Return the numbers of a scene, and the commands that use it."""
-    scene, database = (printable(str(each)) for each in (output, output.with_suffix(".h5")))
+    scene, database = (
+        printable(str(each)) for each in (output, output.with_suffix(".h5"))
+    )
     return f"""\
 #     {to_type("gen estimate")} {scene}
 #     {to_type("gen run")} {scene} -o {database}
@@ -174,7 +186,9 @@ def _preparation(proposal: Proposal) -> str:
     used, steps = proposal.used, proposal.reading
     despike, fill = "# No map has spikes: no despike.", "# No map has holes: no fill."
     if steps.despike is not None:
-        spikes = [look.spikes.number for look in used if look.spikes and look.spikes.number]
+        spikes = [
+            look.spikes.number for look in used if look.spikes and look.spikes.number
+        ]
         despike = f"""\
 # {len(spikes)} of {len(used)} maps have spikes, {sum(spikes)} nodes in all: the highest would set
 # Delta's zero.
@@ -207,7 +221,10 @@ def scene_like(likeness: Likeness, bodies: Bodies, command: str, output: Path) -
     fit, spectrum, (height, slope) = likeness.fit, likeness.spectrum, likeness.windows
     remarked = f"\n# The fit says: {'; '.join(fit.remarks)}." if fit.remarks else ""
     hurst = max(0.0, spectrum.hurst - EXPONENTS), min(1.0, spectrum.hurst + EXPONENTS)
-    roll_off = max(spectrum.roll_off / AROUND, spectrum.cut_off), spectrum.roll_off * AROUND
+    roll_off = (
+        max(spectrum.roll_off / AROUND, spectrum.cut_off),
+        spectrum.roll_off * AROUND,
+    )
     doubt = ""
     if likeness.doubt:
         doubt = f"\n# DOUBTFUL: {likeness.doubt}. Windows of the map are safer: `gen scene MAP`."
@@ -283,7 +300,11 @@ range = {{ log_uniform = {span(low, high)} }}
 def _contact(bodies: Bodies) -> str:
     """Return the keys of the contact, the boundary first."""
     young, poisson = bodies.only or (bodies.e_star, 0.0)
-    unknown = "" if bodies.known else "\n# None was given: areas of elastic bodies hold for any."
+    unknown = (
+        ""
+        if bodies.known
+        else "\n# None was given: areas of elastic bodies hold for any."
+    )
     hardness = "# Metals yield: hardness = 2000.0 (MPa, steel) with loads as pressures."
     if bodies.hardness is not None:
         hardness = f"# MPa, of the softer body.\nhardness = {float(bodies.hardness)!r}"

@@ -20,7 +20,12 @@ from gen.maps.outliers import local_medians, refuse_beyond_numbers, with_codes_n
 from gen.maps.prepare import FLAT, MANY_SPIKES, least_squares, prepare
 from gen.maps.read import Sides, Topography, in_words, read
 from gen.maps.settings import SPIKE, Reading
-from gen.maps.texture import SelfAffineFit, areal_parameters, fit_self_affine, radial_spectrum
+from gen.maps.texture import (
+    SelfAffineFit,
+    areal_parameters,
+    fit_self_affine,
+    radial_spectrum,
+)
 from gen.runtime.errors import InputError
 from gen.runtime.files import digest
 from gen.runtime.terminal import print_columns
@@ -38,19 +43,26 @@ class MapSurvey:
 
     path: Path  # the file
     fault: str = ""  # why the file cannot be used, "" if it can
-    shape: tuple[int, int] = (0, 0)  # nodes along x and y; (0, 0) of a file that cannot be read
+    shape: tuple[int, int] = (
+        0,
+        0,
+    )  # nodes along x and y; (0, 0) of a file that cannot be read
     spacing: Sides = (math.nan, math.nan)  # distance of the nodes along x and y [um]
     unit: str = ""  # unit of the heights in the file, "" if it names none
     missing: int = 0  # number of nodes without a height
     spikes: Spikes | None = None  # spikes, None of a file that cannot be used
     tilt: Sides = (math.nan, math.nan)  # slopes of the mean plane along x and y [1]
-    form: float = 0.0  # share of the variance about the mean plane that a quadratic takes out [1]
+    form: float = (
+        0.0  # share of the variance about the mean plane that a quadratic takes out [1]
+    )
     prepared: tuple[int, int] = (0, 0)  # nodes along x and y after the preparation
     rms_height: float = math.nan  # [um]
     rms_slope: float = math.nan  # between neighbouring nodes, as in databases [1]
     # autocorrelation length Sal of ISO 25178, NaN if half of the map is too short for it [um]
     length: float = math.nan
-    warnings: tuple[str, ...] = ()  # one line for each value that may stand for missing heights
+    warnings: tuple[
+        str, ...
+    ] = ()  # one line for each value that may stand for missing heights
 
 
 def survey(
@@ -90,7 +102,8 @@ def _look(look: MapSurvey, topography: Topography) -> None:
         look.fault = f"{nx} x {ny} nodes are too few"
     else:
         plane, quadratic = (
-            float(np.nanvar(heights - fitted_polynomial(heights, degree))) for degree in (1, 2)
+            float(np.nanvar(heights - fitted_polynomial(heights, degree)))
+            for degree in (1, 2)
         )
         look.form = 1.0 - quadratic / plane if plane else 0.0
         look.spikes, (_, look.tilt) = find_spikes(heights), least_squares(topography)
@@ -102,7 +115,9 @@ def _without_name(error: InputError, path: Path) -> str:
     return fault.replace(", or overrule the file by --override-scale", "")
 
 
-def measure(look: MapSurvey, reading: Reading, spacing: float | None = None) -> Topography | None:
+def measure(
+    look: MapSurvey, reading: Reading, spacing: float | None = None
+) -> Topography | None:
     """Prepare a map as the scene will, note its roughness, and return it; None at a fault."""
     try:
         topography = prepare(read(look.path, reading), reading)
@@ -172,7 +187,9 @@ def common_threshold(found: Sequence[Spikes]) -> float | None:
         return None
     surface = max(each.surface for each in found)
     middle = math.sqrt(surface * nearest) if surface < nearest else 0.98 * nearest
-    return float(f"{middle:.2g}") if surface < float(f"{middle:.2g}") < nearest else middle
+    return (
+        float(f"{middle:.2g}") if surface < float(f"{middle:.2g}") < nearest else middle
+    )
 
 
 def print_looks(looks: Sequence[MapSurvey]) -> None:
@@ -189,7 +206,9 @@ def print_looks(looks: Sequence[MapSurvey]) -> None:
             "rms height um": f"{look.rms_height:.3g}",
             "rms slope": f"{look.rms_slope:.3g}",
         }
-        cells = [cell.replace("nan", "-") if look.shape[0] else "-" for cell in known.values()]
+        cells = [
+            cell.replace("nan", "-") if look.shape[0] else "-" for cell in known.values()
+        ]
         use = f"no: {look.fault}" if look.fault else "; ".join(["yes", *remarks(look)])
         rows.append([look.path.name, *cells, use])
     print_columns(rows, ["map", *known, "use"], right=known.keys() - {"unit"})
@@ -208,7 +227,9 @@ class Proposal:
     looks: list[MapSurvey]  # all files
     used: list[MapSurvey]  # those without a fault
     reading: Reading  # how files are read and prepared
-    spacing: float | None  # spacing to which all maps are resampled; None if they share theirs [um]
+    spacing: (
+        float | None
+    )  # spacing to which all maps are resampled; None if they share theirs [um]
     nodes: int  # nodes along each side of a window
     width: float  # length of a window along x [um]
     windows: int  # number of windows
@@ -223,8 +244,14 @@ def propose(
     require_used(looks)
     spacing = common_spacing([look.spacing for look in looks if not look.fault])
     for look in looks:
-        if not look.fault and spacing is not None and (wide := max(look.spacing)) > 1.001 * spacing:
-            look.fault = f"a node every {wide:.4g} um, most others have one every {spacing:g}"
+        if (
+            not look.fault
+            and spacing is not None
+            and (wide := max(look.spacing)) > 1.001 * spacing
+        ):
+            look.fault = (
+                f"a node every {wide:.4g} um, most others have one every {spacing:g}"
+            )
     reading = with_steps(reading, [look for look in looks if not look.fault])
     for look in looks:
         if not look.fault:
@@ -241,7 +268,9 @@ def propose(
         )
     for look in used:
         if min(shape := look.prepared) < nodes:
-            look.fault = f"{shape[0]} x {shape[1]} nodes hold no window of {nodes} x {nodes}"
+            look.fault = (
+                f"{shape[0]} x {shape[1]} nodes hold no window of {nodes} x {nodes}"
+            )
     used = require_used(looks)
     beside = sum(math.prod(each.prepared) for each in used) / nodes**2
     windows = 10 * round(min(max(OVERLAP * beside, WINDOWS[0]), WINDOWS[1]) / 10)
@@ -277,7 +306,9 @@ USUAL = 128  # nodes a side, more only where these are narrow beside the texture
 WIDE = 5.0
 MOST_MAPS = 0.75  # share of the maps that have to hold two windows along both axes
 FINE = 0.8  # share of the maps that are not coarsened for the sake of the others
-COARSE = 4.0  # spacing over the median one from which maps are left out, however many they are
+COARSE = (
+    4.0  # spacing over the median one from which maps are left out, however many they are
+)
 
 
 def common_spacing(spacings: Sequence[Sides]) -> float | None:
@@ -303,7 +334,9 @@ def window_nodes(shapes: Sequence[tuple[int, int]], length: float) -> int | None
     wanted = [each for each in SIZES if each <= USUAL or narrower[each] < WIDE * length]
     for windows in (2, 1):
         for size in wanted:
-            if sides and sum(each >= windows * size for each in sides) >= MOST_MAPS * len(sides):
+            if sides and sum(each >= windows * size for each in sides) >= MOST_MAPS * len(
+                sides
+            ):
                 return size
     return None
 
@@ -352,24 +385,36 @@ def propose_like(path: Path, reading: Reading) -> Likeness:
     if (topography := measure(look, reading)) is None:
         raise InputError(f"no map can be used: {path}: {look.fault}")
     (dx, dy), heights = topography.spacing, topography.heights
-    along_x, along_y = rms_slope(heights, (dx, math.inf)), rms_slope(heights, (math.inf, dy))
+    along_x, along_y = (
+        rms_slope(heights, (dx, math.inf)),
+        rms_slope(heights, (math.inf, dy)),
+    )
     lay = along_y / along_x if along_x else 1.0
     # Wavelengths along x over those along y; those of a stretched spectrum are along y.
     stretch = 1.0 if 1 / LAY < lay < LAY else rounded(lay)
-    isotropic = replace(topography, sides=(topography.sides[0] / stretch, topography.sides[1]))
+    isotropic = replace(
+        topography, sides=(topography.sides[0] / stretch, topography.sides[1])
+    )
     aspect = areal_parameters(isotropic).values["Str"]
     fit = fit_self_affine(isotropic, radial_spectrum(isotropic), aspect)
     if isinstance(fit, str):
         raise InputError(f"{path}: no self-affine law fits it: {fit}")
     step = float(f"{min(topography.spacing):.6g}")
-    law, shortest = fit.spectrum, 2.02 * step * max(1.0, 1 / stretch)  # waves that the grid holds
+    law, shortest = (
+        fit.spectrum,
+        2.02 * step * max(1.0, 1 / stretch),
+    )  # waves that the grid holds
     cut_off = rounded(max(law.cut_off, shortest), 3)
     roll_off = max(rounded(law.roll_off, 3), cut_off)
     spectrum = SelfAffineSpectrum(rounded(law.hurst), roll_off, cut_off, stretch)
     period = PERIOD * NODES
     generated = [  # as the scene will, with waves whose rms slope is 1
         generate_spectral(
-            (period, period), period * step, spectrum, np.random.default_rng(seed), rms_slope=1.0
+            (period, period),
+            period * step,
+            spectrum,
+            np.random.default_rng(seed),
+            rms_slope=1.0,
         )[:NODES, :NODES]
         for seed in range(TRIED)
     ]
@@ -388,7 +433,9 @@ def propose_like(path: Path, reading: Reading) -> Likeness:
     return Likeness(look, reading, fit, spectrum, step, slope, windows, height, doubt)
 
 
-def _medians(surfaces: list[Heights], spacing: tuple[float, float]) -> tuple[float, float]:
+def _medians(
+    surfaces: list[Heights], spacing: tuple[float, float]
+) -> tuple[float, float]:
     """Return the medians of rms height [um] and rms slope."""
     return (
         float(np.median([surface.std() for surface in surfaces])),

@@ -28,12 +28,22 @@ from pyarrow import parquet
 from gen.database import Reader
 from gen.database.reader import CHUNK_BYTES
 from gen.runtime.errors import InputError
-from gen.runtime.files import atomic, digest, inside, kind_of, lock_folder, make_folder, write
+from gen.runtime.files import (
+    atomic,
+    digest,
+    inside,
+    kind_of,
+    lock_folder,
+    make_folder,
+    write,
+)
 from gen.runtime.terminal import RunProgress, printable
 from gen.schema import REASONS, Column, Status
 
 DOI = re.compile(r"10\.\d{4,9}/\S+")  # without the address of its resolver (ISO 26324)
-RESOLVER = re.compile(r"(https?://doi\.org/|doi:)", re.IGNORECASE)  # what people put in front of it
+RESOLVER = re.compile(
+    r"(https?://doi\.org/|doi:)", re.IGNORECASE
+)  # what people put in front of it
 
 LICENCE = re.compile(r"https?://\S+|[\w.+-]+( (AND|OR|WITH) [\w.+-]+)*", re.ASCII)
 """An address, or an SPDX expression without brackets (SPDX 2.3, annex D)."""
@@ -50,19 +60,25 @@ PATCHES = {
 """Words for the boundaries of a patch."""
 
 CROISSANT_NAME = "croissant.json"  # name of the description in the folder of an export
-PARQUET = "application/x-parquet"  # media type of Parquet files, as Croissant's loader knows it
+PARQUET = (
+    "application/x-parquet"  # media type of Parquet files, as Croissant's loader knows it
+)
 
 KEPT_BACK = frozenset(("status", "checksum", "rank", "host"))
 """Columns that are not exported: the status, since all exported rows are done, the checksum, which
 is that of a row of the database, and the machine that computed a row, which is private.
 """
 
-TABLE_ROWS = 50_000  # number of rows that are in memory at once, and in one row group of a file
+TABLE_ROWS = (
+    50_000  # number of rows that are in memory at once, and in one row group of a file
+)
 KEY = b"asperity"  # key of a file's metadata under which its origin stands
 ROWS = "rows.parquet"  # file of all columns with one value a row
 FIELDS = "fields"  # folder of the files of columns with one field a row
 
-FILE_BYTES = 2**28  # most bytes of a field's file before compression: what an interruption loses
+FILE_BYTES = (
+    2**28
+)  # most bytes of a field's file before compression: what an interruption loses
 
 
 @dataclass(frozen=True)
@@ -80,7 +96,11 @@ class About:
         scene, bare = reader.scene, RESOLVER.sub("", doi.strip(), count=1)
         if doi and not DOI.fullmatch(bare):
             raise InputError(f"--doi {doi}: give an identifier as 10.5281/zenodo.1234567")
-        for option, text in (("title", title), ("creator", creator), ("licence", licence)):
+        for option, text in (
+            ("title", title),
+            ("creator", creator),
+            ("licence", licence),
+        ):
             if not text.isprintable():
                 raise InputError(f"--{option} {text!r}: give a text of one line")
         if licence and not LICENCE.fullmatch(licence):
@@ -101,7 +121,11 @@ class About:
     def citation(self, year: str) -> str:
         """Return how the dataset wants to be cited, or an empty text without a creator."""
         place = f" {self.address}" if self.address else ""
-        return f"{self.creator} ({year}). {self.title} [Data set].{place}" if self.creator else ""
+        return (
+            f"{self.creator} ({year}). {self.title} [Data set].{place}"
+            if self.creator
+            else ""
+        )
 
 
 def export(reader: Reader, folder: Path, about: About) -> tuple[int, int, int]:
@@ -118,7 +142,9 @@ def export(reader: Reader, folder: Path, about: About) -> tuple[int, int, int]:
                 other = "holds the export of another database"
                 other = other if origin else "is not empty and no export"
                 raise InputError(f"{folder} {other}: give a new folder")
-        done = np.asarray(reader.column("status") == Status.DONE)  # a run may go on meanwhile
+        done = np.asarray(
+            reader.column("status") == Status.DONE
+        )  # a run may go on meanwhile
         if not done.any():
             raise InputError(f"{reader.path} has no done rows to export")
         files = pieces(reader)
@@ -130,7 +156,9 @@ def export(reader: Reader, folder: Path, about: About) -> tuple[int, int, int]:
         write(inside(folder, SCENE_NAME), scene_text(reader))
         write(inside(folder, CARD_NAME), card(reader, about, done))
         write(inside(folder, CROISSANT_NAME), describe(reader, about, folder, files))
-        size = sum(path.stat().st_size for path in folder.rglob("[!.]*") if path.is_file())
+        size = sum(
+            path.stat().st_size for path in folder.rglob("[!.]*") if path.is_file()
+        )
         return int(done.sum()), int((~done).sum()), size
 
 
@@ -173,15 +201,25 @@ def pieces(reader: Reader) -> list[Piece]:
         step = max(1, FILE_BYTES // column.row_bytes(reader.scene.grid.shape))
         for first in range(reader.rows.start, reader.rows.stop, step):
             rows = range(first, min(first + step, reader.rows.stop))
-            found.append(Piece(f"{FIELDS}/{column.name}-{first:010d}.parquet", schema, rows))
+            found.append(
+                Piece(f"{FIELDS}/{column.name}-{first:010d}.parquet", schema, rows)
+            )
     return found
 
 
 def write_piece(
-    piece: Piece, folder: Path, reader: Reader, done: NDArray[np.bool_], progress: RunProgress
+    piece: Piece,
+    folder: Path,
+    reader: Reader,
+    done: NDArray[np.bool_],
+    progress: RunProgress,
 ) -> None:
     """Write a file of an export with the rows that are done, unless it is there already."""
-    path, before, names = inside(folder, piece.name), reader.rows.start, piece.schema.names[1:]
+    path, before, names = (
+        inside(folder, piece.name),
+        reader.rows.start,
+        piece.schema.names[1:],
+    )
     part = piece.rows
     number = int(done[part.start - before : part.stop - before].sum())
     origin = identity(reader) | {"rows": [part.start, part.stop], "done": number}
@@ -205,7 +243,9 @@ def write_piece(
                 flat = pa.array(np.ascontiguousarray(values).reshape(-1))
                 listed = pa.types.is_fixed_size_list(field.type)
                 size = field.type.list_size if listed else 0
-                arrays.append(pa.FixedSizeListArray.from_arrays(flat, size) if listed else flat)
+                arrays.append(
+                    pa.FixedSizeListArray.from_arrays(flat, size) if listed else flat
+                )
             writer.write_table(pa.Table.from_arrays(arrays, schema=schema))
             progress.advance(len(arrays[0]), 0)
 
@@ -228,7 +268,9 @@ def words(reader: Reader) -> str:
     """Describe surfaces, contact and loads of a dataset in a few sentences."""
     scene = reader.scene
     (nx, ny), (along, across) = scene.grid.shape, scene.grid.sides
-    bodies = "elastic bodies" if scene.contact.hardness_limits is None else "bodies that yield"
+    bodies = (
+        "elastic bodies" if scene.contact.hardness_limits is None else "bodies that yield"
+    )
     return (
         f"Contact of rough surfaces, solved by the boundary-element method: {bodies} pressed onto"
         f" {PATCHES[scene.contact.boundary]} of {nx} x {ny} nodes, {along:g} x {across:g} um, with"
@@ -242,7 +284,9 @@ def scene_text(reader: Reader) -> str:
     """Return the scene of a database as TOML."""
     content = json.loads(reader.scene.text())
     content |= {name: printable(content[name]) for name in TEXTS & content.keys()}
-    tables_last = dict(sorted(content.items(), key=lambda item: isinstance(item[1], dict)))
+    tables_last = dict(
+        sorted(content.items(), key=lambda item: isinstance(item[1], dict))
+    )
     return tomli_w.dumps(tables_last)
 
 
@@ -259,7 +303,9 @@ def card(reader: Reader, about: About, done: NDArray[np.bool_]) -> str:
     )
     filters = environment.filters  # YAML's texts are quoted as JSON's, < is escaped
     filters["json"] = lambda text: Markup(json.dumps(text).replace("<", "\\u003c"))
-    filters["form"] = lambda of, at: "" if not of or math.isnan(of[at]) else f"{of[at]:.6g}"
+    filters["form"] = lambda of, at: (
+        "" if not of or math.isnan(of[at]) else f"{of[at]:.6g}"
+    )
     attributes, (columns, fields) = reader.attributes, columns_of(reader)
     failures = reader.reasons(Status.FAILED)
     text = environment.get_template("card.md.jinja").render(
@@ -269,7 +315,9 @@ def card(reader: Reader, about: About, done: NDArray[np.bool_]) -> str:
         versions=json.loads(str(attributes["versions"])),
         done=int(done.sum()),
         counts=reader.counts(),
-        failures={REASONS.get(code, str(code)): number for code, number in failures.items()},
+        failures={
+            REASONS.get(code, str(code)): number for code, number in failures.items()
+        },
         rows_file=ROWS,
         fields_folder=FIELDS,
         fields=fields,
@@ -310,7 +358,9 @@ def describe(reader: Reader, about: About, folder: Path, pieces: Iterable[Piece]
         schema = next(piece.schema for piece in others if piece.schema.names[-1] == name)
         pattern = f"{FIELDS}/{name}-*.parquet"
         distribution.append(
-            mlc.FileSet(id=f"{name}-files", encoding_formats=[PARQUET], includes=[pattern])
+            mlc.FileSet(
+                id=f"{name}-files", encoding_formats=[PARQUET], includes=[pattern]
+            )
         )
         records.append(_record_set(name, schema, file_set=f"{name}-files"))
     created = datetime.fromisoformat(str(reader.attributes["created"]))
@@ -338,7 +388,9 @@ def _record_set(name: str, schema: pa.Schema, **source: str) -> mlc.RecordSet:
         shape = json.loads(words.get("shape", "[]"))
         inner = column.type.value_type if shape else column.type
         kind = mlc.DataType.INTEGER if pa.types.is_integer(inner) else mlc.DataType.FLOAT
-        array = {"is_array": True, "array_shape": ",".join(map(str, shape))} if shape else {}
+        array = (
+            {"is_array": True, "array_shape": ",".join(map(str, shape))} if shape else {}
+        )
         described = mlc.Field(
             id=f"{name}/{column.name}",
             name=column.name,

@@ -74,7 +74,9 @@ def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[Fault]:
         for start in reader.rows[::CHUNK_ROWS]:
             stop = min(start + CHUNK_ROWS, reader.rows.stop)
             status = reader.column("status", start, stop)
-            yield from _row_faults(status > Status.FAILED, start, "status is not a known one")
+            yield from _row_faults(
+                status > Status.FAILED, start, "status is not a known one"
+            )
             some = np.flatnonzero(np.isin(status, (Status.DONE, Status.FAILED)))
             if some.size:
                 finished.append(start + some)
@@ -86,8 +88,14 @@ def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[Fault]:
             reader.scene.surface.make_ready(path.parent, sources=True)
         if finished:
             rows = np.concatenate(finished)
-            columns = [each for each in reader.columns() if each.deterministic and each != CHECKSUM]
-            if made_by_another(int(reader.attributes["physics"])):  # the surfaces are the same
+            columns = [
+                each
+                for each in reader.columns()
+                if each.deterministic and each != CHECKSUM
+            ]
+            if made_by_another(
+                int(reader.attributes["physics"])
+            ):  # the surfaces are the same
                 names = {each.name for each in TABLE_1} | {"surface", "heights"}
                 columns = [column for column in columns if column.name in names]
             chosen = np.random.default_rng(seed).permutation(rows)[:recompute]
@@ -157,7 +165,9 @@ def _chunk_faults(
         for column in reader.columns()
         if column.dtype[0] == "f" and column.deterministic and not column.shape_of
     }
-    faults += [(done & wrong, fault) for wrong, fault in _impossible(reader, plan, rows, reason)]
+    faults += [
+        (done & wrong, fault) for wrong, fault in _impossible(reader, plan, rows, reason)
+    ]
     for wrong, fault in faults:
         yield from _row_faults(wrong, start, fault)
 
@@ -218,7 +228,10 @@ def _impossible(
             yield _unlike(rows, "delta", plan.load * rows["height_rms"])
     if plan.hardness is not None:
         yielded = rows["yielded_percent"]
-        yield ~((yielded >= 0) & (yielded <= area)), "more nodes have yielded than are in contact"
+        yield (
+            ~((yielded >= 0) & (yielded <= area)),
+            "more nodes have yielded than are in contact",
+        )
         bearable = plan.hardness * cell * nodes
         yield force > bearable * (1 + ROUNDING), "force above what the hardness bears"
 
@@ -230,7 +243,9 @@ def _row_faults(wrong: Mask, start: int, words: str) -> Iterator[Fault]:
         yield Fault(rows, words)
 
 
-def _recomputed_faults(reader: Reader, columns: Sequence[Column], row: int) -> Iterator[Fault]:
+def _recomputed_faults(
+    reader: Reader, columns: Sequence[Column], row: int
+) -> Iterator[Fault]:
     """Compute a row again, with the other rows of its surface, and compare the bits.
 
     Where checksums vouch for the bytes, other bits are those of another machine or other versions.
@@ -245,7 +260,9 @@ def _recomputed_faults(reader: Reader, columns: Sequence[Column], row: int) -> I
         if column is STATUS and again["reason"][row - first] == Reason.NO_STATISTICS:
             continue
         if stored.tobytes() != fresh.tobytes():
-            old, new = (each[0].tolist() for each in (stored, fresh))  # Python's own numbers
+            old, new = (
+                each[0].tolist() for each in (stored, fresh)
+            )  # Python's own numbers
             detail = "" if column.shape_of else f": {old!r} in the file, {new!r} now"
             words = f"{column.name} is not what this machine and these versions compute{detail}"
             yield Fault(np.array([row]), words, damaged=not reader.has_checksums)

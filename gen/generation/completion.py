@@ -18,7 +18,14 @@ import bem
 from gen.arrays import Heights
 from gen.distribution import limits
 from gen.generation.plan import parameters
-from gen.generation.sample import Output, called, load_of, outputs_of, settings_of, surface_of
+from gen.generation.sample import (
+    Output,
+    called,
+    load_of,
+    outputs_of,
+    settings_of,
+    surface_of,
+)
 from gen.generators.function import PythonSurface
 from gen.quantities import LOADS, PRESSURE, PURE, Powers
 from gen.runtime.errors import InputError, SourceError
@@ -26,8 +33,16 @@ from gen.runtime.farm import Overtime, at_most
 from gen.runtime.user_code import load_function, source_hash
 from gen.scene import Scene, require_own_names
 
-TRIED_ROWS = 16  # rows, of which the first one with a solution shows the outputs of a function
-UNSOLVED = (ArithmeticError, np.linalg.LinAlgError, InputError, bem.NoSolution, bem.NotConverged)
+TRIED_ROWS = (
+    16  # rows, of which the first one with a solution shows the outputs of a function
+)
+UNSOLVED = (
+    ArithmeticError,
+    np.linalg.LinAlgError,
+    InputError,
+    bem.NoSolution,
+    bem.NotConverged,
+)
 """Exceptions of samples that have no solution."""
 
 DOUBLED = (Powers(1, 0, 0), Powers(0, 1, 0), Powers(0, 0, 1))
@@ -68,7 +83,10 @@ class Trial:
         settings["modulus"] *= 2.0**doubled.modulus
         longer = 2.0**doubled.lengths
         settings["spacing"] = tuple(longer * step for step in settings["spacing"])
-        loads: dict[str, Any] = {"delta": None, kind: load * _doubling(LOADS[kind].powers, doubled)}
+        loads: dict[str, Any] = {
+            "delta": None,
+            kind: load * _doubling(LOADS[kind].powers, doubled),
+        }
         along_x, along_y = self.scene.grid.sides
         sides = (longer * along_x, longer * along_y)
         return bem.solve(self.heights * 2.0**doubled.heights, sides, **loads, **settings)
@@ -77,7 +95,9 @@ class Trial:
 def _doubling(powers: Powers | None, doubled: Powers) -> float:
     """Return the factor of a load of some powers where some sizes are doubled."""
     assert powers is not None  # every load has them
-    return 2.0 ** sum(power * double for power, double in zip(powers, doubled, strict=True))
+    return 2.0 ** sum(
+        power * double for power, double in zip(powers, doubled, strict=True)
+    )
 
 
 def completed(
@@ -197,7 +217,9 @@ def first_trial(scene: Scene) -> Trial | None:
     for row in range(TRIED_ROWS):
         try:
             heights = surface_of(scene, plan, row)
-            trial = Trial(scene, row, heights, float(plan.load[row]), plan.hardness_of(row))
+            trial = Trial(
+                scene, row, heights, float(plan.load[row]), plan.hardness_of(row)
+            )
             trial.contact()
         except SourceError:
             raise
@@ -229,7 +251,10 @@ def measured_powers(scene: Scene, limit: float | None = None) -> dict[str, Power
     try:
         trials = _trials_over_the_loads(scene, limit)
         measured = [_powers_at(trial, limit) for trial in trials]
-    except (Overtime, *UNSOLVED):  # SourceError is an InputError: the run itself will meet it
+    except (
+        Overtime,
+        *UNSOLVED,
+    ):  # SourceError is an InputError: the run itself will meet it
         return {}
     if not measured:
         return {}
@@ -255,7 +280,9 @@ def _trials_over_the_loads(scene: Scene, limit: float | None) -> Iterator[Trial]
     low = min(end for end, _ in ends) or LEAST_LOAD * high
     for load in (low, (low + high) / 2, high):
         for halving in range(HALVINGS):
-            trial = Trial(scene, first.row, first.heights, load / 2**halving, first.hardness)
+            trial = Trial(
+                scene, first.row, first.heights, load / 2**halving, first.hardness
+            )
             try:
                 with at_most(limit):
                     trial.contact()

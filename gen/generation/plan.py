@@ -29,7 +29,9 @@ from gen.scene import Scene
 from gen.schema import DRAWN_NAMES
 
 CHUNK = 65_536  # surfaces that share a stream: one a row would take minutes for millions of rows
-OPPOSITE = 4  # second word of the key of a second rough body, which a chunk's key never has
+OPPOSITE = (
+    4  # second word of the key of a second rough body, which a chunk's key never has
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +43,9 @@ class Parameters:
     load: Values  # in the scene's quantity, one of `gen.scene.tables.UNITS`
     hardness: Values | None = None  # of the softer body [MPa]; None for elastic bodies
     first: int = 0  # number of the first row
-    places: dict[str, NDArray[np.int32]] = field(default_factory=dict)  # of the row's surface
+    places: dict[str, NDArray[np.int32]] = field(
+        default_factory=dict
+    )  # of the row's surface
 
     def parameters_of(self, row: int) -> dict[str, float]:
         """Return the parameters of a row's surface, counted from the first of these rows."""
@@ -62,7 +66,10 @@ def parameters(scene: Scene, start: int, stop: int) -> Parameters:
     # Of two numbers one chooses the piece, the other the place in it. The last piece takes the
     # rest: rounded shares cannot leave a gap below 1.
     borders = np.cumsum([piece.share for piece in scene.pieces])[:-1]
-    chosen, load = np.searchsorted(borders, pairs[:, 0], side="right"), np.empty(len(pairs))
+    chosen, load = (
+        np.searchsorted(borders, pairs[:, 0], side="right"),
+        np.empty(len(pairs)),
+    )
     for number, piece in enumerate(scene.pieces):
         load[chosen == number] = quantiles(piece.range, pairs[chosen == number, 1])
     surface = np.arange(start, stop, dtype=np.int64) // m
@@ -75,7 +82,9 @@ def parameters(scene: Scene, start: int, stop: int) -> Parameters:
         drawn[name] = quantiles(distribution, uniform)[surface - first]
     taken = {}
     if scene.surface.PLACES:
-        taken = scene.surface.places(surface_random(scene, each) for each in range(first, last))
+        taken = scene.surface.places(
+            surface_random(scene, each) for each in range(first, last)
+        )
     return Parameters(
         surface=surface,
         drawn=drawn,
@@ -96,10 +105,14 @@ def planned_columns(scene: Scene, plan: Parameters) -> Columns:
     return columns
 
 
-def surface_random(scene: Scene, surface: int | np.int64, *body: int) -> np.random.Generator:
+def surface_random(
+    scene: Scene, surface: int | np.int64, *body: int
+) -> np.random.Generator:
     """Make the random generator of a surface, below 2^32, or of the body that it is pressed on."""
     key = (int(surface), *body)  # PCG64 is the kind that `default_rng` takes today
-    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(scene.seed, spawn_key=key)))
+    return np.random.Generator(
+        np.random.PCG64(np.random.SeedSequence(scene.seed, spawn_key=key))
+    )
 
 
 def _drawn(

@@ -28,11 +28,17 @@ from gen.schema import Status
 if TYPE_CHECKING:  # a worker that writes nothing needs no HDF5
     from gen.database import Counts, Writer
 
-BLOCK_ROWS = 64  # most rows of a block: they are written together, and a stop waits for them
+BLOCK_ROWS = (
+    64  # most rows of a block: they are written together, and a stop waits for them
+)
 BLOCK_NODES = 64 * 129**2  # most nodes of a block, unless one row has more
 ANSWER_NODES = 129**2 / 10  # nodes solved while the master hands out and writes a block
-MASTER_SHARE = 1.5  # least ratio of a block's time to the master's to serve every worker once
-BLOCK_BYTES = 8 * 2**20  # most bytes of a block, unless one row has more: fields make it small
+MASTER_SHARE = (
+    1.5  # least ratio of a block's time to the master's to serve every worker once
+)
+BLOCK_BYTES = (
+    8 * 2**20
+)  # most bytes of a block, unless one row has more: fields make it small
 MEASURED_SURFACES, MEASURED_LOADS = 16, 4  # of an estimate, and on each surface at most
 PATIENCE = 2.0  # seconds after which a trial of a user's function is announced
 COUNTED_ROWS = 1_000_000  # most planned rows whose loads are summarised
@@ -99,15 +105,25 @@ def generate_database(
         job, overdue = None, 0
         if complete is not None:
             settings = _prepared(
-                complete, path, world, choice, rows, retry_failed=retry_failed, force=force
+                complete,
+                path,
+                world,
+                choice,
+                rows,
+                retry_failed=retry_failed,
+                force=force,
             )
             job, pending, said = stack.enter_context(settings)
-        own, parallel = world.broadcast(job)  # the file's scene, and whether every worker writes
+        own, parallel = world.broadcast(
+            job
+        )  # the file's scene, and whether every worker writes
 
         # If all processes have opened the file, all of them have to close it: between here and the
         # farm the master does nothing that can fail.
         with ExitStack() as inner:
-            writer = inner.enter_context(opened(path, own, world, parallel=parallel, force=force))
+            writer = inner.enter_context(
+                opened(path, own, world, parallel=parallel, force=force)
+            )
 
             def work(block: Block) -> Columns:
                 own.surface.make_ready(path.parent, verify=False)
@@ -128,12 +144,21 @@ def generate_database(
 
             blocks: Iterator[Block] = iter(())
             if job is not None:
-                progress = inner.enter_context(RunProgress(sum(b - a for a, b in pending)))
+                progress = inner.enter_context(
+                    RunProgress(sum(b - a for a, b in pending))
+                )
                 for line in said:
                     progress.say(line)
                 blocks = blocks_of(own, pending, world.workers)
             stopping = interruption.requested
-            farm.run(work, blocks, take, world, stopping=stopping, when_quiet=_finishing(writer))
+            farm.run(
+                work,
+                blocks,
+                take,
+                world,
+                stopping=stopping,
+                when_quiet=_finishing(writer),
+            )
             if job is not None and writer is not None:
                 writer.confirm()
         # Every writer has closed the file: its rows can be counted now.
@@ -186,7 +211,9 @@ def _prepared(
     """Lock the file, create or check it, and find its pending rows and what there is to say."""
     from gen import database
 
-    parallel = (choice == "parallel" or world.size > 1) and in_parallel(choice, path, world)
+    parallel = (choice == "parallel" or world.size > 1) and in_parallel(
+        choice, path, world
+    )
     first, last = rows or (0, asked_for.samples)
     if not 0 <= first < last <= asked_for.samples:
         raise InputError(
@@ -206,11 +233,16 @@ def _prepared(
             doubts = doubts_before(scene, todo) if todo else doubts_after(reader)
         again = f", {retried} failed ones among them" if retried else ""
         workers = "1 worker" if world.workers == 1 else f"{world.workers} workers"
-        functions = {getattr(scene.surface, "function", None), scene.store.function} - {None}
+        functions = {getattr(scene.surface, "function", None), scene.store.function} - {
+            None
+        }
         begun = f"{path}: {how}, {held} rows, {todo} to do{again}"
         remarks = [
             f"{begun}; {workers}, {'parallel' if parallel else 'single'} writer",
-            *(f"runs {each} of {source_of(each)}" for each in sorted(map(str, functions))),
+            *(
+                f"runs {each} of {source_of(each)}"
+                for each in sorted(map(str, functions))
+            ),
             *(f"  warning: {doubt}" for doubt in doubts),
         ]
         if damage:
@@ -240,7 +272,9 @@ def blocks_of(scene: Scene, pending: Sequence[Block], workers: int) -> Iterator[
         while position < stop:
             rows = min(max(least, remaining // (3 * workers)), largest)
             border = (position + rows) // m * m
-            if border <= position:  # one surface has more rows: all of them, if a block may
+            if (
+                border <= position
+            ):  # one surface has more rows: all of them, if a block may
                 border += m
                 border = border if border - position <= largest else position + rows
             border = min(border, stop)
@@ -258,7 +292,9 @@ def planned_loads(scene: Scene) -> tuple[float, float, float]:
 def measured_time(scene: Scene) -> tuple[float, int]:
     """Measure the mean time of a few samples on this machine [s], and return their number too."""
     m = scene.samples_per_surface
-    surfaces = np.unique(np.linspace(0, scene.surfaces - 1, MEASURED_SURFACES).astype(int)).tolist()
+    surfaces = np.unique(
+        np.linspace(0, scene.surfaces - 1, MEASURED_SURFACES).astype(int)
+    ).tolist()
     compute_rows(scene, 0, 1)  # plans are made once a run, not once a sample
     began, measured = time.perf_counter(), 0
     for surface in surfaces:

@@ -16,7 +16,13 @@ import numpy as np
 
 import bem
 from gen.arrays import Columns, Heights, Values
-from gen.generation.plan import OPPOSITE, Parameters, parameters, planned_columns, surface_random
+from gen.generation.plan import (
+    OPPOSITE,
+    Parameters,
+    parameters,
+    planned_columns,
+    surface_random,
+)
 from gen.quantities import stored_quantities
 from gen.runtime.errors import InputError, SourceError
 from gen.runtime.farm import Overtime, at_most
@@ -64,7 +70,9 @@ def compute_rows(
                 except Overtime:
                     continue
                 rows["solve_seconds"][row] = time.perf_counter() - began
-                if reason is not Reason.NONE:  # a statistic that lacks is the least of all reasons
+                if (
+                    reason is not Reason.NONE
+                ):  # a statistic that lacks is the least of all reasons
                     rows["reason"][row] = reason
                 done = rows["reason"][row] in DONE_REASONS
                 rows["status"][row] = Status.DONE if done else Status.FAILED
@@ -114,7 +122,9 @@ def solve_contact(
     A scene that draws its hardness needs that of the sample [MPa]. `bem.solve` may raise.
     """
     settings = settings_of(scene, hardness)
-    return bem.solve(heights, scene.grid.sides, delta, pressure=pressure, force=force, **settings)
+    return bem.solve(
+        heights, scene.grid.sides, delta, pressure=pressure, force=force, **settings
+    )
 
 
 def settings_of(scene: Scene, hardness: float | None) -> dict[str, Any]:
@@ -122,9 +132,19 @@ def settings_of(scene: Scene, hardness: float | None) -> dict[str, Any]:
     given = scene.contact
     if hardness is None and given.hardness_limits is not None:
         if given.draws_hardness:
-            raise ValueError("every sample of this scene has a hardness of its own: give it")
+            raise ValueError(
+                "every sample of this scene has a hardness of its own: give it"
+            )
         hardness = given.hardness_limits[0]
-    names = ("modulus", "poisson", "kernel", "far_field", "boundary", "rtol", "max_iterations")
+    names = (
+        "modulus",
+        "poisson",
+        "kernel",
+        "far_field",
+        "boundary",
+        "rtol",
+        "max_iterations",
+    )
     settings = {name: getattr(given, name) for name in names}
     # The ranks of a run share the processor already: one thread.
     return settings | {"spacing": scene.grid.spacing, "hardness": hardness, "threads": 1}
@@ -142,7 +162,12 @@ def load_of(scene: Scene, heights: Heights, load: Load) -> dict[str, Load]:
 
 
 def _make_surface(
-    scene: Scene, plan: Parameters, rows: Columns, first: int, last: int, limit: float | None
+    scene: Scene,
+    plan: Parameters,
+    rows: Columns,
+    first: int,
+    last: int,
+    limit: float | None,
 ) -> Heights | None:
     """Make and describe the surface of the rows first to last - 1; None if there is none."""
     began = time.perf_counter()
@@ -168,7 +193,9 @@ def _make_surface(
     return heights
 
 
-def _solve(scene: Scene, heights: Heights, plan: Parameters, rows: Columns, row: int) -> Reason:
+def _solve(
+    scene: Scene, heights: Heights, plan: Parameters, rows: Columns, row: int
+) -> Reason:
     """Solve one contact problem and fill in its row; return the reason if that is impossible."""
     try:
         given = settings_of(scene, plan.hardness_of(row))
@@ -181,19 +208,31 @@ def _solve(scene: Scene, heights: Heights, plan: Parameters, rows: Columns, row:
         store = scene.store
         outputs = outputs_of(store, contact, plan.first + row) if store.function else {}
         for quantity in stored_quantities():
-            planned = quantity.name == scene.quantity == "delta"  # which the plan has filled in
+            planned = (
+                quantity.name == scene.quantity == "delta"
+            )  # which the plan has filled in
             if quantity.name in rows and quantity.name != "heights" and not planned:
                 rows[quantity.name][row] = quantity.of(contact)
         for name, value in outputs.items():
             rows[name][row] = value
-        return Reason.NONE if np.isfinite(list(outputs.values())).all() else Reason.NOT_FINITE
+        return (
+            Reason.NONE
+            if np.isfinite(list(outputs.values())).all()
+            else Reason.NOT_FINITE
+        )
     except bem.NotConverged as failure:
         for name in EFFORT:
             rows[name][row] = getattr(failure.contact, name)
         return Reason.NOT_CONVERGED
     except bem.NoSolution:
-        elastic = Reason.FULL_CONTACT if scene.contact.boundary != "free" else Reason.NO_SOLUTION
-        return elastic if scene.contact.hardness_limits is None else Reason.BEYOND_HARDNESS
+        elastic = (
+            Reason.FULL_CONTACT
+            if scene.contact.boundary != "free"
+            else Reason.NO_SOLUTION
+        )
+        return (
+            elastic if scene.contact.hardness_limits is None else Reason.BEYOND_HARDNESS
+        )
     except (ArithmeticError, np.linalg.LinAlgError):
         return Reason.ARITHMETIC
 
@@ -211,7 +250,9 @@ def outputs_of(store: Store, contact: bem.Contact, row: int) -> dict[str, float]
     for name, (value, unit) in found.items():
         least, most = store.bounds(name)
         if unit not in {None, expected[name]}:
-            raise SourceError(f"{place}{name} is in {unit!r}; the database has {expected[name]!r}")
+            raise SourceError(
+                f"{place}{name} is in {unit!r}; the database has {expected[name]!r}"
+            )
         if value < least or value > most:
             raise SourceError(
                 f"{place}{name} is {value:g}; its bounds in the scene are {least:g} and {most:g}"
@@ -227,11 +268,15 @@ def called(store: Store, contact: bem.Contact, row: int) -> dict[Any, Output]:
         returned = load_function(str(store.function), store.source)(contact)
         if not isinstance(returned, Mapping):
             kind = type(returned).__name__
-            raise SourceError(f"{place}: returned a {kind}, not a dictionary of numbers by names")
+            raise SourceError(
+                f"{place}: returned a {kind}, not a dictionary of numbers by names"
+            )
         found = {}
         for name in returned:
             given = returned[name]
-            value, unit = given if isinstance(given, tuple) and len(given) == 2 else (given, None)
+            value, unit = (
+                given if isinstance(given, tuple) and len(given) == 2 else (given, None)
+            )
             if isinstance(value, np.ndarray | np.generic) and value.ndim == 0:
                 value = value.item()
             if not isinstance(name, str):

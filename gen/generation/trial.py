@@ -87,7 +87,9 @@ def doubts_after(reader: Reader) -> list[str]:
     for start in reader.rows[::CHUNK_ROWS]:
         stop = min(start + CHUNK_ROWS, reader.rows.stop)
         names = ("status", *USED)
-        tally += _tally(reader.scene, {name: reader.column(name, start, stop) for name in names})
+        tally += _tally(
+            reader.scene, {name: reader.column(name, start, stop) for name in names}
+        )
     return _doubts(reader.scene, tally, "rows")
 
 
@@ -129,7 +131,9 @@ def _planned(scene: Scene, tally: Tally) -> Tally:
 
 def _tried(scene: Scene, rows: int) -> list[int]:
     """Choose rows with the smallest, the middle and the largest load, or fewer if they are dear."""
-    order = np.argsort(parameters(scene, 0, min(scene.samples, AMONG)).load, kind="stable")
+    order = np.argsort(
+        parameters(scene, 0, min(scene.samples, AMONG)).load, kind="stable"
+    )
     ends = [order[order.size // 2], order[-1], order[0]]
     cheap = math.prod(scene.grid.shape) <= ALWAYS_NODES
     number = len(ends) if cheap else rows // SHARE

@@ -10,7 +10,13 @@ from pydantic import AfterValidator, Field
 from gen.arrays import Heights
 from gen.distribution import AnyNumber, Distribution
 from gen.runtime.errors import InputError, SourceError
-from gen.runtime.user_code import TRUSTED, faults_of, load_function, source_hash, source_of
+from gen.runtime.user_code import (
+    TRUSTED,
+    faults_of,
+    load_function,
+    source_hash,
+    source_of,
+)
 from gen.surface import Grid, GridSurface, Parameters, Random
 
 T = TypeVar("T")
@@ -40,10 +46,13 @@ class PythonSurface(GridSurface):
     generator: Literal["python"]
     function: Function = Field(description=FUNCTION_WORDS)
     parameters: Annotated[dict[str, AnyNumber], AfterValidator(named)] = Field(
-        default={}, description="a table of numbers, [low, high] and distributions by their names"
+        default={},
+        description="a table of numbers, [low, high] and distributions by their names",
     )
     # Written when a run begins: the SHA-256 of the module's source.
-    source: Hash | None = Field(default=None, description="the SHA-256 of the module's source")
+    source: Hash | None = Field(
+        default=None, description="the SHA-256 of the module's source"
+    )
 
     def drawn(self) -> dict[str, Distribution]:
         """Return the user's parameters."""
@@ -59,7 +68,9 @@ class PythonSurface(GridSurface):
             return self
         return self.model_copy(update={"source": source_hash(self.function)})
 
-    def heights(self, grid: Grid, surface: int, parameters: Parameters, random: Random) -> Heights:
+    def heights(
+        self, grid: Grid, surface: int, parameters: Parameters, random: Random
+    ) -> Heights:
         """Call the function; see `GeneratedSurface.heights`."""
         place = f"{self.function}, surface {surface}"
         function = load_function(self.function, self.source)
@@ -69,9 +80,13 @@ class PythonSurface(GridSurface):
             if heights.dtype.kind not in "fiub":
                 kind = "nothing" if made is None else f"a {type(made).__name__}"
                 raise SourceError(f"{place}: returned {kind}, not heights [um]")
-            heights = np.array(heights, dtype=np.float64)  # a copy: the function may keep its own
+            heights = np.array(
+                heights, dtype=np.float64
+            )  # a copy: the function may keep its own
         if heights.shape != grid.shape:
-            raise SourceError(f"{place}: heights are of shape {heights.shape}, not {grid.shape}")
+            raise SourceError(
+                f"{place}: heights are of shape {heights.shape}, not {grid.shape}"
+            )
         if not np.isfinite(heights).all():
             raise InputError(f"{place}: heights are not finite")
         heights -= heights.min()

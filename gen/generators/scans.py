@@ -8,11 +8,27 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias, get_type_hints
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    ClassVar,
+    Literal,
+    Self,
+    TypeAlias,
+    get_type_hints,
+)
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, Field, PlainValidator, Strict, ValidationInfo, create_model
+from pydantic import (
+    AfterValidator,
+    Field,
+    PlainValidator,
+    Strict,
+    ValidationInfo,
+    create_model,
+)
 from pydantic_core import PydanticCustomError
 
 from gen.arrays import Heights
@@ -37,7 +53,9 @@ from gen.surface import (
     pair,
 )
 
-_OPEN: dict[ScanSurface, library.Library] = {}  # prepared maps of the scenes of this process
+_OPEN: dict[
+    ScanSurface, library.Library
+] = {}  # prepared maps of the scenes of this process
 
 MOST_PATTERNS = 1000  # largest number of names in the list of files
 
@@ -122,13 +140,17 @@ class Found(Table):
     @property
     def contents(self) -> dict[str, Any]:
         """What identifies the maps: their spacing, contents and nodes, not their places."""
-        maps = tuple(f"{each.sha256}, {each.nodes[0]} x {each.nodes[1]}" for each in self.maps)
+        maps = tuple(
+            f"{each.sha256}, {each.nodes[0]} x {each.nodes[1]}" for each in self.maps
+        )
         return {"spacing": self.spacing, "number": len(maps), "maps": maps}
 
 
 AnotherOrFiles = Annotated[
     str | tuple[str, ...],
-    PlainValidator(lambda value, given: value if value == ANOTHER else files(value, given)),
+    PlainValidator(
+        lambda value, given: value if value == ANOTHER else files(value, given)
+    ),
 ]
 
 
@@ -195,7 +217,10 @@ class ScanSurface(GeneratedSurface):
     def sources(self) -> list[Path]:
         """Return the files of the maps, of both bodies."""
         if self.found is not None:
-            maps = [*self.found.maps, *(self.against_found.maps if self.against_found else ())]
+            maps = [
+                *self.found.maps,
+                *(self.against_found.maps if self.against_found else ()),
+            ]
             return [Path(each.file) for each in maps]
         others = self.against if isinstance(self.against, tuple) else ()
         return library.map_files([*self.files, *others], Path.cwd())
@@ -225,7 +250,9 @@ class ScanSurface(GeneratedSurface):
         _OPEN[self.alone().model_copy(update={"found": found})] = maps
         return found
 
-    def make_ready(self, home: Path | None, *, sources: bool = False, verify: bool = True) -> None:
+    def make_ready(
+        self, home: Path | None, *, sources: bool = False, verify: bool = True
+    ) -> None:
         """Open the maps of a database in this process; see `GeneratedSurface.make_ready`."""
         if isinstance(self.against, tuple):
             self.opposite().make_ready(home, sources=sources, verify=verify)
@@ -236,9 +263,14 @@ class ScanSurface(GeneratedSurface):
         sha256s = [each.sha256 for each in found.maps]
         try:
             wanted = self._wanted()
-            maps = None if sources else library.opened(sha256s, wanted, home, verify=verify)
+            maps = (
+                None if sources else library.opened(sha256s, wanted, home, verify=verify)
+            )
             if maps is None:
-                paths = [library.located(Path(each.file), each.sha256, home) for each in found.maps]
+                paths = [
+                    library.located(Path(each.file), each.sha256, home)
+                    for each in found.maps
+                ]
                 maps = library.prepared(paths, sha256s, wanted, home)
         except InputError as error:
             raise SourceError(str(error)) from None
@@ -260,17 +292,24 @@ class ScanSurface(GeneratedSurface):
 
     def remarks(self) -> list[str]:
         """Return lines about the maps for the user of a run: numbers, place and warnings."""
-        bodies = [self.alone(), *([self.opposite()] if isinstance(self.against, tuple) else [])]
+        bodies = [
+            self.alone(),
+            *([self.opposite()] if isinstance(self.against, tuple) else []),
+        ]
         lines = []
         for number, body in enumerate(bodies, start=1):
             place = f"body {number}: " if len(bodies) > 1 else ""
             maps, found = _OPEN[body], body.known()
             size = f"{len(maps.maps)} maps with a node every {in_words(found.spacing)} um"
             tiles = body._tiling().total
-            lines.append(f"{place}{size}, {tiles} tiles; they are kept prepared in {maps.file}")
+            lines.append(
+                f"{place}{size}, {tiles} tiles; they are kept prepared in {maps.file}"
+            )
             for each, prepared in zip(found.maps, maps.maps, strict=True):
                 name = Path(each.file).name
-                lines += [f"warning: {place}{name}: {remark}" for remark in prepared.remarks]
+                lines += [
+                    f"warning: {place}{name}: {remark}" for remark in prepared.remarks
+                ]
         return lines
 
     def places(self, randoms: Iterable[Random]) -> dict[str, NDArray[np.int32]]:
@@ -279,7 +318,9 @@ class ScanSurface(GeneratedSurface):
         windows = [library.drawn(random, tiling) for random in randoms]
         return {
             "map": np.array([window.map for window in windows], dtype=np.int32),
-            "tile": np.array([window.tile % groups for window in windows], dtype=np.int32),
+            "tile": np.array(
+                [window.tile % groups for window in windows], dtype=np.int32
+            ),
         }
 
     def tile_groups(self) -> int:
@@ -289,14 +330,23 @@ class ScanSurface(GeneratedSurface):
         shares no node of either body.
         """
         first = self._tiling().total
-        return first if self.against is None else min(first, self.opposite()._tiling().total)
+        return (
+            first if self.against is None else min(first, self.opposite()._tiling().total)
+        )
 
-    def heights(self, grid: Grid, surface: int, parameters: Parameters, random: Random) -> Heights:
+    def heights(
+        self, grid: Grid, surface: int, parameters: Parameters, random: Random
+    ) -> Heights:
         """Cut a window out; see `GeneratedSurface.heights`."""
         return self._cut(library.drawn(random, self._tiling()))
 
     def opposite_heights(
-        self, grid: Grid, surface: int, parameters: Parameters, first: Random, random: Random
+        self,
+        grid: Grid,
+        surface: int,
+        parameters: Parameters,
+        first: Random,
+        random: Random,
     ) -> Heights:
         """Cut the second body's window out of a tile that is paired with the first body's."""
         other, groups = self.opposite(), self.tile_groups()
@@ -324,7 +374,9 @@ class ScanSurface(GeneratedSurface):
 def _require_company(first: Found, second: Found) -> None:
     """Refuse maps of two bodies with other spacings, and maps that both have."""
     if first.spacing != second.spacing:
-        spacings = " and ".join("{:g} x {:g}".format(*each.spacing) for each in (first, second))
+        spacings = " and ".join(
+            "{:g} x {:g}".format(*each.spacing) for each in (first, second)
+        )
         raise InputError(
             f"the maps of both bodies have a node every {spacings} um: give surface.spacing, to"
             " which all are resampled"

@@ -121,7 +121,9 @@ def check_loads(table: Curves) -> Values:
     """Return loads between those of a table at which its lines are judged, (m,) [um or MPa]."""
     at = table.at[(table.at > 0) & ~table.flagged]
     between = at[:-1] * (at[1:] / at[:-1]) ** CHECK_AT
-    chosen = np.unique(np.linspace(0, max(between.size - 1, 0), CHECKS).round().astype(int))
+    chosen = np.unique(
+        np.linspace(0, max(between.size - 1, 0), CHECKS).round().astype(int)
+    )
     return between[chosen] if between.size else between
 
 
@@ -152,7 +154,9 @@ def merged(one: Curves, other: Curves) -> Curves:
     for name in one.curves.keys() & other.curves.keys():
         parts = {}
         for part in ("value", "low", "high"):
-            both = np.append(getattr(one.curves[name], part), getattr(other.curves[name], part))
+            both = np.append(
+                getattr(one.curves[name], part), getattr(other.curves[name], part)
+            )
             values = both[places]
             parts[part] = held(name, values) if np.isfinite(values).all() else values
         slope = slopes(at[places], parts["value"], one.rest.get(name, 0.0))
@@ -263,7 +267,9 @@ class Column:
     def off(self, line: Line) -> Values:
         """Return by which share of the law a line is off it, at the fine arguments."""
         lines = np.interp(self.at, line.at, line.values)
-        return np.asarray(np.abs(lines - self.curve) / np.where(self.curve > 0, self.curve, np.inf))
+        return np.asarray(
+            np.abs(lines - self.curve) / np.where(self.curve > 0, self.curve, np.inf)
+        )
 
     def deviation(self, line: Line) -> Deviation:
         """Return how far a line is off the law at most, from the first load on."""
@@ -295,11 +301,15 @@ class Column:
             line = self._on_law(places)
             if not self.deviation(line).inside > TOLERABLE:
                 return line
-        places = self._nearest(room, np.unique(self.own[[0, min(1, self.own.size - 1), -1]]))
+        places = self._nearest(
+            room, np.unique(self.own[[0, min(1, self.own.size - 1), -1]])
+        )
         if filled:
             places = self._with_further(places, room)
         line = self._on_law(places)
-        return self._beside_law(places) if self.deviation(line).inside > TOLERABLE else line
+        return (
+            self._beside_law(places) if self.deviation(line).inside > TOLERABLE else line
+        )
 
     def _on_law(self, places: Indices) -> Line:
         """Return the straight lines between some places on the law."""
@@ -336,7 +346,9 @@ class Column:
                 part = slice(ends[0], ends[1] + 1)
                 line = np.interp(self.at[part], self.at[ends], self.curve[ends])
                 off = np.abs(line - self.curve[part]) * self._weights()[part]
-                costs[number] = (off / np.where(self.curve[part] > 0, self.curve[part], 1)).max()
+                costs[number] = (
+                    off / np.where(self.curve[part] > 0, self.curve[part], 1)
+                ).max()
         return np.delete(more, costs.argmin()) if np.isfinite(costs).any() else places
 
     def _balanced(self, places: Indices) -> Line:
@@ -441,7 +453,9 @@ class Column:
         slope = (curve[-1] - curve[0]) / (at[-1] - at[0])
         off = np.abs(curve[0] + slope * (at - at[0]) - curve)
         weight = self._weights()[start : end + 1]
-        return bool((weight * off <= np.minimum(allowed, ANY) * curve).all() or allowed > ANY)
+        return bool(
+            (weight * off <= np.minimum(allowed, ANY) * curve).all() or allowed > ANY
+        )
 
     def _weights(self) -> Values:
         """Return the weights of distances from the law at the fine arguments."""

@@ -59,7 +59,10 @@ LONG = 10**6  # nodes of all contacts together from which on a law shows progres
 PASSES: Mapping[Load, str] = {"delta": "over Delta", "pressure": "over pressure"}
 """Which contacts the progress counts: a population has one pass for each table."""
 
-BETWEEN: Mapping[Load, str] = {"delta": "between the Deltas", "pressure": "between the pressures"}
+BETWEEN: Mapping[Load, str] = {
+    "delta": "between the Deltas",
+    "pressure": "between the pressures",
+}
 """The same where contacts are solved between the loads of a table."""
 
 USUAL_LEVEL = 0.9
@@ -100,14 +103,20 @@ class Order:
     surfaces: int = 50  # number of a database's or scene's population
     level: float | None = None  # coverage of the band; None for the usual one
     e_star: float | None = None  # [MPa]; by default that of the scene, else 1
-    hardness: float | None = None  # of the softer body [MPa]; by default the scene's only one
+    hardness: float | None = (
+        None  # of the softer body [MPa]; by default the scene's only one
+    )
     boundary: Boundary | None = None  # of the patches; None for the usual one
     conductivities: tuple[float, float] | None = None  # of both bodies [W/(m K)]
     gas: Gas | None = None  # in the gap
     stiffness: bool = False  # whether it is asked for; a conductance brings it along
-    grid_error: bool = False  # whether the area in the continuum is, with the error of the grid
+    grid_error: bool = (
+        False  # whether the area in the continuum is, with the error of the grid
+    )
     flow: bool = False  # whether the hydraulic apertures of the gap are
-    also: tuple[str, ...] = ()  # further quantities by their names, of `gen.quantities.ALSO`
+    also: tuple[
+        str, ...
+    ] = ()  # further quantities by their names, of `gen.quantities.ALSO`
     reading: Reading = field(default_factory=Reading)  # how files are read
     opposite: Opposite | None = None  # second rough body against surfaces from files
     # Tables between whose loads further contacts are solved, for files whose programs join them.
@@ -124,7 +133,9 @@ class Order:
     def loads(self) -> tuple[Values | None, Values | None]:
         """Return ascending displacements [um] and pressures [MPa], each None if not given."""
         deltas = np.unique(loads_from("delta", self.delta)) if self.delta else None
-        pressures = np.unique(loads_from("pressure", self.pressure)) if self.pressure else None
+        pressures = (
+            np.unique(loads_from("pressure", self.pressure)) if self.pressure else None
+        )
         return deltas, pressures
 
     @property
@@ -152,7 +163,9 @@ class Order:
         """Refuse further quantities that no contact of bodies of a hardness [MPa] has."""
         for name in self.also:
             if ALSO[name].needs_hardness and hardness is None:
-                raise InputError(f"--also {name}: elastic bodies have none: give --hardness")
+                raise InputError(
+                    f"--also {name}: elastic bodies have none: give --hardness"
+                )
 
 
 def require_also(names: Sequence[str]) -> tuple[str, ...]:
@@ -195,9 +208,15 @@ class Law:
     title: str  # names of the surfaces, with those of the second bodies, on one line
     nodes: int  # of the smallest surface
     names: tuple[str, ...]  # of the surfaces one by one, in the order of `Curve.surfaces`
-    sources: tuple[Origin, ...] = ()  # the files of its surfaces, and what was done to them
-    between_deltas: Curves | None = None  # further contacts between the points of `over_delta`
-    between_pressures: Curves | None = None  # the same of `over_pressure`; None without any
+    sources: tuple[
+        Origin, ...
+    ] = ()  # the files of its surfaces, and what was done to them
+    between_deltas: Curves | None = (
+        None  # further contacts between the points of `over_delta`
+    )
+    between_pressures: Curves | None = (
+        None  # the same of `over_pressure`; None without any
+    )
     checks: Curves | None = None  # contacts at pressures that judge straight lines
 
 
@@ -231,7 +250,11 @@ def by_solver(order: Order) -> Law:
 
 
 def law_of(
-    order: Order, subjects: LawSurfaces, bodies: Bodies, tables: Tables, said: tuple[str, str]
+    order: Order,
+    subjects: LawSurfaces,
+    bodies: Bodies,
+    tables: Tables,
+    said: tuple[str, str],
 ) -> Law:
     """Make a law of tables and the remarks on them.
 
@@ -255,7 +278,10 @@ def law_of(
         band = described(len(subjects.surfaces), order.coverage)
         assumed = assumption(len(subjects.surfaces), order.coverage)
     doubts = [each for each in subjects.origins if ": " in each]  # those of scenes
-    doubts += [*subjects.doubts, *(f"warning: {each}" for each in material_doubts(bodies))]
+    doubts += [
+        *subjects.doubts,
+        *(f"warning: {each}" for each in material_doubts(bodies)),
+    ]
     notes = [how, *filter(None, [assumed]), *doubts, *remarks, *full, *also_full]
     nodes = min(each.heights.size for each in subjects.surfaces)
     touching = over_pressure.curves[AREA.in_laws].value * nodes / 100
@@ -286,8 +312,12 @@ class Solver:
     order: Order
     surfaces: Sequence[LawSurface]
     bodies: Bodies
-    judges: bool = True  # whether the error of the grid is computed, where it is asked for
-    passes: Mapping[Load, str] = field(default_factory=lambda: PASSES)  # words of the progress
+    judges: bool = (
+        True  # whether the error of the grid is computed, where it is asked for
+    )
+    passes: Mapping[Load, str] = field(
+        default_factory=lambda: PASSES
+    )  # words of the progress
 
     def solve(self, load: Load, loads: Values) -> Solved:
         """Solve every surface; keep the loads that are solved on all of them.
@@ -336,7 +366,9 @@ class Solver:
     def _below_full_contact(self, loads: Values) -> tuple[Values, list[str]]:
         """Return displacements below full contact of elastic patches without edges, and a line."""
         edgeless = [each for each in self.surfaces if each.boundary != "free"]
-        full = min((each.at_rest()[MEAN_GAP.in_laws] for each in edgeless), default=np.inf)
+        full = min(
+            (each.at_rest()[MEAN_GAP.in_laws] for each in edgeless), default=np.inf
+        )
         possible = loads[loads < (1 - APART) * full]
         if possible.size == loads.size:
             return loads, []
@@ -353,18 +385,25 @@ class Solver:
         many = len(surfaces) > 1
         work = len(surfaces) * loads.size
         long = work * surfaces[0].heights.size >= LONG
-        progress = RunProgress(work, f"contacts {self.passes[load]}") if long else nullcontext()
+        progress = (
+            RunProgress(work, f"contacts {self.passes[load]}") if long else nullcontext()
+        )
         with progress as shown:
             for surface in surfaces:
                 judged = order.grid_error and self.judges and not points
                 contacts = []
-                for contact in _contacts(order, surface, bodies, load, loads, judged=judged):
+                for contact in _contacts(
+                    order, surface, bodies, load, loads, judged=judged
+                ):
                     contacts.append(contact)
                     if shown is not None:
                         shown.advance(1, int(not contact[0]))
                 rows, bars, faults, doubts, pressed = zip(*contacts, strict=True)
                 names = next(filter(None, rows))
-                values = {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
+                values = {
+                    name: np.array([row.get(name, np.nan) for row in rows])
+                    for name in names
+                }
                 low: dict[str, Values] = {}
                 high: dict[str, Values] = {}
                 grid: tuple[str, ...] = ()
@@ -380,14 +419,18 @@ class Solver:
                     up_to = f"{doubted[-1]:.4g} {LOADS[load].unit}"
                     at = f"{doubted.size} of {loads.size} loads, up to {up_to}; at the first"
                     why = next(filter(None, doubts))
-                    notes.append(f"{surface.name}: the area is that of the grid at {at}, {why}")
+                    notes.append(
+                        f"{surface.name}: the area is that of the grid at {at}, {why}"
+                    )
                 solved = [each for each in pressed if each]
                 warned += contact_doubts(surface.heights, bodies, load, solved)[:1]
         kept = np.ones(loads.size, dtype=bool)
         lost = []
         for place, faults in enumerate(zip(*faults_of, strict=True)):
             failed = [
-                f"{one.name}: {why}" for one, why in zip(surfaces, faults, strict=True) if why
+                f"{one.name}: {why}"
+                for one, why in zip(surfaces, faults, strict=True)
+                if why
             ]
             if failed:
                 kept[place] = False
@@ -401,7 +444,9 @@ class Solver:
         return Solved(loads[kept], chosen, [*warnings, *notes], [*remarks, *lost])
 
 
-def _tables(solver: Solver, solved: Mapping[Load, Solved]) -> tuple[Curves, Curves, list[Solved]]:
+def _tables(
+    solver: Solver, solved: Mapping[Load, Solved]
+) -> tuple[Curves, Curves, list[Solved]]:
     """Tabulate what was solved against Delta and against pressure; solve further if need be.
 
     The last item returned is what was solved for a table that was not asked for.
@@ -422,10 +467,15 @@ def _tables(solver: Solver, solved: Mapping[Load, Solved]) -> tuple[Curves, Curv
                 contacts = _same_contacts(other.points[0], argument)
         loads, parts = contacts.loads, contacts.points
         if load == "delta" or load not in solved:  # pressures that were given stay alone
-            parts = [part.from_rest(each) for part, each in zip(parts, rests, strict=True)]
+            parts = [
+                part.from_rest(each) for part, each in zip(parts, rests, strict=True)
+            ]
             loads = np.append(0.0, loads)
         parts = [  # contacts turn back only within the tolerance of the solver
-            replace(part, values={name: held(name, each) for name, each in part.values.items()})
+            replace(
+                part,
+                values={name: held(name, each) for name, each in part.values.items()},
+            )
             for part in parts
         ]
         table = tabulated(argument, loads, parts, order.coverage, rest)
@@ -487,9 +537,14 @@ def _with_contacts_between(law: Law, solver: Solver) -> Law:
     both = "delta" in order.between
     if not both:  # only what tables of the pressure over the closure hold
         order = replace(order, grid_error=False, flow=False)
-    between = SolverBetween(law, replace(solver, order=order, judges=False, passes=BETWEEN))
+    between = SolverBetween(
+        law, replace(solver, order=order, judges=False, passes=BETWEEN)
+    )
     law = replace(
-        law, between_pressures=solve_between(law.over_pressure, law.nodes, between.at_pressures)
+        law,
+        between_pressures=solve_between(
+            law.over_pressure, law.nodes, between.at_pressures
+        ),
     )
     if order.straight and law.between_pressures is not None:
         checks = between.at_pressures(check_loads(law.over_pressure), judging=True)
@@ -497,7 +552,9 @@ def _with_contacts_between(law: Law, solver: Solver) -> Law:
     if not both:
         return law
     if len(solver.surfaces) > 1:
-        between_deltas = solve_between(law.over_delta, law.nodes, between.at_deltas, rounds=1)
+        between_deltas = solve_between(
+            law.over_delta, law.nodes, between.at_deltas, rounds=1
+        )
     else:
         between_deltas = between.same_over_delta()
     return replace(law, between_deltas=between_deltas)
@@ -549,7 +606,9 @@ class SolverBetween:
             return table.chosen(np.zeros(table.at.size, dtype=bool))
         order = self.solver.order
         parts = contacts.points
-        further = tabulated(table.against, contacts.loads, parts, order.coverage, table.rest)
+        further = tabulated(
+            table.against, contacts.loads, parts, order.coverage, table.rest
+        )
         if order.conductivities is not None:
             factor = mean_conductivity(*order.conductivities) / self.law.bodies.e_star
             further = further.with_conductance(factor)
@@ -560,7 +619,13 @@ class SolverBetween:
 
 
 def _contacts(
-    order: Order, surface: LawSurface, bodies: Bodies, load: Load, loads: Values, *, judged: bool
+    order: Order,
+    surface: LawSurface,
+    bodies: Bodies,
+    load: Load,
+    loads: Values,
+    *,
+    judged: bool,
 ) -> Iterator[tuple[dict[str, float], float, str, str, Pressed | None]]:
     """Yield quantities, the error of the grid, two faults, and what warnings take at each load."""
     settings = {"modulus": bodies.e_star, "hardness": bodies.hardness, **surface.settings}

@@ -33,7 +33,9 @@ from gen.runtime.errors import InputError
 MOST = 0.5
 """Share of surfaces outside the training above which a row tells nothing about an interface."""
 
-APART = 1e-9  # relative distance within which two numbers are one: rounding lies between them
+APART = (
+    1e-9  # relative distance within which two numbers are one: rounding lies between them
+)
 
 OUTSIDE_WEIGHT = 1e-9
 """Weight of a point outside the training, over one inside, where curves are made monotone."""
@@ -43,7 +45,9 @@ OUTSIDE_WEIGHT = 1e-9
 class Points:
     """Contacts of one surface under k loads, ascending; every array has shape (k,)."""
 
-    values: dict[str, Values]  # by the names of quantities in laws, `gen.quantities.IN_LAWS`
+    values: dict[
+        str, Values
+    ]  # by the names of quantities in laws, `gen.quantities.IN_LAWS`
     # Ends of the intervals; quantities without intervals are left out.
     low: dict[str, Values] = field(default_factory=dict)
     high: dict[str, Values] = field(default_factory=dict)
@@ -112,9 +116,15 @@ class Curves:
     at: Values  # ascending arguments [um or MPa], (k,)
     curves: dict[str, Curve]  # by the name of the quantity, in the order of `LAW_COLUMNS`
     outside: Values  # share of the surfaces outside the surrogate's training, (k,)
-    reasons: tuple[str, ...]  # why there is no band, or what lies outside the training; else ""
-    rest: Mapping[str, float]  # where the curves begin, at first touch; those left out at 0
-    flagged: NDArray[np.bool_]  # where most surfaces are outside a surrogate's training, (k,)
+    reasons: tuple[
+        str, ...
+    ]  # why there is no band, or what lies outside the training; else ""
+    rest: Mapping[
+        str, float
+    ]  # where the curves begin, at first touch; those left out at 0
+    flagged: NDArray[
+        np.bool_
+    ]  # where most surfaces are outside a surrogate's training, (k,)
     # Why the area is that of the grid, of a population on its first surface; "" where the grid
     # resolves the contact, and no entries where that was not judged.
     grid: tuple[str, ...] = ()
@@ -143,7 +153,9 @@ class Curves:
         """Return the table at some of its arguments, with the slopes through what is left."""
         at, curves = self.at[places], {}
         for name, curve in self.curves.items():
-            value, low, high = (part[places] for part in (curve.value, curve.low, curve.high))
+            value, low, high = (
+                part[places] for part in (curve.value, curve.low, curve.high)
+            )
             slope = slopes(at, value, self.rest.get(name, 0.0))
             surfaces = None if curve.surfaces is None else curve.surfaces[:, places]
             curves[name] = Curve(value, low, high, slope, surfaces)
@@ -160,7 +172,9 @@ class Curves:
             grid=grid,
         )
 
-    def below_full_contact(self, bodies: Bodies, *, required: bool) -> tuple[Curves, list[str]]:
+    def below_full_contact(
+        self, bodies: Bodies, *, required: bool
+    ) -> tuple[Curves, list[str]]:
         """Return the table up to full contact, where nothing is left of an interface, and a line.
 
         Full contact is where every node touches, or where the stiffness of one surface is infinite.
@@ -195,7 +209,10 @@ class Curves:
         )
         more = {**self.curves, CONDUCTANCE.in_laws: conductance}
         return replace(
-            self, curves={name: more[name] for name in LAW_COLUMNS[self.against] if name in more}
+            self,
+            curves={
+                name: more[name] for name in LAW_COLUMNS[self.against] if name in more
+            },
         )
 
     @property
@@ -206,7 +223,11 @@ class Curves:
 
 
 def tabulated(
-    against: str, at: Values, parts: Sequence[Points], level: float, rest: Mapping[str, float]
+    against: str,
+    at: Values,
+    parts: Sequence[Points],
+    level: float,
+    rest: Mapping[str, float],
 ) -> Curves:
     """Put the points of one surface or many, at the same ascending arguments (k,), into one table.
 
@@ -217,16 +238,22 @@ def tabulated(
     on each side. Where most are, closure, stiffness and conductance are NaN. A value that is not
     finite is refused.
     """
-    outside = np.array([[bool(reason) for reason in part.reasons] for part in parts]).mean(axis=0)
+    outside = np.array(
+        [[bool(reason) for reason in part.reasons] for part in parts]
+    ).mean(axis=0)
     reasons = []  # of one surface all; of many how many are outside, and the first of its reasons
     for each in zip(*(part.reasons for part in parts), strict=True):
         given = list(filter(None, each))
         first = given[0].partition("; ")[0] if given else ""
-        many = f"{len(given)} of {len(each)} surfaces, the first: {first}" if given else ""
+        many = (
+            f"{len(given)} of {len(each)} surfaces, the first: {first}" if given else ""
+        )
         reasons.append(many if len(parts) > 1 else each[0])
     withheld = outside > (1 - level) / 2
     if len(parts) == 1 and parts[0].endless:
-        reasons = [one or other for one, other in zip(reasons, parts[0].endless, strict=True)]
+        reasons = [
+            one or other for one, other in zip(reasons, parts[0].endless, strict=True)
+        ]
         withheld |= np.array(reasons, dtype=bool)
     curves = {}
     for name in LAW_COLUMNS[against]:
@@ -235,16 +262,22 @@ def tabulated(
         whole = np.stack([part.values[name] for part in parts])
         value, nowhere = whole.mean(axis=0), np.full(at.size, np.nan)
         if not IN_LAWS[name].diverges and not np.isfinite(value).all():
-            raise InputError(f"{name} of the law has values that are not finite: no law holds here")
+            raise InputError(
+                f"{name} of the law has values that are not finite: no law holds here"
+            )
         low, high = (each.get(name, nowhere) for each in (parts[0].low, parts[0].high))
         if len(parts) > 1:
             low, high = further_surface(whole, level, percent=name.endswith("_percent"))
-            touching = (at == 0) & (whole == 0).all(axis=0)  # first touch is 0 on all surfaces
+            touching = (at == 0) & (whole == 0).all(
+                axis=0
+            )  # first touch is 0 on all surfaces
             low[touching] = 0.0
             high[touching] = 0.0
         low, high = np.minimum(low, value), np.maximum(high, value)
         slope = slopes(at, value, rest.get(name, 0.0))
-        unknown = withheld | ~np.isfinite(low + high)  # an interval without an end is none
+        unknown = withheld | ~np.isfinite(
+            low + high
+        )  # an interval without an end is none
         low[unknown], high[unknown] = np.nan, np.nan
         # Those that follow from predicted ones miss by more, and are not given outside at all.
         if _is_derived(name):
@@ -279,10 +312,16 @@ def monotone(points: Points) -> tuple[Points, Points]:
     weights = np.array([OUTSIDE_WEIGHT if reason else 1.0 for reason in points.reasons])
 
     def smooth(name: str, values: Values) -> Values:
-        if name == DELTA.in_laws or trend(name) == "turns" or not np.isfinite(values).all():
+        if (
+            name == DELTA.in_laws
+            or trend(name) == "turns"
+            or not np.isfinite(values).all()
+        ):
             return values
         rising = trend(name) == "rises"
-        return np.asarray(isotonic_regression(values, weights=weights, increasing=rising).x)
+        return np.asarray(
+            isotonic_regression(values, weights=weights, increasing=rising).x
+        )
 
     found = points.changed(smooth, *points.reasons)
     values, low, high = found.values, found.low, found.high
@@ -337,7 +376,8 @@ def slopes(at: Values, values: Values, rest: float) -> Values:
 
     before = int(at.size > 0 and at[0] > 0)
     whole, heights = (
-        np.concatenate([[start] * before, part]) for start, part in ((0.0, at), (rest, values))
+        np.concatenate([[start] * before, part])
+        for start, part in ((0.0, at), (rest, values))
     )
     found = np.full(whole.size, np.nan)
     edges = np.flatnonzero(np.diff(np.isfinite(heights), prepend=False, append=False))

@@ -18,7 +18,16 @@ from gen.law import finite_elements
 from gen.law.contact_law import Law
 from gen.law.curves import Curve, Curves
 from gen.options import LawOutputs, Units
-from gen.quantities import AREA, CLOSURE, CONTINUUM, DELTA, IN_LAWS, MEAN_GAP, PRESSURE, STIFFNESS
+from gen.quantities import (
+    AREA,
+    CLOSURE,
+    CONTINUUM,
+    DELTA,
+    IN_LAWS,
+    MEAN_GAP,
+    PRESSURE,
+    STIFFNESS,
+)
 from gen.runtime import VERSION
 from gen.runtime.documents import Row, text_of, write_csv
 from gen.runtime.figure import save
@@ -27,7 +36,13 @@ from gen.runtime.installation import git_commit
 from gen.runtime.terminal import brief, echo, print_columns
 
 PARTS = ("value", "low", "high", "slope", "std")
-ENDS = ("", "_low", "_high", "_slope", "_std")  # ends of the columns' names of these parts
+ENDS = (
+    "",
+    "_low",
+    "_high",
+    "_slope",
+    "_std",
+)  # ends of the columns' names of these parts
 
 GAS_KEYS = ("gas_conductivity_W_per_m_K", "gas_jump_distance_um")
 FORMAT_VERSION = 1  # raised whenever a reader of the last version would misread a file
@@ -35,7 +50,9 @@ FORMAT_VERSION = 1  # raised whenever a reader of the last version would misread
 
 def write_files(law: Law, files: LawOutputs, figure: Any) -> Iterator[Path]:
     """Write a law to the files asked for, and yield each file once it is written."""
-    asked = {name: path for name, path in files._asdict().items() if isinstance(path, Path)}
+    asked = {
+        name: path for name, path in files._asdict().items() if isinstance(path, Path)
+    }
     if asked.keys() - {"table", "json"}:
         finite_elements.rising(law)  # refused before any file is written
     for name, write_one in WRITERS.items():
@@ -54,7 +71,9 @@ def show(law: Law) -> None:
     for note in law.notes:
         echo(note)
     by_delta = bool(law.order.delta or not law.order.pressure)
-    for curves in [law.over_delta] * by_delta + [law.over_pressure] * bool(law.order.pressure):
+    for curves in [law.over_delta] * by_delta + [law.over_pressure] * bool(
+        law.order.pressure
+    ):
         echo(law.title)
         echo(f"{law.bodies.text}; band: {law.band}")
         names, known = list(curves.curves), curves.curves
@@ -150,7 +169,9 @@ def _record_of_the_files(law: Law | None) -> Row:
         "files": "; ".join(file.path for file in files),
         "sha256": "; ".join(file.sha256 for file in files),
         # without commas, at which simple readers of CSV cut lines
-        "prepared": " | ".join("; ".join(source.steps) for source in sources).replace(",", ";"),
+        "prepared": " | ".join("; ".join(source.steps) for source in sources).replace(
+            ",", ";"
+        ),
     }
 
 
@@ -186,7 +207,9 @@ def write_json(path: Path, law: Law) -> list[Path]:
                 "share_of_surfaces_outside_the_training": curves.outside.tolist(),
                 "reasons": list(curves.reasons),
                 "grid": list(curves.grid),
-                "curves": {name: _numbers(curve) for name, curve in curves.curves.items()},
+                "curves": {
+                    name: _numbers(curve) for name, curve in curves.curves.items()
+                },
             }
             for curves in (law.over_delta, law.over_pressure)
         ],
@@ -213,7 +236,9 @@ WRITERS: dict[str, Callable[[Path, Law, Units], list[Path]]] = {
     "table": lambda path, law, _: write_table(path, law),
     "json": lambda path, law, _: write_json(path, law),
     "header": lambda path, law, _: finite_elements.write_header(path, law),
-    "calculix": lambda path, law, units: finite_elements.write(path, law, "calculix", units),
+    "calculix": lambda path, law, units: finite_elements.write(
+        path, law, "calculix", units
+    ),
     "abaqus": lambda path, law, units: finite_elements.write(path, law, "abaqus", units),
     "for_4c": finite_elements.write_for_4c,
 }
@@ -230,13 +255,17 @@ def draw(figure: Any, law: Law, picture: Path) -> None:
     curves = law.over_pressure.chosen(~law.over_pressure.flagged)
     area = drawn_area(curves)
     panels = [Panel(curves.curves[CLOSURE.in_laws], CLOSURE.label), area]
-    names = [name for name in (curves.conducting, STIFFNESS.in_laws) if name in curves.curves]
+    names = [
+        name for name in (curves.conducting, STIFFNESS.in_laws) if name in curves.curves
+    ]
     panels += [Panel(curves.curves[name], IN_LAWS[name].label) for name in names[:1]]
     figure.suptitle(
         f"{law.title}\n{law.bodies.text}\nband: {law.band}", fontsize=11, parse_math=False
     )
     axes, at = figure.subplots(2, len(panels)), curves.at
-    for (row, scale), (column, panel) in product(enumerate(("linear", "log")), enumerate(panels)):
+    for (row, scale), (column, panel) in product(
+        enumerate(("linear", "log")), enumerate(panels)
+    ):
         axis, curve = axes[row, column], panel.curve
         finite = np.isfinite(curve.value)
         drawn = finite & (at > 0) & (curve.value > 0) if scale == "log" else finite
@@ -255,7 +284,9 @@ def draw(figure: Any, law: Law, picture: Path) -> None:
             axis.legend(fontsize=8)
         band = drawn & curve.banded & ((curve.low > 0) | (scale == "linear"))
         if band.any():
-            axis.fill_between(at[band], curve.low[band], curve.high[band], alpha=0.25, lw=0)
+            axis.fill_between(
+                at[band], curve.low[band], curve.high[band], alpha=0.25, lw=0
+            )
         axis.grid(alpha=0.3)
         if scale == "linear":
             axis.set(xlim=(0, None), ylim=(0, None))
@@ -269,7 +300,9 @@ class Panel:
 
     curve: Curve
     label: str
-    of_nodes: NDArray[np.bool_] | bool = False  # where an area is marked as that of the nodes
+    of_nodes: NDArray[np.bool_] | bool = (
+        False  # where an area is marked as that of the nodes
+    )
 
 
 def drawn_area(curves: Curves) -> Panel:
@@ -291,7 +324,9 @@ def drawn_area(curves: Curves) -> Panel:
     if continuum is None or curves.resolved is None:
         return Panel(nodes, "area of the nodes in contact [%]")
     if not curves.resolved_somewhere:
-        return Panel(nodes, "area of the nodes in contact [%]\n(not resolved by the grid)")
+        return Panel(
+            nodes, "area of the nodes in contact [%]\n(not resolved by the grid)"
+        )
     parts = {
         part: np.where(curves.resolved, getattr(continuum, part), getattr(nodes, part))
         for part in ("value", "low", "high", "slope")

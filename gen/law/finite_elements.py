@@ -53,7 +53,9 @@ from gen.runtime.terminal import echo
 
 Program = Literal["calculix", "abaqus", "4c"]
 
-POINTS = 20  # points that CalculiX has room for; all but the last one are points of the law
+POINTS = (
+    20  # points that CalculiX has room for; all but the last one are points of the law
+)
 
 FAR = np.linspace(10, POINTS + 0.5, POINTS + 2)
 """Overclosures of the 20th to the 41st point, of which the last has the number of points in it
@@ -85,7 +87,9 @@ UNITS: dict[Units, UnitSystem] = {
 FUNCTIONS = Path(__file__).parent
 """Folder of the functions that the files in C and for 4C hold: law.h.in and law_4c.py.in."""
 
-GAS_IN_WORDS = "Gas in the gap: conductivity {:g} W/(m K), jump distance {:g} um; its part counts."
+GAS_IN_WORDS = (
+    "Gas in the gap: conductivity {:g} W/(m K), jump distance {:g} um; its part counts."
+)
 
 BEYOND = (
     "beyond, the pressure follows the last slope. No contact was computed there. Give larger"
@@ -107,7 +111,9 @@ def write(path: Path, law: Law, program: Program, units: Units) -> list[Path]:
         for side in BAND_SIDES:
             beside = path.with_stem(f"{path.stem}-{side}")
             try:
-                texts[beside] = "\n".join(_lines(beside, law, program, UNITS[units], side))
+                texts[beside] = "\n".join(
+                    _lines(beside, law, program, UNITS[units], side)
+                )
             except InputError as fault:
                 echo(f"warning: {beside} is not written: {fault}")
     for each, text in texts.items():
@@ -130,7 +136,12 @@ def write_for_4c(path: Path, law: Law, units: Units) -> list[Path]:
     lines += _comment([_beside_contacts(law, [_pressure_at_closure(law)])], "# ")
     lines += ["", *(FUNCTIONS / "law_4c.py.in").read_text(encoding="ascii").splitlines()]
     for name, values in columns.items():
-        lines += ["", f"{name} = (", *(f"    {value!r}," for value in values.tolist()), ")"]
+        lines += [
+            "",
+            f"{name} = (",
+            *(f"    {value!r}," for value in values.tolist()),
+            ")",
+        ]
     files.write(path, "\n".join(lines) + "\n")
     return [path]
 
@@ -142,7 +153,9 @@ class Joint:
     pressures: Values  # [MPa]
     closures: Values  # [um]
     conductances: Values | None  # [W/(mm2 K)]; None if the law has none
-    own: NDArray[np.bool_]  # where the points are those of the law, not contacts between them
+    own: NDArray[
+        np.bool_
+    ]  # where the points are those of the law, not contacts between them
     inside: NDArray[np.bool_]  # where neither few nor nearly all nodes touch
 
 
@@ -182,13 +195,19 @@ def rising(law: Law, side: str = "", *, between: bool = False) -> Joint:
     closures = outwards(closures[places], closure)
     places, closures = _apart(places, closures, side)
     if not places.size:
-        outside = ": no load lies inside the surrogate's training; --solver solves the law"
+        outside = (
+            ": no load lies inside the surrogate's training; --solver solves the law"
+        )
         ends = outside if table.flagged.any() else ""
-        raise InputError(f"the law closes nowhere, so that only tables can be written{ends}")
+        raise InputError(
+            f"the law closes nowhere, so that only tables can be written{ends}"
+        )
     if conductances is not None:
         first = law.over_delta.curves[known].value[0]  # of the gas alone
         outer = conductances[usable]
-        if trend(known) == "rises":  # a gas conducts less where contact has taken its place
+        if (
+            trend(known) == "rises"
+        ):  # a gas conducts less where contact has taken its place
             outer = outwards(outer, conductance)
         kept = np.searchsorted(np.flatnonzero(usable), places)
         conductances = np.append(first, outer[kept])
@@ -236,11 +255,15 @@ def _apart(places: Indices, closures: Values, side: str) -> tuple[Indices, Value
     """
     kept = risen(closures, CLOSER)
     if side == "stiff":
-        kept = (closures > 0) & (np.append(closures[1:], np.inf) > (1 + CLOSER) * closures)
+        kept = (closures > 0) & (
+            np.append(closures[1:], np.inf) > (1 + CLOSER) * closures
+        )
     return places[kept], closures[kept]
 
 
-def _lines(path: Path, law: Law, program: Program, units: UnitSystem, side: str) -> Iterator[str]:
+def _lines(
+    path: Path, law: Law, program: Program, units: UnitSystem, side: str
+) -> Iterator[str]:
     """Yield the whole file.
 
     A side of a band has the loads of the law alone: it is drawn outwards from its ends there.
@@ -284,12 +307,16 @@ def _lines(path: Path, law: Law, program: Program, units: UnitSystem, side: str)
 
 def _pressure_column(joint: Joint) -> Column:
     """Return the pressure over the closure."""
-    return Column.through(joint.closures, joint.pressures, joint.own, joint.inside, powers=False)
+    return Column.through(
+        joint.closures, joint.pressures, joint.own, joint.inside, powers=False
+    )
 
 
 def _conductance_column(joint: Joint, conductances: Values) -> Column:
     """Return the conductance over the pressure."""
-    return Column.through(joint.pressures, conductances, joint.own, joint.inside, powers=True)
+    return Column.through(
+        joint.pressures, conductances, joint.own, joint.inside, powers=True
+    )
 
 
 def _beside_checks(law: Law, line: Line, quantity: str) -> Deviation:
@@ -308,7 +335,9 @@ def _beside_checks(law: Law, line: Line, quantity: str) -> Deviation:
         solved = checks.at
     known = np.isfinite(values) & (at >= line.at[1]) & (at <= line.at[-1]) & (solved > 0)
     lines = np.interp(at[known], line.at, line.values)
-    return largest_of(np.abs(lines / solved[known] - 1), in_range(checks, law.nodes)[known])
+    return largest_of(
+        np.abs(lines / solved[known] - 1), in_range(checks, law.nodes)[known]
+    )
 
 
 def _straight(law: Law, side: str, deviations: Mapping[str, Deviation]) -> str:
@@ -336,7 +365,11 @@ def _in_words(deviations: Mapping[str, Deviation]) -> str:
         where = f"where {ENOUGH} nodes or more and up to {MOST_AREA:g} % of all touch"
         texts.append(f"{where}: {_percentages(inside)}")
     if outside:
-        where = "elsewhere" if inside else f"where fewer than {ENOUGH} nodes or nearly all touch"
+        where = (
+            "elsewhere"
+            if inside
+            else f"where fewer than {ENOUGH} nodes or nearly all touch"
+        )
         texts.append(f"{where}: {_percentages(outside)}")
     return "; ".join(texts) or "nowhere, as it has one load"
 
@@ -344,7 +377,9 @@ def _in_words(deviations: Mapping[str, Deviation]) -> str:
 def _percentages(shares: Mapping[str, float]) -> str:
     """Write shares in per cent beside their names; those of rounding are 0."""
     percents = {name: 100 * share for name, share in shares.items()}
-    rounded = {name: share if share > ROUNDING else 0.0 for name, share in percents.items()}
+    rounded = {
+        name: share if share > ROUNDING else 0.0 for name, share in percents.items()
+    }
     return ", ".join(f"{name} {share:.2g} %" for name, share in rounded.items())
 
 
@@ -393,7 +428,9 @@ def _description(
         "Overclosure is counted from first touch: let the two meshes just touch where the highest"
         " asperities do. The elastic bodies are the mesh's; these tables are the interface's alone."
     )
-    between = "the cubic joins both" if program == "4c" else "the table is a straight line"
+    between = (
+        "the cubic joins both" if program == "4c" else "the table is a straight line"
+    )
     yield (
         f"From 0 to the first pressure, {pressures[1]:.6g} MPa, nothing was computed: there"
         f" {between}."
@@ -409,7 +446,9 @@ def _description(
             f" the overclosure of the last line, {FAR[-1]:g}, is where CalculiX finds the number"
             " of points."
         )
-        faces = "Take TYPE=SURFACE TO SURFACE in *CONTACT PAIR, for which this table is made"
+        faces = (
+            "Take TYPE=SURFACE TO SURFACE in *CONTACT PAIR, for which this table is made"
+        )
         if law.over_pressure.conducting:
             faces += ": with TYPE=NODE TO SURFACE CalculiX passes no heat, and says nothing of it"
         yield f"{faces}."
@@ -432,7 +471,9 @@ PER_LINE = 5  # numbers in a line of the C header
 def write_header(path: Path, law: Law) -> list[Path]:
     """Write a law as a C header, without the points outside a surrogate's training."""
     if law.over_delta.flagged.any() or law.over_pressure.flagged.any():
-        inside = [each.chosen(~each.flagged) for each in (law.over_delta, law.over_pressure)]
+        inside = [
+            each.chosen(~each.flagged) for each in (law.over_delta, law.over_pressure)
+        ]
         law = replace(law, over_delta=inside[0], over_pressure=inside[1])
     own = re.sub(r"[^0-9A-Za-z]+", "_", path.stem).strip("_")
     name = f"asperity_{own or 'law'}"  # asperity_steel_2 for steel-2.h
@@ -561,7 +602,9 @@ class Function:
 
         solved = self.solved[known]
         cubic = PchipInterpolator(self.at, self.values)(self.between[known])
-        unit = np.full(solved.shape, abs(self.values[0])) if self.falls else np.abs(solved)
+        unit = (
+            np.full(solved.shape, abs(self.values[0])) if self.falls else np.abs(solved)
+        )
         off = np.abs(cubic - solved) / np.where(unit > 0, unit, np.inf)
         return largest_of(off, self.inside[known])
 
@@ -569,13 +612,18 @@ class Function:
 def _functions(law: Law) -> Iterator[Function]:
     """Yield the functions of the C header, from first touch on, where curves over Delta begin."""
     rest = law.over_delta.curves
-    pairs = (law.over_delta, law.between_deltas), (law.over_pressure, law.between_pressures)
+    pairs = (
+        (law.over_delta, law.between_deltas),
+        (law.over_pressure, law.between_pressures),
+    )
     for curves, between in pairs:
         argument = short_name(curves.against)
         suffix = "_at_pressure" if argument == "pressure" else ""
         missing = curves.at[:1] > 0  # first touch, where pressures were given
         at = np.append(np.zeros(1)[missing], curves.at)
-        inside = np.zeros(0, dtype=bool) if between is None else in_range(between, law.nodes)
+        inside = (
+            np.zeros(0, dtype=bool) if between is None else in_range(between, law.nodes)
+        )
         for quantity, curve in curves.curves.items():
             short = short_name(quantity)
             parts = {"": "value"}
@@ -595,7 +643,9 @@ def _functions(law: Law) -> Iterator[Function]:
                     values=np.append(first[missing], getattr(curve, part)),
                     goes_on=_goes_on(quantity),
                     tangent=not end,
-                    between=np.zeros(0) if solved.size == 0 or between is None else between.at,
+                    between=np.zeros(0)
+                    if solved.size == 0 or between is None
+                    else between.at,
                     solved=solved,
                     inside=inside if solved.size else inside[:0],
                     falls=trend(quantity) == "falls",
@@ -616,7 +666,9 @@ def _pressure_at_closure(law: Law) -> Function:
         tangent=True,
         between=np.zeros(0) if further is None else further.curves[CLOSURE.in_laws].value,
         solved=np.zeros(0) if further is None else further.at,
-        inside=np.zeros(0, dtype=bool) if further is None else in_range(further, law.nodes),
+        inside=np.zeros(0, dtype=bool)
+        if further is None
+        else in_range(further, law.nodes),
     )
 
 

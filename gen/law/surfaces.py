@@ -84,7 +84,9 @@ class Origin:
     """Where a surface of a law comes from, or all surfaces of a scene."""
 
     name: str
-    files: tuple[SourceFile, ...]  # the maps of both bodies, or the scene and the maps it names
+    files: tuple[
+        SourceFile, ...
+    ]  # the maps of both bodies, or the scene and the maps it names
     steps: tuple[str, ...]  # the preparation, from the file on; one line a step
 
     @property
@@ -118,9 +120,13 @@ class LawSurfaces:
         ratios: set[float | None] = set()
         for scene in self.scenes:
             ends = scene.contact.hardness_limits or (None,)
-            ratios |= {None if end is None else end / scene.contact.e_star for end in ends}
+            ratios |= {
+                None if end is None else end / scene.contact.e_star for end in ends
+            }
         if len(self.scenes) == len(self.origins) and len(ratios) > 1:
-            raise InputError("the scenes have more than one hardness: give one with --hardness")
+            raise InputError(
+                "the scenes have more than one hardness: give one with --hardness"
+            )
         return ratios.pop() if len(self.scenes) == len(self.origins) else None
 
 
@@ -150,7 +156,9 @@ def read_subjects(order: "Order", only: Boundary | None = None) -> LawSurfaces:
             subjects += population
             doubts += [f"warning: {text}: {doubt}" for doubt in _slope_doubts(population)]
             against = scene.surface.against
-            named = ", ".join(against) if isinstance(against, tuple) else "another of them"
+            named = (
+                ", ".join(against) if isinstance(against, tuple) else "another of them"
+            )
             rough = "" if against is None else f" against {named}"
             origins.append(f"{text}: its first {order.surfaces} surfaces{rough}")
             sources += _origins_of_scene(scene, text)
@@ -159,11 +167,15 @@ def read_subjects(order: "Order", only: Boundary | None = None) -> LawSurfaces:
         for file, body in product(files_in(Path(text)), bodies):
             each, warnings = read_surface(file, order.reading, boundary, body)
             if each.heights.max() == each.heights.min():
-                raise InputError(f"{file}: is flat: all of it touches at once, there is no law")
+                raise InputError(
+                    f"{file}: is flat: all of it touches at once, there is no law"
+                )
             echo(f"{each.name}: {'; '.join(each.steps)}", err=True)
             for line in warnings:
                 echo(f"  warning: {line}", err=True)
-            subjects.append(LawSurface(each.name, each.heights, each.sides, boundary=each.boundary))
+            subjects.append(
+                LawSurface(each.name, each.heights, each.sides, boundary=each.boundary)
+            )
             doubts += [f"warning: {text}{facing}: {doubt}" for doubt in each.warnings]
             paths = [file] if body is None else [file, body.path]
             sources.append(Origin(each.name, tuple(map(_source, paths)), each.steps))
@@ -200,13 +212,20 @@ def _origins_of_scene(scene: Scene, text: str) -> Iterator[Origin]:
     files = [_source(Path(text))] if Path(text).is_file() else []
     steps: list[str] = []
     surface = scene.surface
-    if isinstance(surface, ScanSurface):  # a database knows maps by their content: they may move
+    if isinstance(
+        surface, ScanSurface
+    ):  # a database knows maps by their content: they may move
         for bodies in (surface.found, surface.against_found):
             maps = () if bodies is None else bodies.maps
             files += [SourceFile(each.file, each.sha256) for each in maps]
-        for name, table in (("reading", surface.reading), ("preparation", surface.preparation)):
+        for name, table in (
+            ("reading", surface.reading),
+            ("preparation", surface.preparation),
+        ):
             keys = table.model_dump(exclude_none=True)
-            steps += [f"{name}.{key} = {json.dumps(value)}" for key, value in keys.items()]
+            steps += [
+                f"{name}.{key} = {json.dumps(value)}" for key, value in keys.items()
+            ]
     else:
         files += [_source(path) for path in surface.sources()]
     if files:

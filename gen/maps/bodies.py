@@ -88,12 +88,18 @@ def composite(
             grid.sides, heights.shape, grid.heights.shape, grid.spacing, strict=True
         )
     )
-    turn = "not turned over" if turned == "none" else f"turned over (its {turned} runs backwards)"
+    turn = (
+        "not turned over"
+        if turned == "none"
+        else f"turned over (its {turned} runs backwards)"
+    )
     said = [f"pressed against body 2 ({second.name}), {turn}"]
     if any(shift):
         said.append("its centre shifted by {:g} and {:g} um".format(*shift))
     said.append("heights added on {} x {} nodes".format(*heights.shape))
-    if not all(np.allclose((x, y), body.sides, rtol=SAME, atol=0) for body in (first, other)):
+    if not all(
+        np.allclose((x, y), body.sides, rtol=SAME, atol=0) for body in (first, other)
+    ):
         shared = f"{_size(first.sides)} and {_size(other.sides)} um share"
         said.append(f"the {_size((x, y))} um that {shared}")
     if not all(line.exact for line in lines):
@@ -104,17 +110,25 @@ def composite(
     bodies = (("body 1", first), ("body 2", second))
     steps = [f"{body}: {step}" for body, each in bodies for step in each.steps]
     warnings = [f"{body}: {line}" for body, each in bodies for line in each.warnings]
-    ratio = max(wide / fine for wide, fine in zip(added.spacing, grid.spacing, strict=True))
+    ratio = max(
+        wide / fine for wide, fine in zip(added.spacing, grid.spacing, strict=True)
+    )
     if ratio > COARSE:
-        apart = f"nodes of one body are {ratio:.3g} times as far apart as those of the other"
-        warnings.append(f"{apart}: its short waves are not there; check --unit and --side")
+        apart = (
+            f"nodes of one body are {ratio:.3g} times as far apart as those of the other"
+        )
+        warnings.append(
+            f"{apart}: its short waves are not there; check --unit and --side"
+        )
     both = first.followed & second.followed
     result = replace(grid, name=name, heights=heights, sides=(x, y), followed=both)
     result = replace(result, doubtful=_doubtful(grid, added, lines))
     return replace(result, steps=(*steps, ", ".join(said)), warnings=tuple(warnings))
 
 
-def _doubtful(grid: Topography, added: Topography, lines: list[_Line]) -> NDArray[np.bool_] | None:
+def _doubtful(
+    grid: Topography, added: Topography, lines: list[_Line]
+) -> NDArray[np.bool_] | None:
     """Return the nodes of a sum at which either body has a code, pit or spike, None without any.
 
     Those of a body that is interpolated are left out: its splines spread them.
@@ -158,7 +172,9 @@ def _at(heights: Heights, lines: list[_Line]) -> Heights:
             widths = [(width, width) if each == axis else (0, 0) for each in (0, 1)]
             heights = np.pad(heights, widths, mode=line.continued)
         nodes = heights.shape[axis]
-        spline = make_interp_spline(np.arange(nodes), heights, k=min(3, nodes - 1), axis=axis)
+        spline = make_interp_spline(
+            np.arange(nodes), heights, k=min(3, nodes - 1), axis=axis
+        )
         heights = np.asarray(spline(line.places + width))
     return heights
 
@@ -188,7 +204,11 @@ class Opposite:
         try:
             return prepare(read(self.path, reading, boundary), reading)
         except InputError:
-            if self.shared and not reading.override_scale and (reading.side or reading.unit):
+            if (
+                self.shared
+                and not reading.override_scale
+                and (reading.side or reading.unit)
+            ):
                 own = replace(reading, side="", unit="")
                 with suppress(InputError):
                     return prepare(read(self.path, own, boundary), own)

@@ -37,7 +37,9 @@ if TYPE_CHECKING:
 class Wanted:
     """Answers that are asked for beside area, force and gap."""
 
-    grid_error: bool = False  # whether the area in the continuum comes with the grid's error
+    grid_error: bool = (
+        False  # whether the area in the continuum comes with the grid's error
+    )
     spots: bool = False  # whether spots are counted
     flow: bool = False  # whether a fluid flows through the gap, along either axis
     stiffness: bool = False  # whether the stiffness is solved for
@@ -47,7 +49,10 @@ class Wanted:
     @property
     def options(self) -> list[str]:
         """Options that quantities are shown with, in the order of the answers."""
-        return ["always", *(field.name for field in fields(self) if getattr(self, field.name))]
+        return [
+            "always",
+            *(field.name for field in fields(self) if getattr(self, field.name)),
+        ]
 
 
 class Answer(NamedTuple):
@@ -58,7 +63,9 @@ class Answer(NamedTuple):
     # name and unit for people, with a remark where one is due
     label: str
     unit: str
-    error: float = 0.0  # of the value, from whose second digit on people see none; 0 for rounding
+    error: float = (
+        0.0  # of the value, from whose second digit on people see none; 0 for rounding
+    )
 
     @property
     def shown(self) -> str:
@@ -73,7 +80,9 @@ class Answer(NamedTuple):
 def require_conductivities(given: Sequence[float]) -> tuple[float, float]:
     """Return the conductivities of both bodies [W/(m K)], the same for both if one is given."""
     if len(given) > 2:
-        raise InputError(f"--conductivity was given {len(given)} times: give it once or twice")
+        raise InputError(
+            f"--conductivity was given {len(given)} times: give it once or twice"
+        )
     for conductivity in given:
         require_within("--conductivity", conductivity, "W/(m K)")
     return given[0], given[-1]
@@ -106,7 +115,9 @@ def answers(contact: Contact, wanted: Wanted) -> list[Answer]:
         for option in wanted.options:
             for quantity in QUANTITIES.values():
                 elastic = problem.hardness is None
-                if quantity.option == option and not (quantity.needs_hardness and elastic):
+                if quantity.option == option and not (
+                    quantity.needs_hardness and elastic
+                ):
                     rows += _answers_of(quantity, contact, media)
             if option == "always":
                 rows += _about_the_bodies(contact)

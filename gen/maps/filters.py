@@ -25,18 +25,25 @@ BLOCK = 1 << 15  # nodes that enter the fit at a time, which bounds the memory
 
 def fitted_polynomial(heights: Heights, degree: int) -> Heights:
     """Fit a polynomial of a total degree to the measured nodes by least squares."""
-    legendre = np.polynomial.legendre.legvander  # made orthonormal on the nodes of each axis
+    legendre = (
+        np.polynomial.legendre.legvander
+    )  # made orthonormal on the nodes of each axis
     along_x, along_y = (
-        np.linalg.qr(legendre(np.linspace(-1, 1, nodes), degree))[0] for nodes in heights.shape
+        np.linalg.qr(legendre(np.linspace(-1, 1, nodes), degree))[0]
+        for nodes in heights.shape
     )
-    i, j = np.nonzero(np.add.outer(np.arange(degree + 1), np.arange(degree + 1)) <= degree)
+    i, j = np.nonzero(
+        np.add.outer(np.arange(degree + 1), np.arange(degree + 1)) <= degree
+    )
     triangle: Values = np.empty((0, i.size + 1))
     rows = max(1, BLOCK // heights.shape[1])
     for first in range(0, len(heights), rows):
         block = heights[first : first + rows]
         terms = along_x[first : first + rows, None, i] * along_y[None, :, j]
         equations = np.concatenate([terms, block[:, :, None]], axis=2)[~np.isnan(block)]
-        triangle = np.asarray(np.linalg.qr(np.concatenate([triangle, equations]), mode="r"))
+        triangle = np.asarray(
+            np.linalg.qr(np.concatenate([triangle, equations]), mode="r")
+        )
     coefficients = np.zeros((degree + 1, degree + 1))
     coefficients[i, j] = np.linalg.lstsq(triangle[:, :-1], triangle[:, -1], rcond=None)[0]
     fit: Heights = along_x @ coefficients @ along_y.T
@@ -68,7 +75,10 @@ FINEST = 4.0
 
 
 def long_waves(
-    heights: Heights, spacing: tuple[float, float], cutoff: float, boundary: Boundary = "free"
+    heights: Heights,
+    spacing: tuple[float, float],
+    cutoff: float,
+    boundary: Boundary = "free",
 ) -> Heights:
     """Smooth a map by the Gaussian weights of ISO 16610-61, normalised at the borders it has.
 
@@ -82,7 +92,9 @@ def long_waves(
         sigma = deviation / step
         radius = math.ceil(REACH * sigma)
         if boundary != "free":
-            mode: Literal["wrap", "reflect"] = "wrap" if boundary == "periodic" else "reflect"
+            mode: Literal["wrap", "reflect"] = (
+                "wrap" if boundary == "periodic" else "reflect"
+            )
             smooth = gaussian_filter1d(smooth, sigma, axis=axis, mode=mode, radius=radius)
             continue
         weights = {"sigma": sigma, "radius": min(radius, nodes - 1)}
@@ -92,9 +104,15 @@ def long_waves(
     return smooth
 
 
-def filtered(topography: Topography, short: float | None, long: float | None) -> Topography:
+def filtered(
+    topography: Topography, short: float | None, long: float | None
+) -> Topography:
     """Take out waves shorter than the S-filter's cut-off and longer than the L-filter's [um]."""
-    heights, spacing, boundary = topography.heights, topography.spacing, topography.boundary
+    heights, spacing, boundary = (
+        topography.heights,
+        topography.spacing,
+        topography.boundary,
+    )
     finest, side = FINEST * max(spacing), min(topography.sides)
     cutoffs = {"S-filter": short, "L-filter": long}
     given = {name: cutoff for name, cutoff in cutoffs.items() if cutoff is not None}
@@ -132,7 +150,11 @@ def filled_harmonically(
     filled, line = heights.copy(), heights.shape[1]
     flat = filled.reshape(-1)
     # five-point equations at the unknown nodes, diagonal first
-    rows, columns, weights = [np.arange(unknown.size)], [np.arange(unknown.size)], [diagonal]
+    rows, columns, weights = (
+        [np.arange(unknown.size)],
+        [np.arange(unknown.size)],
+        [diagonal],
+    )
     for axis, stride in ((0, line), (1, 1)):
         position = unknown // line if axis == 0 else unknown % line
         weight, length = spacing[axis] ** -2, heights.shape[axis]
@@ -161,11 +183,15 @@ def filled(topography: Topography, *, insisted: bool) -> Topography:
             f" make up more than was measured; crop, measure again, or insist by {insist}"
         )
     periodic = topography.boundary == "periodic"
-    heights = filled_harmonically(topography.heights, topography.spacing, periodic=periodic)
+    heights = filled_harmonically(
+        topography.heights, topography.spacing, periodic=periodic
+    )
     whole = topography.changed(heights, f"filled {missing} nodes ({share}) harmonically")
     if missing <= MANY_HOLES * size:
         return whole
-    warning = f"{share} of the heights were missing and are filled: filled parts are too smooth"
+    warning = (
+        f"{share} of the heights were missing and are filled: filled parts are too smooth"
+    )
     return replace(whole, warnings=(*whole.warnings, warning))
 
 
@@ -193,7 +219,9 @@ def resampled(topography: Topography, spacing: Sides) -> Topography:
             continue
         nodes = heights.shape[axis]
         if nodes < 4:
-            raise InputError(f"{topography.name}: {nodes} nodes along an axis, resampling needs 4")
+            raise InputError(
+                f"{topography.name}: {nodes} nodes along an axis, resampling needs 4"
+            )
         last, number = (nodes - 1) * old, int((nodes - 1) * old / new * (1 + 1e-12)) + 1
         places = np.minimum(new * np.arange(number), last)
         spline: Any = make_interp_spline(old * np.arange(nodes), heights, k=3, axis=axis)
@@ -209,4 +237,6 @@ def resampled(topography: Topography, spacing: Sides) -> Topography:
             " give one that leaves 2 x 2 or more"
         )
     step = f"resampled to {nx} x {ny} nodes every {in_words(spacing)} um by cubic splines"
-    return topography.changed(heights, step * (heights is not topography.heights), spacing)
+    return topography.changed(
+        heights, step * (heights is not topography.heights), spacing
+    )

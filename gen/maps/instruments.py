@@ -62,14 +62,20 @@ def instruments_scan(path: Path, reading: Reading, reason: str) -> Scan:
     _check_members(path)
     logged = logging.root.manager.disable
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # every reader that is tried warns about foreign formats
+        warnings.simplefilter(
+            "ignore"
+        )  # every reader that is tried warns about foreign formats
         logging.disable()
         try:
             return _map_of(path, reading, *_opened(path, reason))
         except InputError:
             raise
-        except Exception as error:  # a broken file makes its readers raise nearly anything
-            raise InputError(f"{path}: SurfaceTopography cannot read it: {error!r:.600}") from None
+        except (
+            Exception
+        ) as error:  # a broken file makes its readers raise nearly anything
+            raise InputError(
+                f"{path}: SurfaceTopography cannot read it: {error!r:.600}"
+            ) from None
         finally:
             logging.disable(logged)
 
@@ -106,7 +112,9 @@ def _opened(path: Path, reason: str) -> tuple[Any, str]:
     suffix = path.suffix.lower().removeprefix(".")
     with path.open("rb") as file:
         start = file.read(512)
-    named = [each for each in readers if suffix in {each.format(), *each.file_extensions()}]
+    named = [
+        each for each in readers if suffix in {each.format(), *each.file_extensions()}
+    ]
     others = [each for each in readers if each.can_read(start) != MagicMatch.NO]
     tried = [*named, *(each for each in others if each.format() not in GUESSING)]
     reasons, scans = [], False
@@ -116,7 +124,9 @@ def _opened(path: Path, reason: str) -> tuple[Any, str]:
             try:
                 reader = open_topography(content, format=kind.format())
                 dimensions = {channel.dim for channel in reader.channels}
-            except Exception as error:  # a foreign file makes readers raise nearly anything
+            except (
+                Exception
+            ) as error:  # a foreign file makes readers raise nearly anything
                 fault = f"{error!r:.600}"  # it may quote the file
                 continue
             if 2 in dimensions:
@@ -137,7 +147,9 @@ def _contents(path: Path, kind: str) -> Iterator[tuple[str | BytesIO, str]]:
         return
     with suppress(*DAMAGED), ZipFile(path) as archive:
         names = archive.namelist()
-        main = min((each for each in names if Path(each).name == "main.xml"), key=len, default="")
+        main = min(
+            (each for each in names if Path(each).name == "main.xml"), key=len, default=""
+        )
         folder = main.removesuffix("main.xml")
         text = archive.read(main) if main else b""
         mended = REVISION.sub(rb"\1ISO5436 - 2000\2", text)
@@ -170,7 +182,11 @@ def _map_of(path: Path, reading: Reading, reader: Any, remark: str) -> Scan:
     channel = maps[taken]
     nx, ny = channel.nb_grid_pts
     _check_size(path, np.dtype(np.float64).itemsize * nx * ny)
-    given = {} if channel.physical_sizes is not None else {"physical_sizes": channel.nb_grid_pts}
+    given = (
+        {}
+        if channel.physical_sizes is not None
+        else {"physical_sizes": channel.nb_grid_pts}
+    )
     topography = reader.topography(channel_index=taken, **given)
     heights = np.ma.filled(np.ma.asarray(topography.heights(), dtype=np.float64), np.nan)
     origin, widths = words + remark, None

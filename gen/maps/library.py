@@ -47,7 +47,9 @@ def map_files(patterns: Sequence[str], folder: Path) -> list[Path]:
     for pattern in patterns:
         try:
             own = Path(pattern).expanduser()
-            if "\0" in pattern:  # no name of a file has one, and Python 3.13 does not look for it
+            if (
+                "\0" in pattern
+            ):  # no name of a file has one, and Python 3.13 does not look for it
                 here = []
             elif (folder / own).is_file() or (folder / own).is_dir():
                 here = files_in(folder / own)
@@ -59,7 +61,9 @@ def map_files(patterns: Sequence[str], folder: Path) -> list[Path]:
             reason = getattr(error, "strerror", None) or error
             raise InputError(f"files {pattern!r}: {reason}") from None
         if not here:
-            raise InputError(f"files {pattern!r}: no file or folder is called so in {folder}")
+            raise InputError(
+                f"files {pattern!r}: no file or folder is called so in {folder}"
+            )
         found |= dict.fromkeys(path.resolve() for path in here)
     return list(found)
 
@@ -108,7 +112,9 @@ class Wanted:
     # sides along x and y to resample the maps to [um]; None takes that of the first map, which the
     # others have to share
     spacing: Sides | None = None
-    reading: Reading = field(default_factory=Reading)  # how the files are read and prepared
+    reading: Reading = field(
+        default_factory=Reading
+    )  # how the files are read and prepared
 
     def key(self, sha256s: Sequence[str]) -> str:
         """Return the name of the library that files of these contents make: a SHA-256.
@@ -153,10 +159,14 @@ def prepared(
             )
         key = wanted.key(sha256s)
         path = home / f"asperity-{key[:16]}.maps"
-        write_maps(path, key, _each(paths, wanted), replace=path.exists())  # a damaged one
+        write_maps(
+            path, key, _each(paths, wanted), replace=path.exists()
+        )  # a damaged one
         library = stored_maps(path, key, verify=False)
         if library is None:
-            raise InputError(f"{path}: was damaged while it was written; delete it and try again")
+            raise InputError(
+                f"{path}: was damaged while it was written; delete it and try again"
+            )
     for path, shape in zip(paths, library.shapes, strict=True):
         _require_window(path, shape, wanted.window)
     return library
@@ -200,7 +210,10 @@ def _each(paths: Sequence[Path], wanted: Wanted) -> Iterator[tuple[PreparedMap, 
                 f" {in_words(spacing)} um: give spacing, to which all are resampled, or downsample"
             )
         _require_window(path, topography.heights.shape, wanted.window)
-        yield PreparedMap(topography.heights, topography.warnings), _square(spacing or (1.0, 1.0))
+        yield (
+            PreparedMap(topography.heights, topography.warnings),
+            _square(spacing or (1.0, 1.0)),
+        )
 
 
 def _require_window(path: Path, shape: tuple[int, ...], window: Shape) -> None:
@@ -237,7 +250,11 @@ class PreparedMap:
 
 
 def write_maps(
-    path: Path, key: str, maps: Iterable[tuple[PreparedMap, tuple[float, float]]], *, replace: bool
+    path: Path,
+    key: str,
+    maps: Iterable[tuple[PreparedMap, tuple[float, float]]],
+    *,
+    replace: bool,
 ) -> None:
     """Write maps, with their common spacing [um], of which only one is in memory at a time."""
     table: dict[str, Any] = {"key": key, "byteorder": sys.byteorder, "maps": []}
@@ -245,7 +262,9 @@ def write_maps(
         file.write(bytes(PAGE))
         for prepared, spacing in maps:
             table["spacing"] = spacing
-            content = np.ascontiguousarray(prepared.heights, dtype=np.float64).reshape(-1).data
+            content = (
+                np.ascontiguousarray(prepared.heights, dtype=np.float64).reshape(-1).data
+            )
             table["maps"].append(
                 {
                     "place": file.tell(),
@@ -259,7 +278,9 @@ def write_maps(
         place, text = file.tell(), json.dumps(table).encode()
         file.write(text)
         file.seek(0)
-        file.write(MAPS + f"{place} {len(text)} {hashlib.sha256(text).hexdigest()}\n".encode())
+        file.write(
+            MAPS + f"{place} {len(text)} {hashlib.sha256(text).hexdigest()}\n".encode()
+        )
 
 
 def stored_maps(path: Path, key: str, *, verify: bool) -> Library | None:
@@ -280,8 +301,14 @@ def stored_maps(path: Path, key: str, *, verify: bool) -> Library | None:
             return None
         for entry in table["maps"]:
             (nx, ny), offset = entry["shape"], entry["place"]
-            heights = np.memmap(path, dtype=np.float64, mode="r", offset=offset, shape=(nx, ny))
-            if verify and hashlib.sha256(heights.reshape(-1).data).hexdigest() != entry["sha256"]:
+            heights = np.memmap(
+                path, dtype=np.float64, mode="r", offset=offset, shape=(nx, ny)
+            )
+            if (
+                verify
+                and hashlib.sha256(heights.reshape(-1).data).hexdigest()
+                != entry["sha256"]
+            ):
                 return None
             maps.append(PreparedMap(heights, tuple(entry["remarks"])))
         dx, dy = table["spacing"]
@@ -289,7 +316,9 @@ def stored_maps(path: Path, key: str, *, verify: bool) -> Library | None:
     return None
 
 
-WIDE = 2  # side of a tile over that of the window, at least, where the map is large enough
+WIDE = (
+    2  # side of a tile over that of the window, at least, where the map is large enough
+)
 # tiles along an axis that a map has at least, where it holds that many windows side by side
 FEWEST = 2
 
@@ -300,7 +329,9 @@ class Tiling:
 
     shapes: tuple[Shape, ...]  # nodes of each map along x and y
     window: Shape  # nodes of a window along x and y
-    square: bool = False  # whether a window has the symmetries of the square, not the rectangle's
+    square: bool = (
+        False  # whether a window has the symmetries of the square, not the rectangle's
+    )
 
     @cached_property
     def tiles(self) -> list[list[tuple[Shape, Shape]]]:
@@ -327,11 +358,15 @@ tiled = lru_cache(maxsize=8)(Tiling)  # the same tiles for every surface of a ru
 def _cut(nodes: int, width: int) -> list[Shape]:
     """Cut an axis into tiles twice as wide as a window, or two narrower ones, or a single one."""
     count = max(nodes // (WIDE * width), min(FEWEST, nodes // width))
-    return [(place * nodes // count, (place + 1) * nodes // count) for place in range(count)]
+    return [
+        (place * nodes // count, (place + 1) * nodes // count) for place in range(count)
+    ]
 
 
 DRAWS = 5  # random numbers of a window: map, tile, two for the place, symmetry
-TRANSPOSED = 4  # symmetries from this number on swap the axes: they are those of the square alone
+TRANSPOSED = (
+    4  # symmetries from this number on swap the axes: they are those of the square alone
+)
 
 
 @dataclass(frozen=True)
@@ -363,7 +398,9 @@ def drawn(
     ends = tiling.tiles[index][tile - tiling.starts[index]]
     x, y = (
         start + _among(number, stop - start - nodes + 1)
-        for number, (start, stop), nodes in zip(numbers[2:4], ends, tiling.window, strict=True)
+        for number, (start, stop), nodes in zip(
+            numbers[2:4], ends, tiling.window, strict=True
+        )
     )
     symmetry = _among(numbers[4], 2 * TRANSPOSED if tiling.square else TRANSPOSED)
     return Window(index, tile, (x, y), symmetry)

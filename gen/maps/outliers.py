@@ -20,7 +20,9 @@ from gen.maps.scan import UNITS, unit_of
 from gen.maps.settings import SPIKE, said
 from gen.runtime.errors import InputError
 
-HIGHEST = 1e60  # heights [um] of files in a wrong unit; squares of smaller ones stay finite
+HIGHEST = (
+    1e60  # heights [um] of files in a wrong unit; squares of smaller ones stay finite
+)
 
 Nodes = NDArray[np.bool_]  # whether a node is chosen, shape (nx, ny)
 
@@ -65,7 +67,9 @@ def local_medians(heights: Heights) -> tuple[Heights, float]:
     medians = np.empty(heights.shape)
     for first in range(0, len(heights), ROWS):
         block = windows[first : first + ROWS].reshape(-1, WINDOW, WINDOW)
-        medians[first : first + ROWS] = local_levels(block).medians.reshape(-1, heights.shape[1])
+        medians[first : first + ROWS] = local_levels(block).medians.reshape(
+            -1, heights.shape[1]
+        )
     return medians, scatter_of(heights - medians, heights)
 
 
@@ -92,7 +96,9 @@ def _medians(values: Values) -> Values:
     return np.asarray(np.where(count % 2 == 1, lower, lower / 2 + upper / 2))
 
 
-FEWEST_VALUES = 16  # different heights from which a map has enough of them to stand apart from
+FEWEST_VALUES = (
+    16  # different heights from which a map has enough of them to stand apart from
+)
 FEWEST_SHARED = 3  # nodes with one height from which this height may be a code
 # The gap between a code and the next height is this many times as wide as the widest of the next
 # `GAPS` gaps, at least: steps of a coarse scale are alike, and a plateau has no gap.
@@ -173,7 +179,9 @@ def _next_code(heights: Heights) -> Code | None:
             return Code(end, nodes, between=False)
     value = float(values[commonest])
     nodes, is_end = heights == value, value in ends
-    if ratio >= COMMONER and _is_common_apart(heights, nodes, measured.size, is_end=is_end):
+    if ratio >= COMMONER and _is_common_apart(
+        heights, nodes, measured.size, is_end=is_end
+    ):
         return Code(value, nodes, between=not is_end)
     return None
 
@@ -201,7 +209,9 @@ def _is_common_apart(heights: Heights, nodes: Nodes, total: int, *, is_end: bool
     if not COMMON * total <= number <= total / 2:
         return False
     pairs = sum(int(np.count_nonzero(nodes & np.roll(nodes, 1, axis))) for axis in (0, 1))
-    scattered = pairs <= number * (4 * number / total + 0.05)  # twice what chance brings together
+    scattered = pairs <= number * (
+        4 * number / total + 0.05
+    )  # twice what chance brings together
     if is_end:
         return scattered and rim_steps(heights, nodes) >= SCATTERED_RIM
     return scattered or rim_steps(heights, nodes) >= RIM
@@ -239,9 +249,7 @@ USUAL, FARTHER = 0.98, 3.0
 STEEPER = 2.0
 SAMPLE = 64  # nodes along each axis, at most, whose distances from the level are the usual ones
 MOST_SINGLE = 1000  # pits or spikes that are looked for
-LOST = (
-    1000.0  # scatter of heights in spacings of numbers at the largest, below which it is rounding
-)
+LOST = 1000.0  # scatter in spacings of numbers at the largest height, below which it is rounding
 
 
 @dataclass(frozen=True)
@@ -277,7 +285,9 @@ def find_single(heights: Heights, sign: int) -> Single | None:
     width = 2 * AROUND + 1
     windows = np.lib.stride_tricks.sliding_window_view(padded, (width, width))
     inner = slice(AROUND - WINDOW // 2, AROUND + WINDOW // 2 + 1)
-    thin = np.ix_(*(np.unique(np.linspace(0, n - 1, SAMPLE).astype(int)) for n in (nx, ny)))
+    thin = np.ix_(
+        *(np.unique(np.linspace(0, n - 1, SAMPLE).astype(int)) for n in (nx, ny))
+    )
     sampled = windows[thin].reshape(-1, width, width)
     usual = sampled[:, AROUND, AROUND] - local_levels(sampled[:, inner, inner]).medians
     least = SPIKE * scatter_of(usual, heights)
@@ -342,7 +352,8 @@ def _shortest(number: float, end: float) -> str:
     """Write a number with the fewest digits that move it by less than half its way to an end."""
     texts = [f"{number:.{digits}g}" for digits in range(2, 18)]
     text = next(
-        (each for each in texts if abs(float(each) - number) < abs(number - end) / 2), texts[-1]
+        (each for each in texts if abs(float(each) - number) < abs(number - end) / 2),
+        texts[-1],
     )
     if 1e-3 <= abs(float(text)) < 1e6:
         return np.format_float_positional(float(text), trim="-")
@@ -360,7 +371,9 @@ def refuse_beyond_numbers(topography: Topography) -> None:
     if not bounds:
         raise InputError(f"{fault}; check their unit")
     row, column = np.argwhere(np.abs(heights) > HIGHEST)[0].tolist()
-    fault += f", the first at the node ({row}, {column}), which may stand for missing heights"
+    fault += (
+        f", the first at the node ({row}, {column}), which may stand for missing heights"
+    )
     mask, fill = (said(key, topography.asked) for key in (f"mask {bounds}", "fill"))
     raise InputError(f"{fault}: {mask} makes holes of them, which {fill} closes")
 
@@ -433,7 +446,9 @@ def _in_file(topography: Topography, height: float) -> str:
     return f"{text} ({upright * height / factor:.6g} {topography.unit} in the file)"
 
 
-def with_single_named(topography: Topography, measured: Heights, level: Heights) -> Topography:
+def with_single_named(
+    topography: Topography, measured: Heights, level: Heights
+) -> Topography:
     """Add a warning for the pits and one for the spikes at the ends of a map without holes.
 
     Parameters
@@ -477,7 +492,9 @@ def _single_in_words(single: Single, sign: int, heights: Heights) -> str:
     fault += f" {single.node} is a {kind}"
     if is_end and sign > 0:
         fault += " from whose tip Delta counts"
-    fault += f", {single.distance:.4g} um {'above' if sign > 0 else 'below'} its neighbours"
+    fault += (
+        f", {single.distance:.4g} um {'above' if sign > 0 else 'below'} its neighbours"
+    )
     if single.number > 1:
         fault += f", and {single.number - 1} more nodes are such"
     return fault

@@ -25,13 +25,17 @@ if TYPE_CHECKING:
     from bem import Contact
 
 LETTERS = 50  # letters in a line above a map that fills its half of a picture
-UPPER_PERCENTILE = 99  # where a colour scale ends if a few outliers would otherwise take most of it
+UPPER_PERCENTILE = (
+    99  # where a colour scale ends if a few outliers would otherwise take most of it
+)
 # colours of values below and above the ends of a colour scale, which it does not have itself
 BEYOND = {"viridis": ("magenta", "red"), "inferno_r": ("deepskyblue", "limegreen")}
 COLOURS = 20  # colours of spots, those of the colour map tab20
 # ratio of the largest to the smallest load from which on axes of loads are logarithmic
 DECADES = 99.0
-OBLONG = 4.0  # ratio of the sides beyond which a map fills its panel, as its title then says
+OBLONG = (
+    4.0  # ratio of the sides beyond which a map fills its panel, as its title then says
+)
 # colour of yielded nodes (red, green, blue): no colour map of these pictures has it
 CYAN = (0.09, 0.75, 0.81)
 # share of the lines at both borders that a section avoids, since pressures are high there
@@ -50,7 +54,9 @@ class Map:
     quantity: str
     unit: str
     colours: str  # name of a colour map of matplotlib
-    marked: NDArray[np.bool_] | None = None  # nodes to draw in `CYAN` instead, shape (nx, ny)
+    marked: NDArray[np.bool_] | None = (
+        None  # nodes to draw in `CYAN` instead, shape (nx, ny)
+    )
 
 
 def load_text(contact: Contact, quantity: str) -> str:
@@ -62,7 +68,9 @@ def load_text(contact: Contact, quantity: str) -> str:
     return f"{contact.force / nominal_area(contact):.4g} MPa mean pressure"
 
 
-def contact_maps(contact: Contact, height_title: str, pressure_title: str) -> tuple[Map, Map]:
+def contact_maps(
+    contact: Contact, height_title: str, pressure_title: str
+) -> tuple[Map, Map]:
     """Return the maps of the heights and of the pressure of a contact; yielded nodes are marked."""
     heights, sides = contact.problem.heights, patch_sides(contact)
     yielded = contact.yielded
@@ -79,11 +87,17 @@ def gap_maps(contact: Contact, where: str, wanted: Wanted) -> tuple[Map, Map]:
     """Return two maps: of the gap, the spots by size and, by decades, the flux over its mean."""
     found, sides = contact.spots, patch_sides(contact)
     crossing, apart = found.open_gap.any(), found.labels == 0
-    state = "connects opposite sides, closed pockets in cyan" if crossing else "connects no sides"
+    state = (
+        "connects opposite sides, closed pockets in cyan"
+        if crossing
+        else "connects no sides"
+    )
     closed = apart & ~found.open_gap if crossing else None
     gap = np.ma.masked_where(~apart, contact.gap)
     open_gap = Map(gap, sides, f"gap: {state}{where}", "gap", "µm", "viridis", closed)
-    title = f"{found.number} spots, the largest with {100 * found.largest_share:.3g} % of the"
+    title = (
+        f"{found.number} spots, the largest with {100 * found.largest_share:.3g} % of the"
+    )
     title += f" contact{where if wanted.flow else ''}"
     colours = np.ma.masked_where(apart, (found.labels - 1.0) % COLOURS)
     by_size = Map(colours, sides, title, "", "", "tab20")
@@ -92,8 +106,19 @@ def gap_maps(contact: Contact, where: str, wanted: Wanted) -> tuple[Map, Map]:
     along_x = contact.flow(0)
     share = np.hypot(*along_x.flux) / (along_x.aperture**3 or 1.0)
     decades = np.ma.log10(np.ma.masked_less(share, FAINT))
-    state = f"flow factor {along_x.factor:.3g}" if along_x.factor else "no flow, the contact seals"
-    flux = Map(decades, sides, f"flux along x: {state}", "flux over its mean", "decades", "viridis")
+    state = (
+        f"flow factor {along_x.factor:.3g}"
+        if along_x.factor
+        else "no flow, the contact seals"
+    )
+    flux = Map(
+        decades,
+        sides,
+        f"flux along x: {state}",
+        "flux over its mean",
+        "decades",
+        "viridis",
+    )
     return by_size if wanted.spots else open_gap, flux
 
 
@@ -110,8 +135,12 @@ class ColourScale:
 
     low: float
     high: float
-    extend: Literal["neither", "min", "max", "both"] = "neither"  # ends beyond which values lie
-    remark: str = ""  # the values that lie farthest beyond, and their colours, for the title
+    extend: Literal["neither", "min", "max", "both"] = (
+        "neither"  # ends beyond which values lie
+    )
+    remark: str = (
+        ""  # the values that lie farthest beyond, and their colours, for the title
+    )
     # nodes of these values by their colours: a large map would average a single one away
     farthest: Mapping[str, tuple[int, int]] = field(default_factory=dict)
 
@@ -124,7 +153,9 @@ def colour_scale(surface_map: Map) -> ColourScale:
     if not values.size:
         return ColourScale(0.0, 1.0)
     least, most = float(values.min()), float(values.max())
-    first, last = map(float, np.percentile(values, [100 - UPPER_PERCENTILE, UPPER_PERCENTILE]))
+    first, last = map(
+        float, np.percentile(values, [100 - UPPER_PERCENTILE, UPPER_PERCENTILE])
+    )
     under, over = BEYOND[surface_map.colours]
     remarks = []
     farthest: dict[str, tuple[int, int]] = {}
@@ -227,11 +258,15 @@ def _draw_distribution(axis: Any, heights: Heights) -> None:
         return
     counts, edges = np.histogram(above, BINS)
     shares = 100.0 * counts / above.size / np.diff(edges)
-    axis.stairs(shares, edges, orientation="horizontal", fill=True, color="tab:blue", alpha=0.35)
+    axis.stairs(
+        shares, edges, orientation="horizontal", fill=True, color="tab:blue", alpha=0.35
+    )
     axis.set_xlim(left=0.0)
     bearing = axis.twiny()
     places = np.unique(np.linspace(0, above.size - 1, 1000).astype(int))
-    bearing.plot(100.0 * (places + 1) / above.size, above[places], color="tab:red", lw=1.5)
+    bearing.plot(
+        100.0 * (places + 1) / above.size, above[places], color="tab:red", lw=1.5
+    )
     bearing.set_xlim(0, 100)
     bearing.set_xlabel("bearing curve: share of the surface above [%]", color="tab:red")
     axis.axhline(0.0, color="k", lw=0.6, ls=":")
@@ -251,7 +286,9 @@ def _draw_profile_spectra(axis: Any, spectrum: RadialSpectrum) -> None:
         return
     for name, density in curves.items():
         seen = np.isfinite(density) & (density > 0.0)
-        axis.loglog(spectrum.wavenumbers[seen], density[seen], ".-", ms=4, lw=1, label=name)
+        axis.loglog(
+            spectrum.wavenumbers[seen], density[seen], ".-", ms=4, lw=1, label=name
+        )
     axis.grid(alpha=0.3)
     axis.legend(loc="lower left", fontsize="small")
 
@@ -263,7 +300,9 @@ def _draw_spectrum(
     seen = np.isfinite(spectrum.density) & (spectrum.density > 0.0)
     title = textwrap.fill(f"radial power spectrum; no self-affine law: {fit}", letters)
     if not isinstance(fit, str):
-        numbers = f"Hurst exponent {fit.spectrum.hurst:.3g} over {fit.decades:.2g} decades"
+        numbers = (
+            f"Hurst exponent {fit.spectrum.hurst:.3g} over {fit.decades:.2g} decades"
+        )
         numbers += f", rms height {fit.rms_height:.4g} µm"
         title = "; ".join((f"radial power spectrum: {numbers}", *fit.remarks))
     axis.set_title(title, loc="left", fontsize=10)
@@ -273,7 +312,9 @@ def _draw_spectrum(
         axis.set(xticks=[], yticks=[])
         return
     axis.set_xlim(spectrum.edges[0, 0], spectrum.edges[-1, 1])
-    axis.loglog(spectrum.wavenumbers[seen], spectrum.density[seen], ".", color="0.45", ms=5)
+    axis.loglog(
+        spectrum.wavenumbers[seen], spectrum.density[seen], ".", color="0.45", ms=5
+    )
     axis.grid(alpha=0.3)
     if isinstance(fit, str):
         return
@@ -281,7 +322,9 @@ def _draw_spectrum(
     axis.axvspan(spectrum.edges[0, 0], last, color="tab:orange", alpha=0.1, lw=0)
     q = np.geomspace(2 * math.pi / fit.longest, last, 300)
     law = fit.level * fit.spectrum.density(q, np.zeros(1))
-    axis.loglog(q, law, color="tab:orange", lw=2, label="self-affine law, in the range of the fit")
+    axis.loglog(
+        q, law, color="tab:orange", lw=2, label="self-affine law, in the range of the fit"
+    )
     marks = [("cut-off", fit.spectrum.cut_off, "--")]
     if fit.spectrum.roll_off < fit.longest:
         marks.insert(0, ("roll-off", fit.spectrum.roll_off, ":"))
@@ -289,7 +332,9 @@ def _draw_spectrum(
         text = f"{name} {wavelength:.4g} µm"
         axis.axvline(2 * math.pi / wavelength, color="k", lw=0.9, ls=style, label=text)
     # Beyond a cut-off there may be nothing but rounding, which must not flatten the rest.
-    axis.set_ylim(bottom=max(float(spectrum.density[seen].min()), 1e-3 * float(law.min())) / 2)
+    axis.set_ylim(
+        bottom=max(float(spectrum.density[seen].min()), 1e-3 * float(law.min())) / 2
+    )
     axis.legend(loc="lower left", fontsize="small")
 
 
@@ -324,9 +369,13 @@ def draw_contacts(
     title += f"Δ = {last.delta:.4g} µm, force {last.force:.4g} µN, mean pressure {pressed:.4g} MPa"
     material = bodies.text + ", no material given" * (not bodies.known)
     material += "" if problem.boundary == "free" else f"; {problem.boundary} boundary"
-    figure.suptitle("\n".join((shortened(name), title, material)), fontsize=11, parse_math=False)
+    figure.suptitle(
+        "\n".join((shortened(name), title, material)), fontsize=11, parse_math=False
+    )
     if warnings:
-        told = "\n".join(textwrap.fill(f"warning: {warning}", 160) for warning in warnings)
+        told = "\n".join(
+            textwrap.fill(f"warning: {warning}", 160) for warning in warnings
+        )
         figure.supxlabel(told, fontsize=8, color="tab:red", parse_math=False)
     where = f" at {load_text(last, load)}" if law else ""
     if wanted.spots or wanted.flow:
@@ -351,7 +400,9 @@ def _draw_section(axis: Any, contact: Contact, load: str) -> None:
     inner = forces[margin : forces.size - margin]
     place = margin + int(inner.argmax()) if inner.any() else int(forces.argmax())
     line: tuple[Any, ...] = (slice(None), place) if along == 0 else (place, slice(None))
-    first = 0.0 if contact.problem.boundary == "free" else 0.5  # distance of nodes from the border
+    first = (
+        0.0 if contact.problem.boundary == "free" else 0.5
+    )  # distance of nodes from the border
     position = spacing[along] * (first + np.arange(contact.pressure.shape[along]))
     # The half-space's surface is at 0 before contact, and the rough body comes down from above.
     deformed = -contact.displacement[line]
@@ -359,7 +410,9 @@ def _draw_section(axis: Any, contact: Contact, load: str) -> None:
     edge = 0.08 * float(np.ptp([deformed.min(), deformed.max(), rough.max(), 0.0]))
     top, bottom = max(float(rough.max()), 0.0) + edge, float(deformed.min()) - edge
     axis.fill_between(position, rough, top, color="0.8", label="rough body")
-    axis.fill_between(position, bottom, deformed, color="tab:blue", alpha=0.4, label="half-space")
+    axis.fill_between(
+        position, bottom, deformed, color="tab:blue", alpha=0.4, label="half-space"
+    )
     yielded = contact.yielded[line]
     touching = np.ma.masked_where((contact.pressure[line] == 0) | yielded, deformed)
     axis.plot(position, touching, ".", ms=4, color="tab:red", label="in contact")
@@ -372,7 +425,9 @@ def _draw_section(axis: Any, contact: Contact, load: str) -> None:
     axis.set_title(where, loc="left", fontsize=10)
     axis.set(xlabel=f"{'xy'[along]} [µm]", ylabel="z [µm], stretched")
     axis.set(xlim=(0, sides[along]), ylim=(bottom, top))
-    axis.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=4, fontsize="small", frameon=False)
+    axis.legend(
+        loc="lower right", bbox_to_anchor=(1, 1), ncols=4, fontsize="small", frameon=False
+    )
 
 
 def _draw_law(axes: Sequence[Any], rows: Sequence[Mapping[str, Any]], load: str) -> None:

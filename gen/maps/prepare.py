@@ -48,7 +48,9 @@ def prepare(topography: Topography, settings: Reading) -> Topography:
     if settings.level and settings.form is not None:
         words = f"level {settings.level}", f"form {settings.form}"
         both = " and ".join(said(each, settings.asked) for each in words)
-        raise InputError(f"{both} given: give one; forms of degree 1 and 2 are levels too")
+        raise InputError(
+            f"{both} given: give one; forms of degree 1 and 2 are levels too"
+        )
     followed = {key for key in STEPS if getattr(settings, key)} - {"level", "despike"}
     followed |= {f"level {settings.level}"} if settings.level else set()
     # a threshold of spikes counts as the one that is advised if it takes out as many
@@ -62,7 +64,9 @@ def prepare(topography: Topography, settings: Reading) -> Topography:
     measured = topography.heights
     topography = _taken(topography, settings, "level", "form", "fill", "fill_most")
     if topography.missing:  # from here on every node is needed
-        fault = f"{topography.missing} of {topography.heights.size} heights are missing (NaN)"
+        fault = (
+            f"{topography.missing} of {topography.heights.size} heights are missing (NaN)"
+        )
         remedies = ("fill", "closes holes"), ("crop", "leaves them out")
         raise InputError(f"{topography.name}: {topography.advised(fault, *remedies)}")
     topography = with_single_named(topography, measured, _without_tilt(topography))
@@ -74,7 +78,12 @@ def _taken(topography: Topography, settings: Reading, *keys: str) -> Topography:
     """Take the steps of some keys that are given, in this order; refuse a value that is wrong."""
     for key in keys:
         value, whole = getattr(settings, key), not topography.missing
-        if value is None or value is False or value == "" or (whole and key.startswith("fill")):
+        if (
+            value is None
+            or value is False
+            or value == ""
+            or (whole and key.startswith("fill"))
+        ):
             continue
         if not KEYS[key].suits(value):
             named = said(f"{key} {value!r}", settings.asked)
@@ -96,7 +105,9 @@ def _with_span_named(topography: Topography) -> Topography:
 def _with_tilt_named(topography: Topography) -> Topography:
     """Warn if the mean plane of a map outweighs its roughness."""
     heights = _without_doubtful(topography)
-    whole = replace(topography, heights=np.nan_to_num(heights, nan=float(np.nanmean(heights))))
+    whole = replace(
+        topography, heights=np.nan_to_num(heights, nan=float(np.nanmean(heights)))
+    )
     if not is_tilted(whole):
         return topography
     _, (x, y) = least_squares(replace(topography, heights=heights))
@@ -191,7 +202,9 @@ def despiked(topography: Topography, threshold: float) -> Topography:
     if spikes.mean() <= MANY_SPIKES:
         return clean
     named = said("despike", topography.asked)
-    warning = f"{taken} were taken out as spikes: probably a part of the surface; raise {named}"
+    warning = (
+        f"{taken} were taken out as spikes: probably a part of the surface; raise {named}"
+    )
     return replace(clean, warnings=(*clean.warnings, warning))
 
 
@@ -201,7 +214,9 @@ def least_squares(topography: Topography, degree: int = 1) -> tuple[Heights, Sid
     The tilt is the pair of slopes along x and y in the middle of the map [1].
     """
     heights = topography.heights
-    x, y = np.meshgrid(*(np.linspace(-1, 1, nodes) for nodes in heights.shape), indexing="ij")
+    x, y = np.meshgrid(
+        *(np.linspace(-1, 1, nodes) for nodes in heights.shape), indexing="ij"
+    )
     columns = [np.ones_like(x), x, y, *([x * x, x * y, y * y] if degree == 2 else [])]
     measured = ~np.isnan(heights)
     matrix = np.stack([column[measured] for column in columns], axis=1)
@@ -235,7 +250,11 @@ def downsampled(topography: Topography, nodes: int) -> Topography:
         named = f"{topography.name}: {said(f'downsample {nodes}', topography.asked)}"
         of = " x ".join(map(str, heights.shape))
         raise InputError(f"{named} leaves fewer than 2 x 2 of {of} nodes")
-    means = heights[: nx * nodes, : ny * nodes].reshape(nx, nodes, ny, nodes).mean(axis=(1, 3))
+    means = (
+        heights[: nx * nodes, : ny * nodes]
+        .reshape(nx, nodes, ny, nodes)
+        .mean(axis=(1, 3))
+    )
     left = tuple(length % nodes for length in heights.shape)
     rest = f", the last {left[0]} and {left[1]} lines left out" if any(left) else ""
     dx, dy = topography.spacing
@@ -265,22 +284,32 @@ def surface_warnings(topography: Topography) -> list[str]:
     apart = max(topography.spacing)
     if slope > STEEP:
         warnings.append(steep_slopes(slope, apart))
-    if 0 < slope < FLAT and apart <= WIDEST:  # else their distance is wrong, which `read` says
+    if (
+        0 < slope < FLAT and apart <= WIDEST
+    ):  # else their distance is wrong, which `read` says
         fault = f"rms slope {slope:.2g} between nodes {apart:.3g} um apart: flatter than a mirror;"
         fault += " are the heights in metres"
         warnings.append(topography.advised(fault, ("unit m", "reads them so")))
     if topography.boundary == "periodic" and not is_tilted(topography):
         borders = heights[-1] - heights[0], heights[:, -1] - heights[:, 0]
-        step, rms = max(float(np.sqrt(np.mean(each**2))) for each in borders), heights.std()
+        step, rms = (
+            max(float(np.sqrt(np.mean(each**2))) for each in borders),
+            heights.std(),
+        )
         if step > rms:
             fault = f"opposite borders differ by {step:.4g} um (rms), more than the rms height,"
             fault += f" {rms:.4g} um: the map is not periodic"
-            warnings.append(topography.advised(fault, ("boundary mirror", "takes it as it is")))
+            warnings.append(
+                topography.advised(fault, ("boundary mirror", "takes it as it is"))
+            )
     return warnings
 
 
 def read_surface(
-    path: Path, reading: Reading, boundary: Boundary = "free", opposite: Opposite | None = None
+    path: Path,
+    reading: Reading,
+    boundary: Boundary = "free",
+    opposite: Opposite | None = None,
 ) -> tuple[Topography, list[str]]:
     """Read and prepare a surface, or the composite surface of two bodies; return warnings too."""
     try:

@@ -16,7 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Heights
-from gen.maps.scan import MOST_COLUMNS, NAMED_UNITS, UNITS, Scan, arranged, factor_of, unit_of
+from gen.maps.scan import (
+    MOST_COLUMNS,
+    NAMED_UNITS,
+    UNITS,
+    Scan,
+    arranged,
+    factor_of,
+    unit_of,
+)
 from gen.maps.settings import Asked, Reading, said
 from gen.material import LARGEST, SMALLEST
 from gen.runtime.errors import InputError
@@ -49,7 +57,9 @@ class Topography:
     # steps of the preparation, which no warning advises again: "crop", "level plane"
     followed: frozenset[str] = frozenset()
     asked: Asked = "option"  # who asks, for the words of messages
-    apart: Sides | None = None  # distance of the nodes [um], where it is not that of the sides
+    apart: Sides | None = (
+        None  # distance of the nodes [um], where it is not that of the sides
+    )
     # nodes that a warning calls codes, pits or spikes, which other warnings leave out
     doubtful: NDArray[np.bool_] | None = None
 
@@ -66,7 +76,9 @@ class Topography:
         """Number of nodes without a height."""
         return int(np.count_nonzero(np.isnan(self.heights)))
 
-    def changed(self, heights: Heights, step: str, spacing: Sides | None = None) -> Topography:
+    def changed(
+        self, heights: Heights, step: str, spacing: Sides | None = None
+    ) -> Topography:
         """Return it with new heights, perhaps of a new spacing [um], and a step more."""
         (x, y), apart = self.sides, self.apart
         if spacing is not None:
@@ -76,7 +88,12 @@ class Topography:
         steps = (*self.steps, *filter(None, [step]))
         doubtful = self.doubtful if heights.shape == self.heights.shape else None
         return replace(
-            self, heights=heights, sides=(x, y), steps=steps, apart=apart, doubtful=doubtful
+            self,
+            heights=heights,
+            sides=(x, y),
+            steps=steps,
+            apart=apart,
+            doubtful=doubtful,
         )
 
     def advised(self, fault: str, *remedies: tuple[str, str]) -> str:
@@ -84,7 +101,9 @@ class Topography:
         followed = {*self.followed, f"boundary {self.boundary}"}
         followed |= {"unit m"} if self.unit else set()
         left = [
-            f"{said(step, self.asked)} {does}" for step, does in remedies if step not in followed
+            f"{said(step, self.asked)} {does}"
+            for step, does in remedies
+            if step not in followed
         ]
         return f"{fault}: {', '.join(left)}" if left else fault
 
@@ -105,7 +124,9 @@ def read(path: Path, reading: Reading, boundary: Boundary = "free") -> Topograph
     asked, overruled, scan = reading.asked, list[str](), _scan(path, reading)
     unit = _agreed_unit(path, scan, reading, overruled)
     sides = _agreed_sides(path, scan, unit, reading, boundary, overruled)
-    with np.errstate(over="ignore", invalid="ignore"):  # a signalling NaN is a hole like any other
+    with np.errstate(
+        over="ignore", invalid="ignore"
+    ):  # a signalling NaN is a hole like any other
         heights = scan.factor * scan.heights * (UNITS[unit_of(unit)] if unit else 1.0)
     holes = int(np.count_nonzero(np.isnan(heights)))
     if holes == heights.size:
@@ -115,11 +136,19 @@ def read(path: Path, reading: Reading, boundary: Boundary = "free") -> Topograph
     units = f"heights in {unit}" if unit else "heights taken as um"
     if scan.widths is not None:
         apart = scan.length_unit not in {None, unit}
-        units = f"lengths in {scan.length_unit}, {units}" if apart else f"lengths in {unit}"
+        units = (
+            f"lengths in {scan.length_unit}, {units}" if apart else f"lengths in {unit}"
+        )
     (nx, ny), share = heights.shape, 100 * holes / heights.size
-    steps = [f"read {nx} x {ny} nodes{scan.origin}, {units}, {holes} missing ({share:.3g} %)"]
-    steps += [f"OVERRULED by {said('override_scale', asked)}: {each}" for each in overruled]
-    found = Topography(str(path), heights, sides, tuple(steps), (), boundary, unit, asked=asked)
+    steps = [
+        f"read {nx} x {ny} nodes{scan.origin}, {units}, {holes} missing ({share:.3g} %)"
+    ]
+    steps += [
+        f"OVERRULED by {said('override_scale', asked)}: {each}" for each in overruled
+    ]
+    found = Topography(
+        str(path), heights, sides, tuple(steps), (), boundary, unit, asked=asked
+    )
     doubts = [f"the file's own scale is overruled: {each}" for each in overruled]
     doubts += [
         f"the file says {remark!r}, which is not read: check {said('side', asked)} and"
@@ -152,8 +181,12 @@ def _agreed_unit(path: Path, scan: Scan, reading: Reading, overruled: list[str])
     """Return the unit of the heights, from the file or the user; "" if it is um by default."""
     own, given, asked = scan.unit, reading.unit, reading.asked
     if reading.override_scale and not (reading.side or given):
-        overrule, side, unit = (said(key, asked) for key in ("override_scale", "side", "unit"))
-        raise InputError(f"{overrule}: give {side}, {unit} or both, to overrule the file's")
+        overrule, side, unit = (
+            said(key, asked) for key in ("override_scale", "side", "unit")
+        )
+        raise InputError(
+            f"{overrule}: give {side}, {unit} or both, to overrule the file's"
+        )
     factor = factor_of(given, said("unit", asked)) if given else None
     if not own:
         if not given and (scan.widths is not None or own is None):
@@ -189,15 +222,17 @@ def _agreed_sides(
         length_unit = scan.length_unit or unit or "um"
         own_scale = f"lengths in {length_unit}"
         if not side or not reading.override_scale or unit_of(length_unit) in UNITS:
-            advice = (
-                f"give {said('side', asked)} with {said('override_scale', asked)}, or lengths in"
-            )
+            advice = f"give {said('side', asked)} with {said('override_scale', asked)}, or lengths in"
             factor = factor_of(length_unit, f"{path}: unit of lengths", advice)
-            x, y = (w * n / of for w, n, of in zip(scan.widths, lengths, nodes, strict=True))
+            x, y = (
+                w * n / of for w, n, of in zip(scan.widths, lengths, nodes, strict=True)
+            )
             own = x * factor, y * factor
             whole = tuple(width * factor for width in scan.widths)
             known = [own] if reading.override_scale else [own, whole]
-            if not side or any(np.allclose(sides_from(side, asked), each, 1e-3) for each in known):
+            if not side or any(
+                np.allclose(sides_from(side, asked), each, 1e-3) for each in known
+            ):
                 return own
             own_scale = f"{own[0]:.6g} x {own[1]:.6g} um"
             between = " between its outer nodes" if boundary == "free" else ""
@@ -209,7 +244,9 @@ def _agreed_sides(
     if not side:
         hint = "".join(f" (it says {remark!r})" for remark in scan.remarks[:1])
         named = said("side", asked)
-        raise InputError(f"{path}: holds no lengths; give {named}, the scan length in um{hint}")
+        raise InputError(
+            f"{path}: holds no lengths; give {named}, the scan length in um{hint}"
+        )
     given = sides_from(side, asked)
     if nodes[0] != nodes[1] and "," not in side:
         square = given[0] / lengths[0] * lengths[1]
@@ -248,8 +285,12 @@ def _scan(path: Path, reading: Reading) -> Scan:
         content = require_file(path).read_bytes()
     except (OSError, ValueError) as error:
         fault = error.strerror if isinstance(error, OSError) else str(error)
-        raise InputError(f"{path}: cannot be read ({fault}); give a map of heights") from error
-    if path.suffix.lower() != ".npy" and not content.startswith(np.lib.format.MAGIC_PREFIX):
+        raise InputError(
+            f"{path}: cannot be read ({fault}); give a map of heights"
+        ) from error
+    if path.suffix.lower() != ".npy" and not content.startswith(
+        np.lib.format.MAGIC_PREFIX
+    ):
         scan = _of_text_or_instrument(path, content, reading)
     else:
         try:
@@ -260,8 +301,12 @@ def _scan(path: Path, reading: Reading) -> Scan:
             message = f"{path}: not a whole .npy file ({fault}); save real numbers"
             raise InputError(message) from error
         if array.dtype.kind not in "iuf":
-            raise InputError(f"{path}: holds {array.dtype} values; save real numbers (float64)")
-        with np.errstate(over="ignore"):  # wider floats become infinite, and are counted below
+            raise InputError(
+                f"{path}: holds {array.dtype} values; save real numbers (float64)"
+            )
+        with np.errstate(
+            over="ignore"
+        ):  # wider floats become infinite, and are counted below
             scan = Scan(np.asarray(array, dtype=np.float64, order="C"), unit="")
         if reading.channel:
             from gen.maps.text import chosen
@@ -280,7 +325,9 @@ def _scan(path: Path, reading: Reading) -> Scan:
     with np.errstate(over="ignore", invalid="ignore"):
         axes = [np.diff(heights[0, 1:]), np.diff(heights[1:, 0])]
     steady = any((each > 0).all() or (each < 0).all() for each in axes)
-    if scan.widths is None and (scan.names or steady or min(heights.shape) <= MOST_COLUMNS):
+    if scan.widths is None and (
+        scan.names or steady or min(heights.shape) <= MOST_COLUMNS
+    ):
         return arranged(path, scan)
     return scan
 
@@ -318,7 +365,9 @@ def files_in(path: Path) -> list[Path]:
         return [path]
     if not path.is_dir():
         raise InputError(f"{path}: is neither a file nor a folder")
-    inside = [each for each in sorted(path.iterdir()) if each.is_file() and each.name[0] != "."]
+    inside = [
+        each for each in sorted(path.iterdir()) if each.is_file() and each.name[0] != "."
+    ]
     found = [each for each in inside if each.suffix.lower() not in OTHERS]
     if not found:
         raise InputError(f"{path}: the folder holds no map")

@@ -20,7 +20,16 @@ from gen.arrays import Heights, Values
 from gen.maps.settings import Reading, said
 from gen.runtime.errors import InputError
 
-METRIC = {"m": 1e6, "cm": 1e4, "mm": 1e3, "um": 1.0, "µm": 1.0, "μm": 1.0, "nm": 1e-3, "pm": 1e-6}
+METRIC = {
+    "m": 1e6,
+    "cm": 1e4,
+    "mm": 1e3,
+    "um": 1.0,
+    "µm": 1.0,
+    "μm": 1.0,
+    "nm": 1e-3,
+    "pm": 1e-6,
+}
 UNITS = METRIC | {"A": 1e-4, "Å": 1e-4, "inch": 25.4e3}  # length of each unit [um]
 NAMED_UNITS = ", ".join(filter(str.isascii, UNITS))
 # units by other names in the singular; those in metres are read by their prefix
@@ -48,7 +57,9 @@ def unit_of(name: str) -> str:
 class Scan:
     """The map of a channel, or the table of numbers that holds it, in the file's own units."""
 
-    heights: Heights  # NaN at holes [factor unit], shape (nx, ny); of text (lines, columns)
+    heights: (
+        Heights  # NaN at holes [factor unit], shape (nx, ny); of text (lines, columns)
+    )
     # lengths along x and y, which count whole pixels [length_unit]; None if the file has none
     widths: tuple[float, float] | None = None
     # unit of the heights; if the file names none, "" for one in um by default, else None
@@ -57,7 +68,9 @@ class Scan:
     origin: str = ""  # what was read, in words
     # comments of the file that we do not understand and that name a unit of length
     remarks: tuple[str, ...] = ()
-    repeats: bool = False  # whether the file calls the map one period of a periodic surface
+    repeats: bool = (
+        False  # whether the file calls the map one period of a periodic surface
+    )
     channel: str = ""  # name of the channel in a text
     factor: float = 1.0  # of the numbers
     names: tuple[str, ...] = ()  # coordinate in each column, "" for another quantity
@@ -80,15 +93,23 @@ class Channel:
         return f"{self.index} {self.name!r}{values}"
 
 
-def choose_channel(path: Path, channels: Sequence[Channel], reading: Reading) -> tuple[int, str]:
+def choose_channel(
+    path: Path, channels: Sequence[Channel], reading: Reading
+) -> tuple[int, str]:
     """Return the index of the channel asked for, or the first with heights, and words on it."""
     wanted, named = reading.channel, said(f"channel {reading.channel!r}", reading.asked)
     labels = ", ".join(channel.label for channel in channels)
     if wanted:
         matches = [channel for channel in channels if channel.name == wanted]
-        matches = matches or [channel for channel in channels if str(channel.index) == wanted]
+        matches = matches or [
+            channel for channel in channels if str(channel.index) == wanted
+        ]
         if len(matches) != 1:
-            why = "several channels have this name; give an index" if matches else "no such channel"
+            why = (
+                "several channels have this name; give an index"
+                if matches
+                else "no such channel"
+            )
             raise InputError(f"{named}: {why}; {path} holds {labels}")
         if not matches[0].heights:
             raise InputError(f"{named}: holds no heights; {path} holds {labels}")
@@ -98,7 +119,10 @@ def choose_channel(path: Path, channels: Sequence[Channel], reading: Reading) ->
             raise InputError(f"{path}: holds no heights; its channels are {labels}")
     taken = matches[0]
     rest = ", ".join(channel.label for channel in channels if channel is not taken)
-    return taken.index, f" of channel {taken.index} {taken.name!r} (not {rest})" if rest else ""
+    return (
+        taken.index,
+        f" of channel {taken.index} {taken.name!r} (not {rest})" if rest else "",
+    )
 
 
 # columns of a list of points, at most: the three coordinates with three more numbers
@@ -133,8 +157,13 @@ def arranged(path: Path, scan: Scan) -> Scan:
         kinds = _first_row(numbers), _first_row(numbers.T)
     x, y = numbers[0, 1:], numbers[1:, 0]
     if kinds == ("even", "even") and min(numbers.shape) > CHANCE / 2:
-        (dx, dy), heights = (float(np.diff(axis).mean()) for axis in (x, y)), numbers[1:, 1:].T
-        heights = np.ascontiguousarray(heights[:: 1 if dx > 0 else -1, :: 1 if dy > 0 else -1])
+        (dx, dy), heights = (
+            (float(np.diff(axis).mean()) for axis in (x, y)),
+            numbers[1:, 1:].T,
+        )
+        heights = np.ascontiguousarray(
+            heights[:: 1 if dx > 0 else -1, :: 1 if dy > 0 else -1]
+        )
         inside = "in its first row and column, x along its lines"
         if np.allclose((dx, dy), 1, rtol=1e-9) and {x[0], y[0]} <= {0, 1}:
             said = f"{scan.origin} without the row and column numbers {inside}"
@@ -143,7 +172,9 @@ def arranged(path: Path, scan: Scan) -> Scan:
         said = f"{scan.origin} between coordinates {inside}"
         return replace(scan, heights=heights, widths=widths, origin=said)
     pairs = zip(kinds, (x, y), strict=True)
-    alone = any(kind and (axis.size >= CHANCE or np.isnan(numbers[0, 0])) for kind, axis in pairs)
+    alone = any(
+        kind and (axis.size >= CHANCE or np.isnan(numbers[0, 0])) for kind, axis in pairs
+    )
     if alone and (all(kinds) or "even" in kinds):
         row, column = (f"{kind}ly spaced" if kind else "no" for kind in kinds)
         raise InputError(
@@ -166,9 +197,13 @@ def _is_list(columns: Values) -> bool:
         return False
     if width <= 3 and _is_axis(columns[:, 0], even=points < CHANCE):
         return True
-    grids = [_grid(*columns[:, first : first + 2].T) for first in range(min(width - 2, 2))]
+    grids = [
+        _grid(*columns[:, first : first + 2].T) for first in range(min(width - 2, 2))
+    ]
     least = COVERED if points > CHANCE else 1.0 if width == 3 else np.inf
-    return any(each.covered >= least and 10 * each.repeated <= points for each in grids if each)
+    return any(
+        each.covered >= least and 10 * each.repeated <= points for each in grids if each
+    )
 
 
 def _from_points(path: Path, scan: Scan, columns: Values, direction: str) -> Scan:

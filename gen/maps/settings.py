@@ -15,7 +15,9 @@ from typing import Any, ClassVar, Literal, NamedTuple
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import shown
 
-Asked = Literal["option", "key"]  # who asks, for the words of messages: a command line, or a scene
+Asked = Literal[
+    "option", "key"
+]  # who asks, for the words of messages: a command line, or a scene
 # height of the highest node above the median of its neighbours from which it is called a spike, in
 # robust standard deviations of this quantity over all nodes; self-affine surfaces stay below 5
 SPIKE = 7.0
@@ -43,14 +45,20 @@ class Key(NamedTuple):
 
     help: str  # of the option, and in the manual
     metavar: str = ""  # value of the option in its help; "" for a flag
-    table: str = ""  # of `[surface]` in a scene that has the key; "" for one that no scene has
+    table: str = (
+        ""  # of `[surface]` in a scene that has the key; "" for one that no scene has
+    )
     words: str = ""  # what is allowed, where the metavar does not say it
-    suits: Callable[[Any], bool] = lambda value: True  # whether a value of the right type is
+    suits: Callable[[Any], bool] = lambda value: (
+        True
+    )  # whether a value of the right type is
 
     @property
     def allowed(self) -> str:
         """What may be given, in words."""
-        return self.words or (f"text, {self.metavar}" if self.metavar else "true or false")
+        return self.words or (
+            f"text, {self.metavar}" if self.metavar else "true or false"
+        )
 
 
 KEYS = {
@@ -88,7 +96,9 @@ KEYS = {
         suits=lambda degree: 1 <= degree <= HIGHEST_DEGREE,
     ),
     "fill": Key(
-        "Close holes by Laplace's equation between the heights of their rims.", "", PREPARED
+        "Close holes by Laplace's equation between the heights of their rims.",
+        "",
+        PREPARED,
     ),
     "fill_most": Key("Fill even if more than half is missing.", "", PREPARED),
     "filter": Key(
@@ -115,7 +125,9 @@ class FileReading:
 
     KEYS: ClassVar = KEYS
     side: str = ""
-    unit: str = ""  # of the heights, and of the lengths of the file; .npy and text are in um
+    unit: str = (
+        ""  # of the heights, and of the lengths of the file; .npy and text are in um
+    )
     channel: str = ""  # the first one with heights by default
     asked: Asked = field(default="option", kw_only=True)
 
@@ -143,7 +155,9 @@ class Reading(FileReading):
             return None, None
         parts = [part.strip() for part in text.split(":")]
         given = numbers_in(":".join(filter(None, parts)), ":")
-        rising = given == sorted(set(given)) and all(least < each < math.inf for each in given)
+        rising = given == sorted(set(given)) and all(
+            least < each < math.inf for each in given
+        )
         if len(parts) != 2 or not given or not rising:
             advice = f"give {KEYS[key].allowed}, the first below the second"
             raise InputError(f"{said(key, self.asked)} {shown(text)}: {advice}")

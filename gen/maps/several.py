@@ -65,7 +65,9 @@ def files_of(inputs: Iterable[Path]) -> list[Path]:
     return files
 
 
-def collected(files: Sequence[Path], rows_of: Callable[[Path], Iterable[Row]]) -> Collected:
+def collected(
+    files: Sequence[Path], rows_of: Callable[[Path], Iterable[Row]]
+) -> Collected:
     """Collect the rows of all maps, and name those that are left out on standard error.
 
     Parameters
@@ -96,7 +98,9 @@ def collected(files: Sequence[Path], rows_of: Callable[[Path], Iterable[Row]]) -
         rows += [{"row": OF_MAP, "surface": str(file), **row} for row in made]
     if not rows:
         first = next(iter(left_out.values()))
-        raise InputError(f"none of {len(left_out)} maps could be used, the first: {first}")
+        raise InputError(
+            f"none of {len(left_out)} maps could be used, the first: {first}"
+        )
     for name, fault in left_out.items():
         named = "" if name in fault else f"{name}: "
         echo(f"warning: left out: {named}{fault}", err=True)
@@ -124,7 +128,9 @@ def summary(rows: Sequence[Row]) -> list[Row]:
             mean[name] = _number(numbers.mean())
             if len(rows) > 1:
                 scatter = numbers.std(ddof=1)
-                rounding = SAME * np.abs(numbers).max()  # of a load that is the same for all
+                rounding = (
+                    SAME * np.abs(numbers).max()
+                )  # of a load that is the same for all
                 deviation[name] = 0.0 if scatter <= rounding else _number(scatter)
     return [mean, deviation]
 
@@ -134,7 +140,9 @@ def _number(value: float) -> float | str:
     return "" if math.isnan(value) else float(value)
 
 
-def write_json(path: Path, kind: str, rows: Sequence[Row], command: str, **more: Any) -> None:
+def write_json(
+    path: Path, kind: str, rows: Sequence[Row], command: str, **more: Any
+) -> None:
     """Write the rows of a command's maps as JSON, with null for numbers that are not finite.
 
     Parameters

@@ -41,12 +41,18 @@ LABELS = {
     "format": "file format",
 }
 # quantity of each label
-MEANINGS = {word: meaning for meaning, words in LABELS.items() for word in words.split("|")}
+MEANINGS = {
+    word: meaning for meaning, words in LABELS.items() for word in words.split("|")
+}
 
 ENTRY = re.compile(r"(?P<label>[^:=：]{1,40}?)\s*[:=：]\s*(?P<value>.*)")
-QUANTITY = re.compile(r"(?P<number>[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?)\s*(?P<unit>.*)")
+QUANTITY = re.compile(
+    r"(?P<number>[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?)\s*(?P<unit>.*)"
+)
 # name of a column with its unit: `x`, `X [mm]`, `Z_(microns)`, `y/um`, `x in nm`
-NAME = re.compile(r"\W*(?P<name>[^\W\d_]+)[^\[(/]*?(?:(?:[\[(/]|\bin )\s*(?P<unit>[^\])]*)\W*)?")
+NAME = re.compile(
+    r"\W*(?P<name>[^\W\d_]+)[^\[(/]*?(?:(?:[\[(/]|\bin )\s*(?P<unit>[^\])]*)\W*)?"
+)
 HEIGHT = {"z", "h", "height", "heights"}  # names of columns of heights
 # beginning of a field that is a number, or meant to be one
 BEGINS = re.compile(r"\W*(\d|(nan|inf)\b)", re.IGNORECASE)
@@ -61,11 +67,15 @@ BARE = re.compile(r"\s*(File Format\s*=|WSxM file)", re.IGNORECASE)
 KOALA = re.compile(r"\s*[hw]\s*=\s*\d+(\s+[hw]\s*=\s*\d+)?\s*", re.IGNORECASE)
 # parts of that line, and the unit of length in the label of Koala's conversion factor
 KOALA_COUNT = re.compile(r"([hw])\s*=\s*(\d+)", re.IGNORECASE)
-KOALA_FACTOR = re.compile(r"height conversion factor \(->\s*(?P<unit>[^)]+)\)", re.IGNORECASE)
+KOALA_FACTOR = re.compile(
+    r"height conversion factor \(->\s*(?P<unit>[^)]+)\)", re.IGNORECASE
+)
 # ends of lines as editors count them: some programs write a second carriage return
 LINE_END = re.compile(r"\r*\n|\r")
 # unit of length in a comment that we do not understand; the user is warned of it
-SAYS_LENGTHS = re.compile(r"\b(mm|um|µm|μm|nm|microns?|micromet\w+|nanomet\w+|\d\s*m)\b|Å")
+SAYS_LENGTHS = re.compile(
+    r"\b(mm|um|µm|μm|nm|microns?|micromet\w+|nanomet\w+|\d\s*m)\b|Å"
+)
 
 
 def _decoded(content: bytes) -> str | None:
@@ -118,7 +128,9 @@ def _stated(comment: str) -> dict[str, str]:
 
 def chosen(path: Path, found: list[Scan], reading: Reading) -> Scan:
     """Return the matrix of the channel asked for, or the first with heights, x along axis 0."""
-    overruled = reading.override_scale and bool(reading.unit)  # its unit need not be a length
+    overruled = reading.override_scale and bool(
+        reading.unit
+    )  # its unit need not be a length
     channels = [
         Channel(
             place,
@@ -132,16 +144,25 @@ def chosen(path: Path, found: list[Scan], reading: Reading) -> Scan:
     if reading.channel or len(found) > 1 or not channels[0].heights:
         taken, origin = choose_channel(path, channels, reading)
     scan = found[taken]
-    heights, widths, x_unit, y_unit = scan.heights, scan.widths, scan.length_unit or "", scan.y_unit
+    heights, widths, x_unit, y_unit = (
+        scan.heights,
+        scan.widths,
+        scan.length_unit or "",
+        scan.y_unit,
+    )
     differ = bool(y_unit) and unit_of(y_unit) != unit_of(x_unit)
     if widths is not None:
         if differ:
-            ratio = factor_of(y_unit, f"{path}: unit") / factor_of(x_unit, f"{path}: unit")
+            ratio = factor_of(y_unit, f"{path}: unit") / factor_of(
+                x_unit, f"{path}: unit"
+            )
             widths = widths[0], widths[1] * ratio
         heights = np.ascontiguousarray(heights.T)
         origin += " under a header, x along its lines"
     elif differ:
-        raise InputError(f"{path}: has x in {x_unit} and y in {y_unit}; give both in one unit")
+        raise InputError(
+            f"{path}: has x in {x_unit} and y in {y_unit}; give both in one unit"
+        )
     return replace(scan, heights=heights, widths=widths, origin=origin)
 
 
@@ -149,11 +170,18 @@ def _columns(line: str, place: str = "") -> dict[str, str]:
     """Return names and units of columns x, y and z as entries of a header; refuse a profile's."""
     words = _fields(re.sub(r"\s+(?=[\[(])", "", line))  # units set off by a blank
     matches = [NAME.fullmatch(word.strip()) for word in words]
-    stated = [(match["name"].lower(), match["unit"]) if match else ("", "") for match in matches]
-    axes = ["z" if name in HEIGHT else name if name in {"x", "y"} else "" for name, _ in stated]
+    stated = [
+        (match["name"].lower(), match["unit"]) if match else ("", "") for match in matches
+    ]
+    axes = [
+        "z" if name in HEIGHT else name if name in {"x", "y"} else ""
+        for name, _ in stated
+    ]
     if sorted(filter(None, axes)) == ["x", "y", "z"]:
         keys = {"x": "x unit", "y": "y unit", "z": "value unit", "": "other unit"}
-        units = {keys[axis]: unit for axis, (_, unit) in zip(axes, stated, strict=True) if unit}
+        units = {
+            keys[axis]: unit for axis, (_, unit) in zip(axes, stated, strict=True) if unit
+        }
         return units | {"columns of points": ",".join(axes)}
     if place and "x" in axes and 2 <= len(axes) <= 3:
         raise InputError(
@@ -222,12 +250,16 @@ def _matrix(
         raise InputError(f"{path}: holds {held} heights; give 2-D heights, 2 x 2 or more")
     widths, axis_units = _widths(entries, found)
     if widths is None:  # for example, one of the two lengths is missing
-        halves = [f"{name}: {entries[name]}" for name in ("width", "height") if name in entries]
+        halves = [
+            f"{name}: {entries[name]}" for name in ("width", "height") if name in entries
+        ]
         remarks = halves + remarks
     stated = [_quantity(entries.get(name, ""))[0] for name in ("lines", "columns")]
     # Without lengths the header may be somebody's own, with x down the columns, as in our files.
     allowed = [found] if widths else [found, found[::-1]]
-    if not any(all(a in {0, b} for a, b in zip(stated, shape, strict=True)) for shape in allowed):
+    if not any(
+        all(a in {0, b} for a, b in zip(stated, shape, strict=True)) for shape in allowed
+    ):
         lines, columns = (f"{length:g}" if length else "?" for length in stated)
         raise InputError(
             f"{path}: its header states {lines} lines of {columns} numbers, it holds"
@@ -239,7 +271,11 @@ def _matrix(
             " not read; give heights in units of length"
         )
     factor, unit = _scale(path, entries)
-    names = tuple(entries["columns of points"].split(",")) if "columns of points" in entries else ()
+    names = (
+        tuple(entries["columns of points"].split(","))
+        if "columns of points" in entries
+        else ()
+    )
     x_unit, y_unit = axis_units
     return Scan(
         numbers,
@@ -278,7 +314,9 @@ def _widths(
     """Return the lengths along the lines and across them, None if one is missing; their units."""
     spaced = "x spacing" in entries
     names = ("x spacing", "y spacing") if spaced else ("width", "height")
-    (width, x_unit), (height, y_unit) = (_quantity(entries.get(name, "")) for name in names)
+    (width, x_unit), (height, y_unit) = (
+        _quantity(entries.get(name, "")) for name in names
+    )
     if not (0 < width < math.inf and 0 < height < math.inf):
         return None, (entries.get("x unit", ""), entries.get("y unit", ""))
     if spaced:
@@ -302,7 +340,9 @@ def _unit(text: str) -> str:
     return text.strip(" []()").replace("\ufffdm", "µm")
 
 
-def _row(fields: list[str], path: Path, line: int, above: list[list[float]]) -> list[float]:
+def _row(
+    fields: list[str], path: Path, line: int, above: list[list[float]]
+) -> list[float]:
     """Return the numbers of one line, as many as in those above; a corner may be a word."""
     if not above and len(fields) > 3 and all(map(_is_number, fields[1:])):
         fields = [fields[0] if _is_number(fields[0]) else "nan", *fields[1:]]
@@ -330,7 +370,9 @@ def _fields(line: str) -> list[str]:
     words = line.removesuffix(";").split(";") if ";" in line else line.split()
     if "," not in line:
         return words
-    decimal = all(WITH_COMMA.fullmatch(each.strip()) or _is_number(each) for each in words)
+    decimal = all(
+        WITH_COMMA.fullmatch(each.strip()) or _is_number(each) for each in words
+    )
     if ";" not in line and not (decimal and len(words) > 1):
         return line.removesuffix(",").split(",")
     return [each.replace(",", ".") for each in words] if decimal else words

@@ -22,7 +22,9 @@ from gen.runtime.documents import Row
 from gen.spectral import SelfAffineSpectrum
 from gen.statistics import LOST, Description, rms_slope
 
-DECAY = 0.2  # value s to which the autocorrelation falls at Sal, the default of ISO 25178-3
+DECAY = (
+    0.2  # value s to which the autocorrelation falls at Sal, the default of ISO 25178-3
+)
 CORE = 0.4  # share of the material ratio over which the core of the curve is sought (ISO 13565-2)
 RAYS = 360  # directions over half a turn in which the autocorrelation is followed
 
@@ -77,8 +79,12 @@ def areal_parameters(topography: Topography, depth: float | None = None) -> Desc
     square = squares.mean()
     shape["Ssk"] = float(np.mean(squares * scaled) / square**1.5)
     shape["Sku"] = float(np.mean(squares**2) / square**2)
-    shape["Sdq"], shape["Sdr"] = gradients(scaled * unit, topography.spacing, periodic=periodic)
-    shape["Sal"], shape["Str"], reason = _lengths(scaled, topography.spacing, periodic=periodic)
+    shape["Sdq"], shape["Sdr"] = gradients(
+        scaled * unit, topography.spacing, periodic=periodic
+    )
+    shape["Sal"], shape["Str"], reason = _lengths(
+        scaled, topography.spacing, periodic=periodic
+    )
     shape.update(_of_curve(scaled, unit, depth))
     return Description(values | shape, reason)
 
@@ -109,7 +115,9 @@ def _of_curve(heights: Heights, unit: float, depth: float | None) -> dict[str, f
     found = {"Sk": -100.0 * slope * unit, "Spk": peaks * unit, "Svk": dales * unit}
     found |= {"Smr1": above, "Smr2": 100.0 - below}
     if depth is not None:
-        found["Smr"] = float(np.interp(falling[0] - depth / unit, falling[::-1], ratios[::-1]))
+        found["Smr"] = float(
+            np.interp(falling[0] - depth / unit, falling[::-1], ratios[::-1])
+        )
     return found
 
 
@@ -141,7 +149,9 @@ def gradients(
                 gradient = np.hypot(edge_x, edge_y)
                 squares += 0.25 * float(np.mean((gradient / (largest or 1.0)) ** 2))
                 # sqrt(1 + square) - 1 without the cancellation of small gradients.
-                areas += 0.25 * float(np.mean(gradient * (gradient / (1 + np.hypot(1, gradient)))))
+                areas += 0.25 * float(
+                    np.mean(gradient * (gradient / (1 + np.hypot(1, gradient))))
+                )
         return float(largest * math.sqrt(squares)), 100.0 * areas
 
 
@@ -158,7 +168,11 @@ def _lengths(
     if fallen.all():
         return shortest, shortest / float(decays.max()), ""
     bound = min(shortest / float(reaches[~fallen].max()), 1.0)
-    return shortest, math.nan, f"{reason} along all directions, so Str is below {bound:.2g}"
+    return (
+        shortest,
+        math.nan,
+        f"{reason} along all directions, so Str is below {bound:.2g}",
+    )
 
 
 def autocorrelation(heights: Heights, *, periodic: bool) -> Values:
@@ -175,7 +189,9 @@ def autocorrelation(heights: Heights, *, periodic: bool) -> Values:
     return np.asarray(means / means[0, ky])
 
 
-def decay_lengths(correlation: Values, spacing: tuple[float, float]) -> tuple[Values, Values]:
+def decay_lengths(
+    correlation: Values, spacing: tuple[float, float]
+) -> tuple[Values, Values]:
     """Return how far the autocorrelation decays to `DECAY` along `RAYS` directions, and can [um].
 
     The distance is infinite where it does not within the largest lag.
@@ -196,14 +212,18 @@ def decay_lengths(correlation: Values, spacing: tuple[float, float]) -> tuple[Va
         lower = np.clip(np.floor(at_y).astype(int), 0, correlation.shape[1] - 2)
         u, v = at_x - left, at_y - lower  # places in a cell, in which values are bilinear
         near = (1 - v) * correlation[left, lower] + v * correlation[left, lower + 1]
-        far = (1 - v) * correlation[left + 1, lower] + v * correlation[left + 1, lower + 1]
+        far = (1 - v) * correlation[left + 1, lower] + v * correlation[
+            left + 1, lower + 1
+        ]
         values = (1 - u) * near + u * far
         reaches[index] = farthest
         below = np.flatnonzero(values <= DECAY)
         if below.size:
             last = below[0]
             share = (values[last - 1] - DECAY) / (values[last - 1] - values[last])
-            decays[index] = distances[last - 1] + share * (distances[last] - distances[last - 1])
+            decays[index] = distances[last - 1] + share * (
+                distances[last] - distances[last - 1]
+            )
     return decays, reaches
 
 
@@ -213,14 +233,22 @@ OUTLYING = 1.3  # factor by which bins beyond the end of the law count as off it
 # scatter of the logarithm that no number of waves averages out, as no surface follows a law
 MISFIT = 0.1
 LEAST = 4  # smallest number of bins in the power law
-LARGEST_SCATTER = 2.0  # root mean square factor between spectrum and law beyond which there is none
+LARGEST_SCATTER = (
+    2.0  # root mean square factor between spectrum and law beyond which there is none
+)
 # decades that a law has to hold over: shorter pieces of any spectrum are straight
 LEAST_DECADES = 1.0
 # slopes along a lay over those across it, and Str, below which a surface is directional: isotropic
 # made surfaces have 0.8 and 0.27 or more, with few long waves and without a roll-off
 DIRECTIONAL = (0.5, 0.2)
 # units of the numbers of a law, by their names in tables
-LAW = {"hurst": "1", "roll_off": "um", "cut_off": "um", "law_decades": "1", "law_scatter": "1"}
+LAW = {
+    "hurst": "1",
+    "roll_off": "um",
+    "cut_off": "um",
+    "law_decades": "1",
+    "law_scatter": "1",
+}
 ROUGHNESS = 0.99  # share of the mean square slope of the waves that carry roughness
 # nodes in the shortest wave from which on the area in the continuum is right to 1 %, from a mean
 # pressure of 0.05 E* times the rms slope on (`bench resolution`)
@@ -232,7 +260,9 @@ ROLL_OFFS = 400  # number of roll-offs that are tried
 class RadialSpectrum:
     """Power spectrum of a surface, averaged over directions."""
 
-    wavenumbers: Values  # geometric mean of the wavenumbers of each bin [1/um], shape (bins,)
+    wavenumbers: (
+        Values  # geometric mean of the wavenumbers of each bin [1/um], shape (bins,)
+    )
     edges: Values  # smallest and largest wavenumber of each bin [1/um], shape (bins, 2)
     # mean spectral density C; the mean square height is its integral over the wavevectors, divided
     # by (2 pi)^2 [um^4], shape (bins,)
@@ -291,11 +321,15 @@ def radial_spectrum(topography: Topography) -> RadialSpectrum:
     heights, spacing = topography.heights, topography.spacing
     periodic = topography.boundary == "periodic"
     # Hann windows along both axes are zero half a node beyond the outer nodes.
-    hann = (np.sin(math.pi * (np.arange(nodes) + 0.5) / nodes) ** 2 for nodes in heights.shape)
+    hann = (
+        np.sin(math.pi * (np.arange(nodes) + 0.5) / nodes) ** 2 for nodes in heights.shape
+    )
     window = np.ones(heights.shape) if periodic else np.outer(*hann)
     with np.errstate(over="ignore", invalid="ignore"):  # heights of 1e300 um
         heights = window * (heights - np.average(heights, weights=window))
-        density = np.abs(np.fft.rfft2(heights)) ** 2 * math.prod(spacing) / np.sum(window**2)
+        density = (
+            np.abs(np.fft.rfft2(heights)) ** 2 * math.prod(spacing) / np.sum(window**2)
+        )
     qx, qy = (
         2 * math.pi * frequencies(nodes, length)
         for frequencies, nodes, length in zip(
@@ -326,14 +360,22 @@ def radial_spectrum(topography: Topography) -> RadialSpectrum:
     full, both = waves > 0, np.column_stack((edges[:-1], edges[1:]))
     waves = waves[full]
     along_x, along_y = (
-        _profile_density(topography, axis, both[full], periodic=periodic) for axis in (0, 1)
+        _profile_density(topography, axis, both[full], periodic=periodic)
+        for axis in (0, 1)
     )
     return RadialSpectrum(
-        np.exp(logs[full] / waves), both[full], power[full] / waves, waves, along_x, along_y
+        np.exp(logs[full] / waves),
+        both[full],
+        power[full] / waves,
+        waves,
+        along_x,
+        along_y,
     )
 
 
-def _profile_density(topography: Topography, axis: int, edges: Values, *, periodic: bool) -> Values:
+def _profile_density(
+    topography: Topography, axis: int, edges: Values, *, periodic: bool
+) -> Values:
     """Compute the mean spectral density of the profiles along an axis in bins of wavenumbers.
 
     Each profile counts from its mean, and is windowed unless the patch is periodic.
@@ -373,10 +415,14 @@ class ProfileRoughness:
     @property
     def wavelength(self) -> float:
         """Mean wavelength, 2 pi rms height / rms slope [um]; NaN of flat profiles."""
-        return 2 * math.pi * self.rms_height / self.rms_slope if self.rms_slope else math.nan
+        return (
+            2 * math.pi * self.rms_height / self.rms_slope if self.rms_slope else math.nan
+        )
 
 
-def profile_roughness(topography: Topography) -> tuple[ProfileRoughness, ProfileRoughness]:
+def profile_roughness(
+    topography: Topography,
+) -> tuple[ProfileRoughness, ProfileRoughness]:
     """Measure the roughness of the profiles along x and along y."""
     heights, (dx, dy) = topography.heights, topography.spacing
     slopes = rms_slope(heights, (dx, math.inf)), rms_slope(heights, (math.inf, dy))
@@ -435,7 +481,11 @@ def fit_self_affine(
         said = f"the spectrum follows a power law over {fit.decades:.3g} decades of wavelengths"
         ends = f"{roll_off:.4g} to {cut_off:.4g} um"
         return f"{said}, {ends}; a Hurst exponent needs {LEAST_DECADES:g} or more"
-    return fit if slope > 2.0 else "the spectrum is flatter than any Hurst exponent's, as of noise"
+    return (
+        fit
+        if slope > 2.0
+        else "the spectrum is flatter than any Hurst exponent's, as of noise"
+    )
 
 
 def _without_law(topography: Topography, spectrum: RadialSpectrum, aspect: float) -> str:
@@ -458,7 +508,9 @@ def lay_of(topography: Topography, aspect: float = math.nan) -> str:
     lowest, highest = float(heights.min()), float(heights.max())
     if lowest == highest or is_lost(heights):
         return ""
-    heights = heights / (0.5 * highest - 0.5 * lowest)  # squares of tiny slopes would be 0
+    heights = heights / (
+        0.5 * highest - 0.5 * lowest
+    )  # squares of tiny slopes would be 0
     along_x, along_y = np.diff(heights, axis=0) / dx, np.diff(heights, axis=1) / dy
     at_cells = along_x[:, 1:] + along_x[:, :-1], along_y[1:] + along_y[:-1]
     low, high = np.linalg.eigvalsh(np.cov(np.stack([each.ravel() for each in at_cells])))
@@ -472,14 +524,17 @@ def lay_of(topography: Topography, aspect: float = math.nan) -> str:
     )
 
 
-def _best_law(q: Values, c: Values, weights: Values) -> tuple[float, float, float, int, float]:
+def _best_law(
+    q: Values, c: Values, weights: Values
+) -> tuple[float, float, float, int, float]:
     """Find the law with the least squares."""
     best = (math.inf, 0.0, 0.0, 0.0, 0, 0.0)
     outside = math.log(OUTLYING) ** 2 * (weights.sum() - np.cumsum(weights))
     for roll in np.linspace(q[0], q[-LEAST], ROLL_OFFS):
         fall = np.maximum(q - roll, 0.0)
         w, wf, wff, wc, wfc, wcc = (
-            np.cumsum(weights * term) for term in (1 + 0 * q, fall, fall**2, c, fall * c, c**2)
+            np.cumsum(weights * term)
+            for term in (1 + 0 * q, fall, fall**2, c, fall * c, c**2)
         )
         spread = wff - wf**2 / w
         valid = np.arange(q.size) >= np.searchsorted(q, roll) + LEAST - 1

@@ -29,7 +29,9 @@ LONGEST = 1200  # most characters of a message; the middle of longer ones is lef
 
 MOST_DETAILS = 40  # most lines of a list below a message
 
-EMPTY = re.compile("|--[^=]*=")  # an argument without a value, as of a shell variable that is unset
+EMPTY = re.compile(
+    "|--[^=]*="
+)  # an argument without a value, as of a shell variable that is unset
 
 EXTRAS = {
     "aiohttp": "serve",
@@ -110,7 +112,9 @@ def _options(group: Any) -> list[Parameter]:
     kinds = get_type_hints(group, include_extras=True)
     defaults = getattr(group, "_field_defaults", None)
     if defaults is None:
-        defaults = {each.name: each.default for each in fields(group) if each.name in group.KEYS}
+        defaults = {
+            each.name: each.default for each in fields(group) if each.name in group.KEYS
+        }
         for name in defaults:
             flag, said = f"--{name.replace('_', '-')}", group.KEYS[name]
             option = typer.Option(flag, metavar=said.metavar or None, help=said.help)
@@ -176,7 +180,9 @@ def main(
             _complain(message, details)
         try:
             return world.end(code)
-        except RuntimeError as left:  # the command has failed on this worker alone: all end
+        except (
+            RuntimeError
+        ) as left:  # the command has failed on this worker alone: all end
             _complain(f"{message or left} (rank {world.rank})")
             world.abort(code)
     except farm.MasterLeft as left:
@@ -209,7 +215,12 @@ def _world(*, needed: bool) -> farm.World:
 
 
 def _ended(
-    app: typer.Typer, arguments: Sequence[str], name: str, world: farm.World, *, joins: bool
+    app: typer.Typer,
+    arguments: Sequence[str],
+    name: str,
+    world: farm.World,
+    *,
+    joins: bool,
 ) -> int:
     """Run a command to its end, on a worker if it takes part, and return its exit code."""
     returned = None
@@ -230,7 +241,9 @@ def _refuse(arguments: Sequence[str], processes: int) -> None:
     for place, argument in enumerate(arguments):
         if EMPTY.fullmatch(argument):
             after = f" after {arguments[place - 1]!r}" if place else ""
-            raise InputError(f"{argument!r}{after} is empty: give a value, or leave it out")
+            raise InputError(
+                f"{argument!r}{after} is empty: give a value, or leave it out"
+            )
 
 
 def run_script(script: Callable[[list[str]], object]) -> None:
@@ -258,7 +271,9 @@ def run_script(script: Callable[[list[str]], object]) -> None:
 def _end_after(error: BaseException, name: str) -> tuple[int, str]:
     """Return the exit code and the message to the user, or "", of an error; raise a bug again."""
     match error:
-        case typer.Exit() | SystemExit():  # --help, or a library; the other ranks have to end too
+        case (
+            typer.Exit() | SystemExit()
+        ):  # --help, or a library; the other ranks have to end too
             code = error.exit_code if isinstance(error, typer.Exit) else error.code
             return code if isinstance(code, int) else 1, ""
         case KeyboardInterrupt() | typer.Abort():
@@ -300,7 +315,9 @@ def _refusal(error: BaseException, name: str) -> str:
     raise error
 
 
-_built: Any = cache(typer.main.get_command)  # the parser of an app, which takes long to build
+_built: Any = cache(
+    typer.main.get_command
+)  # the parser of an app, which takes long to build
 
 
 def _complain(message: str, details: Sequence[str] = ()) -> None:

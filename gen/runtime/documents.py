@@ -17,9 +17,19 @@ from gen.runtime.terminal import shown
 if TYPE_CHECKING:
     from gen.arrays import Values
 
-Row = dict[str, float | int | str]  # one line of a table: values by the names of the columns
+Row = dict[
+    str, float | int | str
+]  # one line of a table: values by the names of the columns
 
-FORMULAS = ("=", "+", "-", "@", "\t", "\r", "\n")  # beginnings that a spreadsheet would compute
+FORMULAS = (
+    "=",
+    "+",
+    "-",
+    "@",
+    "\t",
+    "\r",
+    "\n",
+)  # beginnings that a spreadsheet would compute
 
 
 class Document(BaseModel):
@@ -98,7 +108,9 @@ def read_columns(path: Path | str, *names: str) -> "Values":
 
     lines = read_bytes(Path(path)).decode("utf-8-sig", errors="replace").splitlines()
     reader = csv.DictReader(lines, skipinitialspace=True)
-    present = [name.strip("# ") for name in reader.fieldnames or []]  # as np.savetxt writes them
+    present = [
+        name.strip("# ") for name in reader.fieldnames or []
+    ]  # as np.savetxt writes them
     reader.fieldnames = present
     missing = [name for name in names if name not in present]
     if missing:

@@ -5,7 +5,9 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-HDF5_NUMBER = re.compile(r"errno = (\d+)")  # in what HDF5 says of a call of the system that failed
+HDF5_NUMBER = re.compile(
+    r"errno = (\d+)"
+)  # in what HDF5 says of a call of the system that failed
 HDF5_FILE = re.compile(r"name = '(.*?)', ", re.DOTALL)
 
 

@@ -45,20 +45,30 @@ NAMESPACE = "PMIX_NAMESPACE"
 """Set by launchers that speak PMIx. An MPICH without it ends every process that starts MPI then."""
 QUIET = 1.0  # time without a result after which the master does what can wait [s]
 
-LONGEST_NAP = 0.01  # between two looks for a message [s]; MPI's own waiting would keep a core busy
+LONGEST_NAP = (
+    0.01  # between two looks for a message [s]; MPI's own waiting would keep a core busy
+)
 
 # Longest pause of a worker while it sends a result [s]. MPICH passes on some 8 kB at each look of
 # the worker: with mpi4py's own 1 ms a field of 129 x 129 nodes took 18 ms (`bench writers`).
 SENDING_NAP = "1e-4"
 
-FORWARDING = 0.5  # time for the launcher to pass on a last line [s]; an abort would lose it
+FORWARDING = (
+    0.5  # time for the launcher to pass on a last line [s]; an abort would lose it
+)
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)  # Ctrl-C, a batch job's end, its warning
+SIGNALS = (
+    signal.SIGINT,
+    signal.SIGTERM,
+    signal.SIGUSR1,
+)  # Ctrl-C, a batch job's end, its warning
 
 PATIENCE = 2.0  # time that Python has to handle a signal before the thread answers it [s]
 LONGEST_LIMIT = 1e8  # longest bound [s], three years; the system's timer ends at 9.2e9 s
 
-REPEATED = 1.0  # interval of further alarms [s], as code that catches all may swallow the first
+REPEATED = (
+    1.0  # interval of further alarms [s], as code that catches all may swallow the first
+)
 
 _own_work: ContextVar[Callable[[Any], Any]] = ContextVar("_own_work")
 """The function that this process applies to tasks while it is in `run`."""
@@ -109,7 +119,9 @@ class World:
             return code
         _, agreed = self._exchange((None, code))
         if agreed is None:
-            raise RuntimeError(f"rank {self.rank} has left a command that rank 0 goes on with")
+            raise RuntimeError(
+                f"rank {self.rank} has left a command that rank 0 goes on with"
+            )
         return int(agreed)
 
     def _exchange(self, envelope: tuple[Any, int | None]) -> tuple[Any, int | None]:
@@ -217,7 +229,9 @@ def process() -> Iterator[None]:
     for library in ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM"):
         os.environ[f"{library}_NUM_THREADS"] = "1"
     if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="replace")  # characters that the encoding lacks, in a title
+        sys.stdout.reconfigure(
+            errors="replace"
+        )  # characters that the encoding lacks, in a title
     keep_own_settings()
     try:
         yield
@@ -268,7 +282,9 @@ def run(
             if executor is not None:
                 try:
                     _supervise(executor, tasks, on_result, world, stopping, when_quiet)
-                except KeyboardInterrupt:  # the user does not want to wait for the tasks in flight
+                except (
+                    KeyboardInterrupt
+                ):  # the user does not want to wait for the tasks in flight
                     world.communicator.Abort(130)
     finally:
         _own_work.reset(own)
@@ -357,7 +373,9 @@ class Interruption(ExitStack):
             if said:  # what was synced is on the disk already
                 os._exit(128 + numbers[-1])
             with suppress(OSError, ValueError):
-                sys.stderr.write("stopping after the step under way; again, to stop now\n")
+                sys.stderr.write(
+                    "stopping after the step under way; again, to stop now\n"
+                )
             said = True
             if select.select([read], [], [], 0)[0]:
                 os.read(read, 1024)

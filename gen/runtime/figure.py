@@ -13,7 +13,9 @@ from gen.runtime.terminal import printable
 
 SUFFIXES = (".png", ".svg", ".pdf")
 
-SETTINGS = Path("matplotlibrc")  # the file of the current folder that matplotlib reads first
+SETTINGS = Path(
+    "matplotlibrc"
+)  # the file of the current folder that matplotlib reads first
 
 
 def keep_own_settings() -> None:
@@ -49,7 +51,9 @@ def empty_figure(picture: Path | None, width: float, height: float) -> Any:
     if picture is None:
         return None
     if picture.suffix.lower() not in SUFFIXES:
-        raise InputError(f"{picture}: give the name of a picture, ending in .png, .svg or .pdf")
+        raise InputError(
+            f"{picture}: give the name of a picture, ending in .png, .svg or .pdf"
+        )
     return new_figure(width, height, dpi=110)
 
 
@@ -61,7 +65,9 @@ def log_axis(axis: Any) -> None:
     axis.axes.autoscale_view()
     low, high = sorted(axis.get_view_interval())
     if high < 1000 * low:
-        axis.set_major_locator(MaxNLocator(4) if high < 5 * low else LogLocator(subs=(1, 2, 5)))
+        axis.set_major_locator(
+            MaxNLocator(4) if high < 5 * low else LogLocator(subs=(1, 2, 5))
+        )
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter(NullFormatter())
 
@@ -78,7 +84,9 @@ def parity_axes(axis: Any, truth: Any) -> None:
         axis.set(xscale="log", yscale="log")
 
 
-def draw_parity(axis: Any, truth: Any, predicted: Any, *, label: str = "", **style: Any) -> None:
+def draw_parity(
+    axis: Any, truth: Any, predicted: Any, *, label: str = "", **style: Any
+) -> None:
     """Draw dots on `parity_axes`; those beyond its ends stand there, and the label counts them."""
     low, high = axis.get_ylim()
     beyond = int(((predicted < low) | (predicted > high)).sum())

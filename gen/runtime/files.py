@@ -22,7 +22,9 @@ from gen.runtime.errors import InputError
 Kind = Literal["text", "picture", "surrogate", "heights", "arrays", "maps", "parquet"]
 """Kinds of output besides databases; `arrays` are NumPy's zip archives, `maps` prepared maps."""
 
-Present = Literal["replace", "keep", "refuse"]  # what a new file does to one that has its name
+Present = Literal[
+    "replace", "keep", "refuse"
+]  # what a new file does to one that has its name
 LARGEST = 64 * 2**20  # most bytes of a file that is read whole; ours have some thousands
 BEGINNING = 4096  # bytes at the beginning of a file that decide its kind
 
@@ -58,7 +60,9 @@ def require_file(path: Path) -> Path:
     except (OSError, ValueError):  # a null character in the path
         return path
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
-        raise InputError(f"{path} is a pipe or a device; give a file on a disk, to be read twice")
+        raise InputError(
+            f"{path} is a pipe or a device; give a file on a disk, to be read twice"
+        )
     return path
 
 
@@ -98,7 +102,9 @@ def check_outputs(outputs: Iterable[Output], inputs: Iterable[Path | str] = ()) 
     Of folders among the inputs all files count. Raise InputError if a file cannot be written, is an
     input or another output by any name, or holds another kind of content.
     """
-    wanted = [(output.path, output.option, output.kind) for output in outputs if output.path]
+    wanted = [
+        (output.path, output.option, output.kind) for output in outputs if output.path
+    ]
     read: list[Path] = []
     for given in map(Path, inputs):
         read += given.iterdir() if given.is_dir() else [given]
@@ -107,7 +113,9 @@ def check_outputs(outputs: Iterable[Output], inputs: Iterable[Path | str] = ()) 
             raise InputError(f"{option} {path}: is an input: not replaced")
         for other, name, _ in wanted[:number]:
             if _is_same(path, other):
-                raise InputError(f"{option} {path}: is what {name} writes too; give another name")
+                raise InputError(
+                    f"{option} {path}: is what {name} writes too; give another name"
+                )
         try:
             _place(path, kind)
         except InputError as error:
@@ -150,17 +158,23 @@ def inside(folder: Path, name: str) -> Path:
     with suppress(OSError):  # a loop of links
         if followed(path).is_relative_to(followed(folder)):
             return path
-    raise InputError(f"{path}: leads out of {folder} by a link: not written; remove the link")
+    raise InputError(
+        f"{path}: leads out of {folder} by a link: not written; remove the link"
+    )
 
 
 def write(path: Path, content: str | bytes, kind: Kind = "text") -> None:
     """Write a file as `atomic` does; letters that UTF-8 cannot hold become question marks."""
     with atomic(path, kind) as file:
-        file.write(content.encode(errors="replace") if isinstance(content, str) else content)
+        file.write(
+            content.encode(errors="replace") if isinstance(content, str) else content
+        )
 
 
 @contextmanager
-def atomic(path: Path, kind: Kind = "text", *, replace: bool = True) -> Iterator[IO[bytes]]:
+def atomic(
+    path: Path, kind: Kind = "text", *, replace: bool = True
+) -> Iterator[IO[bytes]]:
     """Open a temporary file that is renamed to its final name once the block has succeeded.
 
     A link stays a link. Without `replace` a file that another process has made meanwhile stays.
@@ -174,7 +188,9 @@ def atomic(path: Path, kind: Kind = "text", *, replace: bool = True) -> Iterator
 
 
 @contextmanager
-def unfinished(real: Path, present: Present = "replace", signature: bytes = b"") -> Iterator[Path]:
+def unfinished(
+    real: Path, present: Present = "replace", signature: bytes = b""
+) -> Iterator[Path]:
     """Make an empty file beside a target, and give it the target's name once the block succeeds.
 
     This is the one way in which files, databases among them, come into being: what stands at the
@@ -184,7 +200,9 @@ def unfinished(real: Path, present: Present = "replace", signature: bytes = b"")
     `signature`, under a lock.
     """
     own = os.urandom(8).hex()
-    temporary = real.with_name(f"{real.name}.{own}.part" if signature else f".asperity-{own}")
+    temporary = real.with_name(
+        f"{real.name}.{own}.part" if signature else f".asperity-{own}"
+    )
     left = re.compile(re.escape(real.name) + r"\.[0-9a-f]{16}\.part")
     for path in real.parent.iterdir() if signature else ():
         if left.fullmatch(path.name) and stat.S_ISREG(path.lstat().st_mode):
@@ -193,7 +211,9 @@ def unfinished(real: Path, present: Present = "replace", signature: bytes = b"")
                     path.unlink()
     old = real.stat() if real.exists() else None
     mode = 0o666 if old is None else 0o600
-    descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode)
+    descriptor = os.open(
+        temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode
+    )
     try:
         if old is not None:
             for owner, group in ((old.st_uid, -1), (-1, old.st_gid)):
@@ -251,7 +271,9 @@ def _place(path: Path, kind: Kind) -> Path:
     """
     real = place_of(path)
     if not os.access(real.parent, os.W_OK | os.X_OK):
-        raise InputError(f"{path} cannot be written: no file can be made in {real.parent}")
+        raise InputError(
+            f"{path} cannot be written: no file can be made in {real.parent}"
+        )
     if not real.exists():
         return real
     if not path.is_file():
@@ -334,7 +356,9 @@ def _held(path: Path, lock_path: Path) -> Iterator[None]:
     flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
     fault, held = "", False
     while not held:
-        with _in_words(path, f"cannot be written, as {lock_path} is there or cannot be made"):
+        with _in_words(
+            path, f"cannot be written, as {lock_path} is there or cannot be made"
+        ):
             descriptor = os.open(lock_path, flags, 0o666)
         regular = stat.S_ISREG(os.fstat(descriptor).st_mode)
         holder = os.pread(descriptor, LONGEST_HOLDER + 1, 0) if regular else b"no lock"

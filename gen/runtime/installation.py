@@ -46,7 +46,9 @@ def git_commit() -> str:
         reference = head.removeprefix("ref: ")
         if (git / reference).exists():
             return (git / reference).read_text().strip()
-        packed = (line.partition(" ") for line in (git / "packed-refs").read_text().splitlines())
+        packed = (
+            line.partition(" ") for line in (git / "packed-refs").read_text().splitlines()
+        )
         return next((commit for commit, _, name in packed if name == reference), "")
     except OSError:
         return ""

@@ -13,22 +13,31 @@ from gen.runtime.errors import InputError
 
 MIB = 2**20
 
-SOLVE_BYTES = 400  # peak memory of a solve per node: 360 were measured on 513 to 2,049 a side
+SOLVE_BYTES = (
+    400  # peak memory of a solve per node: 360 were measured on 513 to 2,049 a side
+)
 
 BLAS_NODES = 200  # side of matrices whose product needs a buffer; small ones are multiplied without
-BLAS_PATIENCE = 5.0  # CPU time after which a trial of BLAS counts as hanging; imports take 0.3 [s]
+BLAS_PATIENCE = (
+    5.0  # CPU time after which a trial of BLAS counts as hanging; imports take 0.3 [s]
+)
 
 # What the libraries of a command take besides [bytes]; some of them abort where nothing is left.
 HEADROOM = 64 * MIB
 
 # What libraries say, in errors of other types than MemoryError, when the system gives no memory.
-SHORTAGE = re.compile("failed to map segment|cannot allocate memory|can't start new thread", re.I)
+SHORTAGE = re.compile(
+    "failed to map segment|cannot allocate memory|can't start new thread", re.I
+)
 
 
 def allowed() -> int:
     """Return the memory that machine, container, batch job and shell allow here [bytes]."""
     limits = [os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")]
-    for name in ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"):
+    for name in (
+        "/sys/fs/cgroup/memory.max",
+        "/sys/fs/cgroup/memory/memory.limit_in_bytes",
+    ):
         with suppress(OSError, ValueError):
             limits.append(int(Path(name).read_text(encoding="ascii")))
     with suppress(KeyError, ValueError):  # set by Slurm, in MiB
@@ -42,7 +51,11 @@ def allowed() -> int:
 def free() -> int:
     """Return the memory that the system could give now [bytes]; all that is allowed if unknown."""
     with suppress(OSError, ValueError, IndexError):
-        told = Path("/proc/meminfo").read_text(encoding="ascii").partition("MemAvailable:")[2]
+        told = (
+            Path("/proc/meminfo")
+            .read_text(encoding="ascii")
+            .partition("MemAvailable:")[2]
+        )
         return int(told.split()[0]) * 1024
     return allowed()
 
@@ -93,12 +106,16 @@ def require_blas() -> None:
             os._exit(1)
     _, status = os.waitpid(child, 0)
     if status:
-        raise MemoryError("no room for NumPy, SciPy and their buffers for products of matrices")
+        raise MemoryError(
+            "no room for NumPy, SciPy and their buffers for products of matrices"
+        )
     _use_blas()
     try:
         mmap.mmap(-1, HEADROOM).close()
     except OSError:
-        raise MemoryError(f"{size(HEADROOM)} are wanted besides NumPy and SciPy") from None
+        raise MemoryError(
+            f"{size(HEADROOM)} are wanted besides NumPy and SciPy"
+        ) from None
 
 
 def _use_blas() -> None:

@@ -19,7 +19,9 @@ from gen.runtime.errors import InputError
 OUTPUT = "standard output"  # name of standard output in place of a file's name in errors
 LETTERS = 110  # letters of a name that fit into a line of a picture's title
 
-ENDLESS = 1000  # width of a table in a file or a pipe, where no line is broken [characters]
+ENDLESS = (
+    1000  # width of a table in a file or a pipe, where no line is broken [characters]
+)
 LINE_SECONDS = 30.0  # time between two lines of progress in a batch log [s]
 RENEWAL = 0.1  # least time between two states of a line of progress on a terminal [s]
 CLEAR = "\r\x1b[K"  # what empties a terminal's line
@@ -57,7 +59,9 @@ def print_columns(
         table.add_column(title, justify="right" if title in right else "left")
     for row in rows:
         table.add_row(*row)
-    console = Console(width=None if sys.stdout.isatty() else ENDLESS, markup=False, emoji=False)
+    console = Console(
+        width=None if sys.stdout.isatty() else ENDLESS, markup=False, emoji=False
+    )
     pieces = [
         Segment("\n".join(map(printable, piece.text.split("\n"))), piece.style)
         for piece in console.render(table)
@@ -96,12 +100,20 @@ def drop(stream: Any) -> None:
 
 def shortened(name: str) -> str:
     """Return a file's name with its middle left out if it is too long for a line."""
-    return name if len(name) <= LETTERS else f"{name[: LETTERS // 3]} ... {name[-LETTERS // 2 :]}"
+    return (
+        name
+        if len(name) <= LETTERS
+        else f"{name[: LETTERS // 3]} ... {name[-LETTERS // 2 :]}"
+    )
 
 
 def shown(text: str, most: int = 60) -> str:
     """Quote a text of the user's, shortened if it is too long to be typed by hand."""
-    return repr(text) if len(text) <= most else f"{text[:most]!r}... ({len(text)} characters)"
+    return (
+        repr(text)
+        if len(text) <= most
+        else f"{text[:most]!r}... ({len(text)} characters)"
+    )
 
 
 def brief(reasons: str) -> str:
@@ -125,7 +137,9 @@ class RunProgress(AbstractContextManager["RunProgress"]):
     cost of all rows in any unit, from which the remaining time follows, by default their number.
     """
 
-    def __init__(self, total: int, noun: str = "samples", work: float | None = None) -> None:
+    def __init__(
+        self, total: int, noun: str = "samples", work: float | None = None
+    ) -> None:
         self._total, self._noun = total, noun
         self._here = self._failed = 0
         self._work, self._worked = float(total if work is None else work), 0.0

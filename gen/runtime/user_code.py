@@ -98,11 +98,15 @@ def source_of(name: str) -> Path:
     places = [] if spec is None else [Path(spec.origin or "")]
     if inner and spec is not None:
         stems = [Path(root, *inner) for root in spec.submodule_search_locations or ()]
-        places = [path for stem in stems for path in (stem / "__init__.py", Path(f"{stem}.py"))]
+        places = [
+            path for stem in stems for path in (stem / "__init__.py", Path(f"{stem}.py"))
+        ]
     for path in places:
         if path.suffix == ".py" and path.is_file():
             return path
-    raise SourceError(f"{name}: no module {module} in {folder}, nor where Python finds modules")
+    raise SourceError(
+        f"{name}: no module {module} in {folder}, nor where Python finds modules"
+    )
 
 
 def _imported(name: str, module: str, path: Path, content: bytes) -> ModuleType:

@@ -22,14 +22,20 @@ TRUTH = "true or false"
 
 NEAR = 0.7  # least share of common letters of a misspelt key and the one that is meant
 
-WRITTEN = frozenset(("source", "found", "against_found"))  # keys that a run writes, not a user
+WRITTEN = frozenset(
+    ("source", "found", "against_found")
+)  # keys that a run writes, not a user
 
 RANGED = frozenset(("delta", "load"))  # tables in which `range` stands for one piece
 
 SYNONYMS: dict[str, tuple[str, ...]] = {
-    **dict.fromkeys(("young", "youngs_modulus", "e", "elastic_modulus", "stiffness"), ("modulus",)),
+    **dict.fromkeys(
+        ("young", "youngs_modulus", "e", "elastic_modulus", "stiffness"), ("modulus",)
+    ),
     **dict.fromkeys(("nu", "poissons_ratio"), ("poisson",)),
-    **dict.fromkeys(("yield", "yield_stress", "yield_strength", "h"), ("hardness", "hurst")),
+    **dict.fromkeys(
+        ("yield", "yield_stress", "yield_strength", "h"), ("hardness", "hurst")
+    ),
     **dict.fromkeys(("tol", "tolerance", "accuracy"), ("rtol",)),
     **dict.fromkeys(("rms", "sq", "rq", "height_rms", "sigma"), ("rms_height", "sigma0")),
     **dict.fromkeys(("sdq", "slope_rms", "slope"), ("rms_slope",)),
@@ -55,7 +61,8 @@ EXPLAINED = {
 
 NOT_MODELLED = {
     **dict.fromkeys(
-        ("friction", "mu", "friction_coefficient"), "friction is not modelled: contacts have none"
+        ("friction", "mu", "friction_coefficient"),
+        "friction is not modelled: contacts have none",
     ),
     **dict.fromkeys(
         ("adhesion", "work_of_adhesion", "surface_energy"),
@@ -118,9 +125,13 @@ def first_fault(error: ValidationError, root: type[Table]) -> str:
 
 def _without_consequences(faults: list[ErrorDetails]) -> list[ErrorDetails]:
     """Leave out keys that are missing because another key of their table is misspelt."""
-    misspelt = {fault["loc"][:-1] for fault in faults if fault["type"] == "extra_forbidden"}
+    misspelt = {
+        fault["loc"][:-1] for fault in faults if fault["type"] == "extra_forbidden"
+    }
     return [
-        fault for fault in faults if fault["type"] != "missing" or fault["loc"][:-1] not in misspelt
+        fault
+        for fault in faults
+        if fault["type"] != "missing" or fault["loc"][:-1] not in misspelt
     ]
 
 
@@ -156,7 +167,9 @@ def _hint_of_generators(name: str, tag: str) -> str:
     return ""
 
 
-def _hint_elsewhere(table: str, name: str, given: object, known: Mapping[str, str]) -> str:
+def _hint_elsewhere(
+    table: str, name: str, given: object, known: Mapping[str, str]
+) -> str:
     """Say which other table has a key of this name, or a synonym of it, or list the table's keys.
 
     The keys of [store] are names of quantities too: one of them is meant by true or false alone.
@@ -164,7 +177,11 @@ def _hint_elsewhere(table: str, name: str, given: object, known: Mapping[str, st
     names = (name, *SYNONYMS.get(name, ()))
     for key in known:
         home, _, last = key.rpartition(".")
-        if last in names and last not in WRITTEN and (home != "store" or isinstance(given, bool)):
+        if (
+            last in names
+            and last not in WRITTEN
+            and (home != "store" or isinstance(given, bool))
+        ):
             return f"it is a key of another table: {key}"
     *others, final = sorted(_keys_of(table, known))
     owner = f"[{table}]" if table else "a scene"
@@ -190,8 +207,14 @@ def _nearest(name: str, keys: Sequence[str]) -> str:
     one are among those of the other, as of hurst and hurst_exponent.
     """
     words = set(name.split("_"))
-    akin = [key for key in keys if words <= set(key.split("_")) or words >= set(key.split("_"))]
-    close = difflib.get_close_matches(name, akin or keys, n=1, cutoff=0.0 if akin else NEAR)
+    akin = [
+        key
+        for key in keys
+        if words <= set(key.split("_")) or words >= set(key.split("_"))
+    ]
+    close = difflib.get_close_matches(
+        name, akin or keys, n=1, cutoff=0.0 if akin else NEAR
+    )
     return close[0] if close else ""
 
 
@@ -203,18 +226,26 @@ def _known_keys(table: type[Table], tag: str, prefix: str = "") -> dict[str, str
         words = field.description
         if words is None:  # its type says it: some names, or a truth value
             names = TAGS if name == "generator" else get_args(field.annotation)
-            *others, last = [repr(each) for each in names if isinstance(each, str)] or [TRUTH]
+            *others, last = [repr(each) for each in names if isinstance(each, str)] or [
+                TRUTH
+            ]
             words = f"{', '.join(others)} or {last}" if others else last
         known[prefix + name] = words
         inner = get_args(field.annotation)
-        for kind in (field.annotation, *inner, *(each for arg in inner for each in get_args(arg))):
+        for kind in (
+            field.annotation,
+            *inner,
+            *(each for arg in inner for each in get_args(arg)),
+        ):
             if isinstance(kind, type) and issubclass(kind, Table) and kind not in foreign:
                 known |= _known_keys(kind, tag, f"{prefix}{name}.")
     return known
 
 
 def differences(
-    in_file: Scene, asked_for: Scene, words: tuple[str, str] = ("in the file", "asked for")
+    in_file: Scene,
+    asked_for: Scene,
+    words: tuple[str, str] = ("in the file", "asked for"),
 ) -> list[str]:
     """List keys that change results and differ, as "seed: 1 in the file, 2 asked for".
 

@@ -33,7 +33,9 @@ from gen.surface import DisplacedSurface, GeneratedSurface, Grid
 
 INERT = {"samples", "title", "creator", "licence"}  # keys of a scene that change no row
 
-MOST_BYTES = 200_000  # largest size of a scene's file, which has some hundreds but for its title
+MOST_BYTES = (
+    200_000  # largest size of a scene's file, which has some hundreds but for its title
+)
 
 
 class Scene(Table):
@@ -92,8 +94,12 @@ class Scene(Table):
                 " and range = { log_uniform = [0.003, 0.1] }"
             )
         if (self.delta is None) == (self.load is None):
-            raise conflict("[delta] and [load] both say what the loads are: give one of them")
-        if self.contact.far_field == "compliant" and not self.quantity.startswith("delta"):
+            raise conflict(
+                "[delta] and [load] both say what the loads are: give one of them"
+            )
+        if self.contact.far_field == "compliant" and not self.quantity.startswith(
+            "delta"
+        ):
             raise conflict(
                 f"load.quantity = '{self.quantity}' needs contact.far_field = 'rigid', not"
                 " 'compliant'"
@@ -106,7 +112,9 @@ class Scene(Table):
         if hardness is None or self.quantity not in {"pressure", "force"}:
             return self
         patch = (
-            math.prod((*self.grid.shape, *self.grid.spacing)) if self.quantity == "force" else 1.0
+            math.prod((*self.grid.shape, *self.grid.spacing))
+            if self.quantity == "force"
+            else 1.0
         )
         least = min(limits(piece.range)[0] for piece in self.pieces)
         if least >= hardness[1] * patch:
@@ -118,7 +126,9 @@ class Scene(Table):
         return self
 
     @model_serializer(mode="wrap")
-    def _without_absent_keys(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+    def _without_absent_keys(
+        self, handler: SerializerFunctionWrapHandler
+    ) -> dict[str, Any]:
         """Leave out absent keys, and free boundaries unless another one is the default."""
         content: dict[str, Any] = handler(self)
         if self.contact.boundary == "free" and not self.surface.PLACES:
@@ -148,7 +158,9 @@ class Scene(Table):
         boundary, spacing = self.contact.boundary, self.contact.spacing
         cells = boundary != "free" or spacing == "side/n"
         (nx, ny), (x, y) = self.surface.patch(boundary, cells=cells)
-        return Grid((nx, ny), (x, y), (x / (nx - (not cells)), y / (ny - (not cells))), boundary)
+        return Grid(
+            (nx, ny), (x, y), (x / (nx - (not cells)), y / (ny - (not cells))), boundary
+        )
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -280,7 +292,10 @@ class Scene(Table):
             raise InputError(f"{source}: not TOML of a scene: it has a key of 100 dots")
         try:
             content = tomllib.loads(text)
-        except (ValueError, RecursionError) as error:  # whole numbers of over 4,300 digits too
+        except (
+            ValueError,
+            RecursionError,
+        ) as error:  # whole numbers of over 4,300 digits too
             raise InputError(printable(f"{source}: not TOML: {error}")) from None
         return cls._validated(content, source, folder)
 
@@ -308,7 +323,9 @@ class Scene(Table):
         try:
             content = json.loads(text)
         except (ValueError, RecursionError) as error:
-            raise InputError(printable(f"{source}: not a scene's text: {error}")) from None
+            raise InputError(
+                printable(f"{source}: not a scene's text: {error}")
+            ) from None
         return cls._validated(content, source)
 
     @classmethod
@@ -347,7 +364,9 @@ class Scene(Table):
         str
             The hash in hexadecimal digits.
         """
-        return hashlib.sha256(json.dumps(self.relevant(), sort_keys=True).encode()).hexdigest()
+        return hashlib.sha256(
+            json.dumps(self.relevant(), sort_keys=True).encode()
+        ).hexdigest()
 
     def relevant(self) -> dict[str, Any]:
         """Return the keys that change results.
@@ -358,14 +377,18 @@ class Scene(Table):
             Tables and keys with their values.
         """
         content = self.model_dump(exclude=INERT, exclude_none=True)
-        content["store"].pop("powers", None)  # they are measured, and follow from the other keys
+        content["store"].pop(
+            "powers", None
+        )  # they are measured, and follow from the other keys
         return {**content, "surface": self.surface.relevant(content["surface"])}
 
 
 def preset_names() -> tuple[str, ...]:
     """Return the names of the scenes that are shipped in `gen/scenes`, in alphabetical order."""
     names = (entry.name for entry in (files("gen") / "scenes").iterdir())
-    return tuple(sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml")))
+    return tuple(
+        sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
+    )
 
 
 def load(name_or_path: str) -> Scene:
@@ -391,12 +414,18 @@ def load(name_or_path: str) -> Scene:
     if re.fullmatch(r"[\w-]+", name_or_path) and preset.is_file():
         return Scene.parse(preset.read_text(encoding="utf-8"), f"scene {name_or_path}")
     try:
-        text = read_bytes(Path(name_or_path), MOST_BYTES).decode("utf-8-sig")  # some editors' mark
+        text = read_bytes(Path(name_or_path), MOST_BYTES).decode(
+            "utf-8-sig"
+        )  # some editors' mark
     except FileNotFoundError:
         reason = "neither a file nor a preset"
     except UnicodeDecodeError as error:
-        reason = f"not UTF-8 text (byte {error.start} is {error.object[error.start]:#04x})"
-    except ValueError as error:  # no regular file, too large, a null character in the path
+        reason = (
+            f"not UTF-8 text (byte {error.start} is {error.object[error.start]:#04x})"
+        )
+    except (
+        ValueError
+    ) as error:  # no regular file, too large, a null character in the path
         reason = str(error)
     else:
         return Scene.parse(text, name_or_path, Path(name_or_path).parent)
@@ -404,7 +433,11 @@ def load(name_or_path: str) -> Scene:
     raise InputError(printable(f"scene {name_or_path!r}: {reason}; {presets}"))
 
 
-ARGUMENTS = ("shape", "spacing", "rng")  # of a user's generator, no names of its parameters
+ARGUMENTS = (
+    "shape",
+    "spacing",
+    "rng",
+)  # of a user's generator, no names of its parameters
 
 TAKEN = "is the name of something else; give a name of your own"
 
@@ -477,7 +510,15 @@ def markdown_of_columns() -> list[str]:
 
 
 RESERVED = frozenset(
-    (*(column.name for column in ALL_COLUMNS), *DRAWN_NAMES, RUNTIME, "sample", "x", "y", "area")
+    (
+        *(column.name for column in ALL_COLUMNS),
+        *DRAWN_NAMES,
+        RUNTIME,
+        "sample",
+        "x",
+        "y",
+        "area",
+    )
 )
 """Names that outputs of a user's function cannot have: columns, dimensions, groups and targets."""
 
@@ -493,7 +534,9 @@ def columns_for(scene: Scene) -> tuple[Column, ...]:
     asked_for |= {name for name, wanted in store if wanted is True}
     asked_for |= {"load"} if scene.quantity != "delta" else set()
     if contact.hardness_limits is not None:
-        asked_for |= {quantity.name for quantity in stored_quantities() if quantity.needs_hardness}
+        asked_for |= {
+            quantity.name for quantity in stored_quantities() if quantity.needs_hardness
+        }
         asked_for |= {"hardness"} if contact.draws_hardness else set()
     words = {column.name: column for column in _columns_of(type(scene.surface))}
     chosen = []
@@ -574,7 +617,9 @@ def require_own_names(scene: Scene) -> None:
     outputs = scene.store.outputs
     for name in (*(scene.store.least or ()), *(scene.store.most or ())):
         if outputs is not None and name not in outputs:
-            raise InputError(f"store: {name} has bounds; the outputs are {', '.join(outputs)}")
+            raise InputError(
+                f"store: {name} has bounds; the outputs are {', '.join(outputs)}"
+            )
 
 
 def row_bytes(scene: Scene) -> int:

@@ -22,7 +22,9 @@ from gen.generators.function import FUNCTION_WORDS, Function, Hash, named
 from gen.material import Bodies
 from gen.quantities import stored_quantities
 
-Quantity = Literal["delta", "delta/height_rms", "pressure", "pressure/(E* slope_rms)", "force"]
+Quantity = Literal[
+    "delta", "delta/height_rms", "pressure", "pressure/(E* slope_rms)", "force"
+]
 
 UNITS: dict[Quantity, str] = {
     "delta": "um",
@@ -33,10 +35,14 @@ UNITS: dict[Quantity, str] = {
 }
 """Units of the quantities that a scene can give as its load."""
 
-HARDNESS = "a finite number above 0, or [low, high] with 0 < low <= high [{}], or a distribution"
+HARDNESS = (
+    "a finite number above 0, or [low, high] with 0 < low <= high [{}], or a distribution"
+)
 PIECES = "one or more { share = ..., range = [low, high] }, their shares sum to 1"
 
-Unit = Annotated[str, Field(pattern=r"^[^\p{C}\p{Zl}\p{Zp}]{1,20}$")]  # in one line of a table
+Unit = Annotated[
+    str, Field(pattern=r"^[^\p{C}\p{Zl}\p{Zp}]{1,20}$")
+]  # in one line of a table
 
 
 class Contact(Table):
@@ -62,19 +68,27 @@ class Contact(Table):
     # None stands for elastic bodies and is never written: scenes without a hardness keep their
     # texts and fingerprints.
     hardness: AboveZero | None = Field(default=None, description=HARDNESS.format("MPa"))
-    hardness_ratio: AboveZero | None = Field(default=None, description=HARDNESS.format("E*"))
+    hardness_ratio: AboveZero | None = Field(
+        default=None, description=HARDNESS.format("E*")
+    )
 
     @model_validator(mode="after")
     def _require_what_goes_together(self) -> Self:
         """Refuse what a patch without edges does not have, and impossible hardnesses."""
         if self.boundary != "free":
-            cells = {"spacing": "side/n", "far_field": "rigid", "kernel": "uniform-pressure"}
+            cells = {
+                "spacing": "side/n",
+                "far_field": "rigid",
+                "kernel": "uniform-pressure",
+            }
             for name, allowed in cells.items():
                 if (given := getattr(self, name)) != allowed:
                     said = f"boundary = '{self.boundary}' needs {name} = '{allowed}', not '{given}'"
                     raise conflict(said)
         if self.hardness is not None and self.hardness_ratio is not None:
-            raise conflict("hardness [MPa] and hardness_ratio [E*] are both given: give one")
+            raise conflict(
+                "hardness [MPa] and hardness_ratio [E*] are both given: give one"
+            )
         if (limits := self.hardness_limits) is None:
             return self
         if self.far_field == "compliant":
@@ -163,7 +177,10 @@ class Delta(Table):
     """Distribution of the far-field displacement: the paper's controlled sampling (section 3.2)."""
 
     pieces: Pieces = Field(
-        default=(Piece(share=0.75, range=(5.0, 25.0)), Piece(share=0.25, range=(25.0, 45.0))),
+        default=(
+            Piece(share=0.75, range=(5.0, 25.0)),
+            Piece(share=0.25, range=(25.0, 45.0)),
+        ),
         description=f"range = [low, high], or pieces: {PIECES}",
     )
 
@@ -207,10 +224,13 @@ class Store(StoredQuantities):
     """Optional columns, stored besides the area, the force and the statistics."""
 
     function: Function | None = Field(
-        default=None, description=f"{FUNCTION_WORDS}, whose outputs of each contact become columns"
+        default=None,
+        description=f"{FUNCTION_WORDS}, whose outputs of each contact become columns",
     )
     # Without it the first contact's outputs count; every database records them.
-    outputs: Annotated[dict[str, Unit], Field(min_length=1), AfterValidator(named)] | None = Field(
+    outputs: (
+        Annotated[dict[str, Unit], Field(min_length=1), AfterValidator(named)] | None
+    ) = Field(
         default=None,
         description="a table of the function's outputs, { name = 'unit' }, of 1 to 20 letters",
     )
@@ -225,7 +245,9 @@ class Store(StoredQuantities):
         default=None,
         description="a table of powers of heights, lengths and E*, { name = [1, 1, 1] }",
     )
-    source: Hash | None = Field(default=None, description="the SHA-256 of the module's source")
+    source: Hash | None = Field(
+        default=None, description="the SHA-256 of the module's source"
+    )
 
     @model_validator(mode="after")
     def _require_function(self) -> Self:
@@ -246,4 +268,6 @@ class Store(StoredQuantities):
 
     def bounds(self, name: str) -> tuple[float, float]:
         """Return the least and the largest value of an output, infinite where none is stated."""
-        return (self.least or {}).get(name, -math.inf), (self.most or {}).get(name, math.inf)
+        return (self.least or {}).get(name, -math.inf), (self.most or {}).get(
+            name, math.inf
+        )

@@ -15,14 +15,24 @@ from gen.runtime.command_line import Trust, grouped
 from gen.runtime.errors import InputError
 from gen.runtime.files import check_folder, lock_folder
 from gen.runtime.terminal import echo, to_type
-from learn.commands.fit import SEEDS, AreaMax, Features, Load, Normalise, TrainRows, request_of
+from learn.commands.fit import (
+    SEEDS,
+    AreaMax,
+    Features,
+    Load,
+    Normalise,
+    TrainRows,
+    request_of,
+)
 
 if TYPE_CHECKING:
     from learn.comparison.tables import Tables
     from learn.dataset import Request
     from learn.executor import Executor
 
-Database = Annotated[Path, typer.Argument(metavar="FILE", help="A database made by gen (HDF5).")]
+Database = Annotated[
+    Path, typer.Argument(metavar="FILE", help="A database made by gen (HDF5).")
+]
 Output = Annotated[
     Path, typer.Option("--output", "-o", metavar="DIR", help="The comparison folder.")
 ]
@@ -116,7 +126,9 @@ def show(
     """
     from learn.comparison.folder import targets
 
-    targets(folder)  # refuses a folder that is none of ours, before anything is written into it
+    targets(
+        folder
+    )  # refuses a folder that is none of ours, before anything is written into it
     with lock_folder(folder):
         _write_and_print(folder, pictures=pictures)
 
@@ -151,7 +163,9 @@ def _led(
             echo(f"pictures: {to_type(f'learn show {output}')}")
             for each in shown if work is jobs.tune else ():
                 for row, said in tables.no_better_than_constant(each):
-                    if row["result"] == "tuned" and row["model"] in (request.models or MODELS):
+                    if row["result"] == "tuned" and row["model"] in (
+                        request.models or MODELS
+                    ):
                         where = each.folder.path
                         raise InputError(f"{where}: {said}; the tables are still written")
     return 0

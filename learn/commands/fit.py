@@ -21,7 +21,9 @@ SEEDS = 2**32 - 1  # the largest seed that all libraries of models take
 
 AreaMax = Annotated[
     float | None,
-    typer.Option(metavar="PERCENT", help="Leave larger areas out; 16.56 is the paper's range."),
+    typer.Option(
+        metavar="PERCENT", help="Leave larger areas out; 16.56 is the paper's range."
+    ),
 ]
 Features = Annotated[
     str,
@@ -49,10 +51,12 @@ Normalise = Annotated[
     ),
 ]
 TrainRows = Annotated[
-    int | None, typer.Option(metavar="N", help="Train on N rows at most, drawn with the seed.")
+    int | None,
+    typer.Option(metavar="N", help="Train on N rows at most, drawn with the seed."),
 ]
 Databases = Annotated[
-    list[Path], typer.Argument(metavar="FILE...", help="One or more databases made by gen (HDF5).")
+    list[Path],
+    typer.Argument(metavar="FILE...", help="One or more databases made by gen (HDF5)."),
 ]
 SurrogateFile = Annotated[
     Path, typer.Option("--output", "-o", metavar="FILE", help="The surrogate to write.")
@@ -92,12 +96,15 @@ class Choice(NamedTuple):
     ] = "both"
     source: Annotated[
         Path | None,
-        typer.Option("--from", metavar="DIR", help="Use the winner of learn tune in this folder."),
+        typer.Option(
+            "--from", metavar="DIR", help="Use the winner of learn tune in this folder."
+        ),
     ] = None
     area_max: AreaMax = None
     normalise: Normalise = ""
     seed: Annotated[
-        int | None, typer.Option(min=0, max=SEEDS, help="Seed of the split and the model [0].")
+        int | None,
+        typer.Option(min=0, max=SEEDS, help="Seed of the split and the model [0]."),
     ] = None
     train_rows: TrainRows = None
     calibrate_on: Annotated[
@@ -110,7 +117,9 @@ class Choice(NamedTuple):
 
 
 @grouped
-def fit(files: Databases, output: SurrogateFile, *, choice: Choice, trust: Trust = False) -> int:
+def fit(
+    files: Databases, output: SurrogateFile, *, choice: Choice, trust: Trust = False
+) -> int:
     """Fit a surrogate: area and force with intervals, in one file that holds its own model card.
 
     Features are dimensionless ones if left out.
@@ -172,7 +181,9 @@ def request_of(
         databases=tuple(files),
         output=output,
         targets=targets,
-        models=tuple([given["model"]] if isinstance(given["model"], str) else given["model"] or ()),
+        models=tuple(
+            [given["model"]] if isinstance(given["model"], str) else given["model"] or ()
+        ),
         area_max=given.get("area_max"),
         normalisation=given.get("normalise") or wanted.normalisation,
         features=features,

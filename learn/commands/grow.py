@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from gen.scene import Scene
     from learn.dataset import Request
 
-SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A shipped scene, or a TOML file.")]
+SceneName = Annotated[
+    str, typer.Argument(metavar="SCENE", help="A shipped scene, or a TOML file.")
+]
 SurrogateFile = Annotated[
     Path,
     typer.Option(
@@ -30,7 +32,9 @@ SurrogateFile = Annotated[
     ),
 ]
 
-LARGEST_NMAE = 1000.0  # largest error to grow to [%]; a surrogate that always answers 0 has 100 %
+LARGEST_NMAE = (
+    1000.0  # largest error to grow to [%]; a surrogate that always answers 0 has 100 %
+)
 
 
 class Goal(NamedTuple):
@@ -39,28 +43,38 @@ class Goal(NamedTuple):
     nmae: Annotated[
         float,
         typer.Option(
-            "--nmae", metavar="PERCENT", help="Largest mean error over the mean, of every target."
+            "--nmae",
+            metavar="PERCENT",
+            help="Largest mean error over the mean, of every target.",
         ),
     ] = 2.0
     budget: Annotated[
         str,
-        typer.Option(metavar="TIME", help="Wall-clock time of this call, as 10min or 2h; no limit"),
+        typer.Option(
+            metavar="TIME", help="Wall-clock time of this call, as 10min or 2h; no limit"
+        ),
     ] = ""
-    rows: Annotated[int, typer.Option(min=10, metavar="N", help="Most rows of the database.")] = (
-        20_000
-    )
-    target: Annotated[str, typer.Option(metavar="NAME", help="Targets, as for learn fit.")] = "both"
-    features: Annotated[str, typer.Option(metavar="SET", help="Features, as for learn fit.")] = (
-        "hybrid"
-    )
+    rows: Annotated[
+        int, typer.Option(min=10, metavar="N", help="Most rows of the database.")
+    ] = 20_000
+    target: Annotated[
+        str, typer.Option(metavar="NAME", help="Targets, as for learn fit.")
+    ] = "both"
+    features: Annotated[
+        str, typer.Option(metavar="SET", help="Features, as for learn fit.")
+    ] = "hybrid"
     load: Load = ""
     blocks: Blocks = None
-    model: Annotated[str, typer.Option(metavar="NAME", help="Model, as for learn fit.")] = ""
+    model: Annotated[
+        str, typer.Option(metavar="NAME", help="Model, as for learn fit.")
+    ] = ""
     seed: Annotated[int, typer.Option(min=0, max=SEEDS, help="Seed of the model.")] = 0
 
 
 @grouped
-def grow(scene: SceneName, output: SurrogateFile, *, goal: Goal, trust: Trust = False) -> int:
+def grow(
+    scene: SceneName, output: SurrogateFile, *, goal: Goal, trust: Trust = False
+) -> int:
     """Generate rows of a scene and fit to them until a surrogate is as accurate as asked for.
 
     A fifth of the surfaces (of maps: of their tiles) is held out for tests. Each round says how
@@ -81,7 +95,10 @@ def grow(scene: SceneName, output: SurrogateFile, *, goal: Goal, trust: Trust = 
         until = time.time() + seconds(goal.budget) if goal.budget else inf
         database, drawing = (_beside(output, suffix) for suffix in (".h5", ".png"))
         check_outputs(
-            [Output(output, "--output", "surrogate"), Output(drawing, "--output", "picture")],
+            [
+                Output(output, "--output", "surrogate"),
+                Output(drawing, "--output", "picture"),
+            ],
             [scene] if Path(scene).is_file() else [],
         )
         _require_own(database, output, drawing)
@@ -135,11 +152,15 @@ def _request(output: Path, goal: Goal, scene: Scene) -> Request:
         )
     drawn: Any = load_of(scene) if of_scene else ""
     options = goal._replace(model=model.name, load=goal.load or drawn)
-    return request_of(options, [_beside(output, ".h5")], output, goal.features, roots=True)
+    return request_of(
+        options, [_beside(output, ".h5")], output, goal.features, roots=True
+    )
 
 
 def _beside(output: Path, suffix: str) -> Path:
     """Return the file of this suffix that stands beside a surrogate, which may not have it."""
     if not output.name or output.suffix in {".h5", ".png", ".toml"}:
-        raise InputError(f"--output {output}: give the name of a surrogate, as my.surrogate")
+        raise InputError(
+            f"--output {output}: give the name of a surrogate, as my.surrogate"
+        )
     return output.with_suffix(suffix)

@@ -21,7 +21,9 @@ REASONS = 12  # reasons that are printed at most
 VALUE = re.compile(r" \S+ outside")  # the part of a reason that differs between rows
 SHOWN = 40  # rows that are printed at most; a file gets all of them
 
-File = Annotated[Path, typer.Argument(metavar="FILE", help="A surrogate made by learn fit.")]
+File = Annotated[
+    Path, typer.Argument(metavar="FILE", help="A surrogate made by learn fit.")
+]
 Inputs = Annotated[
     list[Path] | None,
     typer.Argument(
@@ -38,7 +40,8 @@ At = Annotated[
     ),
 ]
 Mean = Annotated[
-    bool, typer.Option("--mean", help="Predict the mean over all surfaces of the parameters.")
+    bool,
+    typer.Option("--mean", help="Predict the mean over all surfaces of the parameters."),
 ]
 Coverage = Annotated[
     float | None,
@@ -106,7 +109,9 @@ def predict(
     surrogate = Surrogate.load(file)
     level = level_of(surrogate, interval, mean=mean)
     texts = {"delta": delta, "pressure": pressure}
-    given = {name: np.array(loads_from(name, text)) for name, text in texts.items() if text}
+    given = {
+        name: np.array(loads_from(name, text)) for name, text in texts.items() if text
+    }
     rows: list[Row] = []
     if surrogate.features.name == SCENE:
         numbers: dict[str, Any] = {**_parameters(at, reading, material), **given}
@@ -169,7 +174,9 @@ def _show(rows: Sequence[dict[str, Any]], title: str, doubts: Sequence[str] = ()
         echo(f"  and {len(kinds) - REASONS} more: -o writes all of them")
 
 
-def _parameters(text: str, reading: Reading, material: options.Material) -> dict[str, float]:
+def _parameters(
+    text: str, reading: Reading, material: options.Material
+) -> dict[str, float]:
     """Parse --at, as "hurst=0.7,rms_height=1.2", add a hardness, and refuse options of surfaces."""
     if combined_modulus(*material[:3]) is not None:
         raise InputError(
@@ -177,7 +184,9 @@ def _parameters(text: str, reading: Reading, material: options.Material) -> dict
             " --poisson and --e-star, and give elastic pressures as they are at that E*"
         )
     if reading != Reading():
-        raise InputError("the surrogate reads no surfaces: leave out the options that prepare them")
+        raise InputError(
+            "the surrogate reads no surfaces: leave out the options that prepare them"
+        )
     found = {} if material.hardness is None else {"hardness": material.hardness}
     for part in filter(None, text.split(",")):
         name, _, number = part.partition("=")
@@ -245,11 +254,15 @@ def law(
     first, *others = inputs
     known = Path(first).is_file() and kind_of(Path(first)) == "surrogate"
     if solver and known:
-        raise InputError(f"{first}: --solver solves the law without a surrogate: leave it out")
+        raise InputError(
+            f"{first}: --solver solves the law without a surrogate: leave it out"
+        )
     surrogate = Surrogate.load(Path(first)) if known else None
     of_scene = surrogate is not None and surrogate.features.name == SCENE
     if of_scene and (others or boundary):
-        raise InputError(f"{first}: a law at given parameters: leave out surfaces and --boundary")
+        raise InputError(
+            f"{first}: a law at given parameters: leave out surfaces and --boundary"
+        )
     if at and not of_scene:
         raise InputError("--at: is for surrogates that learn fit --features scene makes")
     if not (solver or others or of_scene):
@@ -258,7 +271,9 @@ def law(
             " --solver"
         )
     if interval is not None and not 0 < interval < 1:
-        raise InputError(f"--interval {interval:g}: give a coverage between 0 and 1, as 0.9")
+        raise InputError(
+            f"--interval {interval:g}: give a coverage between 0 and 1, as 0.9"
+        )
     if solver and boundary is None:
         scene = next(filter(None, map(scene_of, inputs)), None)
         boundary = None if scene is None else scene.contact.boundary

@@ -67,7 +67,9 @@ class Training:
     def unfitted(self, model: str, settings: Settings, *, tuned: bool) -> Any:
         """Return the pipeline of a model; see `learn.models.pipeline`."""
         scaling, seed = self.normalisation, self.seed
-        return pipeline(EVERY[model], settings, normalisation=scaling, seed=seed, tuned=tuned)
+        return pipeline(
+            EVERY[model], settings, normalisation=scaling, seed=seed, tuned=tuned
+        )
 
     def beside(self, rows: Indices | slice = slice(None)) -> dict[str, Indices]:
         """Return what the fit of a pipeline takes beside inputs and target of some rows."""
@@ -80,8 +82,12 @@ class Training:
 
     def first(self, rows: int) -> Self:
         """Return the same with the first training rows only."""
-        some = {name: getattr(self, name)[:rows] for name in ("inputs", "target", "folds")}
-        return replace(self, **some, groups=None if self.groups is None else self.groups[:rows])
+        some = {
+            name: getattr(self, name)[:rows] for name in ("inputs", "target", "folds")
+        }
+        return replace(
+            self, **some, groups=None if self.groups is None else self.groups[:rows]
+        )
 
 
 class Trial(documents.Document):
@@ -92,10 +98,14 @@ class Trial(documents.Document):
     candidate: str  # its canonical settings, as `learn.comparison.grid.key` writes them
     fold: Annotated[int, Field(ge=0, lt=FOLDS)]  # left out of the training
     rows: Count  # for training at most
-    r2: Annotated[float, Field(ge=LEAST_SCORE, le=1)] | None  # None if the fit failed or diverged
+    r2: (
+        Annotated[float, Field(ge=LEAST_SCORE, le=1)] | None
+    )  # None if the fit failed or diverged
     failure: str = ""  # why there is no score
     remark: str = ""  # the fit's warnings
-    seconds: Seconds = 0.0  # of fit and scoring, shared evenly by the candidates of one fit
+    seconds: Seconds = (
+        0.0  # of fit and scoring, shared evenly by the candidates of one fit
+    )
 
     @property
     def place(self) -> tuple[str, int, int]:
@@ -114,7 +124,9 @@ class Trials(AbstractContextManager["Trials"]):
         self.path = path
         self.finished: dict[tuple[str, int, int], Trial] = {}
         content = files.read_bytes(path) if path.exists() else b""
-        whole = content[: content.rfind(b"\n") + 1]  # a kill may have cut the last line short
+        whole = content[
+            : content.rfind(b"\n") + 1
+        ]  # a kill may have cut the last line short
         agreed = json.dumps(conditions, sort_keys=True)
         first, *lines = whole.split(b"\n")[:-1] or [agreed.encode()]
         stored = documents.checked(path, first, documents.Document)
@@ -166,16 +178,27 @@ def fit(training: Training, task: Task) -> list[Trial]:
                 fitted = unfitted.fit(*data[:2], **training.beside(inside))
                 found = [fitted.predict(data[2])]
             scores = [_score(training.target[outside], each) for each in found]
-        except Exception as error:  # whatever a library raises: the candidates have no score
+        except (
+            Exception
+        ) as error:  # whatever a library raises: the candidates have no score
             if len(candidates) > 1:
                 # A shared fit may fail late, after candidates that are fine: fit them one by one.
-                alone = [replace(task, candidates={n: c}) for n, c in task.candidates.items()]
+                alone = [
+                    replace(task, candidates={n: c}) for n, c in task.candidates.items()
+                ]
                 return [trial for own in alone for trial in fit(training, own)]
             scores = [(None, reason(error))]
         seconds = (perf_counter() - began) / len(candidates)
     of_all: dict[str, Any] = {"remark": "; ".join(said), "seconds": seconds}
     return [
-        Trial(candidate=name, fold=task.fold, rows=task.rows, r2=r2, failure=failure, **of_all)
+        Trial(
+            candidate=name,
+            fold=task.fold,
+            rows=task.rows,
+            r2=r2,
+            failure=failure,
+            **of_all,
+        )
         for name, (r2, failure) in zip(task.candidates, scores, strict=True)
     ]
 
@@ -191,7 +214,9 @@ def _score(truth: Values, predicted: Values) -> tuple[float | None, str]:
         return None, "prediction not finite"
     with np.errstate(over="ignore"):  # squares of diverged predictions
         score = float(r2_score(truth, predicted))
-    return (score, "") if LEAST_SCORE <= score < math.inf else (None, "prediction diverged")
+    return (
+        (score, "") if LEAST_SCORE <= score < math.inf else (None, "prediction diverged")
+    )
 
 
 def shared_predictions(
@@ -212,7 +237,9 @@ def shared_predictions(
         train = scaling.fit_transform(train)
         test = scaling.transform(test)
     if model.name == "kernel-ridge":
-        settings = {key: value for key, value in estimator.get_params().items() if key != name}
+        settings = {
+            key: value for key, value in estimator.get_params().items() if key != name
+        }
         return kernel_ridge.predictions(train, target, test, settings, values)
     estimator.set_params(**{name: max(values)}).fit(train, target)
     return _of_first_trees(model.name, estimator, test, values)
@@ -223,7 +250,9 @@ def _of_first_trees(
 ) -> list[Values]:
     """Predict with each number of the first trees of an ensemble, (m,) each."""
     if model == "xgboost":
-        return [estimator.predict(test, iteration_range=(0, number)) for number in numbers]
+        return [
+            estimator.predict(test, iteration_range=(0, number)) for number in numbers
+        ]
     if model == "gradient-boost":
         stages = [predicted.copy() for predicted in estimator.staged_predict(test)]
         return [stages[number - 1] for number in numbers]

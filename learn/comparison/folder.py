@@ -33,14 +33,20 @@ from learn.features.scene import SCENE
 from learn.models import EVERY, versions
 from learn.split import FOLDS, Split
 
-KINDS = ("baseline", "library", "tuned")  # kinds of results, and the names of their folders
+KINDS = (
+    "baseline",
+    "library",
+    "tuned",
+)  # kinds of results, and the names of their folders
 LARGEST = 1e30  # bound of the targets' values: the axes of a picture take no larger ones
 
 Count = Annotated[int, Field(ge=0, le=2**53)]
 Seconds = Annotated[float, Field(ge=0, le=1e15)]
 Score = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Setting = bool | int | float | str | list[int] | None
-Scored = Annotated[dict[Literal["nmse", "nmae", "nmaxe", "r2"], Score], Field(min_length=4)]
+Scored = Annotated[
+    dict[Literal["nmse", "nmae", "nmaxe", "r2"], Score], Field(min_length=4)
+]
 """The four scores [%]; see `learn.metrics.Scores`."""
 
 
@@ -108,18 +114,24 @@ class Result(Document):
     failure: str
     remarks: list[str]
     # Empty for a baseline.
-    search: Search | Annotated[dict[str, object], Field(max_length=0)] = Field(default_factory=dict)
+    search: Search | Annotated[dict[str, object], Field(max_length=0)] = Field(
+        default_factory=dict
+    )
     times: Times | None = None
 
     @model_validator(mode="after")
     def _scores_have_times(self) -> "Result":
-        times = (self.times.fit, self.times.test, self.times.row) if self.times else (None,)
+        times = (
+            (self.times.fit, self.times.test, self.times.row) if self.times else (None,)
+        )
         if self.test and any(each is None or not 0 <= each <= 1e15 for each in times):
             raise ValueError("there are scores without times of fit and predictions")
         return self
 
 
-def require_same(path: Path, stored: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
+def require_same(
+    path: Path, stored: Mapping[str, Any], wanted: Mapping[str, Any]
+) -> None:
     """Refuse a file that was made under other conditions, naming the first that differs."""
     for name in sorted(wanted.keys() | stored.keys()):
         if stored.get(name) != wanted.get(name):
@@ -197,7 +209,9 @@ class Folder:
         """Read the folder's description: the conditions of its results."""
         record = documents.read(self.path / "comparison.json", Comparison)
         if record is None:
-            raise InputError(f"{self.path} is no comparison: run learn compare or learn tune first")
+            raise InputError(
+                f"{self.path} is no comparison: run learn compare or learn tune first"
+            )
         return record
 
     def result(self, kind: str, model: str) -> dict[str, Any] | None:
@@ -229,12 +243,16 @@ class Folder:
         features = self.record()["conditions"]["features"]
         if result.get("search", {}).get("winner") == "baseline":
             if settings != grids.baseline(model, features):
-                raise InputError(f"{path}: settings = {settings!r} are not those of the baseline")
+                raise InputError(
+                    f"{path}: settings = {settings!r} are not those of the baseline"
+                )
             return Settings(settings, False, f"the baseline, by {self.path}")
         grid, space, _ = grids.space_of(model, features)
         for name, value in settings.items():
             if value not in grids.reach(name, space.get(name, [])):
-                raise InputError(f"{path}: {name} = {value!r} is not in the grid {grid!r}")
+                raise InputError(
+                    f"{path}: {name} = {value!r} is not in the grid {grid!r}"
+                )
         return Settings(settings, True, f"tuned in {self.path}")
 
     def prediction(self, kind: str, model: str) -> tuple[Values, Values]:
@@ -262,7 +280,9 @@ class Folder:
         """Write a JSON file of the folder, and return its path."""
         return self._write(name, documents.text_of(content))
 
-    def write_table(self, name: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> Path:
+    def write_table(
+        self, name: str, header: Sequence[str], rows: Iterable[Sequence[Any]]
+    ) -> Path:
         """Write a table of the folder (CSV) with a header, and return its path."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
@@ -281,5 +301,7 @@ def targets(path: Path) -> list[Folder]:
     names = sorted(record.parent.name for record in path.glob("*/comparison.json"))
     folders = [Folder(files.inside(path, name)) for name in names]
     if not folders:
-        raise InputError(f"{path} holds no comparison: run learn compare or learn tune first")
+        raise InputError(
+            f"{path} holds no comparison: run learn compare or learn tune first"
+        )
     return folders

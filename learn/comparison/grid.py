@@ -81,7 +81,9 @@ def baseline(model: str, features: str) -> Settings:
     return {}
 
 
-LIBRARY: dict[str, Settings] = {"gaussian-process": {"kernel": None, "optimizer": "fmin_l_bfgs_b"}}
+LIBRARY: dict[str, Settings] = {
+    "gaussian-process": {"kernel": None, "optimizer": "fmin_l_bfgs_b"}
+}
 """Settings on top of a baseline that make it its library's own, where it is not.
 
 scikit-learn's Gaussian process fits amplitude and length of its kernel.
@@ -164,10 +166,15 @@ class Grid:
     def ends(self, settings: Settings) -> Settings:
         """Return the next value of each setting with which a candidate lies at an end of it all."""
         found = {}
-        for name in settings.keys() & canonical_settings(self.model, settings, self.inputs).keys():
+        for name in (
+            settings.keys() & canonical_settings(self.model, settings, self.inputs).keys()
+        ):
             chain = reach(name, self.space[name])
             place = chain.index(settings[name])
-            for value in (*chain[max(place - 1, 0) : place], *chain[place + 1 : place + 2]):
+            for value in (
+                *chain[max(place - 1, 0) : place],
+                *chain[place + 1 : place + 2],
+            ):
                 if not any(candidate[name] == value for candidate in self.candidates):
                     found[name] = value
         return dict(sorted(found.items()))
@@ -191,13 +198,19 @@ class Task:
     """One fit: the candidates that it serves, and the fold that it leaves out."""
 
     model: str
-    candidates: dict[str, Settings]  # by name; differ only in the setting that one fit serves
+    candidates: dict[
+        str, Settings
+    ]  # by name; differ only in the setting that one fit serves
     fold: int  # left out of the training, and predicted
     rows: int  # for training at most
-    baseline: bool = False  # True for the baseline, without the settings that candidates share
+    baseline: bool = (
+        False  # True for the baseline, without the settings that candidates share
+    )
 
 
-def canonical_settings(model: Model, candidate: Mapping[str, Any], inputs: int) -> Settings:
+def canonical_settings(
+    model: Model, candidate: Mapping[str, Any], inputs: int
+) -> Settings:
     """Reduce a candidate to the settings that make a difference, for data of some inputs."""
     name, kernel = model.name, candidate.get("kernel")
     tree = name in {"decision-tree", "random-forest"}
@@ -211,11 +224,16 @@ def canonical_settings(model: Model, candidate: Mapping[str, Any], inputs: int) 
     settings = {each: value for each, value in candidate.items() if not ignored.get(each)}
     if name == "mlp":  # the name says the length of the training
         settings = {**model.tuned, **settings}
-    leaf, split = settings.get("min_samples_leaf", 1), settings.get("min_samples_split", 2)
+    leaf, split = (
+        settings.get("min_samples_leaf", 1),
+        settings.get("min_samples_split", 2),
+    )
     if tree and isinstance(leaf, int) and isinstance(split, int):
         # A node that is split needs the samples of two leaves: scikit-learn raises the limit.
         settings["min_samples_split"] = max(split, 2 * leaf)
-    if tree and settings.get("criterion") == "friedman_mse":  # the same for a single target
+    if (
+        tree and settings.get("criterion") == "friedman_mse"
+    ):  # the same for a single target
         settings["criterion"] = "squared_error"
     if "max_features" in settings:  # the number of inputs that scikit-learn makes of it
         wanted = settings["max_features"]
@@ -237,18 +255,24 @@ def expected_work(task: Task) -> float:
     common = served[0]
 
     def most(name: str) -> float:
-        numbers = [each[name] for each in served if isinstance(each.get(name), int | float)]
+        numbers = [
+            each[name] for each in served if isinstance(each.get(name), int | float)
+        ]
         return float(max(map(abs, numbers), default=1.0))
 
     work = task.rows * most("n_estimators") * most("max_features") * sqrt(most("C"))
     for name in ("max_depth", "estimator__max_depth"):
         work *= min(most(name), 20)
     work *= 5 if common.get("criterion") == "absolute_error" else 1
-    work *= 15 if common.get("loss") == "huber" else 1  # boosting evaluates it leaf by leaf
+    work *= (
+        15 if common.get("loss") == "huber" else 1
+    )  # boosting evaluates it leaf by leaf
     if "hidden_layer_sizes" in common:
         sizes = common["hidden_layer_sizes"]
         work *= sum(a * b for a, b in pairwise(sizes)) + 23 * sizes[0]
-        work *= 20 if common.get("solver") == "lbfgs" else 1  # others end by themselves long before
+        work *= (
+            20 if common.get("solver") == "lbfgs" else 1
+        )  # others end by themselves long before
     if task.model == "kernel-ridge":
         work *= len(served) if common.get("kernel") == "rbf" else 0.01
     return work

@@ -29,8 +29,22 @@ from learn.metrics import scores
 from learn.models import check_memory, models_named, remarks
 
 SHUFFLES = 5  # times that an input is shuffled: enough for a mean and its scatter
-UNIT_LENGTH = "l2"  # normalisation of rows to unit length, after which a single input is constant
-SIZES = (30, 23, 20, 16, 12, 8, 6, 4, 3, 2, 1)  # inputs that are kept, the strongest first
+UNIT_LENGTH = (
+    "l2"  # normalisation of rows to unit length, after which a single input is constant
+)
+SIZES = (
+    30,
+    23,
+    20,
+    16,
+    12,
+    8,
+    6,
+    4,
+    3,
+    2,
+    1,
+)  # inputs that are kept, the strongest first
 
 
 def write_report(request: Request, say: Callable[[str], None]) -> Iterator[Path]:
@@ -42,7 +56,10 @@ def write_report(request: Request, say: Callable[[str], None]) -> Iterator[Path]
     (model,) = models_named(list(request.models), request.features)
     for folder, whole in targets(request, [model], Executor()):
         check_memory(model.name, whole.rows)
-        training, names = whole.seen_by(model.name), folder.record()["conditions"]["inputs"]
+        training, names = (
+            whole.seen_by(model.name),
+            folder.record()["conditions"]["inputs"],
+        )
         result, tuned = folder.result("tuned", model.name), folder.winner(model.name)
         if training.normalisation == UNIT_LENGTH and len(names) == 1:
             raise InputError(
@@ -63,10 +80,15 @@ def write_report(request: Request, say: Callable[[str], None]) -> Iterator[Path]
                 n_repeats=SHUFFLES,
                 random_state=training.seed,
             )
-            means, deviations = 100 * losses.importances_mean, 100 * losses.importances_std
+            means, deviations = (
+                100 * losses.importances_mean,
+                100 * losses.importances_std,
+            )
             ranked = np.argsort(-means, kind="stable")
             kept = _selections(unfitted, training, names, ranked)
-        worths = [(names[each], float(means[each]), float(deviations[each])) for each in ranked]
+        worths = [
+            (names[each], float(means[each]), float(deviations[each])) for each in ranked
+        ]
         for name, mean, deviation in worths:
             say(f"  {name:38} {mean:9.4f} +- {deviation:.4f} % of R2")
         for each in kept:
@@ -125,6 +147,8 @@ def _draw(worths: Any, kept: list[dict[str, Any]], title: str, path: Path) -> Pa
     right.plot(sizes, [100 - each["r2"] for each in kept], "o-", label="100 - R2 [%]")
     right.plot(sizes, [each["nmae"] for each in kept], "s-", label="nMAE [%]")
     right.plot(sizes, [each["fit_s"] for each in kept], "k:", label="fit [s]")
-    right.set(yscale="log", xlabel="inputs kept, the strongest first", title="fitted anew")
+    right.set(
+        yscale="log", xlabel="inputs kept, the strongest first", title="fitted anew"
+    )
     right.legend()
     return save(figure, path, dpi=DPI)

@@ -57,20 +57,29 @@ class TimedFit:
     model: str
     settings: Settings = field(default_factory=dict)  # on top of the baseline's
     kind: str = "baseline"  # one of `learn.comparison.folder.KINDS`
-    of_grid: bool = False  # whether it has the settings that all candidates of a grid share
+    of_grid: bool = (
+        False  # whether it has the settings that all candidates of a grid share
+    )
     until: float = math.inf  # time of `time.time` at which the fit is stopped [s]
-    search: dict[str, Any] = field(default_factory=dict)  # report of the search that it has won
+    search: dict[str, Any] = field(
+        default_factory=dict
+    )  # report of the search that it has won
     seconds: float = 0.0  # time of this search [s]
 
 
 def compare(request: Request, executor: Executor) -> int:
     """Fit, score and time the baselines of all models that are asked for; see `tune`."""
     models = models_named(list(request.models), request.features)
-    tasks = [TimedFit(each.name, grids.baseline(each.name, request.features)) for each in models]
+    tasks = [
+        TimedFit(each.name, grids.baseline(each.name, request.features))
+        for each in models
+    ]
     libraries = [each.name for each in models if each.name in grids.LIBRARY]
     tasks += [TimedFit(name, grids.LIBRARY[name], "library") for name in libraries]
     with Interruption(listening=True) as interruption:
-        for folder, training in targets(request, models, executor, interruption.requested):
+        for folder, training in targets(
+            request, models, executor, interruption.requested
+        ):
             with RunProgress(len(tasks), "models") as progress:
                 for task in tasks:
                     if interruption.requested():
@@ -92,7 +101,9 @@ def tune(request: Request, executor: Executor) -> int:
     """
     models = models_named(list(request.models), request.features)
     with Interruption(listening=True) as interruption:
-        found = [*targets(request, models, executor, interruption.requested, searched=True)]
+        found = [
+            *targets(request, models, executor, interruption.requested, searched=True)
+        ]
         searches = [(*target, model) for target in found for model in models]
         for place, (folder, training, model) in enumerate(searches):
             if interruption.requested():
@@ -100,11 +111,21 @@ def tune(request: Request, executor: Executor) -> int:
             # What is left of the time is shared evenly among the searches that are left.
             share = max(request.until - time.time(), 0.0) / (len(searches) - place)
             agreed, until = folder.record()["conditions"], time.time() + share
-            with Trials(inside(folder.path, f"trials/{model.name}.jsonl"), agreed) as trials:
+            with Trials(
+                inside(folder.path, f"trials/{model.name}.jsonl"), agreed
+            ) as trials:
                 source, space, settings = grids.space_of(model.name, agreed["features"])
                 grid = grids.Grid(model, space, training.inputs.shape[1])
                 search = GridSearch(
-                    *(model, grid, training, trials, executor, interruption.requested, source),
+                    *(
+                        model,
+                        grid,
+                        training,
+                        trials,
+                        executor,
+                        interruption.requested,
+                        source,
+                    ),
                     baseline=grids.baseline(model.name, agreed["features"]),
                     optimum=grid.name_of(settings),
                     searches=len(searches),
@@ -192,7 +213,9 @@ def fit_and_time(training: Training, task: TimedFit) -> tuple[Values, dict[str, 
             guess = restored(answer())
             found["test"] = asdict(scores(training.test_target, guess))
             test = median(repeated(answer, (3, 9)))
-            row = median(repeated(partial(fitted.predict, training.test_inputs[:1]), (5, 99)))
+            row = median(
+                repeated(partial(fitted.predict, training.test_inputs[:1]), (5, 99))
+            )
             # The first of several fits is a warm-up; one that is too long counts itself.
             fits = repeated(fit, FITS, alone, task.until) or [alone]
             times = {"fit": median(fits), "fits": len(fits), "test": test, "row": row}
@@ -203,7 +226,10 @@ def fit_and_time(training: Training, task: TimedFit) -> tuple[Values, dict[str, 
 
 
 def repeated(
-    action: Callable[[], Any], bounds: tuple[int, int], before: float = 0.0, until: float = math.inf
+    action: Callable[[], Any],
+    bounds: tuple[int, int],
+    before: float = 0.0,
+    until: float = math.inf,
 ) -> list[float]:
     """Time an action repeatedly, between two numbers of times, and return the times [s].
 
@@ -241,7 +267,9 @@ def finish(folder: Folder, search: GridSearch, until: float, *, again: bool) -> 
         if isinstance(result, Ended):
             why = f"the winner's fit to all rows was not finished within the time: {search.advice}"
     if why:
-        folder.write_json(f"tuned/{name}.json", {"model": name, "failure": why, "remarks": []})
+        folder.write_json(
+            f"tuned/{name}.json", {"model": name, "failure": why, "remarks": []}
+        )
         note(f"warning: {title}: {why}")
         return
     number = FOLDS * len(search.grid.differing)
@@ -270,10 +298,13 @@ def write_fit(
     times = {**found["times"], "search": task.seconds}
     content = {"model": task.model, "settings": task.settings, **found}
     folder.write_json(
-        f"{task.kind}/{task.model}.json", {**content, "search": task.search, "times": times}
+        f"{task.kind}/{task.model}.json",
+        {**content, "search": task.search, "times": times},
     )
     title = f"{EVERY[task.model].title}, {task.kind}"
-    title += ", which is the baseline" if task.kind == "tuned" and not task.of_grid else ""
+    title += (
+        ", which is the baseline" if task.kind == "tuned" and not task.of_grid else ""
+    )
     if found["test"] is None:
         say(f"warning: {title}: {found['failure']}")
         return

@@ -53,7 +53,22 @@ SPACES: dict[str, Space] = {
     "xgboost": {
         "learning_rate": [0.01, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0],
         "max_depth": [3, 6, 9, 12, 15],
-        "n_estimators": [10, 50, 100, 150, 200, 300, 400, 500, 600, 750, 900, 1100, 1300, 1500],
+        "n_estimators": [
+            10,
+            50,
+            100,
+            150,
+            200,
+            300,
+            400,
+            500,
+            600,
+            750,
+            900,
+            1100,
+            1300,
+            1500,
+        ],
         "gamma": [0.0, 0.1, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0],
     },
     "svm": {
@@ -63,7 +78,9 @@ SPACES: dict[str, Space] = {
         "gamma": ["scale", "auto"],
         "cache_size": [200, 500, 1000, 2000, 3000, 5000],  # MB
     },
-    "gaussian-process": {"alpha": [*(round(0.001 + step / 110, 4) for step in range(109)), 1.0]},
+    "gaussian-process": {
+        "alpha": [*(round(0.001 + step / 110, 4) for step in range(109)), 1.0]
+    },
     "kernel-ridge": {
         "alpha": [1e-5, 5e-5, 1e-4, 5e-4, 1e-3, 1e-2, 0.1, 1.0],
         "gamma": [0.01, 0.1, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 150.0],
@@ -113,7 +130,13 @@ OPTIMA: dict[str, dict[str, Any]] = {
         "max_features": 1.0,
     },
     "xgboost": {"learning_rate": 0.1, "max_depth": 3, "n_estimators": 1500, "gamma": 0.0},
-    "svm": {"C": 1400.0, "degree": 7, "kernel": "poly", "gamma": "scale", "cache_size": 200},
+    "svm": {
+        "C": 1400.0,
+        "degree": 7,
+        "kernel": "poly",
+        "gamma": "scale",
+        "cache_size": 200,
+    },
     "gaussian-process": {"alpha": 0.0374},
     "kernel-ridge": {"alpha": 1e-5, "gamma": 5.0, "kernel": "rbf"},
     "mlp": {

@@ -48,27 +48,40 @@ class GridSearch:
     training: Training
     trials: Trials
     executor: Executor
-    stopping: Callable[[], bool] = lambda: False  # asked before a fit; True ends the search
+    stopping: Callable[[], bool] = lambda: (
+        False
+    )  # asked before a fit; True ends the search
     source: str = grids.TABLE_2  # name of the grid in results and tables
     baseline: Settings | None = None  # is judged beside the grid; None for the grid alone
-    optimum: str = ""  # name of the paper's candidate, or the one built in; "" if there is none
+    optimum: str = (
+        ""  # name of the paper's candidate, or the one built in; "" if there is none
+    )
     how: str = "whole grid"  # the steps of the search in words
     searches: int = 1  # that share the budget, this one among them
-    ended: list[float] = field(default_factory=list)  # times after which fits to all rows ended [s]
+    ended: list[float] = field(
+        default_factory=list
+    )  # times after which fits to all rows ended [s]
 
     @property
     def own(self) -> Family:
         """The name of the baseline, as a family."""
         return () if self.baseline is None else (grids.key(self.baseline, baseline=True),)
 
-    def tasks(self, families: Iterable[Family], rows: int, folds: int = FOLDS) -> list[Task]:
+    def tasks(
+        self, families: Iterable[Family], rows: int, folds: int = FOLDS
+    ) -> list[Task]:
         """List the fits on some rows and folds that families, or the baseline, still lack."""
-        tasks, settings = [], self.grid.differing | dict.fromkeys(self.own, self.baseline or {})
+        tasks, settings = (
+            [],
+            self.grid.differing | dict.fromkeys(self.own, self.baseline or {}),
+        )
         for names, fold in product(families, range(folds)):
             lacking = [n for n in names if (n, fold, rows) not in self.trials.finished]
             served = {name: settings[name] for name in lacking}
             if served:
-                tasks.append(Task(self.model.name, served, fold, rows, baseline=names == self.own))
+                tasks.append(
+                    Task(self.model.name, served, fold, rows, baseline=names == self.own)
+                )
         return tasks
 
     def run(self, tasks: list[Task], title: str, until: float = inf) -> None:
@@ -88,7 +101,11 @@ class GridSearch:
 
             def keep(task: Task, result: list[Trial] | Ended) -> None:
                 trials = [] if isinstance(result, Ended) else result
-                if isinstance(result, Ended) and result.seconds and task.rows == self.training.rows:
+                if (
+                    isinstance(result, Ended)
+                    and result.seconds
+                    and task.rows == self.training.rows
+                ):
                     self.ended.append(result.seconds)
                 self.trials.add(trials)
                 failed = all(trial.r2 is None for trial in trials)
@@ -123,7 +140,10 @@ class GridSearch:
         share = JUDGED * (until - began) / len(sizes)
         end = began + len(sizes) * share
         self.run(self.tasks([self.own], total), f"the baseline on {total} rows", end)
-        told, optimum = [], [family for family in self.grid.families if self.optimum in family]
+        told, optimum = (
+            [],
+            [family for family in self.grid.families if self.optimum in family],
+        )
         order = climbing = [*dict.fromkeys([*optimum, *self._drawn()])]
         for place, rows in enumerate(sizes[:-1], start=1):
             on = f"on {rows} rows, {STEP_FOLDS} folds"
@@ -131,7 +151,9 @@ class GridSearch:
             self.run(tasks, f"candidates {on}", began + place * share)
             means = self.means(self.grid.differing, rows, STEP_FOLDS)
             told += [f"{_counted(len(means))} {on}"] if means else []
-            best = {family: max(means.get(each, -inf) for each in family) for family in order}
+            best = {
+                family: max(means.get(each, -inf) for each in family) for family in order
+            }
             ranked = sorted(
                 (f for f in order if best[f] > -inf), key=best.__getitem__, reverse=True
             )
@@ -165,7 +187,9 @@ class GridSearch:
             before, judged = self.grid, self.judged
             self.grid = before.extended(before.first[self.winner])
             new = self.grid.differing.keys() - before.differing.keys()
-            wider = [family for family in self.grid.families if not new.isdisjoint(family)]
+            wider = [
+                family for family in self.grid.families if not new.isdisjoint(family)
+            ]
             tasks = self.tasks(wider, self.training.rows)
             title = f"the winner is at an end of the grid: {len(tasks)} fits beyond it"
             self.run(tasks, title, until)
@@ -177,9 +201,13 @@ class GridSearch:
         """Return R2 of a candidate on every fold of some rows, or all; NaN where it lacks."""
         places = ((name, fold, rows or self.training.rows) for fold in range(folds))
         found = (self.trials.finished.get(place) for place in places)
-        return [math.nan if trial is None or trial.r2 is None else trial.r2 for trial in found]
+        return [
+            math.nan if trial is None or trial.r2 is None else trial.r2 for trial in found
+        ]
 
-    def means(self, names: Iterable[str], rows: int = 0, folds: int = FOLDS) -> dict[str, float]:
+    def means(
+        self, names: Iterable[str], rows: int = 0, folds: int = FOLDS
+    ) -> dict[str, float]:
         """Return the mean R2 of the candidates that have one on every fold, by name."""
         means = {name: float(np.mean(self.folds(name, rows, folds))) for name in names}
         return {name: mean for name, mean in means.items() if not math.isnan(mean)}
@@ -200,13 +228,19 @@ class GridSearch:
     def judged(self) -> int:
         """Number of candidates whose fits to all rows are finished, failed ones included."""
         done, rows = self.trials.finished, self.training.rows
-        places = ([(name, fold, rows) for fold in range(FOLDS)] for name in self.grid.differing)
+        places = (
+            [(name, fold, rows) for fold in range(FOLDS)] for name in self.grid.differing
+        )
         return sum(all(place in done for place in of_one) for of_one in places)
 
     def counted(self, what: str) -> dict[str, int]:
         """Count the scores on all rows that each "failure" has cost, or each "remark" concerns."""
         places = product(self.grid.differing, range(FOLDS), [self.training.rows])
-        found = [self.trials.finished[place] for place in places if place in self.trials.finished]
+        found = [
+            self.trials.finished[place]
+            for place in places
+            if place in self.trials.finished
+        ]
         return Counter(text for trial in found if (text := getattr(trial, what)))
 
     @property
@@ -217,7 +251,10 @@ class GridSearch:
     @property
     def fault(self) -> str:
         """Why the search has no winner, "" if it has one."""
-        least, failures = min(LEAST_JUDGED, len(self.grid.differing)), self.counted("failure")
+        least, failures = (
+            min(LEAST_JUDGED, len(self.grid.differing)),
+            self.counted("failure"),
+        )
         if self.tasks([self.own], self.training.rows):
             return (
                 f"not searched: the baseline was not finished on {FOLDS} folds within the time:"
@@ -244,7 +281,9 @@ class GridSearch:
         if not seconds:
             return "give a larger --budget"
         least = min(LEAST_JUDGED, len(self.grid.differing))
-        families = math.ceil(least * len(self.grid.families) / max(len(self.grid.differing), 1))
+        families = math.ceil(
+            least * len(self.grid.families) / max(len(self.grid.differing), 1)
+        )
         fits = FOLDS * (families + len([self.own] if self.own else []))
         # Fits to all rows have the share of one step; the winner's has what judging leaves.
         judging = fits * seconds / self.executor.world.workers * len(self._sizes) / JUDGED
@@ -290,11 +329,14 @@ class GridSearch:
             "candidates_scored": len(self.means(grid.differing)),
             "fits_nominal": FOLDS * len(grid.candidates),
             "fits": sum(
-                not finished.isdisjoint((name, fold, rows) for name in f) for f, fold in fits
+                not finished.isdisjoint((name, fold, rows) for name in f)
+                for f, fold in fits
             ),
             "baseline_fits": int(np.isfinite(self.folds(own)).sum()),
             "winner": "baseline" if self.winner == own else place,
-            "ends": [*grid.ends(grid.first[self.best] if self.best else grid.candidates[0])],
+            "ends": [
+                *grid.ends(grid.first[self.best] if self.best else grid.candidates[0])
+            ],
             **{
                 key: [100 * r2 for r2 in self.folds(name)] if self.means([name]) else []
                 for key, name in deciding.items()

@@ -22,9 +22,16 @@ from learn.comparison.grid import LEAST_JUDGED, LIBRARY, LIBRARY_ROWS, TABLE_2, 
 from learn.metrics import BOOTSTRAP, LEVEL, bootstrap, no_better, spread
 from learn.models import EVERY, MODELS, default_model
 
-SCORES = {"nmse": "nMSE", "nmae": "nMAE", "nmaxe": "nMaxE", "r2": "R2"}  # [%], in the paper
+SCORES = {
+    "nmse": "nMSE",
+    "nmae": "nMAE",
+    "nmaxe": "nMaxE",
+    "r2": "R2",
+}  # [%], in the paper
 OUR_AREA = "area_percent"  # target of the paper's tables, whose numbers would mislead beside others
-NOT_SEARCHED = "not searched"  # name of the winner of a search that judged too few candidates
+NOT_SEARCHED = (
+    "not searched"  # name of the winner of a search that judged too few candidates
+)
 
 WHY_BASELINE = "the baseline wins, no candidate is better over five folds of all rows"
 """What is said of a search that no candidate has won."""
@@ -49,10 +56,20 @@ TUNING = (
 )
 """Columns of tuning.csv."""
 
-COLOURS = {"baseline": "tab:blue", "tuned": "tab:orange"}  # colours of the kinds of results
+COLOURS = {
+    "baseline": "tab:blue",
+    "tuned": "tab:orange",
+}  # colours of the kinds of results
 
 DOTS: dict[str, dict[str, Any]] = {
-    "baseline": {"marker": "o", "ms": 4, "mew": 0.5, "mfc": "none", "ls": "none", "zorder": 1},
+    "baseline": {
+        "marker": "o",
+        "ms": 4,
+        "mew": 0.5,
+        "mfc": "none",
+        "ls": "none",
+        "zorder": 1,
+    },
     "tuned": {"marker": ".", "ms": 2, "ls": "none", "zorder": 2},
 }
 """Looks of predictions: circles of the baseline stay visible round the dots of tuned models."""
@@ -88,7 +105,15 @@ def columns(target: str) -> list[str]:
     ends = [f"{name}_{end}" for name in own if name != "nmaxe" for end in ("low", "high")]
     return [
         *("model", "result", *own, *(f"train_{name}" for name in own), *published),
-        *("failure", "winner", *ends, "level", "resamples", "drawn", "variance_over_mean"),
+        *(
+            "failure",
+            "winner",
+            *ends,
+            "level",
+            "resamples",
+            "drawn",
+            "variance_over_mean",
+        ),
     ]
 
 
@@ -101,7 +126,9 @@ def read(folder: Folder) -> Tables:
         row: Row = dict.fromkeys(columns(target), "")
         row |= {"model": model, "result": kind, "failure": result.get("failure", "")}
         row |= {"winner": search.get("winner") or "", **(result.get("test") or {})}
-        row |= {f"train_{name}": value for name, value in (result.get("train") or {}).items()}
+        row |= {
+            f"train_{name}": value for name, value in (result.get("train") or {}).items()
+        }
         theirs = paper.TEST.get(kind, {}).get(model)
         if theirs is not None and target == OUR_AREA:
             row |= {f"paper_{name}": value for name, value in vars(theirs).items()}
@@ -113,7 +140,9 @@ def read(folder: Folder) -> Tables:
                 given = f"{truth.size} rows, rows.csv has {groups.size} test rows"
                 raise InputError(f"{path} has {given}: move it away")
             if truth.size < 2 or np.ptp(truth) == 0:
-                raise InputError(f"{path} cannot be read: the truth does not vary: move it away")
+                raise InputError(
+                    f"{path} cannot be read: the truth does not vary: move it away"
+                )
             row["variance_over_mean"] = spread(truth)
             if ends := bootstrap(truth, prediction, LEVEL, groups):
                 by = "surface" if record.get("split_by_surface", True) else "row"
@@ -145,7 +174,9 @@ def write(tables: Tables) -> None:
         "tuning-times.csv": (("model", "fit_seconds", "paper_s"), searches),
     }
     for name, (header, rows) in files.items():
-        tables.folder.write_table(name, header, ([row[key] for key in header] for row in rows))
+        tables.folder.write_table(
+            name, header, ([row[key] for key in header] for row in rows)
+        )
 
 
 def _searched(row: Row) -> Row:
@@ -167,14 +198,24 @@ def _searched(row: Row) -> Row:
 
 def show(tables: Tables) -> None:
     """Print the tables of a folder, and what there is to say of them."""
-    conditions, area_max = tables.record["conditions"], tables.record["conditions"]["area_max"]
+    conditions, area_max = (
+        tables.record["conditions"],
+        tables.record["conditions"]["area_max"],
+    )
     limited = "" if area_max is None else f", areas to {area_max:g} %"
     echo(
         f"{tables.folder.path}: {tables.target}, {conditions['train_rows']} training rows,"
         f" {conditions['test_rows']} test rows{limited}; {tables.record['threads']} thread"
     )
-    echo("Scores on the test rows [%] with their intervals, times [s]; the paper's in brackets:")
-    numbers = (*(SCORES[name] for name in names(tables.target)), "fit", "test set", "one row")
+    echo(
+        "Scores on the test rows [%] with their intervals, times [s]; the paper's in brackets:"
+    )
+    numbers = (
+        *(SCORES[name] for name in names(tables.target)),
+        "fit",
+        "test set",
+        "one row",
+    )
     print_columns(_scored(tables), ("Model", "", *numbers), right=numbers)
     for line in _notes(tables):
         echo(line)
@@ -197,7 +238,9 @@ def _notes(tables: Tables) -> Iterator[str]:
             f"{100 * LEVEL:g} % intervals of the scores on the test rows [%]: bootstrap,"
             f" {BOOTSTRAP:,} resamples of {drawn}; nMaxE has none"
         )
-    middle = max((float(row["variance_over_mean"] or 0) for row in tables.rows), default=0.0)
+    middle = max(
+        (float(row["variance_over_mean"] or 0) for row in tables.rows), default=0.0
+    )
     if middle and tables.target == OUR_AREA:
         yield (
             "nMSE has the target's unit: it is (1 - R2) times the variance of the test rows' areas"
@@ -228,7 +271,9 @@ def _remarks(tables: Tables) -> Iterator[str]:
         elif search.get("winner") == "baseline":
             yield f"{title}: {WHY_BASELINE}"
         elif search:
-            yield from (f"{title}: {odd}" for odd in _at_ends(row, space_of(model, features)[1]))
+            yield from (
+                f"{title}: {odd}" for odd in _at_ends(row, space_of(model, features)[1])
+            )
     known = [row for row in tables.rows if row["nmae"] != ""]
     if len({row["model"] for row in known}) > 1:
         best = min(known, key=lambda row: float(row["nmae"]))
@@ -328,7 +373,10 @@ def draw(tables: Tables) -> list[Path]:
         said.insert(0, f"tuned is the baseline, which won the search: {titles}")
     text = "\n".join(textwrap.fill(line, 150) for line in said)
     figures["scores.png"].axes[0].set_title(text, fontsize=8, loc="left")
-    return [save(figure, inside(folder.path, name), dpi=DPI) for name, figure in figures.items()]
+    return [
+        save(figure, inside(folder.path, name), dpi=DPI)
+        for name, figure in figures.items()
+    ]
 
 
 def _parity(folder: Folder, places: list[tuple[str, str]], quantity: str) -> Any:
@@ -343,8 +391,12 @@ def _parity(folder: Folder, places: list[tuple[str, str]], quantity: str) -> Any
         parity_axes(axis, folder.prediction(kinds[0], model)[0])
         for kind in kinds:
             truth, prediction = folder.prediction(kind, model)
-            draw_parity(axis, truth, prediction, label=kind, color=COLOURS[kind], **DOTS[kind])
-        axis.set(title=EVERY[model].title, xlabel=f"solved {quantity}", ylabel="predicted")
+            draw_parity(
+                axis, truth, prediction, label=kind, color=COLOURS[kind], **DOTS[kind]
+            )
+        axis.set(
+            title=EVERY[model].title, xlabel=f"solved {quantity}", ylabel="predicted"
+        )
         axis.legend(markerscale=2, loc="upper left", fontsize=8)
     for axis in axes[len(models) :]:
         axis.set_axis_off()
@@ -381,13 +433,21 @@ def _bars(rows: list[Row], columns: list[str]) -> Any:
             if not own:
                 continue
             places = np.array([models.index(row["model"]) for row in own]) + shift
-            ends = [[_left(row, column, end) for row in own] for end in ("", "_low", "_high")]
-            reach = np.array([ends[0] - np.min(ends, axis=0), np.max(ends, axis=0) - ends[0]])
+            ends = [
+                [_left(row, column, end) for row in own] for end in ("", "_low", "_high")
+            ]
+            reach = np.array(
+                [ends[0] - np.min(ends, axis=0), np.max(ends, axis=0) - ends[0]]
+            )
             look = {"color": COLOURS[kind], "label": kind, "ecolor": "0.2", "capsize": 2}
-            within = reach.tolist() if np.any(reach) else None  # of arrays NumPy 2.1 warns
+            within = (
+                reach.tolist() if np.any(reach) else None
+            )  # of arrays NumPy 2.1 warns
             bars = axis.bar(places, ends[0], 0.38, yerr=within, **look)
             axis.bar_label(bars, fmt="{:.3g}", fontsize=7)
-        axis.set_xticks(range(len(models)), [EVERY[m].title.replace(" ", "\n") for m in models])
+        axis.set_xticks(
+            range(len(models)), [EVERY[m].title.replace(" ", "\n") for m in models]
+        )
         axis.margins(y=0.2)
         errors = column in SCORES and column != "r2"
         axis.set(ylabel=PANELS[column], yscale="linear" if errors else "log")

@@ -81,7 +81,9 @@ def hybrid_rows(
         def keep(block: Block, result: tuple[Values, Values]) -> None:
             nonlocal last
             inside = slice(block[0] - first, block[1] - first)
-            same = np.isclose(inputs[inside], result[0], AGREEMENT, AGREEMENT * 1e-3).all(axis=1)
+            same = np.isclose(inputs[inside], result[0], AGREEMENT, AGREEMENT * 1e-3).all(
+                axis=1
+            )
             if (wrong := left[inside] & ~same).any():
                 raise InputError(
                     f"{path}: row {block[0] + np.argmax(wrong)}, generated anew from its scene, is"
@@ -109,7 +111,9 @@ def _content(part: Stored, blocks: int, *, pressed: bool) -> tuple[Path, dict[st
     finer += "-by-pressure" if pressed else ""
     cache = part.path.with_name(f"{part.path.name}.pressed{finer}.npz")
     # A fingerprint of all that the features depend on besides the inputs.
-    text = f"{VERSION} {blocks} {LOOSE} {','.join(HYBRID)} {PHYSICS} {scene.fingerprint()}"
+    text = (
+        f"{VERSION} {blocks} {LOOSE} {','.join(HYBRID)} {PHYSICS} {scene.fingerprint()}"
+    )
     text += " by pressure" * pressed
     key = hashlib.sha256(text.encode()).hexdigest()
     drawn = [part.columns["hardness"]] if scene.contact.draws_hardness else []
@@ -118,7 +122,9 @@ def _content(part: Stored, blocks: int, *, pressed: bool) -> tuple[Path, dict[st
     return cache, {"key": key, "inputs": inputs, "values": values}
 
 
-def compute_block(shared: tuple[Scene, Path, int, bool], block: Block) -> tuple[Values, Values]:
+def compute_block(
+    shared: tuple[Scene, Path, int, bool], block: Block
+) -> tuple[Values, Values]:
     """Return inputs (k, 23 or 24) and features (k, 18) of a block's rows, NaN where undefined.
 
     At pressures, for which `by_pressure` stands, the coarse solve's Delta is a further column.
@@ -134,7 +140,11 @@ def compute_block(shared: tuple[Scene, Path, int, bool], block: Block) -> tuple[
     inputs = np.full((stop - start, width), np.nan)
     values = np.full((stop - start, len(HYBRID) + pressed), np.nan)
     inputs[:, 0] = deltas
-    ratios = None if plan.hardness is None else np.asarray(plan.hardness) / scene.contact.e_star
+    ratios = (
+        None
+        if plan.hardness is None
+        else np.asarray(plan.hardness) / scene.contact.e_star
+    )
     if scene.contact.draws_hardness:
         inputs[:, -1] = plan.hardness
     surface: SurfaceFeatures | None = None
@@ -147,7 +157,9 @@ def compute_block(shared: tuple[Scene, Path, int, bool], block: Block) -> tuple[
                 surface = SurfaceFeatures(surface_of(scene, plan, row), *own)
             if surface is None:  # failed rows of the database: they have no inputs either
                 continue
-            inputs[row, 1 : 1 + len(STATISTICS)] = list(surface.description.values.values())
+            inputs[row, 1 : 1 + len(STATISTICS)] = list(
+                surface.description.values.values()
+            )
             if deltas[row] > 0 and not surface.description.reason:
                 ratio = None if ratios is None else float(ratios[row])
                 delta = float(deltas[row])
@@ -175,7 +187,9 @@ def kept(cache: Path, key: str, inputs: Values, columns: int = len(HYBRID)) -> V
     """Return the features that a file has for rows whose inputs have not changed, else NaN."""
     values = np.full((len(inputs), columns), np.nan)
     try:  # numpy leaves a broken file open
-        with np.load(BytesIO(require_file(cache).read_bytes()), allow_pickle=False) as file:
+        with np.load(
+            BytesIO(require_file(cache).read_bytes()), allow_pickle=False
+        ) as file:
             theirs, before, known = str(file["key"]), file["inputs"], file["values"]
     except (OSError, ValueError, KeyError, BadZipFile, EOFError, MemoryError, zlib.error):
         return values

@@ -29,8 +29,13 @@ LOADS: Mapping[str, str] = {
     "relative_pressure": "1",
 }
 # relative loads by the names of the quantities of scenes
-RELATIVE = {"delta/height_rms": "relative_delta", "pressure/(E* slope_rms)": "relative_pressure"}
-BY_FORCE = frozenset({"pressure", "force", "relative_pressure"})  # at these Delta is a result
+RELATIVE = {
+    "delta/height_rms": "relative_delta",
+    "pressure/(E* slope_rms)": "relative_pressure",
+}
+BY_FORCE = frozenset(
+    {"pressure", "force", "relative_pressure"}
+)  # at these Delta is a result
 # both ways in which a scene gives the hardness; the ratio is over E*
 HARDNESSES: Mapping[str, str] = {"hardness": "MPa", "hardness_ratio": "1"}
 
@@ -42,13 +47,19 @@ def load_of(scene: Scene) -> str:
 
 def unit_of(name: str) -> str:
     """Return the unit of a parameter or a load; "1" for those of a user's own."""
-    known = {key: each.unit for table in GENERATORS for key, each in table.PARAMETERS.items()}
+    known = {
+        key: each.unit for table in GENERATORS for key, each in table.PARAMETERS.items()
+    }
     return {**known, **LOADS, **HARDNESSES}.get(plain(name), "1")
 
 
 def plain(column: str) -> str:
     """Return the name of the number that a feature is of."""
-    return column.removeprefix("log(").removesuffix(")") if column.startswith("log(") else column
+    return (
+        column.removeprefix("log(").removesuffix(")")
+        if column.startswith("log(")
+        else column
+    )
 
 
 def given_values(scene: Scene, column: Callable[[str], Values]) -> dict[str, Values]:
@@ -57,7 +68,11 @@ def given_values(scene: Scene, column: Callable[[str], Values]) -> dict[str, Val
     found = {name: column(own) for name, own in parameter_columns(scene).items()}
     contact = scene.contact
     if (ends := contact.hardness_limits) is not None:
-        hardness = column("hardness") if contact.draws_hardness else ends[0] + 0 * column("delta")
+        hardness = (
+            column("hardness")
+            if contact.draws_hardness
+            else ends[0] + 0 * column("delta")
+        )
         found |= {"hardness": hardness, "hardness_ratio": hardness / contact.e_star}
     force = column("force")
     found |= {"delta": column("delta"), "force": force, "pressure": force / patch}
@@ -66,7 +81,9 @@ def given_values(scene: Scene, column: Callable[[str], Values]) -> dict[str, Val
     return found
 
 
-def checked_numbers(columns: Sequence[str], given: Mapping[str, ArrayLike]) -> dict[str, Values]:
+def checked_numbers(
+    columns: Sequence[str], given: Mapping[str, ArrayLike]
+) -> dict[str, Values]:
     """Return copies of the numbers that features are of, by their names, (n,) each.
 
     InputError is raised if a name is missing or unknown, lengths differ, or a number is masked, not
@@ -77,7 +94,9 @@ def checked_numbers(columns: Sequence[str], given: Mapping[str, ArrayLike]) -> d
     missing, unknown = {*wanted} - {*given}, {*given} - {*wanted}
     for names, fault in ((missing, " not given"), (unknown, ": unknown")):
         if names:
-            meant = [f"; {name} is {of}" for of, name in RELATIVE.items() if name in wanted]
+            meant = [
+                f"; {name} is {of}" for of, name in RELATIVE.items() if name in wanted
+            ]
             raise InputError(
                 f"{', '.join(sorted(names))}{fault}: the surrogate asks for {asked}{''.join(meant)}"
             )
@@ -93,7 +112,9 @@ def checked_numbers(columns: Sequence[str], given: Mapping[str, ArrayLike]) -> d
         every = np.broadcast_arrays(*copies.values())
     except ValueError:
         lengths = ", ".join(f"{name} {values.size}" for name, values in copies.items())
-        raise InputError(f"arrays of unequal lengths: {lengths}; give one length") from None
+        raise InputError(
+            f"arrays of unequal lengths: {lengths}; give one length"
+        ) from None
     for name, column, values in zip(wanted, columns, every, strict=True):
         bad = ~np.isfinite(values) | ((values <= 0) & (column != name))
         if bad.any():
@@ -119,7 +140,9 @@ def columns_of(scenes: Sequence[Scene], load: str) -> tuple[str, ...]:
             columns.append(_column(name, ends))
     load = load or load_of(scenes[0])
     if load in RELATIVE.values() and any(load_of(scene) != load for scene in scenes):
-        raise InputError(f"--load {load}: not all databases draw it: give --load pressure")
+        raise InputError(
+            f"--load {load}: not all databases draw it: give --load pressure"
+        )
     return (*columns, _column(load, _ends(scenes, load) or (1.0, SPAN)))
 
 
@@ -154,7 +177,9 @@ def _limits(scene: Scene, name: str) -> tuple[float, float] | None:
 def inputs(columns: Sequence[str], given: Mapping[str, Values]) -> Values:
     """Return the features, (n, d), of numbers by their names, each (n,)."""
     named = [(column, given[plain(column)]) for column in columns]
-    return np.column_stack([np.log(v) if column != plain(column) else v for column, v in named])
+    return np.column_stack(
+        [np.log(v) if column != plain(column) else v for column, v in named]
+    )
 
 
 def shown(columns: Sequence[str], values: Values) -> Values:
@@ -170,5 +195,7 @@ def training_ranges(
     low, high = seen.min(axis=0), seen.max(axis=0)
     for place, column in enumerate(columns):
         if (ends := _ends(scenes, plain(column))) is not None:
-            low[place], high[place] = inputs([column], {plain(column): np.array(ends)})[:, 0]
+            low[place], high[place] = inputs([column], {plain(column): np.array(ends)})[
+                :, 0
+            ]
     return low, high

@@ -44,11 +44,15 @@ HEIGHTS = tuple(name for name in STATISTICS if _UNITS[name] == "um")
 OF_HEIGHTS = [STATISTICS.index(name) for name in HEIGHTS]
 CURVATURES = tuple(name for name in STATISTICS if _UNITS[name] == "um-1")
 BANDWIDTHS = ("bandwidth_x", "bandwidth_y")
-PURE = tuple(name for name in STATISTICS if name not in {*HEIGHTS, *CURVATURES, *BANDWIDTHS})
+PURE = tuple(
+    name for name in STATISTICS if name not in {*HEIGHTS, *CURVATURES, *BANDWIDTHS}
+)
 
 ROOT = "sqrt(delta/h)"  # further input of surrogates without units, beside the root of the area
 HARDNESS = "hardness/E*"  # the hardness as a feature of sets with units
-SCALED_HARDNESS = "log(hardness.L/(E*.h))"  # the hardness as a feature of sets without units
+SCALED_HARDNESS = (
+    "log(hardness.L/(E*.h))"  # the hardness as a feature of sets without units
+)
 # square root of the share of the patch that carries the coarse solve's force at the hardness: no
 # contact of bodies that yield has a smaller area; 0 for elastic bodies
 PLASTIC = "sqrt(coarse_force/(hardness.L2))"
@@ -79,7 +83,10 @@ FACTORS = (0.5, 1.0, 2.0)
 # shifts of the displacement above which nodes are counted, over the rms s of the heights that the
 # blocks do not resolve
 SHIFTS = (-1.0, -0.5, 0.5, 1.0)
-POWERS = (2, 3)  # powers of the mean interference of the nodes that stand above the displacement
+POWERS = (
+    2,
+    3,
+)  # powers of the mean interference of the nodes that stand above the displacement
 # skewness of the heights that the blocks do not resolve, 0 where every node is a block: those of
 # self-affine surfaces are as high as deep; those of scratches, pits and worn peaks are not
 SKEWNESS = "unresolved_skewness"
@@ -109,13 +116,21 @@ class Rows:
     """The numbers of n rows that features, and the scales of targets, are computed from."""
 
     statistics: Values  # (n, 22), in the order and units of `STATISTICS`
-    delta: Values  # (n,), far-field displacement, or what stands for it (`by_pressure`) [um]
-    length: Values | float  # scan length L, the geometric mean of both sides, or (n,) [um]
-    hardness_ratio: Values | float | None = None  # over E*; infinite or None for elastic bodies
+    delta: (
+        Values  # (n,), far-field displacement, or what stands for it (`by_pressure`) [um]
+    )
+    length: (
+        Values | float
+    )  # scan length L, the geometric mean of both sides, or (n,) [um]
+    hardness_ratio: Values | float | None = (
+        None  # over E*; infinite or None for elastic bodies
+    )
     nodes: Values | float | None = None  # along a side, the geometric mean of both axes
     hybrid: Values | None = None  # (n, 18), columns of `HYBRID`
     notes: tuple[str, ...] = ()  # why rows have no answer: none, one for all rows, or n
-    given: Mapping[str, Values] = field(default_factory=dict)  # (n,) each, what the scene gives
+    given: Mapping[str, Values] = field(
+        default_factory=dict
+    )  # (n,) each, what the scene gives
     grids: tuple[Grid, ...] = ()  # one for all rows, or n; none if unknown
 
     def under(self, pressure: Values, e_star: float) -> "Rows":
@@ -146,7 +161,9 @@ class Rows:
         with np.errstate(invalid="ignore"):
             _, exponent = np.frexp(np.max(np.abs(heights), axis=1))
             scaled = np.ldexp(heights, -exponent[:, None])
-            return np.asarray(np.ldexp(np.sqrt(np.einsum("ij,ij->i", scaled, scaled)), exponent))
+            return np.asarray(
+                np.ldexp(np.sqrt(np.einsum("ij,ij->i", scaled, scaled)), exponent)
+            )
 
     @property
     def grid(self) -> Values:
@@ -217,7 +234,8 @@ def joined(parts: Sequence[Rows]) -> Rows:
         hybrid=np.concatenate(hybrid) if hybrid else None,
         notes=repeated("notes", "") if any(part.notes for part in parts) else (),
         given={
-            name: np.concatenate([part.given[name] for part in parts]) for name in parts[0].given
+            name: np.concatenate([part.given[name] for part in parts])
+            for name in parts[0].given
         },
         grids=repeated("grids", None) if all(part.grids for part in parts) else (),
     )
@@ -257,7 +275,9 @@ FORMULAS: Mapping[str, Formula] = {
     ROOT: lambda rows: np.sqrt(rows.delta / rows.unit),
     HARDNESS: lambda rows: rows.ratio,
     SCALED_HARDNESS: lambda rows: np.log(rows.ratio * rows.length / rows.unit),
-    PLASTIC: lambda r: np.sqrt(r.coarse[:, HYBRID.index(FORCE)] * r.delta / (r.length * r.ratio)),
+    PLASTIC: lambda r: np.sqrt(
+        r.coarse[:, HYBRID.index(FORCE)] * r.delta / (r.length * r.ratio)
+    ),
     NODES: lambda rows: np.log2(rows.grid),
 }
 """Every feature by its name, (n,)."""
@@ -274,7 +294,9 @@ class FeatureSet:
     needs_surface: bool = False  # True if the features need the heights of the surface
     blocks: int = 0  # per side of the coarse solve, if `LOCAL` is among the features
     elastic: bool = False  # True if elastic bodies are among those that yield
-    load: str = "delta"  # the load of surfaces, or "pressure"; the last of a scene's features
+    load: str = (
+        "delta"  # the load of surfaces, or "pressure"; the last of a scene's features
+    )
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -300,12 +322,17 @@ class FeatureSet:
         """Return the features of n rows, (n, d), NaN or infinite where they are undefined."""
         if self.name == SCENE:
             if not {*self.names} <= rows.given.keys():
-                raise InputError(f"a surrogate of a scene asks for {', '.join(self.names)} instead")
+                raise InputError(
+                    f"a surrogate of a scene asks for {', '.join(self.names)} instead"
+                )
             with np.errstate(divide="ignore", invalid="ignore"):
                 return scenic.inputs(self.columns, rows.given)
         capped = rows.capped() if self.elastic else rows
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            every = [FORMULAS[name](rows if name == PLASTIC else capped) for name in self.columns]
+            every = [
+                FORMULAS[name](rows if name == PLASTIC else capped)
+                for name in self.columns
+            ]
         return np.column_stack(every)
 
     def scale(self, powers: Powers | None, rows: Rows, modulus: float) -> Values:
@@ -334,7 +361,9 @@ class FeatureSet:
         heights = rows.delta if powers.modulus else rows.unit
         length = np.asarray(rows.length, dtype=np.float64)
         scale = modulus**powers.modulus * length ** float(powers.lengths)
-        return np.asarray(scale * heights ** float(powers.heights) * ones, dtype=np.float64)
+        return np.asarray(
+            scale * heights ** float(powers.heights) * ones, dtype=np.float64
+        )
 
 
 @dataclass(frozen=True)
@@ -375,12 +404,18 @@ SETS: Mapping[str, FeatureSet] = {
         FeatureSet("paper", ("delta", *STATISTICS), "l2", scaled=False),
         FeatureSet("dimensionless", _WITHOUT_UNITS, "standard", scaled=True),
         FeatureSet(
-            "hybrid", (*_WITHOUT_UNITS, *COARSE), "standard", scaled=True, needs_surface=True
+            "hybrid",
+            (*_WITHOUT_UNITS, *COARSE),
+            "standard",
+            scaled=True,
+            needs_surface=True,
         ),
         FeatureSet(SCENE, (), "standard", scaled=False),
     )
 }
-OF_SURFACES = tuple(name for name in SETS if name != SCENE)  # sets whose features a surface has
+OF_SURFACES = tuple(
+    name for name in SETS if name != SCENE
+)  # sets whose features a surface has
 
 
 def chosen(

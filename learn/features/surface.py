@@ -98,7 +98,10 @@ class Blocks:
         with np.errstate(divide="ignore", over="ignore"):
             shares = erf(factor * PERSSON * pressure[pressed] / self.slopes[pressed])
         (_, sizes_x), (_, sizes_y) = self._along
-        return float((np.outer(sizes_x, sizes_y)[pressed] * shares).sum()) / self.heights.size
+        return (
+            float((np.outer(sizes_x, sizes_y)[pressed] * shares).sum())
+            / self.heights.size
+        )
 
     @cached_property
     def _unresolved(self) -> Values:
@@ -181,7 +184,9 @@ class SurfaceFeatures:
         deltas = by_pressure(loads, length, e_star) if pressed else loads
         wrong = deltas[~((deltas > 0) & (deltas < np.inf))]
         if wrong.size:
-            raise InputError(f"{self.name}: Delta {wrong[0]:g} um: give finite numbers above 0")
+            raise InputError(
+                f"{self.name}: Delta {wrong[0]:g} um: give finite numbers above 0"
+            )
         described, notes, hybrid = self.description, tuple[str, ...](), None
         if described.reason:
             raise Undefined(f"{self.name}: statistics undefined: {described.reason}")
@@ -196,18 +201,24 @@ class SurfaceFeatures:
                 ratios = np.broadcast_to(hardness_ratio, deltas.shape).tolist()
             if pressed:
                 pairs = zip(deltas, ratios, strict=True)
-                deltas = np.array([self.reached(delta, ratio, blocks) for delta, ratio in pairs])
+                deltas = np.array(
+                    [self.reached(delta, ratio, blocks) for delta, ratio in pairs]
+                )
             pairs = zip(deltas.tolist(), ratios, strict=True)
             every = [self.hybrid(delta, ratio, blocks) for delta, ratio in pairs]
             hybrid = np.array(every).reshape(-1, len(HYBRID))
         statistics = np.tile(list(described.values.values()), (deltas.size, 1))
         own = length, hardness_ratio, math.sqrt(self.heights.size), hybrid, notes
         grid = self.heights.shape, self.sides
-        return Rows(statistics, deltas, *own, {"pressure": loads} if pressed else {}, (grid,))
+        return Rows(
+            statistics, deltas, *own, {"pressure": loads} if pressed else {}, (grid,)
+        )
 
     def reached(self, load: float, hardness_ratio: float | None, blocks: int) -> float:
         """Return the Delta at which the coarse solve carries a pressure times L / E* [um]."""
-        contact = self._pressed(self._blocks(blocks), None, hardness_ratio, load / self.length)
+        contact = self._pressed(
+            self._blocks(blocks), None, hardness_ratio, load / self.length
+        )
         return contact.delta - self._depth(self._blocks(blocks), 0.0)
 
     def hybrid(
@@ -265,7 +276,9 @@ class SurfaceFeatures:
         except (bem.NotConverged, ArithmeticError, ValueError) as error:
             raise InputError(f"{self.name}: coarse contact: {error}") from None
 
-    def means(self, delta: float, hardness_ratio: float | None = None) -> tuple[float, float]:
+    def means(
+        self, delta: float, hardness_ratio: float | None = None
+    ) -> tuple[float, float]:
         """Return the coarse solve's mean displacement over F / (E* L) and mean yielded depth [um].
 
         Multiplied by F / (E* L) with the force of a finer solve, the first gives the mean

@@ -36,7 +36,9 @@ SHARE = 5  # one of this many surfaces, or tiles, is in the holdout
 KEY = 20_260
 """Key of the draw's stream of random numbers, which belongs to no other part of a scene."""
 
-FUNCTIONS = 400  # functions that a process might be, of which errors of its mean are taken
+FUNCTIONS = (
+    400  # functions that a process might be, of which errors of its mean are taken
+)
 POINTS = 4  # looks of a learning curve, at least
 EXPONENTS = (0.1, 1.0)  # smallest and largest exponent of a curve
 
@@ -105,7 +107,10 @@ def accuracy_of_mean(learnt: Learnt, rows: Dataset) -> Accuracy:
     the distance of the mean from other functions that the process might be as well.
     """
     model, scaled = learnt.pipeline[-1], learnt.pipeline[:-1].transform(rows.inputs)
-    wrong = np.abs(model.drawn_errors(scaled, FUNCTIONS)).mean(axis=0) * learnt.scaling.deviation
+    wrong = (
+        np.abs(model.drawn_errors(scaled, FUNCTIONS)).mean(axis=0)
+        * learnt.scaling.deviation
+    )
     errors = 100 * wrong / np.abs(learnt.raw(rows.inputs)).mean()
     return Accuracy(float(errors.mean()), float(errors.std()), FUNCTIONS)
 
@@ -130,7 +135,9 @@ def holdout(rows: Dataset) -> NDArray[np.bool_]:
     tiles of which two windows are equal to the last bit.
     """
     scene, groups, among = rows.origins[0].scene, rows.surfaces, SHARE
-    numbers = rows.rows if np.ptp(rows.groups) == 0 else rows.rows // scene.samples_per_surface
+    numbers = (
+        rows.rows if np.ptp(rows.groups) == 0 else rows.rows // scene.samples_per_surface
+    )
     if rows.by_tile:
         assert isinstance(scene.surface, ScanSurface)
         among = min(SHARE, scene.surface.tile_groups())
@@ -189,7 +196,11 @@ def judge(learnt: Learnt, rows: Dataset) -> Judged:
     truth = rows.target * rows.scale
     of_mean = rows.features.name == SCENE
     errors = np.abs(predicted - truth)
-    found = accuracy_of_mean(learnt, rows) if of_mean else accuracy(errors, truth, rows.groups)
+    found = (
+        accuracy_of_mean(learnt, rows)
+        if of_mean
+        else accuracy(errors, truth, rows.groups)
+    )
     return Judged(truth, predicted, low, high, found)
 
 
@@ -235,7 +246,9 @@ class Look:
     @property
     def met(self) -> bool:
         """Whether the errors of all targets are below the mark, and no constant does as well."""
-        scored = [each["scores"]["r2"] for each in self.surrogate.card["targets"].values()]
+        scored = [
+            each["scores"]["r2"] for each in self.surrogate.card["targets"].values()
+        ]
         return self.bound(self.worst) <= self.mark and not any(map(no_better, scored))
 
     def asked_for(self) -> str:

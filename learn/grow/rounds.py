@@ -52,8 +52,12 @@ GROWTH = 2.0  # exponent with which the time of a look grows with the rows
 WORTH = 0.05
 """Rows of a round over those that there are, at least, if the budget is to be spent on them."""
 
-EARLIEST = 7  # number of the smallest size at which a growth gives up by its learning curve
-PATIENT = 4  # number of the size from which on rows that are too few for a fit are an error
+EARLIEST = (
+    7  # number of the smallest size at which a growth gives up by its learning curve
+)
+PATIENT = (
+    4  # number of the size from which on rows that are too few for a fit are an error
+)
 
 Ending = Literal["met", "budget", "rows", "hopeless", "interrupted"]
 
@@ -97,7 +101,9 @@ class Growth:
     say: Callable[[str], None]  # called with lines for the user
     stopping: Callable[[], bool] = lambda: False  # asked between rows
     until: float = math.inf  # time of `time.time` at which the budget ends [s]
-    row: float = 0.0  # time in which all workers together make one row, 0 if not known [s]
+    row: float = (
+        0.0  # time in which all workers together make one row, 0 if not known [s]
+    )
     seen: tuple[int, float] = (1, 0.0)  # rows of the last look, and its time [s]
     # Errors of all looks, by the rows of the database and the target.
     errors: dict[int, dict[str, Accuracy]] = field(default_factory=dict)
@@ -218,7 +224,10 @@ class Growth:
         kill, leaves a database that the same call goes on with. InputError is raised if the file is
         of another scene, or cannot be written.
         """
-        (path,), wider = self.request.databases, scene.model_copy(update={"samples": rows})
+        (path,), wider = (
+            self.request.databases,
+            scene.model_copy(update={"samples": rows}),
+        )
         (before, _, seconds), workers = stock(path), self.executor.world.workers
         if before and not self.row:
             self.row = seconds / before / workers
@@ -246,20 +255,26 @@ class Growth:
                 blocks = blocks_of(writer.scene, pending, workers)
                 if self.until < math.inf:  # a stop waits for the tasks under way
                     blocks = (
-                        (row, row + 1) for start, stop in blocks for row in range(start, stop)
+                        (row, row + 1)
+                        for start, stop in blocks
+                        for row in range(start, stop)
                     )
                 self.executor.run(
                     _compute,
                     (writer.scene, path.parent),
                     blocks,
                     take,
-                    stopping=lambda: self.stopping() or not self.suffices(before + made, hands),
+                    stopping=lambda: (
+                        self.stopping() or not self.suffices(before + made, hands)
+                    ),
                 )
             writer.confirm()
         return stock(path)[0]
 
 
-def _fitted(data: tuple[Request, list[Dataset], Split], task: None) -> tuple[Surrogate, list[str]]:
+def _fitted(
+    data: tuple[Request, list[Dataset], Split], task: None
+) -> tuple[Surrogate, list[str]]:
     """Fit a surrogate to rows that are divided; return the lines for the user too."""
     lines: list[str] = []
     return fitting.fit_parts(*data, lines.append), lines
@@ -299,7 +314,9 @@ def show(growth: Growth, ending: Ending, found: Look) -> None:
         f" out by {parts.get('split_by', 'surface')}, {sum(parts['left_out'].values())} left out"
     )
     accuracy, bound = found.judged[worst].accuracy, found.bound(worst)
-    said = f"{WORDS[ending]}: nMAE of {worst} {accuracy.nmae:.2f} %, at most {bound:.2f} %,"
+    said = (
+        f"{WORDS[ending]}: nMAE of {worst} {accuracy.nmae:.2f} %, at most {bound:.2f} %,"
+    )
     said += f" asked: {found.mark:g} %."
     if found.met:
         said += (
@@ -316,7 +333,9 @@ def show(growth: Growth, ending: Ending, found: Look) -> None:
         asked = found.asked_for()
         echo(f"{asked[0].upper()}{asked[1:]}. The same command goes on.")
     if card["features"] == SCENE:
-        echo("Errors are those of the mean over surfaces, intervals those of a new surface.")
+        echo(
+            "Errors are those of the mean over surfaces, intervals those of a new surface."
+        )
     rows = []
     for name, judged in found.judged.items():
         about = card["targets"][name]
@@ -330,7 +349,9 @@ def show(growth: Growth, ending: Ending, found: Look) -> None:
     if (curve := found.curve) is not None:
         pairs = zip(curve.rows, curve.nmae, strict=True)
         points = ", ".join(f"{error:.3g} % of {size:.0f}" for size, error in pairs)
-        echo(f"learning curve of {worst}: nMAE {points} rows; falls as n^-{curve.exponent:.2f}")
+        echo(
+            f"learning curve of {worst}: nMAE {points} rows; falls as n^-{curve.exponent:.2f}"
+        )
 
 
 def draw(figure: Any, found: Look) -> None:
@@ -343,7 +364,12 @@ def draw(figure: Any, found: Look) -> None:
         axis.plot(rows, curve.at(rows), color=COLOUR, label="n$^{-c}$")
     nmae = found.judged[found.worst].accuracy.nmae
     bound = np.nan_to_num(found.bound(found.worst) - nmae, posinf=0.0)
-    look = {"fmt": "s", "color": "black", "capsize": 4, "label": "all rows, with their bound"}
+    look = {
+        "fmt": "s",
+        "color": "black",
+        "capsize": 4,
+        "label": "all rows, with their bound",
+    }
     axis.errorbar([found.rows], [nmae], [[0.0], [bound]], **look)
     axis.axhline(found.mark, color=MARK, ls="--", label=f"asked for, {found.mark:g} %")
     axis.set(xlabel="rows of the database", ylabel="nMAE [%]")

@@ -24,7 +24,12 @@ from learn.surrogate.model import Prediction, Surrogate
 
 
 def answers(
-    surrogate: Surrogate, path: Path, loads: Values, bodies: Bodies, level: float, reading: Reading
+    surrogate: Surrogate,
+    path: Path,
+    loads: Values,
+    bodies: Bodies,
+    level: float,
+    reading: Reading,
 ) -> Iterator[Row]:
     """Yield the rows of the predictions for a file, or for the files of a folder.
 
@@ -36,7 +41,9 @@ def answers(
         first = ""  # names of a table's columns, or numbers of a map
         try:
             if file.suffix.lower() in {".csv", ".txt"}:
-                with require_file(file).open(encoding="utf-8-sig", errors="replace") as opened:
+                with require_file(file).open(
+                    encoding="utf-8-sig", errors="replace"
+                ) as opened:
                     first = opened.readline()
             if {name.strip() for name in first.split(",")} & {*STATISTICS}:
                 rows = rows_of_table(surrogate, file, loads, bodies, reading.side)
@@ -59,7 +66,9 @@ def answers(
             reasons = (reason,) * loads.size
             answer = Prediction(loads, unknown, unknown, unknown, reasons, given)
         except OSError as error:
-            raise InputError(f"{file} cannot be read: {error.strerror or error}") from None
+            raise InputError(
+                f"{file} cannot be read: {error.strerror or error}"
+            ) from None
         except InputError as error:
             named = str(error).startswith(("--", str(file)))
             raise InputError(f"{'' if named else f'{file}: '}{error}") from None
@@ -83,7 +92,9 @@ def answers_of_parameters(
     or unknown, and for what is no number.
     """
     names = [name for name in surrogate.features.names if name not in numbers]
-    fixed = {name: np.atleast_1d(np.asarray(each, float)) for name, each in numbers.items()}
+    fixed = {
+        name: np.atleast_1d(np.asarray(each, float)) for name, each in numbers.items()
+    }
     files: list[Path | None] = [*tables] or [None]
     for table in files:
         given, count, further = dict(fixed), 1, [dict[str, str]()]
@@ -95,13 +106,19 @@ def answers_of_parameters(
                 )
             cells = _cells(table, names, f"the surrogate asks for {', '.join(names)}")
             if twice := sorted(fixed.keys() & cells[0].keys()):
-                raise InputError(f"{table}: has its own {', '.join(twice)}: leave out the option")
+                raise InputError(
+                    f"{table}: has its own {', '.join(twice)}: leave out the option"
+                )
             columns, count = _numbers(table, cells, names).T, len(cells)
-            further = [{name: row[name] for name in row if name not in names} for row in cells]
+            further = [
+                {name: row[name] for name in row if name not in names} for row in cells
+            ]
             given |= dict(zip(names, columns, strict=True))
         most = max((each.size for each in fixed.values()), default=1)
         spread = {
-            name: np.resize(each, most * count) if name in numbers else np.repeat(each, most)
+            name: np.resize(each, most * count)
+            if name in numbers
+            else np.repeat(each, most)
             for name, each in given.items()
         }
         try:
@@ -119,7 +136,9 @@ def _answered(surrogate: Surrogate, prediction: Prediction) -> Iterator[Row]:
     Columns have their units: delta_um, area_percent, force_uN, mean_gap_um.
     """
     asked = prediction.given or {"delta": prediction.delta}
-    columns = [(name, LOADS.get(name) or unit_of(name), each, "") for name, each in asked.items()]
+    columns = [
+        (name, LOADS.get(name) or unit_of(name), each, "") for name, each in asked.items()
+    ]
     for target, learnt in surrogate.learnt.items():
         columns.append((learnt.column, learnt.unit, prediction.values[target], target))
     for place, reason in enumerate(prediction.reasons):
@@ -127,9 +146,13 @@ def _answered(surrogate: Surrogate, prediction: Prediction) -> Iterator[Row]:
         for name, unit, values, target in columns:
             key = name if unit in {"%", "1"} else f"{name}_{unit}"
             row[key] = float(values[place])
-            if target in prediction.low:  # outside the training no interval holds: empty cells
+            if (
+                target in prediction.low
+            ):  # outside the training no interval holds: empty cells
                 row[f"{key}_low"] = "" if reason else float(prediction.low[target][place])
-                row[f"{key}_high"] = "" if reason else float(prediction.high[target][place])
+                row[f"{key}_high"] = (
+                    "" if reason else float(prediction.high[target][place])
+                )
         yield {**row, "flag": "outside" if reason else "inside", "reason": reason}
 
 
@@ -156,7 +179,9 @@ def rows_of_table(
     if side:
         given = sides_from(side)
         if not np.allclose(sides[~np.isnan(sides[:, 0])], given, rtol=1e-3):
-            raise InputError(f"{path}: names other sides than --side {side}: leave that out")
+            raise InputError(
+                f"{path}: names other sides than --side {side}: leave that out"
+            )
         sides[:] = given
     if np.isnan(sides).any() and surrogate.features.scaled:
         raise InputError(f"{path}: names no sides: give --side, the scan length in um")
@@ -167,7 +192,10 @@ def rows_of_table(
     usual, unknown = surrogate.card, np.isnan(sides).any(axis=1, keepdims=True)
     shapes = np.where(nodes.all(axis=1, keepdims=True), nodes, usual["nodes"]).astype(int)
     patches = np.where(unknown, usual["side"], sides)
-    grids = [(tuple(a), tuple(b)) for a, b in zip(shapes.tolist(), patches.tolist(), strict=True)]
+    grids = [
+        (tuple(a), tuple(b))
+        for a, b in zip(shapes.tolist(), patches.tolist(), strict=True)
+    ]
     notes = ["statistics undefined: nan in the table" * lacks for lacks in undefined]
     rows = np.repeat(np.arange(len(cells)), loads.size)
     asked = np.tile(loads, len(cells))
@@ -181,7 +209,9 @@ def rows_of_table(
         notes=tuple(notes[row] for row in rows),
         grids=tuple(grids[row] for row in rows),
     )
-    return found if surrogate.features.load == "delta" else found.under(asked, bodies.e_star)
+    return (
+        found if surrogate.features.load == "delta" else found.under(asked, bodies.e_star)
+    )
 
 
 def _cells(path: Path, wanted: Sequence[str], advice: str) -> list[dict[str, str]]:
@@ -196,14 +226,19 @@ def _cells(path: Path, wanted: Sequence[str], advice: str) -> list[dict[str, str
     missing = [name for name in wanted if name not in names]
     if missing:
         more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
-        raise InputError(f"{path}: has no column {', '.join(missing[:3])}{more}; {advice}")
+        raise InputError(
+            f"{path}: has no column {', '.join(missing[:3])}{more}; {advice}"
+        )
     if not rows:
         raise InputError(f"{path}: has a header and no rows")
     return rows
 
 
 def _numbers(
-    path: Path, cells: list[dict[str, str]], names: Sequence[str], otherwise: float = np.nan
+    path: Path,
+    cells: list[dict[str, str]],
+    names: Sequence[str],
+    otherwise: float = np.nan,
 ) -> Values:
     """Return columns of finite numbers, (n, k); statistics that are empty or "nan" are NaN."""
     found = np.full((len(cells), len(names)), otherwise)

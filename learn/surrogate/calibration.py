@@ -33,11 +33,19 @@ from learn.surrogate.interval import (
 # databases; or of other maps too
 Scheme = Literal["surfaces", "each", "others"]
 
-FEWEST = 9  # smallest number of maps or databases whose intervals of 90 % hold for others too
-SURFACE = "surface"  # kind of a scene's own groups, of which surfaces of one population differ
+FEWEST = (
+    9  # smallest number of maps or databases whose intervals of 90 % hold for others too
+)
+SURFACE = (
+    "surface"  # kind of a scene's own groups, of which surfaces of one population differ
+)
 SLIGHT = 1e-3  # weight of the penalty on the slopes of usual errors between surfaces
-MOST_FITS = 20  # largest number of fits that leave groups out; several groups then go together
-MOST_UNSEEN = 0.6  # largest share of the rows that a model may lack that predicts a part of them
+MOST_FITS = (
+    20  # largest number of fits that leave groups out; several groups then go together
+)
+MOST_UNSEEN = (
+    0.6  # largest share of the rows that a model may lack that predicts a part of them
+)
 # rows nearest to a map or database from which on it has scores of its own; else those of all count
 SMALLEST = 20
 # surfaces of a database or map that suffice where each part takes a further fit: the share of rows
@@ -122,9 +130,13 @@ class Plan(NamedTuple):
     kept: Indices  # training rows that calibrate, those of the parts
     groups: Groups  # of the rows that calibrate
     seen: Measured  # their distances from the training
-    distance: Distance  # that of the surrogate, with the limit of the groups or of the training
+    distance: (
+        Distance  # that of the surrogate, with the limit of the groups or of the training
+    )
     entry: dict[str, Any]  # "calibration" of the card
-    remark: str  # maps or databases by which the training rows calibrate; "" if there is one
+    remark: (
+        str  # maps or databases by which the training rows calibrate; "" if there is one
+    )
 
 
 def planned(model: str, train: Dataset, other: Dataset | None) -> Plan:
@@ -133,7 +145,11 @@ def planned(model: str, train: Dataset, other: Dataset | None) -> Plan:
     For models in `CLOSED` every part of the training rows does. For others as many do as have
     `ENOUGH` surfaces, or all that there are, also of whole groups.
     """
-    own, size, parts = groups_of(train), train.inputs.shape[1], list[tuple[Indices, Indices]]()
+    own, size, parts = (
+        groups_of(train),
+        train.inputs.shape[1],
+        list[tuple[Indices, Indices]](),
+    )
     kept, remark, database, sha256 = np.arange(0), "", "", ""
     if train.features.name == SCENE:  # drawn independently of each other: ranges say all
         distance = Distance(np.zeros((1, size)), np.zeros((1, size, size)), np.inf)
@@ -151,7 +167,10 @@ def planned(model: str, train: Dataset, other: Dataset | None) -> Plan:
             distance = from_maps(train.inputs, groups.labels, other.inputs)
     else:
         groups, distance = own, seen.distance
-        parts, whole = list(holdouts(train, groups.left_out(train))), groups.scheme == "others"
+        parts, whole = (
+            list(holdouts(train, groups.left_out(train))),
+            groups.scheme == "others",
+        )
         several = groups.kind in {"map", "database"}
         if not (model in CLOSED or (several and whole)):
             enough, told = ENOUGH * (groups.number if several else 1), set[int]()
@@ -165,7 +184,9 @@ def planned(model: str, train: Dataset, other: Dataset | None) -> Plan:
         seen = Measured(distance, seen.far[kept], seen.nearest[kept])
         if groups.scheme != "surfaces":
             how = (
-                "each predicted without it" if whole else "by surfaces that the model has not seen"
+                "each predicted without it"
+                if whole
+                else "by surfaces that the model has not seen"
             )
             remark = f"intervals by {groups.number} {groups.kind}s, {how}"
     entry = {"scheme": groups.scheme, "kind": groups.kind, "groups": groups.number}
@@ -183,7 +204,9 @@ def calibrate(rows: Dataset, plan: Plan, raw: Values, *, root: bool) -> Calibrat
     groups, seen, truth = plan.groups, plan.seen, rows.target
     raw, truth = (np.sqrt(np.maximum(each, 0)) if root else each for each in (raw, truth))
     inputs, labels, parts = rows.inputs, groups.labels, groups.left_out(rows)
-    by_surface = groups.kind == SURFACE and groups.scheme == "others"  # many, of few features
+    by_surface = (
+        groups.kind == SURFACE and groups.scheme == "others"
+    )  # many, of few features
     terms, errors = quadratic(inputs) if by_surface else inputs, np.abs(raw - truth)
     fit = partial(fit_scale, shrinkage=SLIGHT) if by_surface else fit_scale
     if groups.scheme != "others":

@@ -49,7 +49,10 @@ def make(
     `train` are positions among the usable rows; `sizes` are the numbers of rows that "train",
     "calibration" and "test" have; `judged` are the entries of the targets.
     """
-    scene, limits = rows.origins[0].scene, limits_of([origin.scene for origin in rows.origins])
+    scene, limits = (
+        rows.origins[0].scene,
+        limits_of([origin.scene for origin in rows.origins]),
+    )
     boundary = scene.contact.boundary
     features, (model,) = rows.features, request.models
     databases = [
@@ -70,14 +73,18 @@ def make(
         "boundary": boundary if boundary != "free" else "",
         "hardness_ratio": None if limits is None else list(limits),
         "elastic": features.elastic,
-        "load": features.load if features.name == SCENE or features.load != "delta" else "",
+        "load": features.load
+        if features.name == SCENE or features.load != "delta"
+        else "",
         "databases": databases if len(databases) > 1 else [],
     }
     return {
         "title": f"{EVERY[model].title} for {', '.join(request.targets)}",
         "model": model,
         "features": features.name,
-        "columns": [list(pair) for pair in zip(features.columns, features.units, strict=True)],
+        "columns": [
+            list(pair) for pair in zip(features.columns, features.units, strict=True)
+        ],
         "normalisation": request.normalisation,
         "targets": judged,
         **{name: databases[0][name] for name in ("scene", "nodes", "side")},
@@ -111,7 +118,9 @@ def judge(fitted: Fit, rows: Dataset, test: Indices) -> dict[str, Any]:
     for level in LEVELS:
         low, high = learnt.calibration.ends(raw, level, tested.inputs)
         held.append((low <= truth) & (truth <= high))
-        width = np.clip(high * scale, *learnt.bounds) - np.clip(low * scale, *learnt.bounds)
+        width = np.clip(high * scale, *learnt.bounds) - np.clip(
+            low * scale, *learnt.bounds
+        )
         own = {"coverage": float(held[-1].mean()), "mean_width": float(width.mean())}
         covered.append({"level": level, **own})
     found = scores_of(learnt, tested, raw)
@@ -123,7 +132,9 @@ def judge(fitted: Fit, rows: Dataset, test: Indices) -> dict[str, Any]:
         "range": np.quantile(truth * scale, (0, 1)).tolist(),
         "scores": found,
         "intervals": covered,
-        "settings": {name: str(each) for name, each in sorted(fitted.settings.values.items())},
+        "settings": {
+            name: str(each) for name, each in sorted(fitted.settings.values.items())
+        },
         "settings_from": fitted.settings.origin,
         "fit_seconds": fitted.fitting,
         "remarks": [*fitted.remarks, *filter(None, [no_better(found["r2"])])],
@@ -132,7 +143,11 @@ def judge(fitted: Fit, rows: Dataset, test: Indices) -> dict[str, Any]:
 
 def scores_of(learnt: Learnt, rows: Dataset, raw: Values) -> dict[str, float]:
     """Return the scores of predictions of rows over their scale, (n,) [%]."""
-    return {**vars(scores(rows.target * rows.scale, np.clip(raw * rows.scale, *learnt.bounds)))}
+    return {
+        **vars(
+            scores(rows.target * rows.scale, np.clip(raw * rows.scale, *learnt.bounds))
+        )
+    }
 
 
 def _by_database(
@@ -152,7 +167,9 @@ def _by_database(
             mae, covered = float(errors[mine].mean()), float(held[mine].mean())
             size = magnitude(truth[mine])
             nmae = 100 * mae / size if size else nmae
-        found.append({"rows": int(mine.sum()), "nmae": nmae, "mae": mae, "coverage": covered})
+        found.append(
+            {"rows": int(mine.sum()), "nmae": nmae, "mae": mae, "coverage": covered}
+        )
     return found
 
 
@@ -165,13 +182,17 @@ def show(card: Mapping[str, Any], low: Values, high: Values) -> None:
             tables.insert(0, _databases(card))
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         fault = printable(f"{type(error).__name__}: {error}")
-        raise InputError(f"the surrogate's card is not whole ({fault}): fit it anew") from None
+        raise InputError(
+            f"the surrogate's card is not whole ({fault}): fit it anew"
+        ) from None
     for text in texts:
         echo(text)
     for title, names, numbers, rows in tables:
         echo("")
         echo(title)
-        print_columns([[*map(str, row)] for row in rows], [*names, *numbers], right=numbers)
+        print_columns(
+            [[*map(str, row)] for row in rows], [*names, *numbers], right=numbers
+        )
 
 
 def lines(card: Mapping[str, Any]) -> Iterator[str]:
@@ -184,7 +205,9 @@ def lines(card: Mapping[str, Any]) -> Iterator[str]:
     )
     yield f"trained   on {_training(card)}"
     for name, target in card["targets"].items():
-        settings = ", ".join(f"{key}={value}" for key, value in target["settings"].items())
+        settings = ", ".join(
+            f"{key}={value}" for key, value in target["settings"].items()
+        )
         yield f"{name:9} {settings} ({target['settings_from']})"
         if "left_out" in target:
             r2, nmae = target["left_out"]["r2"], target["left_out"]["nmae"]
@@ -196,7 +219,9 @@ def lines(card: Mapping[str, Any]) -> Iterator[str]:
         yield MEASURED
     if "grown" in card:
         grown = card["grown"]
-        bounds = ", ".join(f"{name} {bound:.3g} %" for name, bound in grown["bounds"].items())
+        bounds = ", ".join(
+            f"{name} {bound:.3g} %" for name, bound in grown["bounds"].items()
+        )
         met = "met" if grown["met"] else "not met"
         yield (
             f"grown     to an nMAE of {grown['mark']:g} %: {met}, with {grown['rows']} rows; at"
@@ -206,7 +231,9 @@ def lines(card: Mapping[str, Any]) -> Iterator[str]:
     for entry in card.get("databases", [alone]):
         yield f"data      {entry['database']}, sha256 {entry['sha256'][:16]}"
         yield f"scene     {entry['scene']}"
-    named = ", ".join(f"{name} {number}" for name, number in card["versions"].items() if number)
+    named = ", ".join(
+        f"{name} {number}" for name, number in card["versions"].items() if number
+    )
     yield f"versions  {named}"
     yield f"made      {card['made']}, licence {card['licence']}"
 
@@ -217,10 +244,14 @@ def _interval_lines(card: Mapping[str, Any]) -> Iterator[str]:
     if entry is None:
         return
     groups, kinds = entry["groups"], f"{entry['kind']}s"
-    how = f" of {entry['database']}" if entry["database"] else ", each predicted without it"
+    how = (
+        f" of {entry['database']}" if entry["database"] else ", each predicted without it"
+    )
     hold = f"other {kinds} like these"
     if entry["scheme"] == "each":
-        hold = f"further surfaces of these {kinds}; for others, {FEWEST} or more are needed"
+        hold = (
+            f"further surfaces of these {kinds}; for others, {FEWEST} or more are needed"
+        )
     yield f"intervals calibrated by {calibrated_by(card)}{how}: hold for {hold}"
     largest = entry.get("largest_level")
     if largest is None and entry["scheme"] != "each":  # a file of 1.0.0
@@ -269,20 +300,35 @@ def _scores(card: Mapping[str, Any]) -> Table:
         rows.append((name, target["unit"], f"{low:.4g}", f"{high:.4g}", nmse, *others))
     title = "Scores on the test rows [%], and shares of these inside their intervals [%]"
     inside = [f"in {100 * level:g} %" for level in LEVELS]
-    return title, ["Target", "Unit"], ["from", "to", "nMSE", "nMAE", "nMaxE", "R2", *inside], rows
+    return (
+        title,
+        ["Target", "Unit"],
+        ["from", "to", "nMSE", "nMAE", "nMaxE", "R2", *inside],
+        rows,
+    )
 
 
 def _databases(card: Mapping[str, Any]) -> Table:
     """Return the table of the databases, with scores on the test rows of each."""
     headings = ["rows", "tested"]
     for name, target in card["targets"].items():
-        error = "mean error" if target["unit"] == "1" else f"mean error [{target['unit']}]"
-        headings += [f"{name}: {each}" for each in ("nMAE [%]", error, f"in {100 * LEVELS[1]:g} %")]
+        error = (
+            "mean error" if target["unit"] == "1" else f"mean error [{target['unit']}]"
+        )
+        headings += [
+            f"{name}: {each}" for each in ("nMAE [%]", error, f"in {100 * LEVELS[1]:g} %")
+        ]
     rows = []
     for place, entry in enumerate(card["databases"]):
         judged = [target["databases"][place] for target in card["targets"].values()]
         nodes = f"{entry['nodes'][0]:g} x {entry['nodes'][1]:g}"
-        row = [entry["database"], entry["generator"], nodes, entry["rows"], judged[0]["rows"]]
+        row = [
+            entry["database"],
+            entry["generator"],
+            nodes,
+            entry["rows"],
+            judged[0]["rows"],
+        ]
         for each in judged:
             nmae = f"{each['nmae']:.3f}" if np.isfinite(each["nmae"]) else "-"
             row += [nmae, f"{each['mae']:.3g}", f"{100 * each['coverage']:.1f} %"]
@@ -295,7 +341,13 @@ def _ranges(card: Mapping[str, Any], low: Values, high: Values) -> Table:
     if card["features"] == SCENE:
         names = [name for name, _ in card["columns"]]
         low, high = shown(names, low), shown(names, high)
-        card = {**card, "columns": [(plain(name), unit) for name, unit in card["columns"]]}
+        card = {
+            **card,
+            "columns": [(plain(name), unit) for name, unit in card["columns"]],
+        }
     columns = zip(card["columns"], low, high, strict=True)
-    rows = [(name, unit, f"{least:.5g}", f"{most:.5g}") for (name, unit), least, most in columns]
+    rows = [
+        (name, unit, f"{least:.5g}", f"{most:.5g}")
+        for (name, unit), least, most in columns
+    ]
     return "Inputs and their training ranges", ["Input", "Unit"], ["from", "to"], rows

@@ -21,10 +21,25 @@ from learn.executor import Executor
 from learn.features.scene import SCENE, training_ranges
 from learn.kernel_ridge import left_out_errors
 from learn.metrics import no_better
-from learn.models import EVERY, POPULATION, STEP, check_memory, pipeline, remarks, scaling_of
+from learn.models import (
+    EVERY,
+    POPULATION,
+    STEP,
+    check_memory,
+    pipeline,
+    remarks,
+    scaling_of,
+)
 from learn.split import Folds
 from learn.surrogate import card
-from learn.surrogate.calibration import CLOSED, SURFACE, Plan, calibrate, of_another, planned
+from learn.surrogate.calibration import (
+    CLOSED,
+    SURFACE,
+    Plan,
+    calibrate,
+    of_another,
+    planned,
+)
 from learn.surrogate.interval import Calibration, ErrorScale
 from learn.surrogate.learnt import Learnt, clip_of
 from learn.surrogate.model import Surrogate
@@ -79,25 +94,33 @@ def choose(request: Request, train: Dataset, target: Values, folds: Folds) -> Se
         return Settings(dict(BUILT_IN[name]), False, "built in")
     if name not in CANDIDATES or published:
         return Settings(dict(OPTIMA[name]), True, "the paper's optimum")
-    outside = folds == folds.min()  # 0, unless a few large groups fill the first folds together
+    outside = (
+        folds == folds.min()
+    )  # 0, unless a few large groups fill the first folds together
     inside, inputs = np.flatnonzero(~outside)[:SEARCH_ROWS], train.inputs
     best: tuple[float, dict[str, Any]] = (np.inf, {})
     for settings in CANDIDATES[name]:
-        made = Settings(settings, False, "")  # singular with a tiny alpha: the error will tell
+        made = Settings(
+            settings, False, ""
+        )  # singular with a tiny alpha: the error will tell
         model, _ = _fitted(request, made, inputs[inside], target[inside])
         error = float(np.mean((model.predict(inputs[outside]) - target[outside]) ** 2))
         if error < best[0]:
             best = error, settings
     if not best[1]:
         raise InputError(f"{name}: no candidate of the built-in search could be fitted")
-    return Settings(best[1], False, f"best of {len(CANDIDATES[name])} on a validation fold")
+    return Settings(
+        best[1], False, f"best of {len(CANDIDATES[name])} on a validation fold"
+    )
 
 
 def _tuned(folder: Folder, model: str) -> Settings:
     """Return the settings of a search's winner."""
     winner = folder.winner(model)
     if winner is None:
-        others = [part.path.name for part in targets(folder.path.parent) if part.winner(model)]
+        others = [
+            part.path.name for part in targets(folder.path.parent) if part.winner(model)
+        ]
         instead = f"give --target {','.join(others)}, or first " if others else ""
         tune = to_type(f"learn tune --model {model} --target {folder.path.name}")
         raise InputError(f"--from: {folder.path} has no tuned {model}: {instead}{tune}")
@@ -113,9 +136,14 @@ def with_conditions(request: Request, choice: Any) -> Request:
     source: Path = choice.source
     given = {**choice._asdict(), "normalisation": choice.normalise}
     folder, *others = (
-        Folder(source / short_name(TARGETS.get(target, target))) for target in request.targets
+        Folder(source / short_name(TARGETS.get(target, target)))
+        for target in request.targets
     )
-    conditions = {"features": "paper", "load": request.load, **folder.record()["conditions"]}
+    conditions = {
+        "features": "paper",
+        "load": request.load,
+        **folder.record()["conditions"],
+    }
     for part in (folder, *others):
         _tuned(part, request.models[0])
     names = ("features", "load", "normalisation", "area_max", "seed")
@@ -192,7 +220,9 @@ def require_better(surrogate: Surrogate, name: str) -> None:
     """
     for target, judged in surrogate.card["targets"].items():
         if worst := no_better(judged["scores"]["r2"]):
-            raise InputError(f"{name}: {target}: {worst}; try another --model, or more rows")
+            raise InputError(
+                f"{name}: {target}: {worst}; try another --model, or more rows"
+            )
 
 
 def fit_parts(
@@ -209,7 +239,11 @@ def fit_parts(
     """
     train, name = parts.train, sets[0].name
     plan = planned(request.models[0], sets[0].at(train), others[0] if others else None)
-    sizes = {"train": train.size, "calibration": plan.groups.labels.size, "test": parts.test.size}
+    sizes = {
+        "train": train.size,
+        "calibration": plan.groups.labels.size,
+        "test": parts.test.size,
+    }
     remarks_on_rows = dataset.remarks(sets[0], request.normalisation)
     if others is not None:
         calibrating = dataset.damage_of(others[0])
@@ -230,9 +264,13 @@ def fit_parts(
         learnt[target] = fitted.learnt
         judged[target] = entry = card.judge(fitted, rows, parts.test)
         score = SCORED.format(**entry["scores"])
-        say(f"{rows.target_name}: {entry['settings_from']}; {score}, fit {fitted.fitting:.3g} s")
+        say(
+            f"{rows.target_name}: {entry['settings_from']}; {score}, fit {fitted.fitting:.3g} s"
+        )
         if plan.remark and fitted.crossed is not None:
-            entry["left_out"] = card.scores_of(fitted.learnt, rows.at(train), fitted.crossed)
+            entry["left_out"] = card.scores_of(
+                fitted.learnt, rows.at(train), fitted.crossed
+            )
             say(f"  left out in turn: {SCORED.format(**entry['left_out'])}")
         for remark in entry["remarks"]:
             say(f"  warning: {remark}")
@@ -299,7 +337,16 @@ def fit_target(
     done = process_time()
     column = results(train.origins[0].scene, train.features.load)[train.target_name]
     not_yet = Calibration((), ErrorScale(np.empty(0), 0.0, 0.0, 0.0))
-    own = column.name, column.unit, fitted, scaling, not_yet, clip, column.bounds, train.powers
+    own = (
+        column.name,
+        column.unit,
+        fitted,
+        scaling,
+        not_yet,
+        clip,
+        column.bounds,
+        train.powers,
+    )
     learnt, crossed = Learnt(*own), None
     if other is not None:
         raw = learnt.raw(other.inputs)
@@ -328,7 +375,9 @@ def _fitted(
         "tuned": settings.tuned,
     }
     with remarks() as said:
-        fitted = pipeline(EVERY[name], settings.values, **own).fit(inputs, target, **surfaces)
+        fitted = pipeline(EVERY[name], settings.values, **own).fit(
+            inputs, target, **surfaces
+        )
     return fitted, tuple(said)
 
 
@@ -352,7 +401,9 @@ def _crossed(
     if by_surface and name == POPULATION.name:
         return learnt.scaling.restored(model.left_out_)
     if name in CLOSED and name != POPULATION.name:
-        with suppress(np.linalg.LinAlgError):  # a singular matrix: further fits deal with it
+        with suppress(
+            np.linalg.LinAlgError
+        ):  # a singular matrix: further fits deal with it
             errors = left_out_errors(model, [unseen for _, unseen in parts])
             for (mine, unseen), error in zip(parts, errors, strict=True):
                 found[mine] = target[mine] - error[np.isin(unseen, mine)]

@@ -58,19 +58,25 @@ if TYPE_CHECKING:
 
 USUAL_LEVEL = 0.9  # of intervals, where nobody asks for another one and it is reached
 ROUNDING = 1e-6  # of levels in thousandths, whose weights are sums of fractions
-SHARE = 0.9  # share of the rows of a new map or database that lie within the limit, or more
+SHARE = (
+    0.9  # share of the rows of a new map or database that lie within the limit, or more
+)
 INSIDE = 0.97  # share of the training rows within the limit, unless maps or databases decide it
 
 # added to the variances of features of deviation 1: some repeat others, as roots do
 RIDGE = 1e-4
-RIDGE_OF_MAPS = 0.01  # the same where maps are one cloud: few directions tell one from another
+RIDGE_OF_MAPS = (
+    0.01  # the same where maps are one cloud: few directions tell one from another
+)
 SAME = 1e-6  # relative distance from the training's hardness within which two are equal
 
 
 class Growth(NamedTuple):
     """How errors grow with the distance from the training."""
 
-    most: float  # errors at the limit of the flag, over those in the middle of the training
+    most: (
+        float  # errors at the limit of the flag, over those in the middle of the training
+    )
     power: float  # of the distance, in which the logarithm of the errors is linear
 
     def at(self, far: Values, limit: float) -> Values:
@@ -90,7 +96,9 @@ GROWTH = Growth(40.0, 4.0)
 # weight of the penalty on the slopes of usual errors, for features of deviation 1 and a mean
 # squared error; on the made maps of `bench scans`, 0.3 to 3 give the same widths within 3 %
 SHRINKAGE = 1.0
-SMALLEST = 1e-3  # least error that counts, over the median: logarithms near 0 would weigh most
+SMALLEST = (
+    1e-3  # least error that counts, over the median: logarithms near 0 would weigh most
+)
 ENDS = (0.02, 0.98)  # quantiles of the usual errors beyond which none is extrapolated
 CONSTANT = 1e-9  # deviation of a constant feature over its largest size, at most
 
@@ -115,7 +123,9 @@ class Scores(NamedTuple):
         rows, and of an infinite one of weight 1 / (K + 1) (Lee, Barber, Willett (2023), section 3).
         """
         if not 0 < level < 1:
-            raise InputError(f"--interval {level:g}: give a coverage between 0 and 1, as 0.9")
+            raise InputError(
+                f"--interval {level:g}: give a coverage between 0 and 1, as 0.9"
+            )
         reached = np.cumsum(self.weights) / (self.weights.sum() + 1)
         place = int(np.searchsorted(reached, level - 1e-9))
         return float(self.errors[place]) if place < self.errors.size else np.inf
@@ -172,14 +182,18 @@ class Distance:
     """Distances from the training of d features, or from the nearest of its k databases or maps."""
 
     centres: Values  # (k, d), mean features
-    whitenings: Values  # (k, d, d), after which differences from the mean are uncorrelated
+    whitenings: (
+        Values  # (k, d, d), after which differences from the mean are uncorrelated
+    )
     limit: float  # largest distance that is not flagged
 
     def measured(self, inputs: Values) -> tuple[Values, Indices]:
         """Return the distance of rows from the nearest mean and its number, (n,), by (n, d)."""
         squares = np.full((len(self.centres), len(inputs)), np.inf)
         with np.errstate(over="ignore", invalid="ignore"):
-            for own, centre, whitening in zip(squares, self.centres, self.whitenings, strict=True):
+            for own, centre, whitening in zip(
+                squares, self.centres, self.whitenings, strict=True
+            ):
                 own[:] = np.mean(((inputs - centre) @ whitening) ** 2, axis=1)
         return np.sqrt(squares.min(axis=0)), squares.argmin(axis=0)
 
@@ -222,11 +236,15 @@ def from_surfaces(
         nearest[own] = seen[places]
         known[own] = np.isin(clouds[own], seen)
     # A cloud of which no other part has rows says nothing about the distance from its own.
-    limit = float(np.quantile(far[known] if known.any() else far, INSIDE, method="higher"))
+    limit = float(
+        np.quantile(far[known] if known.any() else far, INSIDE, method="higher")
+    )
     return replace(_unlimited(inputs, clouds), limit=limit), far, nearest
 
 
-def _unlimited(inputs: Values, labels: Indices | None = None, ridge: float = RIDGE) -> Distance:
+def _unlimited(
+    inputs: Values, labels: Indices | None = None, ridge: float = RIDGE
+) -> Distance:
     """Return the distances from some rows, or from the nearest of their groups, without a limit."""
     labels = np.zeros(len(inputs), dtype=np.int64) if labels is None else labels
     features, deviation = inputs.shape[1], inputs.std(axis=0)
@@ -251,9 +269,13 @@ def _unlimited(inputs: Values, labels: Indices | None = None, ridge: float = RID
 class Calibration:
     """Scores that intervals of one target over its scale are computed from."""
 
-    scores: tuple[Scores, ...]  # of each of the distance's clouds; or of all maps together
+    scores: tuple[
+        Scores, ...
+    ]  # of each of the distance's clouds; or of all maps together
     usual: ErrorScale  # size of the errors by the features; scores are over it and over the growth
-    distance: Distance | None = None  # with which errors grow; None for intervals by whole maps
+    distance: Distance | None = (
+        None  # with which errors grow; None for intervals by whole maps
+    )
     root: bool = False  # True for errors of the square root of the target
     growth: Growth = GROWTH
 
@@ -263,7 +285,9 @@ class Calibration:
         fewest = min((float(each.weights.sum()) for each in self.scores), default=0.0)
         return math.floor(1000 * fewest / (fewest + 1) + ROUNDING) / 1000
 
-    def ends(self, prediction: Values, level: float, inputs: Values) -> tuple[Values, Values]:
+    def ends(
+        self, prediction: Values, level: float, inputs: Values
+    ) -> tuple[Values, Values]:
         """Return both ends of the interval at each prediction, each (n,), at the features, (n, d).
 
         They are infinite where there are too few surfaces for the level.
@@ -347,17 +371,27 @@ def reasons_of(surrogate: Surrogate, rows: Rows, inputs: Values) -> list[str]:
 
     The rows' own notes stand first, then the grid, the hardness, the distance and the features.
     """
-    features, number, found = surrogate.features, len(inputs), [list[str]() for _ in inputs]
+    features, number, found = (
+        surrogate.features,
+        len(inputs),
+        [list[str]() for _ in inputs],
+    )
     grids = {grid: grid_note(surrogate, *grid) for grid in set(rows.grids)}
     for notes in (rows.notes, [grids[grid] for grid in rows.grids]):
-        for said, note in zip(found, [*notes] * number if len(notes) == 1 else notes, strict=False):
+        for said, note in zip(
+            found, [*notes] * number if len(notes) == 1 else notes, strict=False
+        ):
             said.append(note)
     if surrogate.hardness_limits is not None and rows.hardness_ratio is not None:
         low, high = surrogate.hardness_limits
         high = np.inf if features.elastic else high  # elastic bodies are very hard ones
-        for row, ratio in enumerate(np.broadcast_to(rows.hardness_ratio, number).tolist()):
+        for row, ratio in enumerate(
+            np.broadcast_to(rows.hardness_ratio, number).tolist()
+        ):
             if not low * (1 - SAME) <= ratio <= high * (1 + SAME):
-                found[row].append(f"hardness/E* {ratio:.4g} outside {low:.4g} to {high:.4g}")
+                found[row].append(
+                    f"hardness/E* {ratio:.4g} outside {low:.4g} to {high:.4g}"
+                )
     far, limit = surrogate.distance.measured(inputs)[0], surrogate.distance.limit
     outside = (inputs < surrogate.low) | (inputs > surrogate.high)
     told, names = [inputs, surrogate.low, surrogate.high], features.names
@@ -376,24 +410,32 @@ def reasons_of(surrogate: Surrogate, rows: Rows, inputs: Values) -> list[str]:
     return ["; ".join(filter(None, each)) for each in found]
 
 
-def grid_note(surrogate: Surrogate, shape: tuple[int, ...], sides: tuple[float, ...]) -> str:
+def grid_note(
+    surrogate: Surrogate, shape: tuple[int, ...], sides: tuple[float, ...]
+) -> str:
     """Return how a grid differs from the training's; "" if it does not.
 
     It has nodes along both axes and sides [um]. Features with units bind the surrogate to its side
     and spacing.
     """
     said, card, features = [], surrogate.card, surrogate.features
-    grids = list(dict.fromkeys(tuple(each["nodes"]) for each in card.get("databases", [card])))
+    grids = list(
+        dict.fromkeys(tuple(each["nodes"]) for each in card.get("databases", [card]))
+    )
     if shape not in grids and NODES not in features.columns:
         trained = ", ".join(f"{nodes[0]:g} x {nodes[1]:g}" for nodes in grids)
         said.append(f"{shape[0]} x {shape[1]} nodes, trained on {trained}")
     own = card["side"]
     if not np.isclose(sides[0] * own[1], sides[1] * own[0], rtol=1e-3):
-        trained = "square patches" if own[0] == own[1] else f"{own[0]:.6g} x {own[1]:.6g} um"
+        trained = (
+            "square patches" if own[0] == own[1] else f"{own[0]:.6g} x {own[1]:.6g} um"
+        )
         said.append(f"{sides[0]:.6g} x {sides[1]:.6g} um, trained on {trained}")
     elif not features.scaled and not np.isclose(sides[0], own[0], rtol=1e-3):
         said.append(f"side {sides[0]:.6g} um, trained on {own[0]:.6g} um")
-    if features.scaled or NODES in features.columns:  # whose nodes are in their range or not
+    if (
+        features.scaled or NODES in features.columns
+    ):  # whose nodes are in their range or not
         return "; ".join(said)
     for nodes, side, usual in zip(shape, sides, card["spacing"], strict=True):
         spacing = node_spacing(max(nodes, 2), side, surrogate.boundary)

@@ -66,8 +66,15 @@ from learn.features.scene import SCENE, shown
 from learn.surrogate.interval import level_note, level_of
 from learn.surrogate.model import OnSurface, Prediction, Surrogate
 
-BEYOND = (1.15, 1.4, 2.0, 3.0)  # further Deltas, over the last: some surfaces reach a pressure late
-CORRECTED = 0.01  # correction for monotone curves, over the largest value, from which on we warn
+BEYOND = (
+    1.15,
+    1.4,
+    2.0,
+    3.0,
+)  # further Deltas, over the last: some surfaces reach a pressure late
+CORRECTED = (
+    0.01  # correction for monotone curves, over the largest value, from which on we warn
+)
 FINE = 20  # steps into which an interval of Delta is divided to invert the cubic in it
 PREDICTED_BAND = (
     "the band is the scatter of the predictions between surfaces: the errors of the surrogate come"
@@ -123,16 +130,21 @@ def make(surrogate: Surrogate, order: Order) -> Law:
         f"predicted by {surrogate.card['title']}",
         f"{100 * order.coverage:g} % conformal interval",
     )
-    return law_of(order, subjects, bodies, (over_delta, over_pressure, [*left_out, *notes]), said)
+    return law_of(
+        order, subjects, bodies, (over_delta, over_pressure, [*left_out, *notes]), said
+    )
 
 
-def of_parameters(surrogate: Surrogate, order: Order, numbers: Mapping[str, float]) -> Law:
+def of_parameters(
+    surrogate: Surrogate, order: Order, numbers: Mapping[str, float]
+) -> Law:
     """Make the law of a new surface of some parameters of a scene."""
     load, (kind, at) = surrogate.features.load, _asked(surrogate, order)
     scene = Scene.from_text(str(surrogate.card["scene"]))
     settings = {name: getattr(scene.contact, name) for name in ("kernel", "far_field")}
     patch = LawSurface(
-        ", ".join(f"{name} {value:g}" for name, value in numbers.items()) or "any surface",
+        ", ".join(f"{name} {value:g}" for name, value in numbers.items())
+        or "any surface",
         np.zeros(scene.grid.shape),
         scene.grid.sides,
         boundary=surrogate.boundary,
@@ -152,10 +164,15 @@ def of_parameters(surrogate: Surrogate, order: Order, numbers: Mapping[str, floa
         hardness = numbers.get("hardness_ratio", limits[0]) * surrogate.modulus
     bodies = Bodies(surrogate.modulus, hardness, known=True)
     points = _points_at(answer, kind, at, patch, bodies, also=order.also)
-    over_delta, over_pressure, notes = _learnt_tables([patch], [points], kind, order, bodies)
+    over_delta, over_pressure, notes = _learnt_tables(
+        [patch], [points], kind, order, bodies
+    )
     tables = over_delta, over_pressure, [*level_notes, *notes]
     subjects = LawSurfaces([patch], [scene], [f"{order.inputs[0]}: {patch.name}"])
-    said = f"predicted by {surrogate.card['title']}", f"{100 * order.coverage:g} % of new surfaces"
+    said = (
+        f"predicted by {surrogate.card['title']}",
+        f"{100 * order.coverage:g} % of new surfaces",
+    )
     return law_of(order, subjects, bodies, tables, said)
 
 
@@ -168,10 +185,16 @@ def _with_level(surrogate: Surrogate, order: Order) -> tuple[Order, list[str]]:
 
 def _asked(surrogate: Surrogate, order: Order) -> tuple[Load, Values | None]:
     """Return the kind of the loads that a surrogate has learnt, and the loads asked for, (k,)."""
-    load, asked = surrogate.features.load, dict(zip(ARGUMENTS, order.loads(), strict=True))
+    load, asked = (
+        surrogate.features.load,
+        dict(zip(ARGUMENTS, order.loads(), strict=True)),
+    )
     kind: Load = "delta" if load == "delta" else "pressure"
     needed = {"area", "force" if kind == "delta" else "delta"}
-    if load not in {"delta", "pressure", "force"} or not needed <= surrogate.learnt.keys():
+    if (
+        load not in {"delta", "pressure", "force"}
+        or not needed <= surrogate.learnt.keys()
+    ):
         targets = ",".join(sorted(needed))
         raise InputError(
             f"a law needs a surrogate with --load delta or pressure, and --target {targets}; this"
@@ -180,10 +203,17 @@ def _asked(surrogate: Surrogate, order: Order) -> tuple[Load, Values | None]:
     for name in order.also:
         if name not in surrogate.learnt:
             targets = ",".join([*surrogate.learnt, name])
-            raise InputError(f"--also {name}: was not learnt: fit one with --target {targets}")
+            raise InputError(
+                f"--also {name}: was not learnt: fit one with --target {targets}"
+            )
     inverted = kind == "delta" and surrogate.features.name != SCENE
-    if any(each is not None for other, each in asked.items() if other != kind) and not inverted:
-        raise InputError(f"the surrogate has learnt what a {load} leads to: give --{kind} instead")
+    if (
+        any(each is not None for other, each in asked.items() if other != kind)
+        and not inverted
+    ):
+        raise InputError(
+            f"the surrogate has learnt what a {load} leads to: give --{kind} instead"
+        )
     return kind, asked[kind]
 
 
@@ -239,14 +269,18 @@ def _points_at(
     behind, parts = patch.patch_compliance(bodies.e_star), []
     for ends in (answer.values, answer.low, answer.high):
         pressure = ends["force"] / patch.nominal if kind == "delta" else at
-        closure = np.maximum((at if kind == "delta" else ends["delta"]) - behind * pressure, 0.0)
+        closure = np.maximum(
+            (at if kind == "delta" else ends["delta"]) - behind * pressure, 0.0
+        )
         if kind == "pressure":
             closure = np.maximum.accumulate(closure)
         point = {AREA.in_laws: ends["area"]}
         point[PRESSURE.in_laws] = pressure
         point[CLOSURE.in_laws] = closure
         point[DELTA.in_laws] = at if kind == "delta" else closure + behind * at
-        point[FORCE.in_laws] = ends["force"] if kind == "delta" else pressure * patch.nominal
+        point[FORCE.in_laws] = (
+            ends["force"] if kind == "delta" else pressure * patch.nominal
+        )
         if MEAN_GAP.name in ends:
             point[MEAN_GAP.in_laws] = ends[MEAN_GAP.name]
         elif kind == "delta" and surface is not None:  # it rises with the force
@@ -255,7 +289,9 @@ def _points_at(
         if STIFFNESS.name in ends:
             point[STIFFNESS.in_laws] = ends[STIFFNESS.name] / patch.nominal
         elif UNLOADING.name in ends:
-            point[STIFFNESS.in_laws] = _of_interface(ends[UNLOADING.name] / patch.nominal, behind)
+            point[STIFFNESS.in_laws] = _of_interface(
+                ends[UNLOADING.name] / patch.nominal, behind
+            )
         for name in also:
             point[ALSO[name].in_laws] = ends[name]
         parts.append(point)
@@ -273,7 +309,9 @@ def _defined(
     """Apply the surrogate to surfaces with all statistics; also return a line if any lack some."""
     kept, faults = [], []
     for each in surfaces:
-        own = SurfaceFeatures(each.heights, each.sides, each.spacing, each.name, each.boundary)
+        own = SurfaceFeatures(
+            each.heights, each.sides, each.spacing, each.name, each.boundary
+        )
         if reason := own.description.reason:
             faults.append(Undefined(f"{each.name}: statistics undefined: {reason}"))
         else:
@@ -296,7 +334,12 @@ def _tables(
 
     The tables are against Delta and against pressure; lines of warnings come with them.
     """
-    rests, parts, whole, corrections = [patch.at_rest() for patch, _ in surfaces], [], [], []
+    rests, parts, whole, corrections = (
+        [patch.at_rest() for patch, _ in surfaces],
+        [],
+        [],
+        [],
+    )
     with RunProgress(len(surfaces), "surfaces") as progress:
         for (patch, on_surface), rest in zip(surfaces, rests, strict=True):
             predicted = partial(
@@ -304,14 +347,18 @@ def _tables(
             )
             smooth, correction = monotone(predicted(deltas).from_rest(rest))
             extended = smooth
-            with suppress(InputError):  # larger displacements, where they can be predicted
+            with suppress(
+                InputError
+            ):  # larger displacements, where they can be predicted
                 extended = continued(smooth, predicted(deltas[-1] * np.array(BEYOND)))
             parts.append(_with_stiffness(smooth, patch, order, bodies))
             whole.append(_with_stiffness(extended, patch, order, bodies))
             corrections.append(correction)
             progress.advance(1, 0)
     rest = {name: float(np.mean([each[name] for each in rests])) for name in rests[0]}
-    over_delta = tabulated(DELTA.in_laws, np.append(0.0, deltas), parts, order.coverage, rest)
+    over_delta = tabulated(
+        DELTA.in_laws, np.append(0.0, deltas), parts, order.coverage, rest
+    )
     notes = _corrected(over_delta, corrections)
     if beyond := sum(share > 0 for share in over_delta.outside):
         many = f"{beyond} of {over_delta.at.size - 1} displacements"
@@ -319,7 +366,10 @@ def _tables(
         if over_delta.flagged.any():
             line += "; outside, neither closure nor stiffness is given (-)"
         notes.insert(0, line)
-    if bodies.hardness is not None and MEAN_GAP.name not in surfaces[0][1].surrogate.learnt:
+    if (
+        bodies.hardness is not None
+        and MEAN_GAP.name not in surfaces[0][1].surrogate.learnt
+    ):
         notes.append(
             "warning: the mean gap of bodies that yield is a coarse estimate: fit one with --target"
             " area,force,mean_gap"
@@ -353,7 +403,9 @@ def _predicted(
     return _points_at(answer, kind, at, patch, bodies, on_surface.surface, also)
 
 
-def _mean_gap(surface: SurfaceFeatures, deltas: Values, force: Values, bodies: Bodies) -> Values:
+def _mean_gap(
+    surface: SurfaceFeatures, deltas: Values, force: Values, bodies: Bodies
+) -> Values:
     """Return the mean gap from forces over E*, (k,) [um]."""
     rest = float(surface.heights.max()) - float(surface.heights.mean())
     coarse = [surface.means(float(delta), bodies.hardness_ratio) for delta in deltas]
@@ -362,7 +414,9 @@ def _mean_gap(surface: SurfaceFeatures, deltas: Values, force: Values, bodies: B
     return np.asarray(np.maximum(rest - deltas + mean + yielded, 0.0))
 
 
-def _with_stiffness(points: Points, subject: LawSurface, order: Order, bodies: Bodies) -> Points:
+def _with_stiffness(
+    points: Points, subject: LawSurface, order: Order, bodies: Bodies
+) -> Points:
     """Add the stiffness of the interface, if it is asked for and was not learnt."""
     asked = order.stiffness or order.conductivities is not None
     if not asked or STIFFNESS.in_laws in points.values:
@@ -380,17 +434,23 @@ def _with_stiffness(points: Points, subject: LawSurface, order: Order, bodies: B
 
 def _of_interface(stiffness: Values, behind: float) -> Values:
     """Take what the patch gives way [um / MPa] out of stiffnesses, (k,) [MPa / um]."""
-    return np.array([without_patch(each, 1 / behind) if behind else each for each in stiffness])
+    return np.array(
+        [without_patch(each, 1 / behind) if behind else each for each in stiffness]
+    )
 
 
 def _corrected(over_delta: Curves, corrections: Sequence[Points]) -> list[str]:
     """Warn of curves that were far from monotone."""
     lines = []
-    for name in over_delta.curves.keys() & corrections[0].values.keys():  # slopes are not corrected
+    for name in (
+        over_delta.curves.keys() & corrections[0].values.keys()
+    ):  # slopes are not corrected
         change = np.mean([each.values[name] for each in corrections], axis=0)
         largest = np.nanmax(np.abs(over_delta.curves[name].value), initial=0.0) or 1.0
         if np.abs(change).max() > CORRECTED * largest:
-            fell, rising = ("rose", "falling") if trend(name) == "falls" else ("fell", "rising")
+            fell, rising = (
+                ("rose", "falling") if trend(name) == "falls" else ("fell", "rising")
+            )
             lines.append(
                 f"warning: the surrogate's curve of {name} {fell} with the load; shown is the"
                 f" nearest {rising} one"
@@ -404,7 +464,9 @@ def _pressures(
     """Return the pressures to tabulate [MPa], and a note where the default ones end early."""
     mean = over_delta.curves[PRESSURE.in_laws].value
     if not mean[-1] > 0:
-        raise InputError("the law has no force at all: nothing to tabulate against pressure")
+        raise InputError(
+            "the law has no force at all: nothing to tabulate against pressure"
+        )
     reach = min(float(each.values[PRESSURE.in_laws].max()) for each in whole)
     if asked is None:
         usual = np.unique(mean)  # as close as Delta's where it is small
@@ -431,7 +493,9 @@ def at_pressures(points: Points, pressures: Values) -> Points:
     at = _inverse(deltas, points.values[PRESSURE.in_laws], pressures, first=True)
     arguments = {quantity.in_laws for quantity in (DELTA, PRESSURE, FORCE)}
     known = [name for name in points.values if name not in arguments]
-    values = {DELTA.in_laws: at} | {name: _read(deltas, points.values[name], at) for name in known}
+    values = {DELTA.in_laws: at} | {
+        name: _read(deltas, points.values[name], at) for name in known
+    }
     reasons = _reasons(points, at)
     if not points.low:
         return Points(values, reasons=reasons)
@@ -454,13 +518,17 @@ def at_pressures(points: Points, pressures: Values) -> Points:
     ends = zip(_reasons(points, least), _reasons(points, most), unknown, strict=True)
     for lower, upper, nowhere in ends:
         end = "beyond the last displacement" if nowhere else lower or upper
-        said.append(f"its interval ends {end if nowhere else f'where {end}'}" if end else "")
+        said.append(
+            f"its interval ends {end if nowhere else f'where {end}'}" if end else ""
+        )
     return Points(values, low, high, reasons, tuple(said))
 
 
 def read_at(points: Points, argument: str, over: Values) -> Points:
     """Read the points of one surface at other arguments, (m,)."""
-    place = np.searchsorted(points.values[argument], over).clip(0, len(points.reasons) - 1)
+    place = np.searchsorted(points.values[argument], over).clip(
+        0, len(points.reasons) - 1
+    )
     return points.changed(
         lambda _, each: _read(points.values[argument], each, over),
         *np.array(points.reasons, dtype=object)[place],
@@ -474,12 +542,16 @@ def _inverse(deltas: Values, reach: Values, pressures: Values, *, first: bool) -
     is the beginning if `first`, else the end. No pressure is at first touch.
     """
     shares = np.arange(FINE) / FINE
-    fine = np.append((deltas[:-1, None] + np.diff(deltas)[:, None] * shares).ravel(), deltas[-1])
+    fine = np.append(
+        (deltas[:-1, None] + np.diff(deltas)[:, None] * shares).ravel(), deltas[-1]
+    )
     curve = np.maximum.accumulate(PchipInterpolator(deltas, reach)(fine))
     rises = np.diff(curve) > 0
     kept = np.concatenate([[True], rises] if first else [rises, [True]])
     end = curve[-1]
-    asked = np.where(pressures <= end * (1 + ROUNDING), np.minimum(pressures, end), pressures)
+    asked = np.where(
+        pressures <= end * (1 + ROUNDING), np.minimum(pressures, end), pressures
+    )
     deltas_at = np.interp(asked, curve[kept], fine[kept], right=np.nan)
     return np.where(pressures > 0, deltas_at, 0.0)
 

@@ -38,7 +38,14 @@ from gen.runtime.memory import is_shortage
 from gen.runtime.terminal import printable, to_type
 from learn.features.sets import PURE, SETS, SKEWNESS, Scaling
 from learn.models import STEP
-from learn.surrogate.interval import GROWTH, Calibration, Distance, ErrorScale, Growth, Scores
+from learn.surrogate.interval import (
+    GROWTH,
+    Calibration,
+    Distance,
+    ErrorScale,
+    Growth,
+    Scores,
+)
 
 if TYPE_CHECKING:
     from learn.dataset import Dataset
@@ -110,11 +117,16 @@ class Learnt:
 
     column: str  # in `gen.schema`
     unit: str  # of the column
-    pipeline: Any  # of scikit-learn: scaling and estimator of the scaled target over its scale
+    pipeline: (
+        Any  # of scikit-learn: scaling and estimator of the scaled target over its scale
+    )
     scaling: Scaling  # of the target over its scale
     calibration: Calibration  # intervals of the target over its scale
     clip: Clip  # ranges that the inputs do not leave
-    bounds: tuple[float, float] = (-np.inf, np.inf)  # least and largest value of the column
+    bounds: tuple[float, float] = (
+        -np.inf,
+        np.inf,
+    )  # least and largest value of the column
     # Of heights, lengths and E* that the target scales with; None for none, or none that is known.
     powers: Powers | None = None
 
@@ -122,32 +134,44 @@ class Learnt:
         """Predict the target over its scale, (n,), at the features, (n, d); NaN where one is."""
         (_, scaling), (_, model) = self.pipeline.steps
         found = np.full(len(inputs), np.nan)
-        with np.errstate(over="ignore", invalid="ignore"):  # said by `predict_rows`, row by row
+        with np.errstate(
+            over="ignore", invalid="ignore"
+        ):  # said by `predict_rows`, row by row
             for rows in _parts(inputs):
                 seen = np.clip(inputs[rows], *self.clip)
                 seen = seen if scaling == "passthrough" else scaling.transform(seen)
-                if getattr(model, "L_", model) is None:  # scikit-learn 1.7 asks for it for the mean
+                if (
+                    getattr(model, "L_", model) is None
+                ):  # scikit-learn 1.7 asks for it for the mean
                     predicted = model.kernel_(seen, model.X_train_) @ model.alpha_
                 elif getattr(model, "kernel", "") == "rbf" and hasattr(model, "X_fit_"):
                     # Kernel ridge, without scikit-learn's checks of its training rows.
                     centres = np.asarray(model.X_fit_, dtype=np.float64)
-                    squares = np.einsum("ij,ij->i", centres, centres) - 2.0 * (seen @ centres.T)
+                    squares = np.einsum("ij,ij->i", centres, centres) - 2.0 * (
+                        seen @ centres.T
+                    )
                     squares += np.einsum("ij,ij->i", seen, seen)[:, None]
                     np.maximum(squares, 0.0, out=squares)
-                    squares *= -(1.0 / centres.shape[1] if model.gamma is None else model.gamma)
+                    squares *= -(
+                        1.0 / centres.shape[1] if model.gamma is None else model.gamma
+                    )
                     predicted = np.exp(squares, out=squares) @ model.dual_coef_
                 else:
                     predicted = model.predict(seen)
                 found[rows] = np.reshape(predicted, -1)
             return self.scaling.restored(found)
 
-    def mean_ends(self, raw: Values, level: float, inputs: Values) -> tuple[Values, Values]:
+    def mean_ends(
+        self, raw: Values, level: float, inputs: Values
+    ) -> tuple[Values, Values]:
         """Return both ends, each (n,), of the interval of the mean over all surfaces."""
         from scipy.stats import norm
 
         model = self.pipeline.named_steps[STEP]
         if not hasattr(model, "coefficients_"):
-            raise InputError("the mean has an interval with --model population alone: fit one")
+            raise InputError(
+                "the mean has an interval with --model population alone: fit one"
+            )
         errors = np.full(len(inputs), np.nan)
         for rows in _parts(inputs):
             errors[rows] = model.error(self.pipeline[:-1].transform(inputs[rows]))
@@ -207,10 +231,14 @@ def _packed(learnt: Learnt) -> dict[str, Any]:
     from sklearn.kernel_ridge import KernelRidge
 
     fitted = learnt.pipeline.named_steps[STEP]  # without what can be computed again
-    intervals = learnt.calibration  # without the distances, which are those of the surrogate
+    intervals = (
+        learnt.calibration
+    )  # without the distances, which are those of the surrogate
     kept = KernelRidge() if isinstance(fitted, KernelRidge) else copy(fitted)
     vars(kept).update(vars(fitted))
-    if hasattr(kept, "L_"):  # the factor of a Gaussian process, as large as its rows squared
+    if hasattr(
+        kept, "L_"
+    ):  # the factor of a Gaussian process, as large as its rows squared
         kept.L_ = None
     vars(kept).pop("left_out_", None)  # predictions of the training rows
     trees = None
@@ -247,7 +275,9 @@ def _with_trees(estimator: Any, trees: dict[str, Values]) -> None:
     first = np.ravel(np.array(estimator.estimators_, dtype=object))[0]
     kind, sizes, _ = first.tree_.__reduce__()
     members, start = [], 0
-    for count, depth in zip(trees["counts"].tolist(), trees["depths"].tolist(), strict=True):
+    for count, depth in zip(
+        trees["counts"].tolist(), trees["depths"].tolist(), strict=True
+    ):
         inside = slice(start, start + count)
         own = {"nodes": trees["nodes"][inside], "values": trees["values"][inside]}
         member = copy(first)
@@ -261,7 +291,9 @@ def _with_trees(estimator: Any, trees: dict[str, Values]) -> None:
         estimator.estimators_ = members
 
 
-def load_parts(path: Path) -> tuple[dict[str, Any], dict[str, Learnt], Values, Values, Distance]:
+def load_parts(
+    path: Path,
+) -> tuple[dict[str, Any], dict[str, Learnt], Values, Values, Distance]:
     """Read the fields of a `Surrogate`, after a trial if another scikit-learn has made it."""
     import sklearn
 
@@ -295,7 +327,9 @@ def load_parts(path: Path) -> tuple[dict[str, Any], dict[str, Learnt], Values, V
         if is_shortage(error):
             raise
         fault = printable(" ".join(str(error).split())[:100])
-        made = ", ".join(f"{name} {number}" for name, number in card["versions"].items() if number)
+        made = ", ".join(
+            f"{name} {number}" for name, number in card["versions"].items() if number
+        )
         raise InputError(
             f"{path}: its models cannot be used here ({fault}); it was made with"
             f" {printable(made)}: {_anew(path, card)}"
@@ -337,10 +371,14 @@ def read(path: Path) -> tuple[dict[str, Any], Values, Values, bytes]:
         content = json.loads(bytes(body[8:length]))
         card = content["card"]
         older = _anew(path, card) if int(head[1]) in OLDER else ""
-        low, high = (np.array(content.get(end, ()), dtype=np.float64) for end in ("low", "high"))
+        low, high = (
+            np.array(content.get(end, ()), dtype=np.float64) for end in ("low", "high")
+        )
     except (ValueError, TypeError, KeyError, RecursionError, MemoryError) as error:
         fault = printable(f"{type(error).__name__}: {error}"[:100])
-        raise InputError(f"{path}: is no surrogate that could be read ({fault})") from None
+        raise InputError(
+            f"{path}: is no surrogate that could be read ({fault})"
+        ) from None
     if older:
         raise InputError(other + older)
     return card, low, high, bytes(body[length:])
@@ -365,5 +403,7 @@ def _anew(path: Path, card: Mapping[str, Any]) -> str:
     if origin := re.search(r"(?:tuned in|, by) (.*)", first["settings_from"]):
         options["--from"] = Path(origin[1]).parent
     given = [word for name, value in options.items() if value for word in (name, value)]
-    command = " ".join(shlex.quote(str(word)) for word in [*databases, *given, "-o", path])
+    command = " ".join(
+        shlex.quote(str(word)) for word in [*databases, *given, "-o", path]
+    )
     return f"fit it anew: {to_type(printable(f'learn fit {command}'))}"

@@ -218,7 +218,9 @@ class Surrogate:
         if self.features.name == SCENE:
             if surface is not None or side is not None or e_star is not None:
                 asks = ", ".join(self.features.names)
-                raise InputError(f"the surrogate asks for {asks}, not for a surface or E*")
+                raise InputError(
+                    f"the surrogate asks for {asks}, not for a surface or E*"
+                )
             named = {"delta": delta, "hardness": hardness} | given
             rows = self.of_numbers({k: v for k, v in named.items() if v is not None})
             return self.predict_rows(rows, level=level, mean=mean)
@@ -230,7 +232,9 @@ class Surrogate:
             )
         on_surface = self.for_surface(surface, side)
         with input_errors():
-            one = None if hardness is None else real_number("hardness", hardness, HARDNESS)
+            one = (
+                None if hardness is None else real_number("hardness", hardness, HARDNESS)
+            )
         return on_surface.predict(loads, e_star=e_star, hardness=one, level=level)
 
     @property
@@ -300,14 +304,19 @@ class Surrogate:
             0 where its logarithm is learnt.
         """
         if self.features.name != SCENE:
-            raise InputError("the surrogate asks for surfaces: numbers need --features scene")
+            raise InputError(
+                "the surrogate asks for surfaces: numbers need --features scene"
+            )
         numbers = checked_numbers(self.features.columns, given)
         ones = np.ones(next(iter(numbers.values())).size)
         delta = numbers.get("delta", np.nan * ones)
         return Rows(np.empty((ones.size, 0)), delta, 1.0, given=numbers)
 
     def for_surface(
-        self, surface: ArrayLike, side: float | tuple[float, float], name: str = "the surface"
+        self,
+        surface: ArrayLike,
+        side: float | tuple[float, float],
+        name: str = "the surface",
     ) -> OnSurface:
         """Apply the surrogate to a surface; its statistics are computed once.
 
@@ -328,14 +337,18 @@ class Surrogate:
             raise InputError(f"{name}: the surrogate asks for {asks}, not for a surface")
         with input_errors(name):
             heights = real_array("heights", surface)
-            lengths: Any = [side, side] if isinstance(side, str) or np.ndim(side) == 0 else side
+            lengths: Any = (
+                [side, side] if isinstance(side, str) or np.ndim(side) == 0 else side
+            )
             if len(lengths) != 2:
                 raise InputError(f"side {side!r}: give one length or one for each axis")
             sides = checked("side", lengths[0]), checked("side", lengths[1])
         if heights.ndim != 2 or min(heights.shape) < 2 or not np.isfinite(heights).all():
             raise InputError(f"{name}: give 2-D heights, 2 x 2 or more, all finite")
         dx, dy = map(node_spacing, heights.shape, sides, [self.boundary] * 2)
-        return OnSurface(self, SurfaceFeatures(heights, sides, (dx, dy), name, self.boundary))
+        return OnSurface(
+            self, SurfaceFeatures(heights, sides, (dx, dy), name, self.boundary)
+        )
 
     def of_statistics(
         self,
@@ -466,7 +479,10 @@ class OnSurface:
     surface: SurfaceFeatures
 
     def rows(
-        self, delta: ArrayLike, bodies: Bodies | None = None, hardness: Values | None = None
+        self,
+        delta: ArrayLike,
+        bodies: Bodies | None = None,
+        hardness: Values | None = None,
     ) -> Rows:
         """Compute what features need at one or more loads.
 

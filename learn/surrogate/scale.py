@@ -29,7 +29,11 @@ OWN_SCALE = (
     "has no known powers of heights, lengths and E*: it holds at those of the training alone, and"
     " everything else is flagged"
 )
-HEIGHT, LENGTH, MODULUS = "rms height", "scan length L", "E*"  # of the training, in messages
+HEIGHT, LENGTH, MODULUS = (
+    "rms height",
+    "scan length L",
+    "E*",
+)  # of the training, in messages
 UNITS = {HEIGHT: "um", LENGTH: "um", MODULUS: "MPa"}
 
 
@@ -79,7 +83,9 @@ def own_scale(
     lengths = [float(np.sqrt(np.prod(scene.grid.sides))) for scene in scenes]
     moduli = [scene.contact.e_star for scene in scenes]
     ranges = {HEIGHT: heights, LENGTH: lengths, MODULUS: moduli}
-    ends = {name: [float(np.min(each)), float(np.max(each))] for name, each in ranges.items()}
+    ends = {
+        name: [float(np.min(each)), float(np.max(each))] for name, each in ranges.items()
+    }
     return {"own_scale": ends}
 
 
@@ -103,12 +109,18 @@ def scale_notes(surrogate: Surrogate, rows: Rows, e_star: float | None) -> list[
     features = surrogate.features
     notes: list[list[str]] = [[] for _ in rows.delta]
     bound = [
-        name for name, learnt in surrogate.learnt.items() if not keeps_its_scale(learnt, features)
+        name
+        for name, learnt in surrogate.learnt.items()
+        if not keeps_its_scale(learnt, features)
     ]
     if not bound:
         return [""] * len(notes)
-    scale = {MODULUS: np.full(len(notes), surrogate.modulus if e_star is None else e_star)}
-    if features.scaled:  # features with units have heights, and their side is compared elsewhere
+    scale = {
+        MODULUS: np.full(len(notes), surrogate.modulus if e_star is None else e_star)
+    }
+    if (
+        features.scaled
+    ):  # features with units have heights, and their side is compared elsewhere
         scale[HEIGHT] = rows.statistics[:, RMS_HEIGHT]
         scale[LENGTH] = np.full(len(notes), rows.length)
     for name, values in scale.items():

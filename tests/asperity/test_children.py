@@ -21,7 +21,14 @@ with open({ran!r}, "a") as file:
     file.write(__name__ + " ")
 raise ImportError("a decoy")
 """
-NAMES = sys.stdlib_module_names | {"sitecustomize", "numpy", "joblib", "asperity", "gen", "learn"}
+NAMES = sys.stdlib_module_names | {
+    "sitecustomize",
+    "numpy",
+    "joblib",
+    "asperity",
+    "gen",
+    "learn",
+}
 
 LINES = {
     "tune": "learn tune rows.h5 --model kernel-ridge --budget 90s -o tuned",
@@ -67,7 +74,11 @@ def imported(folder):
 @pytest.mark.parametrize("name", LINES)
 def test_no_process_imports_from_the_current_folder(name, decoys):
     done = subprocess.run(
-        asperity(*LINES[name].split()), capture_output=True, text=True, timeout=SECONDS, check=False
+        asperity(*LINES[name].split()),
+        capture_output=True,
+        text=True,
+        timeout=SECONDS,
+        check=False,
     )
     assert imported(decoys) == []
     assert done.returncode == 0, done.stderr
@@ -116,7 +127,9 @@ LATER = pytest.param(signal.SIGTERM, marks=[pytest.mark.long])
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, LATER])
-def test_a_signal_while_the_process_of_fits_starts_is_no_lack_of_memory(number, small, here):
+def test_a_signal_while_the_process_of_fits_starts_is_no_lack_of_memory(
+    number, small, here
+):
     """A terminal sends Ctrl-C, and a batch system its warning, to all processes."""
     words = f"learn tune {small} --model kernel-ridge --budget 90s -o tuned".split()
     tune = subprocess.Popen(
@@ -167,6 +180,10 @@ MODULE = "import runpy; runpy.run_module({!r}, run_name='__main__', alter_sys=Tr
 def test_ctrl_c_during_the_first_imports_leaves_no_traceback(start, words, name, here):
     code = INTERRUPTED.format(name=name, words=words.split(), start=start)
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=SECONDS, check=False
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        timeout=SECONDS,
+        check=False,
     )
     assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, "", "")

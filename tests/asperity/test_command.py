@@ -111,7 +111,9 @@ def inputs(tmp_path_factory):
     command_lines.prepare(folder)
     (folder / "pipe").unlink()
     (folder / "socket").unlink()
-    np.save(folder / "map.npy", generate("midpoint", 129, 0.7, 5.0, np.random.default_rng(0)))
+    np.save(
+        folder / "map.npy", generate("midpoint", 129, 0.7, 5.0, np.random.default_rng(0))
+    )
     names = {"new": "good.s", "new-folder": "comparison", "new.h5": "good.h5"}
     with contextlib.chdir(folder):
         for name in ("gen-run", "learn-fit", "learn-compare"):
@@ -132,7 +134,9 @@ def test_a_command_whose_reader_has_ended_writes_all_its_files(
         folder = shutil.copytree(inputs, tmp_path / str(len(files)), symlinks=True)
         monkeypatch.chdir(folder)
         monkeypatch.setattr(sys, "stdout", output)
-        assert PROGRAMS[program].main(line) == (141 if files else 0), capsys.readouterr().err
+        assert PROGRAMS[program].main(line) == (141 if files else 0), (
+            capsys.readouterr().err
+        )
         files[folder.name] = {each.relative_to(folder) for each in folder.rglob("*")}
     assert files["0"] == files["1"]
 
@@ -140,17 +144,23 @@ def test_a_command_whose_reader_has_ended_writes_all_its_files(
 def installed(*words):
     """The command as it is installed beside Python; without an installation, the module."""
     script = Path(sys.executable).with_name("asperity")
-    return [*([str(script)] if script.exists() else [sys.executable, "-m", "asperity"]), *words]
+    return [
+        *([str(script)] if script.exists() else [sys.executable, "-m", "asperity"]),
+        *words,
+    ]
 
 
 @pytest.mark.parametrize(
-    ("words", "expected"), [("", ["gen", "learn", "bench", "serve"]), ("gen run --ro", ["--rows"])]
+    ("words", "expected"),
+    [("", ["gen", "learn", "bench", "serve"]), ("gen run --ro", ["--rows"])],
 )
 def test_words_are_completed(words, expected, tmp_path):
     line = f"asperity {words}"
     asked = {"_ASPERITY_COMPLETE": "complete_bash", "COMP_WORDS": line}
     asked["COMP_CWORD"] = str(line.count(" "))
-    ended = python("-c", "from asperity.command import main; main()", folder=tmp_path, **asked)
+    ended = python(
+        "-c", "from asperity.command import main; main()", folder=tmp_path, **asked
+    )
     assert ended.stdout.split() == expected
 
 
@@ -161,7 +171,9 @@ def on_three_ranks(folder, *words):
 @pytest.mark.mpi
 def test_three_ranks_make_the_same_database_as_one_module(tmp_path):
     (tmp_path / "scene.toml").write_text("samples = 12\n[surface]\nnodes = 9\n")
-    ended = on_three_ranks(tmp_path, *installed("gen", "run", "scene.toml", "-o", "rows.h5"))
+    ended = on_three_ranks(
+        tmp_path, *installed("gen", "run", "scene.toml", "-o", "rows.h5")
+    )
     assert ended.returncode == 0, ended.stderr
     assert "rows.h5: 12 rows done, 0 failed, 0 pending" in ended.stdout
     assert "2 workers" in ended.stderr

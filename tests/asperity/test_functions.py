@@ -25,7 +25,9 @@ LOADS = {
     "pressure": '[load]\nquantity = "pressure"\nrange = [0.001, 0.1]\n',
     "load": '[load]\nquantity = "delta/height_rms"\nrange = [0.5, 2.0]\n',
 }
-ROUNDING = 1e-9  # of sums over many training rows, which depend on the rows that are predicted
+ROUNDING = (
+    1e-9  # of sums over many training rows, which depend on the rows that are predicted
+)
 POINT = {"hurst": 0.7, "sigma0": 12.0}
 
 
@@ -51,9 +53,17 @@ def test_the_solver_is_a_function_of_what_a_scene_draws():
     asked = scene.with_parameters(POINT, nodes=33)
     contact = solve_contact(asked, surface_numbered(asked, 3), 9.0)
     aperture = contact.flow().aperture
-    of = contact.delta, contact.area_percent, contact.stiffness, aperture, contact.mean_gap
+    of = (
+        contact.delta,
+        contact.area_percent,
+        contact.stiffness,
+        aperture,
+        contact.mean_gap,
+    )
     assert found.tolist() == list(of)
-    many = function(hurst=[0.6, 0.7], sigma0=12.0, delta=[[9.0], [3.0]], surface=[0, 3], nodes=33)
+    many = function(
+        hurst=[0.6, 0.7], sigma0=12.0, delta=[[9.0], [3.0]], surface=[0, 3], nodes=33
+    )
     assert many.shape == (2, 2, 5)
     assert many[0, 1].tolist() == list(of)
 
@@ -62,19 +72,32 @@ def test_what_drivers_pass_along_changes_nothing():
     """As QUEENS does where a function takes further keywords, which it finds out in this way."""
     function = partial(asperity.SceneFunction("quick"), **POINT, nodes=9)
     assert inspect.getfullargspec(function).varkw
-    passed = {"job_id": 7, "num_procs": 2, "experiment_dir": "here", "experiment_name": "first"}
-    assert function(delta=np.float64(9.0), **passed).tolist() == function(delta=9.0).tolist()
+    passed = {
+        "job_id": 7,
+        "num_procs": 2,
+        "experiment_dir": "here",
+        "experiment_name": "first",
+    }
+    assert (
+        function(delta=np.float64(9.0), **passed).tolist() == function(delta=9.0).tolist()
+    )
 
 
 def test_wrong_questions_are_refused():
     function = asperity.SceneFunction("quick")
-    with pytest.raises(InputError, match=r"hurst given: the function takes hurst, sigma0, delta"):
+    with pytest.raises(
+        InputError, match=r"hurst given: the function takes hurst, sigma0, delta"
+    ):
         function(hurst=0.7)
     with pytest.raises(InputError, match="delta = -1; allowed"):
         function(**POINT, delta=-1.0)
-    with pytest.raises(InputError, match=r"colour: outputs are area_percent, force, delta, "):
+    with pytest.raises(
+        InputError, match=r"colour: outputs are area_percent, force, delta, "
+    ):
         asperity.SceneFunction("quick", ["colour"])
-    with pytest.raises(InputError, match=r"hurst \(2,\), delta \(3,\) do not belong together"):
+    with pytest.raises(
+        InputError, match=r"hurst \(2,\), delta \(3,\) do not belong together"
+    ):
         function(hurst=[0.6, 0.7], sigma0=12.0, delta=[1.0, 2.0, 3.0])
     with pytest.raises(InputError, match="hurst are of type complex128: real numbers"):
         function(hurst=0.7 + 0.1j, sigma0=12.0, delta=9.0)
@@ -98,7 +121,9 @@ def test_threads_and_processes_answer_alike(surrogate):
 
 @pytest.mark.parametrize("load", LOADS)
 def test_the_solvers_gradient_is_that_by_the_load(load):
-    function = asperity.SceneFunction(Scene.parse(SCENE + LOADS[load], "s"), ["force", "delta"])
+    function = asperity.SceneFunction(
+        Scene.parse(SCENE + LOADS[load], "s"), ["force", "delta"]
+    )
     at, step = {"delta": 9.0, "pressure": 0.01, "load": 1.5}[load], 1e-4
     found = function.gradient(**POINT, **{load: at})
     assert np.isnan(found[:, :2]).all()
@@ -108,7 +133,10 @@ def test_the_solvers_gradient_is_that_by_the_load(load):
 
 def test_a_surrogate_is_the_same_function_with_a_gradient(surrogate):
     function, scene = asperity.SurrogateFunction(surrogate), Scene.parse(SCENE, "s")
-    assert (function.names, function.outputs) == (("hurst", "sigma0", "delta"), ("area", "force"))
+    assert (function.names, function.outputs) == (
+        ("hurst", "sigma0", "delta"),
+        ("area", "force"),
+    )
     heights = surface_numbered(scene.with_parameters(POINT), 2)
     wanted = Surrogate.load(surrogate).predict(heights, scene.sides, 9.0)
     found = function(**POINT, delta=9.0, surface=2)
@@ -131,7 +159,9 @@ def counted(monkeypatch, owner, name):
     return calls
 
 
-def test_points_share_their_surfaces_and_a_surrogate_predicts_them_together(surrogate, monkeypatch):
+def test_points_share_their_surfaces_and_a_surrogate_predicts_them_together(
+    surrogate, monkeypatch
+):
     made = counted(monkeypatch, functions, "surface_numbered")
     predicted = counted(monkeypatch, Surrogate, "predict_rows")
     deltas = np.linspace(6.0, 18.0, 5)[:, None]
@@ -148,7 +178,9 @@ def test_points_share_their_surfaces_and_a_surrogate_predicts_them_together(surr
     assert len(predicted) == 2
 
 
-def test_a_surrogate_of_a_scene_answers_all_points_by_one_prediction(of_scene, monkeypatch):
+def test_a_surrogate_of_a_scene_answers_all_points_by_one_prediction(
+    of_scene, monkeypatch
+):
     deltas = np.linspace(6.0, 18.0, 1000)
     wanted = Surrogate.load(of_scene).predict(**POINT, delta=deltas)
     predicted = counted(monkeypatch, Surrogate, "predict_rows")
@@ -162,7 +194,9 @@ def test_flag_interval_and_mean_are_outputs_of_a_surrogate(of_scene):
     function = asperity.SurrogateFunction(of_scene, outputs, outside="nan", level=0.8)
     copy = pickle.loads(pickle.dumps(function))
     surrogate = Surrogate.load(of_scene)
-    usual, mean = (surrogate.predict(**POINT, delta=9.0, level=0.8, mean=m) for m in (False, True))
+    usual, mean = (
+        surrogate.predict(**POINT, delta=9.0, level=0.8, mean=m) for m in (False, True)
+    )
     wanted = [1, usual.area[0], usual.low["area"][0], usual.high["force"][0]]
     wanted += [usual.area[0], mean.high["area"][0]]
     assert copy(**POINT, delta=9.0).tolist() == wanted
@@ -170,14 +204,18 @@ def test_flag_interval_and_mean_are_outputs_of_a_surrogate(of_scene):
         True,
         *[False] * 5,
     ]
-    with pytest.raises(InputError, match="area_mode: outputs are area, force, inside, area_low"):
+    with pytest.raises(
+        InputError, match="area_mode: outputs are area, force, inside, area_low"
+    ):
         asperity.SurrogateFunction(of_scene, ["area_mode"])
 
 
 def test_no_interval_holds_outside_the_training_and_one_warning_tells(surrogate):
     function = asperity.SurrogateFunction(surrogate, ["area", "area_low", "inside"])
     deltas = [9.0, 1e5]
-    with pytest.warns(asperity.OutsideTraining, match=r"1 of 2 points lie outside what .* delta/h"):
+    with pytest.warns(
+        asperity.OutsideTraining, match=r"1 of 2 points lie outside what .* delta/h"
+    ):
         (_, low, inside), (value, outer_low, outside) = function(**POINT, delta=deltas)
     assert (inside, outside) == (1, 0)
     assert np.isfinite([low, value]).all()
@@ -190,7 +228,9 @@ def test_no_interval_holds_outside_the_training_and_one_warning_tells(surrogate)
 
 def test_a_surrogate_may_withhold_or_refuse_what_is_outside_the_training(surrogate):
     outputs, deltas = ["area", "inside"], [9.0, 1e5]
-    withheld = asperity.SurrogateFunction(surrogate, outputs, outside="nan")(**POINT, delta=deltas)
+    withheld = asperity.SurrogateFunction(surrogate, outputs, outside="nan")(
+        **POINT, delta=deltas
+    )
     assert np.isnan(withheld).tolist() == [[False, False], [True, False]]
     refusing = asperity.SurrogateFunction(surrogate, outputs, outside="raise")
     with pytest.raises(InputError, match=r"1 of 2 points lie outside .* outside 0\."):

@@ -53,7 +53,16 @@ NEED_SURFACES = {
     "grow": ["learn", "grow", "{}.toml", "-o", "{}-grown", "--budget", "5s"],
     "serve": ["serve", "{}.toml"],
     "serve-surrogate": ["serve", "{}.surrogate"],
-    "predict-law": ["learn", "law", "{}.surrogate", "{}.h5", "--delta", "0.5", "--interval", "0.5"],
+    "predict-law": [
+        "learn",
+        "law",
+        "{}.surrogate",
+        "{}.h5",
+        "--delta",
+        "0.5",
+        "--interval",
+        "0.5",
+    ],
     **{
         name: ["learn", name, "{}.h5", "--features", "hybrid", "-o", "{}-" + name]
         for name in ("compare", "tune", "importance")
@@ -68,7 +77,15 @@ READ = {
     "merge": ["gen", "merge", "{}.h5", "-o", "{}-merged.h5"],
     "export": ["gen", "export", "{}.h5", "-o", "{}-exported"],
     "fit": ["learn", "fit", "{}.h5", "--features", "paper", "-o", "{}-again"],
-    "compare-paper": ["learn", "compare", "{}.h5", "--model", "kernel-ridge", "-o", "{}-compared"],
+    "compare-paper": [
+        "learn",
+        "compare",
+        "{}.h5",
+        "--model",
+        "kernel-ridge",
+        "-o",
+        "{}-compared",
+    ],
     "card": ["learn", "card", "{}.surrogate"],
     "predict": ["learn", "predict", "{}.surrogate", "heights.npy", *PREDICTED],
 }
@@ -107,7 +124,9 @@ def make(kind, *, surrogate):
     harmless = scene_text(kind, "mine:spots" if kind == "outputs" else "mine:waves")
     create(Path(f"{kind}.h5"), scene)
     with Writer(Path(f"{kind}.h5"), scene) as writer:
-        writer.write_block(0, ROWS, compute_rows(completed(Scene.parse(harmless, kind)), 0, ROWS))
+        writer.write_block(
+            0, ROWS, compute_rows(completed(Scene.parse(harmless, kind)), 0, ROWS)
+        )
     if surrogate:
         fit = ["fit", f"{kind}.h5", "--features", "paper", "-o", f"{kind}.surrogate"]
         assert cli.main(fit) == 0
@@ -127,7 +146,9 @@ def reports_of(folder, cases):
     lines, report = folder / "lines.json", folder / "report.json"
     words = {**NEED_SURFACES, **READ}
     lines.write_text(
-        json.dumps([[word.replace("{}", kind) for word in words[name]] for kind, name in cases])
+        json.dumps(
+            [[word.replace("{}", kind) for word in words[name]] for kind, name in cases]
+        )
     )
     child = [sys.executable, "-P", audited.__file__, str(lines), str(report)]
     subprocess.run(child, cwd=folder, check=True, stdin=subprocess.DEVNULL, timeout=300)
@@ -145,7 +166,9 @@ def require_harmless(case, code, said, events):
     kind, name = case
     module = HOSTILE[kind].partition(":")[0]
     wanted = {f"import {module}", "import evil"}
-    assert not [each for each in events if each in wanted or "evil" in each.partition(" ")[2]]
+    assert not [
+        each for each in events if each in wanted or "evil" in each.partition(" ")[2]
+    ]
     assert not [each for each in events if each.startswith(OUTWARD)]
     refused = name in NEED_SURFACES and name not in FREE.get(kind, ())
     assert code == (2 if refused else 0), said

@@ -20,7 +20,9 @@ pytestmark = pytest.mark.usefixtures("both_ways")
 
 CELLS = [("concentrated-force", 1.0), *((KERNELS[0], a) for a in (1.0, 2.0, 0.5, 1 / 64))]
 RTOL = 1e-10
-UNDECIDED = 1e-8  # reduced pressure and gap below which a node may count as in contact or not
+UNDECIDED = (
+    1e-8  # reduced pressure and gap below which a node may count as in contact or not
+)
 
 
 def reduced(contact):
@@ -32,9 +34,13 @@ def reduced(contact):
 def assert_is_the_solution(contact):
     """Compare contact nodes and force; nodes with neither pressure nor gap are not compared."""
     problem = contact.problem
-    pressure, gap = dense.press(problem.heights, problem.delta, problem.kernel, problem.aspect)
+    pressure, gap = dense.press(
+        problem.heights, problem.delta, problem.kernel, problem.aspect
+    )
     decided = (pressure > UNDECIDED) | (gap > UNDECIDED)
-    np.testing.assert_array_equal((contact.pressure > 0)[decided], (pressure > UNDECIDED)[decided])
+    np.testing.assert_array_equal(
+        (contact.pressure > 0)[decided], (pressure > UNDECIDED)[decided]
+    )
     assert reduced(contact).sum() == pytest.approx(pressure.sum(), rel=1e-8)
 
 
@@ -46,7 +52,9 @@ def assert_is_the_solution(contact):
     cells=st.sampled_from(CELLS),
     depth=st.one_of(st.floats(-0.1, 0), st.floats(1e-300, 1), st.floats(1, 100)),
 )
-def test_any_surface_is_solved_as_the_dense_reference_does(kind, seed, shape, cells, depth):
+def test_any_surface_is_solved_as_the_dense_reference_does(
+    kind, seed, shape, cells, depth
+):
     """From no contact to full contact and beyond: depth is Delta over the range of heights."""
     kernel, aspect = cells
     heights = surface(kind, shape, seed)
@@ -115,7 +123,9 @@ def spoiled(spoil):
 def test_residuals_that_rounding_keeps_up_end_the_solve():
     """Recomputed residuals are off by some 1e-6; no step corrects that, and the solve ends."""
     random = np.random.default_rng(0)
-    solve, converged = spoiled(lambda displacement: displacement + 1e-6 * random.random((9, 9)))
+    solve, converged = spoiled(
+        lambda displacement: displacement + 1e-6 * random.random((9, 9))
+    )
     assert not converged
     assert solve.stalled
     assert solve.patch.exact < 20  # type: ignore[attr-defined]
@@ -135,7 +145,9 @@ def test_a_tolerance_below_rounding_is_named_as_the_cause(kernel):
     heights = surface("self-affine", (33, 33))
     delta = 0.999 * critical_delta(heights, kernel)
     settings = {"kernel": kernel, "far_field": "compliant", "max_iterations": 3000}
-    with pytest.raises(bem.NotConverged, match="rounding leaves no smaller one; raise rtol") as end:
+    with pytest.raises(
+        bem.NotConverged, match="rounding leaves no smaller one; raise rtol"
+    ) as end:
         bem.solve(heights, 1.0, delta, rtol=1.1e-15, **settings)
     assert end.value.stalled
     assert end.value.contact.iterations < 1000

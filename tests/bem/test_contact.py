@@ -53,14 +53,18 @@ def test_nothing_touches_up_to_delta_zero(delta, far_field):
     assert contact.force == contact.area_percent == contact.contact_nodes == 0
     assert contact.iterations == contact.convolutions == contact.residual == 0
     assert contact.perimeter == contact.largest_pressure == 0
-    assert contact.mean_gap == pytest.approx((HEIGHTS.max() - HEIGHTS).mean() - delta, rel=1e-14)
+    assert contact.mean_gap == pytest.approx(
+        (HEIGHTS.max() - HEIGHTS).mean() - delta, rel=1e-14
+    )
     assert contact.gap.min() == -delta
 
 
 @pytest.mark.parametrize("percent", [1, 10, 50])
 def test_memory_is_at_most_twelve_padded_arrays(percent):
     nodes = 239 + 2 * percent  # odd sizes of their own: nothing is kept from another test
-    heights = generate("diamond-square", 513, 0.65, 12.5, np.random.default_rng(1))[:nodes, :nodes]
+    heights = generate("diamond-square", 513, 0.65, 12.5, np.random.default_rng(1))[
+        :nodes, :nodes
+    ]
     delta = float(np.quantile(heights.max() - heights, min(3.5 * percent / 100, 1.0)))
     tracemalloc.start()
     try:
@@ -94,7 +98,9 @@ def approach(contact):
     if problem.far_field == "rigid":
         return problem.delta
     punch = flat_punch(contact.pressure.shape, problem.kernel, problem.aspect).sum()
-    return problem.delta + contact.pressure.sum() * problem.spacing[0] / (punch * problem.modulus)
+    return problem.delta + contact.pressure.sum() * problem.spacing[0] / (
+        punch * problem.modulus
+    )
 
 
 def perimeter(contact):
@@ -104,7 +110,9 @@ def perimeter(contact):
         np.abs(ndimage.correlate1d(touching, [-1, 1], axis=axis, mode="nearest")).sum()
         for axis in (0, 1)
     ]
-    return float(edges[0] * contact.problem.spacing[1] + edges[1] * contact.problem.spacing[0])
+    return float(
+        edges[0] * contact.problem.spacing[1] + edges[1] * contact.problem.spacing[0]
+    )
 
 
 def residual(contact):
@@ -119,7 +127,9 @@ def contacts(draw):
     """Draw a contact of any surface, grid, material and tolerance."""
     shape = draw(st.tuples(st.integers(1, 17), st.integers(1, 17)))
     kind = draw(st.sampled_from(list(SURFACES)))
-    heights = draw(st.floats(0.1, 100)) * surface(kind, shape, draw(st.integers(0, 2**32 - 1)))
+    heights = draw(st.floats(0.1, 100)) * surface(
+        kind, shape, draw(st.integers(0, 2**32 - 1))
+    )
     kernel = draw(st.sampled_from(KERNELS))
     aspect = draw(st.sampled_from(ASPECTS)) if kernel == "uniform-pressure" else 1.0
     spacing = draw(st.sampled_from([0.01, 1.0, 7.8]))
@@ -154,7 +164,9 @@ def test_numbers_and_fields_are_those_of_the_pressure(contact):
     assert residual(contact) <= contact.problem.rtol + accepted
     cell = contact.problem.spacing[0] * contact.problem.spacing[1]
     touching = contact.pressure > 0
-    assert contact.force == pytest.approx(math.fsum(contact.pressure.flat) * cell, rel=1e-13)
+    assert contact.force == pytest.approx(
+        math.fsum(contact.pressure.flat) * cell, rel=1e-13
+    )
     assert contact.largest_pressure == ndimage.maximum(contact.pressure)
     assert contact.contact_nodes == ndimage.sum_labels(touching)
     assert contact.area_percent == pytest.approx(100 * ndimage.mean(touching), rel=1e-14)
@@ -169,7 +181,13 @@ def test_numbers_of_a_solve_that_was_stopped(kernel, far_field):
     heights = surface("self-affine", (17, 16), seed=3)
     with pytest.raises(bem.NotConverged) as stopped:
         bem.solve(
-            heights, 1.0, 0.4, spacing=0.5, kernel=kernel, far_field=far_field, max_iterations=2
+            heights,
+            1.0,
+            0.4,
+            spacing=0.5,
+            kernel=kernel,
+            far_field=far_field,
+            max_iterations=2,
         )
     contact, message = stopped.value.contact, str(stopped.value)
     assert contact.residual > contact.problem.rtol

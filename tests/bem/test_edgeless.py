@@ -45,7 +45,9 @@ def slope(heights):
 def press(heights, boundary, load, **settings):
     """Press a surface of cells of side one with a mean pressure over E* times its slope."""
     pressure = load * slope(heights)
-    return bem.solve(heights, heights.shape, pressure=pressure, boundary=boundary, **settings)
+    return bem.solve(
+        heights, heights.shape, pressure=pressure, boundary=boundary, **settings
+    )
 
 
 @pytest.mark.parametrize("load", LOADS)
@@ -53,18 +55,26 @@ def press(heights, boundary, load, **settings):
 def test_force_and_displacement_give_the_same_contact(boundary, load):
     heights = rough((40, 33), seed=1)
     by_force = press(heights, boundary, load, rtol=1e-10)
-    assert by_force.force == pytest.approx(load * slope(heights) * heights.size, rel=1e-12)
+    assert by_force.force == pytest.approx(
+        load * slope(heights) * heights.size, rel=1e-12
+    )
     assert by_force.displacement.mean() == pytest.approx(0, abs=1e-12)
     depth = heights.max() - heights.mean()
     assert by_force.mean_gap == pytest.approx(depth - by_force.delta, abs=1e-9 * depth)
     if by_force.area_percent == 100:
         assert by_force.delta == pytest.approx(depth, rel=1e-12)
         with pytest.raises(bem.NoSolution, match="the contact is full at"):
-            bem.solve(heights, heights.shape, by_force.delta * (1 + 1e-9), boundary=boundary)
+            bem.solve(
+                heights, heights.shape, by_force.delta * (1 + 1e-9), boundary=boundary
+            )
     else:
-        by_delta = bem.solve(heights, heights.shape, by_force.delta, boundary=boundary, rtol=1e-10)
+        by_delta = bem.solve(
+            heights, heights.shape, by_force.delta, boundary=boundary, rtol=1e-10
+        )
         largest = by_force.largest_pressure
-        np.testing.assert_allclose(by_delta.pressure, by_force.pressure, atol=2e-6 * largest)
+        np.testing.assert_allclose(
+            by_delta.pressure, by_force.pressure, atol=2e-6 * largest
+        )
 
 
 @pytest.mark.parametrize("height", [1.776491303816993, 1e8 + 0.1])
@@ -86,7 +96,9 @@ def test_all_nodes_yield_where_all_of_the_surface_penetrates(boundary, spans):
     delta = spans * float(np.ptp(heights))
     contact = bem.solve(heights, heights.shape, delta, boundary=boundary, hardness=0.01)
     assert (contact.pressure == 0.01).all()
-    np.testing.assert_allclose(contact.yielded_depth, heights - heights.max() + delta, atol=1e-12)
+    np.testing.assert_allclose(
+        contact.yielded_depth, heights - heights.max() + delta, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("hardness", [None, 0.1])
@@ -95,14 +107,18 @@ def test_vanishing_loads_rest_on_the_highest_nodes(boundary, hardness):
     """Single precision has no numbers for pressures of 1e-60 beside heights of 1."""
     heights = np.minimum(rough((24, 20), seed=3), 1.0)
     contacts = [
-        bem.solve(heights, heights.shape, pressure=mean, boundary=boundary, hardness=hardness)
+        bem.solve(
+            heights, heights.shape, pressure=mean, boundary=boundary, hardness=hardness
+        )
         for mean in (1e-12, 1e-20, 1e-60, 1e-150)
     ]
     first = contacts[0]
     np.testing.assert_array_equal(first.pressure > 0, heights == 1.0)
     for contact, mean in zip(contacts[1:], (1e-20, 1e-60, 1e-150), strict=True):
         expected = first.pressure / 1e-12
-        np.testing.assert_allclose(contact.pressure / mean, expected, rtol=1e-5, atol=1e-5)
+        np.testing.assert_allclose(
+            contact.pressure / mean, expected, rtol=1e-5, atol=1e-5
+        )
         assert contact.delta / mean == pytest.approx(first.delta / 1e-12, rel=1e-5)
         assert contact.residual < 2e-7
         assert contact.mean_gap == pytest.approx(1.0 - heights.mean(), rel=1e-12)
@@ -110,7 +126,9 @@ def test_vanishing_loads_rest_on_the_highest_nodes(boundary, hardness):
 
 @pytest.mark.parametrize("boundary", EDGELESS)
 @pytest.mark.parametrize("load", [0.01, 0.3, 1.5, 8.0])
-def test_a_start_from_coarser_cells_leads_to_the_same_contact(boundary, load, monkeypatch):
+def test_a_start_from_coarser_cells_leads_to_the_same_contact(
+    boundary, load, monkeypatch
+):
     heights = rough((64, 96), seed=8)
     alone = press(heights, boundary, load, rtol=1e-9)
     for least in ("NESTED", "NESTED_FAINT"):
@@ -119,16 +137,22 @@ def test_a_start_from_coarser_cells_leads_to_the_same_contact(boundary, load, mo
     assert nested.contact_nodes == alone.contact_nodes
     assert nested.delta == pytest.approx(alone.delta, rel=1e-8)
     if alone.area_percent < 100:
-        by_delta = bem.solve(heights, heights.shape, alone.delta, boundary=boundary, rtol=1e-9)
+        by_delta = bem.solve(
+            heights, heights.shape, alone.delta, boundary=boundary, rtol=1e-9
+        )
         assert by_delta.force == pytest.approx(alone.force, rel=1e-5)
 
 
 @pytest.mark.parametrize("boundary", EDGELESS)
 @pytest.mark.parametrize("scale", [1e6, 1e8, 1e12])
-def test_soft_bodies_on_high_peaks_flatten_as_many_nodes_as_the_load_needs(boundary, scale):
+def test_soft_bodies_on_high_peaks_flatten_as_many_nodes_as_the_load_needs(
+    boundary, scale
+):
     """Beside the heights, elastic displacement is nothing: 13 nodes yield, and one does not."""
     heights = rough((4, 4), seed=8) * scale
-    contact = bem.solve(heights, heights.shape, pressure=0.05, hardness=0.06, boundary=boundary)
+    contact = bem.solve(
+        heights, heights.shape, pressure=0.05, hardness=0.06, boundary=boundary
+    )
     order = np.argsort(-heights, axis=None)
     np.testing.assert_allclose(contact.pressure.flat[order[:13]], 0.06, rtol=1e-12)
     assert contact.pressure.flat[order[13]] == pytest.approx(0.02, rel=1e-9)
@@ -161,7 +185,11 @@ def oblong(seed):
 
 
 @pytest.mark.parametrize(
-    "first", [0, *(pytest.param(first, marks=pytest.mark.long) for first in range(100, 3000, 100))]
+    "first",
+    [
+        0,
+        *(pytest.param(first, marks=pytest.mark.long) for first in range(100, 3000, 100)),
+    ],
 )
 def test_oblong_cells_are_solved(first):
     for seed in range(first, first + 100):
@@ -176,7 +204,9 @@ def violation(contact):
     heights, pressure = contact.problem.heights, contact.pressure
     gap = contact.displacement - (heights - heights.max() + contact.delta)
     below = pressure < (contact.problem.hardness or np.inf)
-    return max(float((-gap[below]).max(initial=0)), float(gap[pressure > 0].max(initial=0)))
+    return max(
+        float((-gap[below]).max(initial=0)), float(gap[pressure > 0].max(initial=0))
+    )
 
 
 @pytest.mark.parametrize("boundary", EDGELESS)
@@ -186,7 +216,9 @@ def test_displacements_just_below_full_contact(boundary, share):
 
     Over one pit, conjugate gradients end where single precision leaves no smaller residual.
     """
-    surfaces = [(np.random.default_rng(seed).normal(size=(9, 9)), 0.3) for seed in range(12)]
+    surfaces = [
+        (np.random.default_rng(seed).normal(size=(9, 9)), 0.3) for seed in range(12)
+    ]
     for place in [(0, 10), (2, 16), (3, 8), (7, 6), (12, 14), (13, 12), (15, 22)]:
         pit = np.zeros((16, 24))
         pit[place] = -0.33
@@ -201,7 +233,9 @@ def test_displacements_just_below_full_contact(boundary, share):
 def test_cells_beyond_what_is_tested_are_named():
     heights = np.random.default_rng(1).normal(size=(12, 9))
     with pytest.raises(bem.NotConverged, match="cells of 1:500 are beyond 1:100"):
-        bem.solve(heights, 1.0, 1.0, spacing=(1, 500), boundary="mirror", max_iterations=1)
+        bem.solve(
+            heights, 1.0, 1.0, spacing=(1, 500), boundary="mirror", max_iterations=1
+        )
 
 
 # Surface, seed, shape, boundary, aspect of the cells, Delta over that of full contact, and hardness
@@ -245,7 +279,13 @@ def stiff_cases(nodes):
     for power in (1e-9, 1.5, 3.0):  # the first is white noise
         heights = rough((nodes, nodes), 4, power)
         depth, steep = float(heights.max() - heights.mean()), slope(heights)
-        for share, hardness in ((0.5, None), (0.999, None), (0.5, 0.05), (0.9, 0.5), (1.1, 0.05)):
+        for share, hardness in (
+            (0.5, None),
+            (0.999, None),
+            (0.5, 0.05),
+            (0.9, 0.5),
+            (1.1, 0.05),
+        ):
             settings: dict[str, Any] = {"delta": share * depth}
             if hardness:
                 settings["hardness"] = hardness * steep

@@ -32,7 +32,9 @@ def topography(name):
     if not path.is_file():
         pytest.skip(f"MIRCO's regression input {path} is not on this machine")
     lines = path.read_text(encoding="ascii").splitlines()
-    return np.array([[float(field) for field in line.strip(" ;").split(";")] for line in lines])
+    return np.array(
+        [[float(field) for field in line.strip(" ;").split(";")] for line in lines]
+    )
 
 
 def rigid(heights, delta, kernel="concentrated-force", **far):
@@ -64,7 +66,9 @@ def mircos_loop(heights, delta, tolerance, kernel="concentrated-force"):
 def test_mircos_own_results(name, delta, mean_pressure, area, factor):
     """They come from a loop that stopped at a change of 1 %."""
     heights = topography(name)
-    assert shape_factor(len(heights), "concentrated-force") == pytest.approx(factor, rel=1e-12)
+    assert shape_factor(len(heights), "concentrated-force") == pytest.approx(
+        factor, rel=1e-12
+    )
     contact = mircos_loop(heights, delta, tolerance=0.01)
     assert contact.force / SIDE**2 == pytest.approx(mean_pressure, rel=1e-8)
     assert contact.area_percent / 100 == pytest.approx(area, rel=1e-8)
@@ -74,7 +78,10 @@ def test_mircos_own_results(name, delta, mean_pressure, area, factor):
 @pytest.mark.parametrize(("name", "delta"), [(row[0], row[1]) for row in RESULTS])
 def test_compliant_solves_the_limit_of_mircos_loop(name, delta, kernel):
     heights = topography(name)
-    limit, contact = mircos_loop(heights, delta, 1e-13, kernel), compliant(heights, delta, kernel)
+    limit, contact = (
+        mircos_loop(heights, delta, 1e-13, kernel),
+        compliant(heights, delta, kernel),
+    )
     stiffness = SIDE * MODULUS / shape_factor(len(heights), kernel)
     assert contact.force == pytest.approx(limit.force, rel=1e-10)
     assert contact.approach == pytest.approx(delta + contact.force / stiffness, rel=1e-12)
@@ -101,7 +108,9 @@ def test_the_last_node_comes_to_touch_at_the_critical_delta(kernel):
     """With all nodes in contact, nothing resists the displacement of the far field."""
     heights = 10 * surface("random walk", (17, 17), 3)
     critical = critical_delta(heights, kernel)
-    contacts = [compliant(heights, (1 - short) * critical, kernel) for short in (0.1, 1e-3, 1e-6)]
+    contacts = [
+        compliant(heights, (1 - short) * critical, kernel) for short in (0.1, 1e-3, 1e-6)
+    ]
     nodes = [contact.contact_nodes for contact in contacts]
     assert nodes == sorted(nodes)
     assert nodes[-1] == heights.size - 1
@@ -111,9 +120,13 @@ def test_the_last_node_comes_to_touch_at_the_critical_delta(kernel):
 @pytest.mark.parametrize("shape", [(1, 1), (1, 12), (7, 20), (16, 16)])
 def test_flat_punch_is_the_dense_solution(shape, aspect):
     nodes = shape[0] * shape[1]
-    matrix = dense.influence_matrix(shape, "uniform-pressure", aspect).reshape(nodes, nodes)
+    matrix = dense.influence_matrix(shape, "uniform-pressure", aspect).reshape(
+        nodes, nodes
+    )
     expected = np.linalg.solve(matrix, np.ones(nodes)).reshape(shape)
-    np.testing.assert_allclose(flat_punch(shape, "uniform-pressure", aspect), expected, rtol=1e-11)
+    np.testing.assert_allclose(
+        flat_punch(shape, "uniform-pressure", aspect), expected, rtol=1e-11
+    )
 
 
 @settings(max_examples=60)
@@ -135,5 +148,7 @@ def test_any_equilibrium_is_that_of_its_own_approach(seed, shape, kernel, kind, 
     assert contact.approach == pytest.approx(delta + softening * contact.force, rel=1e-12)
     pressure, gap = dense.press(heights, contact.approach, kernel)
     decided = (pressure > 1e-8) | (gap > 1e-8)
-    np.testing.assert_array_equal((contact.pressure > 0)[decided], (pressure > 1e-8)[decided])
+    np.testing.assert_array_equal(
+        (contact.pressure > 0)[decided], (pressure > 1e-8)[decided]
+    )
     assert contact.force == pytest.approx(pressure.sum() * contact.approach, rel=1e-8)

@@ -19,8 +19,26 @@ NEAR = [(i, j) for i in range(5) for j in range(5)]
 """All offsets where the closed form is used, and the first ones beyond."""
 
 FAR = [
-    *[(2, 2), (2, 3), (15, 5), (15, 6), (16, 0), (127, 11), (127, 16), (128, 0), (90, 91)],
-    *[(512, 0), (512, 1), (1024, 1024), (2048, 64), (FARTHEST, 0), (0, FARTHEST), (1448, 1449)],
+    *[
+        (2, 2),
+        (2, 3),
+        (15, 5),
+        (15, 6),
+        (16, 0),
+        (127, 11),
+        (127, 16),
+        (128, 0),
+        (90, 91),
+    ],
+    *[
+        (512, 0),
+        (512, 1),
+        (1024, 1024),
+        (2048, 64),
+        (FARTHEST, 0),
+        (0, FARTHEST),
+        (1448, 1449),
+    ],
 ]
 """Offsets on either side of the distances at which the rule of integration changes, and beyond."""
 
@@ -88,7 +106,9 @@ def test_concentrated_force_is_mircos_formula():
 
 
 def test_unknown_kernel_is_refused():
-    with pytest.raises(ValueError, match="'gaussian' is unknown: choose one of uniform-pressure, "):
+    with pytest.raises(
+        ValueError, match="'gaussian' is unknown: choose one of uniform-pressure, "
+    ):
         influence_coefficients((3, 3), "gaussian")
 
 
@@ -117,4 +137,6 @@ def test_entries_of_oblong_cells_and_of_many_nodes(monkeypatch, mirrored):
     nodes = np.random.default_rng(1).permutation(63 * 4)
     matrix = InfluenceMatrix((14, 18), "uniform-pressure", 2.5).among(nodes)
     expected = dense.influence_matrix((14, 18), "uniform-pressure", 2.5).reshape(252, 252)
-    np.testing.assert_allclose(np.tril(matrix), np.tril(expected[np.ix_(nodes, nodes)]), rtol=1e-14)
+    np.testing.assert_allclose(
+        np.tril(matrix), np.tril(expected[np.ix_(nodes, nodes)]), rtol=1e-14
+    )

@@ -31,7 +31,11 @@ BAD_ARGUMENTS: list[tuple[dict[str, Any], list[str]]] = [
     ({"side": 0}, ["side = 0", "above 0 um"]),
     (
         {"side": 1000.0, "heights": np.zeros((65, 129))},
-        ["65 x 129 nodes", "(1000, 2000) for square cells", "(1000, 1000) for a square patch"],
+        [
+            "65 x 129 nodes",
+            "(1000, 2000) for square cells",
+            "(1000, 1000) for a square patch",
+        ],
     ),
     ({"side": (1.0, 2.0, 3.0)}, ["side = (1.0, 2.0, 3.0)", "one length or two"]),
     ({"spacing": -0.5}, ["spacing = -0.5", "above 0 um"]),
@@ -51,10 +55,19 @@ BAD_ARGUMENTS: list[tuple[dict[str, Any], list[str]]] = [
     ({"hardness": 0}, ["hardness = 0", "above 0 MPa"]),
     ({"rtol": 1}, ["rtol = 1", "between 1e-15 and 1"]),
     ({"kernel": np.array(["uniform-pressure"])}, ["kernel", "must be one of"]),
-    ({"kernel": "concentrated-force", "side": (1.0, 2.0)}, ["square cells", "uniform-pressure"]),
+    (
+        {"kernel": "concentrated-force", "side": (1.0, 2.0)},
+        ["square cells", "uniform-pressure"],
+    ),
     ({"far_field": "soft"}, ["far_field = 'soft'", "rigid, compliant"]),
-    ({"kernel": "concentrated-force", "boundary": "mirror"}, ["is not solved with boundary"]),
-    ({"boundary": "round"}, ["boundary = 'round'", "must be one of free, periodic, mirror"]),
+    (
+        {"kernel": "concentrated-force", "boundary": "mirror"},
+        ["is not solved with boundary"],
+    ),
+    (
+        {"boundary": "round"},
+        ["boundary = 'round'", "must be one of free, periodic, mirror"],
+    ),
     ({"boundary": "mirror", "far_field": "compliant"}, ["use far_field = 'rigid'"]),
     ({"max_iterations": 0}, ["max_iterations = 0", "at least 1"]),
 ]
@@ -66,7 +79,9 @@ BAD_ARGUMENTS: list[tuple[dict[str, Any], list[str]]] = [
 )
 def test_input_is_refused_in_one_line(arguments, parts):
     usable = {"heights": SQUARE, "side": 1.0, "delta": 1.0}
-    with pytest.raises(ValueError, match=r"\A.*\Z") as refused:  # . is never the end of a line
+    with pytest.raises(
+        ValueError, match=r"\A.*\Z"
+    ) as refused:  # . is never the end of a line
         bem.solve(**usable | arguments)
     for part in parts:
         assert part in str(refused.value)
@@ -99,12 +114,16 @@ INTEGERS = np.random.default_rng(2).integers(0, 50, (20, 31))
 )
 def test_any_array_of_real_numbers_will_do(given):
     expected = bem.solve(INTEGERS.astype(float), (1.0, 1.0), 5.0)
-    np.testing.assert_array_equal(bem.solve(given, (1.0, 1.0), 5.0).pressure, expected.pressure)
+    np.testing.assert_array_equal(
+        bem.solve(given, (1.0, 1.0), 5.0).pressure, expected.pressure
+    )
 
 
 def everything(contact):
     """All that a contact tells, the properties that are computed when they are read included."""
-    names = [name for name in dir(contact) if not name.startswith("_") and name != "problem"]
+    names = [
+        name for name in dir(contact) if not name.startswith("_") and name != "problem"
+    ]
     values = [getattr(contact, name) for name in names]
     told = [value for value in values if isinstance(value, np.ndarray | float | int)]
     told += [contact.problem.heights, contact.spots.labels, contact.punch.pressure]
@@ -127,16 +146,22 @@ def test_a_caller_may_fill_its_arrays_anew(name, settings):
     near = bem.solve(ROUGH, 1000.0, **{name: loads[0]}, **settings).pressure
     arrays = [ROUGH.copy(), np.array([1000.0, 1000.0]), loads.copy(), near.copy()]
     heights, side, given, start = arrays
-    alone = bem.solve(heights, side, **{"delta": None, name: given[0]}, near=start, **settings)
+    alone = bem.solve(
+        heights, side, **{"delta": None, name: given[0]}, near=start, **settings
+    )
     rungs = bem.ladder(heights, side, **{f"{name}s": given}, **settings)
     for array in arrays:
         array.fill(7.0)
     contacts = [alone, *rungs]
     same = [
-        bem.solve(ROUGH, 1000.0, **{"delta": None, name: loads[0]}, near=near, **settings),
+        bem.solve(
+            ROUGH, 1000.0, **{"delta": None, name: loads[0]}, near=near, **settings
+        ),
         *bem.ladder(ROUGH, 1000.0, **{f"{name}s": loads}, **settings),
     ]
-    assert [everything(contact) for contact in contacts] == [everything(other) for other in same]
+    assert [everything(contact) for contact in contacts] == [
+        everything(other) for other in same
+    ]
 
 
 def test_masked_arrays_are_refused():
@@ -164,7 +189,9 @@ def test_loads_end_where_single_precision_does(load):
     assert outcomes == {bem.OutOfRange, bem.NotConverged}
 
 
-EXPONENTS = [*itertools.product(BOUNDARIES, (-300, 0, 300), (-300, 0, 300), (-100, 0, 100), (1, 4))]
+EXPONENTS = [
+    *itertools.product(BOUNDARIES, (-300, 0, 300), (-300, 0, 300), (-100, 0, 100), (1, 4))
+]
 
 
 @pytest.mark.parametrize("load", ["delta", "force"])
@@ -179,12 +206,20 @@ def test_results_are_finite_or_the_input_is_out_of_range(load):
         cell = {"boundary": boundary, "modulus": 10.0**modulus, "spacing": 10.0**spacing}
         try:
             contact = bem.solve(
-                heights * 10.0**height, 1, **{"delta": None, load: 0.1 * share * 10.0**unit}, **cell
+                heights * 10.0**height,
+                1,
+                **{"delta": None, load: 0.1 * share * 10.0**unit},
+                **cell,
             )
         except (bem.OutOfRange, bem.NoSolution):
             continue
         solved += 1
-        told = contact.force, contact.mean_gap, contact.largest_pressure, contact.stiffness
+        told = (
+            contact.force,
+            contact.mean_gap,
+            contact.largest_pressure,
+            contact.stiffness,
+        )
         assert np.isfinite(told).all()
         assert np.isfinite([contact.yielded_depth, contact.flattened, contact.gap]).all()
     assert solved > 20

@@ -23,7 +23,9 @@ from bench.stability.random_contacts import judge_yielding, yielding_problem
 pytestmark = pytest.mark.usefixtures("both_ways")
 
 RTOL = 1e-10
-UNDECIDED = 1e-7  # pressure or gap over Delta below which a node may count as in contact or not
+UNDECIDED = (
+    1e-7  # pressure or gap over Delta below which a node may count as in contact or not
+)
 
 kinds = st.sampled_from(list(SURFACES))
 seeds = st.integers(0, 2**32 - 1)
@@ -49,8 +51,12 @@ def turned(field, turns, transposed):
 
 
 @settings(max_examples=80)
-@given(kinds, seeds, shapes, kernels, far_fields, depths, st.integers(0, 3), st.booleans())
-def test_symmetries_of_the_square(kind, seed, shape, kernel, far_field, depth, turns, transposed):
+@given(
+    kinds, seeds, shapes, kernels, far_fields, depths, st.integers(0, 3), st.booleans()
+)
+def test_symmetries_of_the_square(
+    kind, seed, shape, kernel, far_field, depth, turns, transposed
+):
     """Of the field itself; nodes with neither pressure nor gap may be either."""
     heights = surface(kind, shape, seed)
     delta = reach(heights, kernel, far_field, depth)
@@ -61,15 +67,25 @@ def test_symmetries_of_the_square(kind, seed, shape, kernel, far_field, depth, t
     expected = turned(still.pressure, turns, transposed)
     np.testing.assert_allclose(contact.pressure, expected, rtol=0, atol=scale)
     decided = (expected > scale) | (turned(still.gap, turns, transposed) > scale)
-    np.testing.assert_array_equal((contact.pressure > 0)[decided], (expected > 0)[decided])
+    np.testing.assert_array_equal(
+        (contact.pressure > 0)[decided], (expected > 0)[decided]
+    )
     assert contact.force == pytest.approx(still.force, rel=1e-7)
 
 
 @settings(max_examples=60)
 @given(
-    kinds, seeds, shapes, kernels, depths, st.sampled_from([0.0, 1e-3, 1.0, 1e3]), st.floats(0, 1)
+    kinds,
+    seeds,
+    shapes,
+    kernels,
+    depths,
+    st.sampled_from([0.0, 1e-3, 1.0, 1e3]),
+    st.floats(0, 1),
 )
-def test_every_start_leads_to_the_same_pressure(kind, seed, shape, kernel, depth, scale, loaded):
+def test_every_start_leads_to_the_same_pressure(
+    kind, seed, shape, kernel, depth, scale, loaded
+):
     """From no pressure to a thousand times too much, on few nodes or all: there is one solution."""
     heights = surface(kind, shape, seed)
     patch, below = Patch(shape, "free", kernel, 1.0), (heights - heights.max()) / depth
@@ -80,7 +96,9 @@ def test_every_start_leads_to_the_same_pressure(kind, seed, shape, kernel, depth
     expected, gap = dense.press(heights, depth, kernel)
     np.testing.assert_allclose(solve.pressure, expected, rtol=0, atol=UNDECIDED)
     decided = (expected > UNDECIDED) | (gap > UNDECIDED)
-    np.testing.assert_array_equal((solve.pressure > 0)[decided], (expected > UNDECIDED)[decided])
+    np.testing.assert_array_equal(
+        (solve.pressure > 0)[decided], (expected > UNDECIDED)[decided]
+    )
 
 
 ROUGH = surface("self-affine", (24, 33), seed=1)
@@ -99,12 +117,16 @@ LEVEL = np.round(ROUGH * 2**20) / 2**20  # to which whole offsets are added exac
         ({}, 1.0, 1.0, 4096.0),
     ],
 )
-def test_force_follows_modulus_heights_and_side_and_the_area_none(material, height, size, offset):
+def test_force_follows_modulus_heights_and_side_and_the_area_none(
+    material, height, size, offset
+):
     """Exactly where all numbers only move their points, or differences of heights are the same."""
     delta, sides = 0.4 * float(np.ptp(LEVEL)), (230.0, 320.0)
     unit = bem.solve(LEVEL, sides, delta, rtol=RTOL)
     scaled = tuple(size * side for side in sides)
-    contact = bem.solve(height * LEVEL + offset, scaled, height * delta, rtol=RTOL, **material)
+    contact = bem.solve(
+        height * LEVEL + offset, scaled, height * delta, rtol=RTOL, **material
+    )
     plane_strain = material.get("modulus", 1.0) / (1 - material.get("poisson", 0.0) ** 2)
     np.testing.assert_array_equal(contact.pressure > 0, unit.pressure > 0)
     force = plane_strain * height * size * unit.force
@@ -123,6 +145,8 @@ drawn = lru_cache(yielding_problem)  # both ways have the same problems, and one
 def test_contact_is_that_of_bounded_least_squares(seed):
     asked = drawn(seed)
     failed = [
-        str(finding) for finding in judge_yielding(asked, asked.solve()) if not finding.passed
+        str(finding)
+        for finding in judge_yielding(asked, asked.solve())
+        if not finding.passed
     ]
     assert not failed

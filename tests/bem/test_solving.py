@@ -24,10 +24,14 @@ pytestmark = pytest.mark.usefixtures("both_ways")
 ROUGH = generate("diamond-square", 65, 0.65, 12.5, np.random.default_rng(4))
 
 
-@pytest.mark.parametrize("deltas", [np.linspace(-1, 45, 24), [30.0, 30.0, 3.0, 44.0], [7.0]])
+@pytest.mark.parametrize(
+    "deltas", [np.linspace(-1, 45, 24), [30.0, 30.0, 3.0, 44.0], [7.0]]
+)
 @pytest.mark.parametrize("kernel", KERNELS)
 def test_a_ladder_gives_what_single_solves_give(deltas, kernel):
-    ladder = list(bem.ladder(ROUGH, 1000.0, deltas, modulus=2.0, kernel=kernel, rtol=1e-9))
+    ladder = list(
+        bem.ladder(ROUGH, 1000.0, deltas, modulus=2.0, kernel=kernel, rtol=1e-9)
+    )
     assert len(ladder) == len(deltas)
     for contact, delta in zip(ladder, deltas, strict=True):
         alone = bem.solve(ROUGH, 1000.0, delta, modulus=2.0, kernel=kernel, rtol=1e-9)
@@ -36,12 +40,17 @@ def test_a_ladder_gives_what_single_solves_give(deltas, kernel):
         assert contact.contact_nodes == alone.contact_nodes
         assert contact.force == pytest.approx(alone.force, rel=1e-8)
         np.testing.assert_allclose(
-            contact.pressure, alone.pressure, rtol=0, atol=1e-6 * alone.pressure.max(initial=1e-300)
+            contact.pressure,
+            alone.pressure,
+            rtol=0,
+            atol=1e-6 * alone.pressure.max(initial=1e-300),
         )
 
 
 @pytest.mark.parametrize("far_field", FAR_FIELDS)
-@pytest.mark.parametrize("loads", [np.geomspace(1e-4, 0.1, 16), [0.02, 0.0, 0.02, 0.001], [0.01]])
+@pytest.mark.parametrize(
+    "loads", [np.geomspace(1e-4, 0.1, 16), [0.02, 0.0, 0.02, 0.001], [0.01]]
+)
 @pytest.mark.parametrize("name", ["forces", "pressures"])
 def test_ladders_of_forces_and_pressures(name, loads, far_field):
     unit = 1e6 * (65 / 64) ** 2 if name == "forces" else 1.0  # um2 of all cells
@@ -71,7 +80,9 @@ def test_a_ladder_has_one_kind_of_load(given, told):
         list(bem.ladder(ROUGH, 1000.0, **given))
 
 
-def test_a_load_that_is_not_solved_from_the_contacts_before_is_solved_from_scratch(monkeypatch):
+def test_a_load_that_is_not_solved_from_the_contacts_before_is_solved_from_scratch(
+    monkeypatch,
+):
     def spoilt(problem, near, **how):
         few = problem if near is None else replace(problem, max_iterations=1)
         return equilibrium.equilibrium_of(few, near, **how)
@@ -93,7 +104,9 @@ def test_a_ladder_goes_on_after_a_load_that_could_not_be_solved():
 
 
 def test_a_residual_that_is_no_number_is_refused(monkeypatch):
-    monkeypatch.setattr(import_module("bem.solving"), "_violation", lambda contact: np.nan)
+    monkeypatch.setattr(
+        import_module("bem.solving"), "_violation", lambda contact: np.nan
+    )
     with pytest.raises(bem.NotConverged):
         bem.solve(ROUGH, 1000.0, 10.0, boundary="mirror", max_iterations=2)
 
@@ -159,7 +172,8 @@ def test_ties_under_tight_tolerances_end(shape, row, columns, pressure, rtol):
 
 
 @pytest.mark.parametrize(
-    ("side", "scale", "load"), [(1e50, 1.0, {"force": 1e-300}), (1.0, 1e200, {"force": 1e-150})]
+    ("side", "scale", "load"),
+    [(1e50, 1.0, {"force": 1e-300}), (1.0, 1e200, {"force": 1e-150})],
 )
 def test_forces_that_would_vanish_or_overflow_are_refused(side, scale, load):
     with pytest.raises(bem.OutOfRange, match="double precision"):
@@ -197,7 +211,9 @@ def test_a_grid_that_starts_from_coarser_ones_keeps_its_own_filters(monkeypatch)
 
     with ThreadPoolExecutor(1) as fresh:  # it keeps no filters of earlier tests
         shapes = fresh.submit(kept_by_a_solve).result()
-    assert shapes.count((65, 65)) == 4  # both precisions, the inverse, and means over blocks
+    assert (
+        shapes.count((65, 65)) == 4
+    )  # both precisions, the inverse, and means over blocks
     assert {shape[1] for shape in shapes} == {65}
 
 

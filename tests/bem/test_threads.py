@@ -111,7 +111,9 @@ def test_a_fork_waits_for_other_threads_to_leave():
 
 def test_a_child_forked_while_a_contact_computes_computes_too(monkeypatch):
     """A property of the class must not be locked: the child would wait for its parent's thread."""
-    contacts = [bem.solve(ROUGH, 1000.0, delta, boundary="mirror") for delta in (4.0, 5.0)]
+    contacts = [
+        bem.solve(ROUGH, 1000.0, delta, boundary="mirror") for delta in (4.0, 5.0)
+    ]
     inside, leave, parent = threading.Event(), threading.Event(), os.getpid()
 
     def slow(*problem):
@@ -190,7 +192,9 @@ def test_alarms_between_any_two_steps_leave_no_lock_and_no_thread_behind(section
 
 
 @pytest.mark.parametrize("point", ["before", "after"])
-def test_an_interrupt_on_the_way_into_a_dense_section_limits_nothing_for_good(monkeypatch, point):
+def test_an_interrupt_on_the_way_into_a_dense_section_limits_nothing_for_good(
+    monkeypatch, point
+):
     """Else no later section would have one BLAS thread, and the rest of the process no other."""
     known = threads._SECTIONS
     put = known.put_dense
@@ -269,7 +273,9 @@ def test_the_environment_says_how_many(monkeypatch, said, many):
 @pytest.mark.parametrize("many", [1.5, True])
 def test_other_numbers_of_threads_are_refused(many):
     for solve, load in ((bem.solve, 0.5), (bem.ladder, [0.5])):
-        with pytest.raises(ValueError, match=r"threads = .*: must be a whole number of at least 1"):
+        with pytest.raises(
+            ValueError, match=r"threads = .*: must be a whole number of at least 1"
+        ):
             solve(np.eye(3), 1.0, load, threads=many)
 
 
@@ -289,7 +295,10 @@ def test_contacts_are_the_same_bits_on_any_number_of_threads(settings):
     for other in others:
         np.testing.assert_array_equal(other.pressure, one.pressure)
         assert (other.delta, other.residual) == (one.delta, one.residual)
-        assert (other.iterations, other.convolutions) == (one.iterations, one.convolutions)
+        assert (other.iterations, other.convolutions) == (
+            one.iterations,
+            one.convolutions,
+        )
 
 
 SOLVES = """

@@ -83,8 +83,14 @@ def test_a_sphere_yields_first_at_the_hertz_pressure_and_ends_at_the_hardness():
     largest = 2 / np.pi * np.sqrt(delta / radius)  # Hertz: p0 / E*
     spacing = side / (nodes - 1)
     grid = 1.5 * (spacing / sphere.contact_radius(delta)) ** 2  # a cell's mean pressure
-    assert bem.solve(heights, side, delta, hardness=largest * (1 + grid)).yielded_percent == 0
-    assert bem.solve(heights, side, delta, hardness=largest * (1 - 3 * grid)).yielded_percent > 0
+    assert (
+        bem.solve(heights, side, delta, hardness=largest * (1 + grid)).yielded_percent
+        == 0
+    )
+    assert (
+        bem.solve(heights, side, delta, hardness=largest * (1 - 3 * grid)).yielded_percent
+        > 0
+    )
     hardness = 0.01 * largest
     contact = bem.solve(heights, side, delta, hardness=hardness)
     mean = contact.force / (contact.contact_nodes * spacing**2)
@@ -134,10 +140,15 @@ ROUND_GRIDS = [
 def test_round_loads_are_carried(kind, shape, every):
     """Loads that are whole multiples of hardness times cell, alone and in ladders; 2,600 in all."""
     heights = 0.3 * SURFACES[kind](np.random.default_rng(shape[1]), shape)
-    for hardness, boundary in itertools.product((500.0, 1000.0, 2000.0, 4000.0), BOUNDARIES):
+    for hardness, boundary in itertools.product(
+        (500.0, 1000.0, 2000.0, 4000.0), BOUNDARIES
+    ):
         body = {"modulus": 2.1e5, "poisson": 0.3, "spacing": 1.0, "hardness": hardness}
         pressures = [pressure for pressure in ROUND[::every] if pressure < hardness]
-        alone = [bem.solve(heights, 1, pressure=p, boundary=boundary, **body) for p in pressures]
+        alone = [
+            bem.solve(heights, 1, pressure=p, boundary=boundary, **body)
+            for p in pressures
+        ]
         rungs = bem.ladder(heights, 1, pressures=pressures, boundary=boundary, **body)
         for pressure, *contacts in zip(pressures, alone, rungs, strict=True):
             for contact in contacts:
@@ -164,7 +175,9 @@ def test_where_all_that_touches_yields_the_displacement_is_the_smallest(boundary
     """The same nodes carry the load at every displacement until the next node touches."""
     heights = np.sort(np.random.default_rng(many).uniform(0, 3, 100)).reshape(10, 10)
     heights.flat[-many:] += 50.0
-    contact = bem.solve(heights, 10, force=many * 1e-3, boundary=boundary, hardness=1e-3, spacing=1)
+    contact = bem.solve(
+        heights, 10, force=many * 1e-3, boundary=boundary, hardness=1e-3, spacing=1
+    )
     np.testing.assert_array_equal(contact.pressure.flat[-many:], 1e-3)
     assert contact.contact_nodes == many
     shallowest = contact.yielded_depth.flat[-many:].min()

@@ -24,7 +24,11 @@ def test_shares_of_a_pool_whose_values_are_known():
     for number in (5, 50):
         closure, gap = bands.judged(pool, number, draws=60)
         assert closure["inside_percent"] == pytest.approx(90, abs=3)
-        assert closure["least_percent"] <= closure["inside_percent"] <= closure["most_percent"]
+        assert (
+            closure["least_percent"]
+            <= closure["inside_percent"]
+            <= closure["most_percent"]
+        )
         assert gap["inside_percent"] == 100
         assert gap["verdict"] == "failed"
 

@@ -46,4 +46,6 @@ def test_files_are_read_as_they_were_written(tmp_path, suffix):
     made = MadeMap("honed", 7, (40, 30), 0.5, 10.0, (0.5, 0.8), faults, suffix)
     topography = read(write(made, tmp_path))
     assert topography.spacing == pytest.approx(made.spacing, rel=1e-12)
-    assert topography.heights == pytest.approx(measured(made), rel=1e-9, abs=1e-12, nan_ok=True)
+    assert topography.heights == pytest.approx(
+        measured(made), rel=1e-9, abs=1e-12, nan_ok=True
+    )

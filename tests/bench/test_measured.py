@@ -41,11 +41,22 @@ def test_benchmarks_are_a_table_and_can_be_saved_and_compared(tmp_path):
     with table.data.open(encoding="utf-8", newline="") as file:
         (row,) = csv.DictReader(file)
     assert set(table.columns) <= row.keys()
-    assert (row["suite"], row["case"], row["size"]) == ("solver", "solve at contact: 10", "smoke")
+    assert (row["suite"], row["case"], row["size"]) == (
+        "solver",
+        "solve at contact: 10",
+        "smoke",
+    )
     assert 0 < float(row["median_ms"]) < 60_000
     assert float(row["convolutions"]) > 0
     assert 0 < float(row["residual"]) < 1e-6
-    suite = ["pytest", "bench/suites/test_solver.py", "-q", "--benchmark-only", "-k", "10-smoke"]
+    suite = [
+        "pytest",
+        "bench/suites/test_solver.py",
+        "-q",
+        "--benchmark-only",
+        "-k",
+        "10-smoke",
+    ]
     suite += [f"--benchmark-storage={tmp_path / 'saved'}", "--benchmark-max-time=0.01"]
     measure(*suite, "--benchmark-save=before")
     assert "(0001_before)" in measure(*suite, "--benchmark-compare")
@@ -57,13 +68,22 @@ def test_saved_benchmarks_of_another_machine_or_none_are_a_warning(tmp_path, sav
     if saved is not None:
         folder = tmp_path / "saved" / get_machine_id()
         folder.mkdir(parents=True)
-        content = {"machine_info": saved, "benchmarks": [], "commit_info": {}, "version": "5"}
+        content = {
+            "machine_info": saved,
+            "benchmarks": [],
+            "commit_info": {},
+            "version": "5",
+        }
         (folder / "0001_before.json").write_text(json.dumps(content))
     settings = ["-c", str(ROOT / "pyproject.toml"), "--markers"]
     storage = ["--benchmark-storage=saved", "--benchmark-compare"]
     told = measure("pytest", *settings, *storage, folder=tmp_path)
     assert "PytestBenchmarkWarning" in told
-    assert "No benchmark files" in told if saved is None else "machine_info is different" in told
+    assert (
+        "No benchmark files" in told
+        if saved is None
+        else "machine_info is different" in told
+    )
 
 
 @pytest.fixture
@@ -84,7 +104,9 @@ def comparison(tmp_path):
         "kernel-ridge,baseline,20,3,1,0.002\n"
         "kernel-ridge,tuned,10,3,1,0.003\n"
     )
-    (folder / "tuning-times.csv").write_text("model,fit_seconds,paper_s\nkernel-ridge,500,2599\n")
+    (folder / "tuning-times.csv").write_text(
+        "model,fit_seconds,paper_s\nkernel-ridge,500,2599\n"
+    )
     return folder.parent
 
 
@@ -92,7 +114,11 @@ def test_errors_and_times_are_those_of_the_comparison(comparison):
     tree, untuned, tuned = models(comparison)
     assert tree["model"] == "decision-tree"
     assert (tree["nmae"], tree["fit_s"], tree["search_s"]) == (15, 1, None)
-    assert (tuned["result"], tuned["search_s"], tuned["predict_s"]) == ("tuned", 500, 0.003)
+    assert (tuned["result"], tuned["search_s"], tuned["predict_s"]) == (
+        "tuned",
+        500,
+        0.003,
+    )
     fronts = [each["front"] for each in (tree, untuned, tuned)]
     assert fronts == ["predict fit", "", "predict fit search"]
 

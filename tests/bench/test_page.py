@@ -47,7 +47,10 @@ def contents(folder):
     figure = new_figure(16, 4)
     figure.subplots().plot([0, 1], [1, 0])
     data = written("data.csv", [["delta_um", "r2"], [0.1 + 0.2, 1]], folder)
-    wide: list[list[object]] = [[f"column_{i}" for i in range(30)], [1.5 * i for i in range(30)]]
+    wide: list[list[object]] = [
+        [f"column_{i}" for i in range(30)],
+        [1.5 * i for i in range(30)],
+    ]
     cases: list[list[object]] = [
         ["case", "error", "verdict"],
         ["<b>bold</b> & plain", "1e-15", "passed"],
@@ -78,7 +81,9 @@ def test_page_stands_alone(shown):
     assert addresses
     assert all(address.startswith(("data:", "#")) for address in addresses)
     assert not re.search(r"@import|<script|url\(", text)
-    (source,) = set(re.findall(r'download="data.csv" href="data:text/csv;base64,([^"]*)"', text))
+    (source,) = set(
+        re.findall(r'download="data.csv" href="data:text/csv;base64,([^"]*)"', text)
+    )
     data = base64.b64decode(source)  # with all digits
     assert data == (shown.parent / "one" / "data.csv").read_bytes()
     assert b"0.30000000000000004" in data

@@ -12,7 +12,14 @@ from bench.files import read_table
 from bench.peers import Trial, compare, find_errors, sample
 from bench.report import part_of
 from bench.solvers.others import OTHERS
-from bench.solvers.solver import LADDER, Answer, Control, Failure, back_and_forth, find_exact
+from bench.solvers.solver import (
+    LADDER,
+    Answer,
+    Control,
+    Failure,
+    back_and_forth,
+    find_exact,
+)
 
 SMALL = sample(33, 25.0)
 
@@ -63,7 +70,9 @@ def test_each_is_timed_at_the_tolerance_that_it_needs(capsys):
 
 def test_times_over_ours_are_of_the_same_round(monkeypatch):
     """The median of 0.3 / 0.1, 0.2 / 0.2 and 0.6 / 0.3, not the ratio of the medians, 1.5."""
-    speeds = iter([0.1, 0.3, 0.2, 0.2, 0.3, 0.6])  # ours and theirs forth, back, and forth
+    speeds = iter(
+        [0.1, 0.3, 0.2, 0.2, 0.3, 0.6]
+    )  # ours and theirs forth, back, and forth
     answer = Answer(find_exact(SMALL).pressure)
     ours, theirs = Trial(Stub(), SMALL), Trial(Stub(name="theirs"), SMALL)
     monkeypatch.setattr(Trial, "_timed", lambda *_: (answer, next(speeds)))
@@ -83,7 +92,9 @@ def test_command_writes_table_and_picture(tmp_path, capsys):
     arguments = ["--nodes", "17", "--deltas", "5,25", "--rounds", "1"]
     assert main(["peers", "-o", str(folder), *arguments]) == 0
     done = capsys.readouterr()
-    assert done.out.split()[-2:] == [str(folder / f"peers.{end}") for end in ("csv", "png")]
+    assert done.out.split()[-2:] == [
+        str(folder / f"peers.{end}") for end in ("csv", "png")
+    ]
     for peer in OTHERS:
         assert (f"{peer.package} is not installed" in done.err) is not bool(peer.version)
     _, rows = read_table(folder / "peers.csv")
@@ -94,7 +105,9 @@ def test_command_writes_table_and_picture(tmp_path, capsys):
         assert float(row["seconds"]) > 0
 
 
-@pytest.mark.parametrize("solver", periodic.PERIODIC_SOLVERS, ids=lambda solver: solver.name)
+@pytest.mark.parametrize(
+    "solver", periodic.PERIODIC_SOLVERS, ids=lambda solver: solver.name
+)
 @pytest.mark.parametrize("load", periodic.LOADS[::2])
 def test_periodic_patches_are_the_same_problem_for_all(solver, load):
     """Our own waves, spacing, units and zero mean displacement, up to nearly full contact."""
@@ -118,7 +131,9 @@ def test_command_compares_periodic_patches_and_bodies_that_yield(tmp_path):
     assert float(ours[4]["area_percent"]) > 95
     arguments = ["--nodes", "17", "--deltas", "25", "--rounds", "1", "--hardness", "0.02"]
     assert main(["hardness", "-o", str(tmp_path), *arguments]) == 0
-    found = read_table(tmp_path / "hardness.csv")[1]  # of other solvers too, where there are any
+    found = read_table(tmp_path / "hardness.csv")[
+        1
+    ]  # of other solvers too, where there are any
     elastic, yielding = (row for row in found if row["solver"] == "bem")
     assert (elastic["hardness"], elastic["yielded_nodes"]) == ("", "0")
     assert int(yielding["yielded_nodes"]) > 0

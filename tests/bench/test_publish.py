@@ -48,7 +48,9 @@ def test_what_is_shown_and_behind_it_is_published(made):
         *("two/shown.png", "two/small.csv", "two/trials.jsonl.xz", "two/two.part.json"),
     ]
     large = made.parent / "results" / "two" / "large.csv.xz"
-    assert lzma.decompress(large.read_bytes()) == (made / "two" / "large.csv").read_bytes()
+    assert (
+        lzma.decompress(large.read_bytes()) == (made / "two" / "large.csv").read_bytes()
+    )
     record = (made.parent / "results" / "one" / "one.part.json").read_text()
     assert "report/one" in record
     assert str(made) not in record
@@ -71,7 +73,9 @@ def test_a_folder_made_anew_loses_what_it_held_and_others_do_not(made):
 @pytest.mark.parametrize("target", ["one", "..", "link"])
 def test_what_is_read_is_not_written_over(made, target):
     (made / "link").symlink_to(made)
-    before = {path: path.read_bytes() for path in made.parent.rglob("*") if path.is_file()}
+    before = {
+        path: path.read_bytes() for path in made.parent.rglob("*") if path.is_file()
+    }
     with pytest.raises(InputError, match="is read, give a folder apart from it"):
         publish([ONE, PICTURED], inputs(made, full=True), made / target)
     after = {path: path.read_bytes() for path in made.parent.rglob("*") if path.is_file()}

@@ -28,11 +28,15 @@ def _assert_a_command(given, each):
         if not arguments:
             continue
         assert arguments[0] == "-m"
-        program: Any = {"bench": bench, "learn": learn, "tests.faults": faults}[arguments[1]]
+        program: Any = {"bench": bench, "learn": learn, "tests.faults": faults}[
+            arguments[1]
+        ]
         command: Any = typer.main.get_command(program)
         command = getattr(command, "commands", {}).get(arguments[2], command)
         known = {option for parameter in command.params for option in parameter.opts}
-        assert {word for word in arguments[3:] if word.startswith("-")} <= known, arguments
+        assert {word for word in arguments[3:] if word.startswith("-")} <= known, (
+            arguments
+        )
 
 
 def test_curves_of_a_short_run_have_three_points_or_more():

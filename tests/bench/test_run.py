@@ -30,7 +30,15 @@ def test_parts_are_made_once(tmp_path, capsys):
     path = inputs(tmp_path).path(parts[0])
     found = json.loads(path.read_text())
     assert found["command"].startswith("python -c ")
-    assert {"code", "seconds", "created", "commit", "state", "machine", "versions"} <= found.keys()
+    assert {
+        "code",
+        "seconds",
+        "created",
+        "commit",
+        "state",
+        "machine",
+        "versions",
+    } <= found.keys()
     path.write_text("{")
     with pytest.raises(InputError, match="cannot be read"):
         makes(tmp_path, parts)
@@ -66,7 +74,9 @@ def test_a_failed_check_is_shown_and_stays_failed_and_a_crash_is_tried_again(
         "-c s=__import__('sys');open('{folder}/made.txt','a').write('x');"
         f"s.stderr.write('{said}');s.exit(1)"
     )
-    checks = Part("checks", "Chapter", "Checks", command, command, shows_made, judges=judges)
+    checks = Part(
+        "checks", "Chapter", "Checks", command, command, shows_made, judges=judges
+    )
     for _ in range(2):
         assert makes(tmp_path, [checks]).failed == ("checks",)
     assert (tmp_path / "checks" / "made.txt").read_text() == made
@@ -85,7 +95,9 @@ def test_what_was_made_while_the_code_changed_is_made_anew(tmp_path, monkeypatch
 
 
 def test_a_short_run_leaves_a_full_one_alone(tmp_path):
-    both = part("both", WRITE.replace("'x'", "'short'"), full=WRITE.replace("'x'", "'full'"))
+    both = part(
+        "both", WRITE.replace("'x'", "'short'"), full=WRITE.replace("'x'", "'full'")
+    )
     makes(tmp_path, [both], full=True)
     makes(tmp_path, [both])
     assert (tmp_path / "both" / "made.txt").read_text() == "full"
@@ -131,7 +143,9 @@ def test_parts_that_take_no_times_are_made_side_by_side(tmp_path, monkeypatch, c
         part("one", WRITE),
     ]
     assert makes(tmp_path, parts) == Outcome()
-    said = [line.split()[1] for line in capsys.readouterr().err.splitlines() if line[0] == "["]
+    said = [
+        line.split()[1] for line in capsys.readouterr().err.splitlines() if line[0] == "["
+    ]
     assert said[::3] == ["one", "last"]
     assert set(said[1:3]) == {"two", "three"}
 
@@ -190,7 +204,9 @@ def test_what_is_not_there_is_left_out_of_a_command(tmp_path):
 def test_a_command_that_was_run_elsewhere_names_no_folder_of_that_machine(tmp_path):
     one = part("one", "-m bench one -o {folder}")
     here = inputs(tmp_path)
-    there = "python -m bench one --database '/a b/all/databases/paper.h5' -o '/a b/all/one'"
+    there = (
+        "python -m bench one --database '/a b/all/databases/paper.h5' -o '/a b/all/one'"
+    )
     assert here.command(one, there) == (
         "python -m bench one --database report/databases/paper.h5 -o report/one"
     )
@@ -200,7 +216,9 @@ def test_a_command_that_was_run_elsewhere_names_no_folder_of_that_machine(tmp_pa
     assert here.command(one, "") == ""
 
 
-def test_another_command_state_of_the_code_or_input_makes_a_part_anew(tmp_path, monkeypatch):
+def test_another_command_state_of_the_code_or_input_makes_a_part_anew(
+    tmp_path, monkeypatch
+):
     makes(tmp_path, [part("one", WRITE)])
     makes(tmp_path, [part("one", WRITE.replace("'x'", "'y'"))])
     assert (tmp_path / "one" / "made.txt").read_text() == "xy"
@@ -221,7 +239,12 @@ def test_another_command_state_of_the_code_or_input_makes_a_part_anew(tmp_path, 
 
 
 def test_documents_and_results_are_no_code(tmp_path):
-    for name in ("bem/solve.py", "bench/page.toml", "bench/results/a.toml", "docs/conf.py"):
+    for name in (
+        "bem/solve.py",
+        "bench/page.toml",
+        "bench/results/a.toml",
+        "docs/conf.py",
+    ):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("a")
     before = code_state(tmp_path)

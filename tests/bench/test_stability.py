@@ -12,7 +12,15 @@ from bench import commands as command
 from bench.stability import case as tables
 from bench.stability import checks, models, random_contacts, surfaces
 from bench.stability import setup as topographies
-from bench.stability.case import TABLES, Answer, Case, Finding, Refusal, cases_of, run_case
+from bench.stability.case import (
+    TABLES,
+    Answer,
+    Case,
+    Finding,
+    Refusal,
+    cases_of,
+    run_case,
+)
 from bench.stability.checks import contact_case, has_force, judge
 from bench.stability.models import fitted, ordinary, solves_its_equations
 from bench.stability.random_contacts import examine
@@ -77,7 +85,9 @@ def test_warnings_and_errors_fail():
 
 SMALL = partial(topographies.paper, 33)
 SOUND = contact_case("one", "sound", SMALL, 12.0)
-REFUSED = contact_case("two", "refused", np.zeros(3), refusal=Refusal(ValueError, ("(3,)",)))
+REFUSED = contact_case(
+    "two", "refused", np.zeros(3), refusal=Refusal(ValueError, ("(3,)",))
+)
 WRONG_FORCE = (partial(has_force, "nothing", 0.0, 0.0),)
 BROKEN = contact_case("two", "broken", SMALL, 12.0, checks=WRONG_FORCE)
 SLOW = replace(SOUND, family="two", name="slow", slow=True)
@@ -117,7 +127,9 @@ def with_pressure(change):
     share = 100 * float((pressure > 0).mean())
     residual = checks.violation(ASKED, pressure)
     force = float(pressure.sum()) * ASKED.cell[0] * ASKED.cell[1]
-    return replace(CONTACT, pressure=pressure, force=force, area_percent=share, residual=residual)
+    return replace(
+        CONTACT, pressure=pressure, force=force, area_percent=share, residual=residual
+    )
 
 
 def without_smallest(pressure):
@@ -148,7 +160,9 @@ def test_another_pressure_is_told(wrong):
 
 def failed(asked, contact, **more):
     """Names of the findings that an answer fails by."""
-    return [each.what for each in judge(asked, contact, **more).findings if not each.passed]
+    return [
+        each.what for each in judge(asked, contact, **more).findings if not each.passed
+    ]
 
 
 @pytest.mark.parametrize(
@@ -180,7 +194,11 @@ def test_many_iterations_fail_unless_a_case_takes_them():
     ],
 )
 def test_wrong_contacts_that_yield_are_told(monkeypatch, spoil, words):
-    case = range(11, 12), random_contacts.yielding_problem, random_contacts.judge_both_ways
+    case = (
+        range(11, 12),
+        random_contacts.yielding_problem,
+        random_contacts.judge_both_ways,
+    )
     assert examine(*case).passed
     solve = Setup.solve
     monkeypatch.setattr(Setup, "solve", lambda asked: spoil(solve(asked)))

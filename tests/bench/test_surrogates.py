@@ -33,7 +33,10 @@ def test_databases_are_resumed_and_others_are_refused(tmp_path, capsys):
     text = "samples = 6\n[surface]\nnodes = 9\n"
     (tmp_path / "scene.toml").write_text(text)
     path = str(tmp_path / "small.h5")
-    assert gen.cli.main(["run", str(tmp_path / "scene.toml"), "-o", path, "--rows", "0:2"]) == 0
+    assert (
+        gen.cli.main(["run", str(tmp_path / "scene.toml"), "-o", path, "--rows", "0:2"])
+        == 0
+    )
     capsys.readouterr()
     for _ in range(2):
         databases.generated(tmp_path, "small", text)
@@ -42,7 +45,8 @@ def test_databases_are_resumed_and_others_are_refused(tmp_path, capsys):
     said = capsys.readouterr().err
     assert said.count("generating") == 1, "a complete database is not generated again"
     with pytest.raises(
-        InputError, match=r"small\.h5: is a database of another scene; move it away:\n  surface"
+        InputError,
+        match=r"small\.h5: is a database of another scene; move it away:\n  surface",
     ):
         databases.generated(tmp_path, "small", text.replace("9", "17"))
     with pytest.raises(InputError, match="give one of the paper preset"):
@@ -66,7 +70,14 @@ def test_costs_end_to_end(paper, tmp_path, monkeypatch):
     monkeypatch.setattr(times, "ENOUGH", 0.01)
     report = cost(tmp_path, 200, paper, area_max=60.0, surfaces=3)
     paths = report.write(tmp_path / "report", part_of("cost").contents)
-    names = ["cost.csv", "learning.csv", "times.csv", "totals.csv", "cost.png", "learning.png"]
+    names = [
+        "cost.csv",
+        "learning.csv",
+        "times.csv",
+        "totals.csv",
+        "cost.png",
+        "learning.png",
+    ]
     assert [path.name for path in paths] == names
     assert all(path.stat().st_size > 300 for path in paths)
     assert len(read_table(paths[0])[1]) == len(report.tables["cost"])
@@ -74,7 +85,9 @@ def test_costs_end_to_end(paper, tmp_path, monkeypatch):
     for each in ours:
         build = each["database"] + each["tuning"] + each["fit"]
         assert each["break_even"] == break_even(build, each["solve"], each["query"])
-        assert each["database"] >= 200 * 0.9 * each["solve"] * (each["asked"] == "new surfaces")
+        assert each["database"] >= 200 * 0.9 * each["solve"] * (
+            each["asked"] == "new surfaces"
+        )
     assert len(ours) == 3 + 3 + 2
     points = report.tables["learning"]
     assert [point["trained"] for point in points[:2]] == sizes(points[1]["trained"])

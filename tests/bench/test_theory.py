@@ -59,7 +59,9 @@ def test_gaps_and_stiffness_are_those_of_perssons_relation(rows):
 def test_yielding_spots_conduct_as_cooper_mikic_and_yovanovich_say():
     """With the exponent 0.95, on surfaces of many waves of one length."""
     spectrum = theory.SelfAffineSpectrum(0.8, 8 / 256, 8 / 256)
-    found = theory.conductance([theory.random_surface(spectrum, 256, seed) for seed in range(3)])
+    found = theory.conductance(
+        [theory.random_surface(spectrum, 256, seed) for seed in range(3)]
+    )
     assert found[0]["exponent"] == pytest.approx(0.95, abs=0.02)
     ratios = [row["conductance"] / row["cooper_mikic_yovanovich"] for row in found]
     assert ratios == pytest.approx([1] * len(found), abs=0.15)
@@ -82,7 +84,9 @@ def test_rows_reach_their_contact_and_say_what_it_took():
 
 def test_a_hardness_bounds_the_mean_pressure():
     pressed = pressures((65, 129), 1)
-    assert [row["hardness"] for row in pressed] == [each for each in HARDNESSES for _ in range(2)]
+    assert [row["hardness"] for row in pressed] == [
+        each for each in HARDNESSES for _ in range(2)
+    ]
     elastic = pressed[:2]
     assert elastic[0]["area_percent"] > elastic[1]["area_percent"]
     for row in pressed[2:]:

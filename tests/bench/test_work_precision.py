@@ -74,7 +74,10 @@ def test_tasks_run_back_and_forth_and_the_shortest_time_counts(small):
     b = Stub(name="B", asked=asked, seconds=[9.0, 5.0, 6.0, 7.0])
     points = list(compare("peers", [a, b], [small], [1e-2], 3))
     assert [name for name, _ in asked] == ["A", "B", "A", "B", "B", "A", "A", "B"]
-    assert [(point["solver"], point["seconds"]) for point in points] == [("A", 2.0), ("B", 5.0)]
+    assert [(point["solver"], point["seconds"]) for point in points] == [
+        ("A", 2.0),
+        ("B", 5.0),
+    ]
     assert points[0]["force_error"] == points[0]["pressure_error"] == 0
     assert points[0]["convolutions"] is None
 
@@ -83,7 +86,9 @@ def test_curves_are_means_over_the_cases(done):
     tolerance = [point for point in done if point["study"] == "tolerance"]
     uniform = [row for row in curves(tolerance) if row["curve"] == "uniform-pressure"]
     assert [row["setting"] for row in uniform] == list(DECADES[::2])
-    first = [point for point in tolerance if (point["rtol"], point["kernel"][0]) == (0.1, "u")]
+    first = [
+        point for point in tolerance if (point["rtol"], point["kernel"][0]) == (0.1, "u")
+    ]
     assert len(first) == 2
     mean = sum(point["force_error"] for point in first) / len(first)
     assert uniform[0]["force_error"] == pytest.approx(mean)
@@ -91,7 +96,9 @@ def test_curves_are_means_over_the_cases(done):
     assert [row["setting"] for row in others].count(0.1) == 1, "no mean of other cases"
 
 
-def test_missing_matplotlib_is_said_before_anything_is_solved(tmp_path, monkeypatch, capsys):
+def test_missing_matplotlib_is_said_before_anything_is_solved(
+    tmp_path, monkeypatch, capsys
+):
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     for command in ("solver", "peers"):
         assert main([command, "-o", str(tmp_path / "new")]) == 2

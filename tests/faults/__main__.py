@@ -100,7 +100,9 @@ def by_kind(rounds: Sequence[Found]) -> list[dict[str, Any]]:
         hits = [done for done in mine if done.hit]
         wrong = sum(bool(done.fault) for done in mine)
         row = {"kind": kind, "injected": len(hits)}
-        row["partly_done"] = sum(0 < done.before < most or 0 < done.after < most for done in hits)
+        row["partly_done"] = sum(
+            0 < done.before < most or 0 < done.after < most for done in hits
+        )
         row["longest_end_s"] = max(done.seconds for done in mine)
         rows.append({**row, "wrong": wrong, "verdict": "failed" if wrong else "passed"})
     return rows
@@ -112,13 +114,18 @@ app = typer.Typer(add_completion=False, rich_markup_mode=None)
 @app.command()
 def faults(
     rounds: Annotated[int, typer.Option(min=1, help="Faults to inject.")] = ROUNDS,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of kinds, victims and moments.")] = 0,
-    minutes: Annotated[float, typer.Option(min=0.0, help="No round begins later.")] = 30.0,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of kinds, victims and moments.")
+    ] = 0,
+    minutes: Annotated[
+        float, typer.Option(min=0.0, help="No round begins later.")
+    ] = 30.0,
     only: Annotated[
         list[str] | None, typer.Option(metavar="KIND", help="A kind of the table, alone.")
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="DIR", help="Write faults.csv there.")
+        Path | None,
+        typer.Option("--output", "-o", metavar="DIR", help="Write faults.csv there."),
     ] = None,
 ) -> int:
     """Disturb runs at random and see whether anything is lost, wrong or done twice.
@@ -129,10 +136,15 @@ def faults(
     done: list[Found] = []
     kinds = only or tuple(KINDS)
     with tempfile.TemporaryDirectory() as folder:
-        for found in campaign(Path(folder), rounds, seed=seed, kinds=kinds, minutes=minutes):
+        for found in campaign(
+            Path(folder), rounds, seed=seed, kinds=kinds, minutes=minutes
+        ):
             done.append(found)
             typer.echo(f"{len(done):3} {found.line()}")
-    injected, wrong = sum(found.hit for found in done), sum(bool(found.fault) for found in done)
+    injected, wrong = (
+        sum(found.hit for found in done),
+        sum(bool(found.fault) for found in done),
+    )
     typer.echo(
         f"{injected} of {rounds} faults injected; {wrong} times a row was lost, done twice or"
         f" wrong, an answer was wrong, or a run took more than {BOUND:g} s to end"

@@ -116,7 +116,9 @@ def file_replaced(stage: Stage) -> Found:
         run.send("everybody", signal.SIGCONT)
         ended = run.wait()
     fault = ""
-    if hit and not (complete and ended.code == 0):  # after its last row, nothing is missing
+    if hit and not (
+        complete and ended.code == 0
+    ):  # after its last row, nothing is missing
         fault = refusal_fault(ended, "replaced by another file")
     return Found("", fault, hit, ended.seconds)
 
@@ -126,7 +128,9 @@ def samples_fail(stage: Stage) -> Found:
     ailment = str(stage.random.choice(list(FAILURES)))
     pending, before = stage.pending(), columns_of(stage.path)
     number = min(int(stage.random.integers(1, AILING, endpoint=True)), len(pending))
-    rows = [int(row) for row in np.sort(stage.random.choice(pending, number, replace=False))]
+    rows = [
+        int(row) for row in np.sort(stage.random.choice(pending, number, replace=False))
+    ]
     with stage.run(stage.ranks(), ailments=dict.fromkeys(rows, ailment)) as run:
         ended = run.wait()
     now = columns_of(stage.path)

@@ -33,7 +33,9 @@ def ailing(ailments: Mapping[float, str]) -> Callable[..., bem.Contact]:
         contact = _healthy(heights, side, delta, **more)
         if ailment == "does_not_converge":
             raise bem.NotConverged(contact)
-        return replace(contact, force=float("nan")) if ailment == "returns_nan" else contact
+        return (
+            replace(contact, force=float("nan")) if ailment == "returns_nan" else contact
+        )
 
     return solve
 
@@ -41,7 +43,9 @@ def ailing(ailments: Mapping[float, str]) -> Callable[..., bem.Contact]:
 def main() -> int:
     """Run `python -m gen` with the ailments."""
     path = Path(sys.argv.pop(1))
-    ailments = {float(delta): name for delta, name in json.loads(path.read_text()).items()}
+    ailments = {
+        float(delta): name for delta, name in json.loads(path.read_text()).items()
+    }
     often = mock.patch.object(writer, "SYNC_SECONDS", SYNC_SECONDS)
     with often, mock.patch.object(bem, "solve", ailing(ailments)):
         return gen.__main__.main()

@@ -49,7 +49,9 @@ class Ended:
 class Run:
     """A run under way, alone (no ranks) or under mpiexec; on leaving, no process is left behind."""
 
-    def __init__(self, folder: Path, ranks: int, *arguments: str, module: str = "gen") -> None:
+    def __init__(
+        self, folder: Path, ranks: int, *arguments: str, module: str = "gen"
+    ) -> None:
         self._log = tempfile.TemporaryFile()  # noqa: SIM115 - closed in __exit__
         # The launcher leads a session of its own: a terminal's signals are not for it.
         self._process = subprocess.Popen(
@@ -89,7 +91,9 @@ class Run:
 
     def send(self, victim: str, number: int) -> bool:
         """Send a signal to "launcher", "everybody" or a rank; say whether it was there."""
-        while not (targets := self._targets(victim)) and self.alive():  # ranks take a moment
+        while (
+            not (targets := self._targets(victim)) and self.alive()
+        ):  # ranks take a moment
             time.sleep(0.02)
         if not self.alive():
             return False
@@ -135,7 +139,9 @@ def is_locked(path: Path) -> bool:
 def _rank(process: int) -> str:
     """The rank of a process as text; "" if it has none."""
     try:
-        variables = Path(f"/proc/{process}/environ").read_text(errors="replace").split("\0")
+        variables = (
+            Path(f"/proc/{process}/environ").read_text(errors="replace").split("\0")
+        )
         executable = Path(f"/proc/{process}/comm").read_text()
     except OSError:
         return ""

@@ -15,9 +15,18 @@ from gen.schema import Reason, Status
 from tests.faults import program
 from tests.faults.__main__ import by_kind, campaign
 from tests.faults.kinds import FAILURES, KINDS
-from tests.faults.stage import Ended, code_fault, columns_of, difference, refusal_fault, row_fault
+from tests.faults.stage import (
+    Ended,
+    code_fault,
+    columns_of,
+    difference,
+    refusal_fault,
+    row_fault,
+)
 
-SHORT = [kind for kind in KINDS if kind not in {"SIGKILL to a run alone", "SIGKILL to mpiexec"}]
+SHORT = [
+    kind for kind in KINDS if kind not in {"SIGKILL to a run alone", "SIGKILL to mpiexec"}
+]
 
 
 @pytest.mark.mpi
@@ -60,7 +69,9 @@ def test_every_kind_of_damage_is_found(reference):
     assert row_fault(reference, None, reference) == "the database has vanished"
     assert "wrong force" in difference(wrong, reference)
     assert "pending" in difference(lost, reference)
-    failed = copied(reference, status=Status.FAILED, reason=Reason.NOT_FINITE, force=np.nan)
+    failed = copied(
+        reference, status=Status.FAILED, reason=Reason.NOT_FINITE, force=np.nan
+    )
     assert row_fault(None, failed, reference, {3: Reason.NOT_FINITE}) == ""
     assert "row 3" in row_fault(None, failed, reference, {3: Reason.ARITHMETIC})
     assert "row 5" in row_fault(None, failed, reference, {5: Reason.NOT_FINITE})

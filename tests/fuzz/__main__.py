@@ -76,7 +76,9 @@ def cases(
         yield _tried(sound, folder / "case", number, seed, kinds)
 
 
-def _tried(sound: Path, folder: Path, number: int, seed: int, kinds: Sequence[str]) -> Case:
+def _tried(
+    sound: Path, folder: Path, number: int, seed: int, kinds: Sequence[str]
+) -> Case:
     """Damage one file in a fresh folder, and run one command on it."""
     random = np.random.default_rng([seed, number])
     name = str(random.choice(list(kinds)))
@@ -118,7 +120,9 @@ def fuzz(
     seed: Annotated[int, typer.Option(min=0, help="Seed of all damage.")] = 0,
     number: Annotated[
         int | None,
-        typer.Option("--cases", min=1, help="Number of cases at most; no bound unless given."),
+        typer.Option(
+            "--cases", min=1, help="Number of cases at most; no bound unless given."
+        ),
     ] = None,
     first: Annotated[int, typer.Option(min=0, help="Number of the first case.")] = 0,
     only: Annotated[
@@ -126,7 +130,8 @@ def fuzz(
         typer.Option(metavar="KIND", help=f"{', '.join(KINDS)}, alone."),
     ] = None,
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="DIR", help="Where findings are written.")
+        Path,
+        typer.Option("--output", "-o", metavar="DIR", help="Where findings are written."),
     ] = Path("fuzz-findings"),
 ) -> int:
     """Damage files at random, run commands on them, and see that none crashes, hangs or babbles.
@@ -142,15 +147,21 @@ def fuzz(
     done, began = 0, time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
         seconds = 60.0 * minutes
-        for case in cases(Path(folder), seed, kinds, seconds=seconds, first=first, last=last):
+        for case in cases(
+            Path(folder), seed, kinds, seconds=seconds, first=first, last=last
+        ):
             done += 1
             if case.fault:
                 found[case.signature] += 1
                 if found[case.signature] == 1:
-                    line = case.kept(Path(folder) / "case", output / f"{len(found):03}-{case.kind}")
+                    line = case.kept(
+                        Path(folder) / "case", output / f"{len(found):03}-{case.kind}"
+                    )
                     typer.echo(line, err=True)
     taken = time.monotonic() - began
-    typer.echo(f"{done} cases in {taken:.0f} s; {found.total()} findings of {len(found)} kinds")
+    typer.echo(
+        f"{done} cases in {taken:.0f} s; {found.total()} findings of {len(found)} kinds"
+    )
     return 1 if found else 0
 
 

@@ -28,7 +28,12 @@ LARGEST_FILE = 256 * 2**20
 
 LOADED = {
     "gen": ("bem", "gen.generation.check", "gen.commands.printer", "gen.generation.run"),
-    "learn": ("learn.comparison.jobs", "learn.surrogate.fitting", "sklearn.ensemble", "xgboost"),
+    "learn": (
+        "learn.comparison.jobs",
+        "learn.surrogate.fitting",
+        "sklearn.ensemble",
+        "xgboost",
+    ),
     "bench": ("bench.run",),
 }
 """Modules that commands import when they need them: loaded once here, not once in every case."""
@@ -57,7 +62,10 @@ def load(program: str) -> None:
 
 
 def run(
-    command: Sequence[str], folder: Path, bound: float = BOUND, memory: int | None = MEMORY
+    command: Sequence[str],
+    folder: Path,
+    bound: float = BOUND,
+    memory: int | None = MEMORY,
 ) -> Ended:
     """Run a command line in a folder, in a fork of this process.
 
@@ -66,7 +74,9 @@ def run(
     """
     with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as errors:
         arguments = (command, folder, output, errors, memory)
-        process = multiprocessing.get_context("fork").Process(target=_become, args=arguments)
+        process = multiprocessing.get_context("fork").Process(
+            target=_become, args=arguments
+        )
         process.start()
         process.join(bound)
         hung = process.exitcode is None
@@ -91,17 +101,23 @@ def fault(command: Sequence[str], ended: Ended) -> str:
     wrong = {
         "hang": ended.hung,
         f"signal {-ended.code}": ended.code < 0,
-        f"traceback: {lines[-1][:200] if lines else ''}": "Traceback (most" in ended.errors,
+        f"traceback: {lines[-1][:200] if lines else ''}": "Traceback (most"
+        in ended.errors,
         "a library's warning": WARNING.search(ended.errors) is not None,
         f"exit code {ended.code}": ended.code not in right,
-        f"{len(refusals)} lines of refusal in place of one": ended.code == 2 and len(refusals) != 1,
+        f"{len(refusals)} lines of refusal in place of one": ended.code == 2
+        and len(refusals) != 1,
         "lines below the refusal": ended.code == 2 and lines[-1:] != refusals,
     }
     return next((fault for fault, found in wrong.items() if found), "")
 
 
 def _become(
-    command: Sequence[str], folder: Path, output: IO[bytes], errors: IO[bytes], memory: int | None
+    command: Sequence[str],
+    folder: Path,
+    output: IO[bytes],
+    errors: IO[bytes],
+    memory: int | None,
 ) -> NoReturn:
     """Be the command, in the fork."""
     if memory is not None:

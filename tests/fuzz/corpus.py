@@ -70,7 +70,16 @@ KINDS: dict[str, Kind] = {
             ("gen", "run", "longer.toml", "-o", "VICTIM"),
             ("learn", "fit", "VICTIM", "-o", "new.surrogate", *LEARN),
             ("learn", "compare", "VICTIM", "-o", "new", *LEARN),
-            ("learn", "law", "tree.surrogate", "VICTIM", "--delta", "5:10:3", "--surfaces", "2"),
+            (
+                "learn",
+                "law",
+                "tree.surrogate",
+                "VICTIM",
+                "--delta",
+                "5:10:3",
+                "--surfaces",
+                "2",
+            ),
         ),
         ("scene.toml", "longer.toml", "tree.surrogate"),
     ),
@@ -88,10 +97,48 @@ KINDS: dict[str, Kind] = {
         ("surface.npy", "surface.txt"),
         (
             ("gen", "describe", "VICTIM", "--side", "100"),
-            ("gen", "contact", "VICTIM", "--side", "100", "--delta", "1", "--csv", "new.csv"),
-            ("gen", "contact", "VICTIM", "--side", "100", "--pressure", "0:0.1:3", "--fill"),
-            ("gen", "describe", "VICTIM", "--side", "100", "--against", "VICTIM", "--shift", "9,0"),
-            ("learn", "predict", "tree.surrogate", "VICTIM", "--side", "100", "--delta", "1"),
+            (
+                "gen",
+                "contact",
+                "VICTIM",
+                "--side",
+                "100",
+                "--delta",
+                "1",
+                "--csv",
+                "new.csv",
+            ),
+            (
+                "gen",
+                "contact",
+                "VICTIM",
+                "--side",
+                "100",
+                "--pressure",
+                "0:0.1:3",
+                "--fill",
+            ),
+            (
+                "gen",
+                "describe",
+                "VICTIM",
+                "--side",
+                "100",
+                "--against",
+                "VICTIM",
+                "--shift",
+                "9,0",
+            ),
+            (
+                "learn",
+                "predict",
+                "tree.surrogate",
+                "VICTIM",
+                "--side",
+                "100",
+                "--delta",
+                "1",
+            ),
         ),
         ("tree.surrogate",),
     ),
@@ -127,7 +174,9 @@ MADE: tuple[Command, ...] = (
 
 def make(folder: Path, kinds: tuple[str, ...] = tuple(KINDS)) -> None:
     """Write the sound files of some kinds into an empty folder, by the commands that make them."""
-    fields = SCENE.replace("samples = 60", "samples = 6") + "heights = true\npressure = true\n"
+    fields = (
+        SCENE.replace("samples = 60", "samples = 6") + "heights = true\npressure = true\n"
+    )
     (folder / "scene.toml").write_text(SCENE, encoding="utf-8")
     (folder / "longer.toml").write_text(SCENE.replace("60", "64"), encoding="utf-8")
     (folder / "fields.toml").write_text(fields, encoding="utf-8")
@@ -152,11 +201,34 @@ MOST = 4
 ODD: tuple[Any, ...] = (
     *(None, True, False, [], {}, [[]], [None], {"": None}, float("nan"), float("inf")),
     *(0, -1, 1, 2**31, 2**63, 10**30, 10**400, 0.5, -0.0, 1e-320, 1e308, 4097, 10**9),
-    *("", "x", "\x1b[31mred", "\x00", "é" * 300, "=1+1", "../../x", "9" * 5000, "nan", "\udcff"),
+    *(
+        "",
+        "x",
+        "\x1b[31mred",
+        "\x00",
+        "é" * 300,
+        "=1+1",
+        "../../x",
+        "9" * 5000,
+        "nan",
+        "\udcff",
+    ),
 )
 """Values that stand in for others."""
 
-INTERESTING = (0, 1, 0x7F, 0x80, 0xFF, 0x7FFF, 0xFFFF, 2**31 - 1, 2**32 - 1, 2**63 - 1, 2**64 - 1)
+INTERESTING = (
+    0,
+    1,
+    0x7F,
+    0x80,
+    0xFF,
+    0x7FFF,
+    0xFFFF,
+    2**31 - 1,
+    2**32 - 1,
+    2**63 - 1,
+    2**64 - 1,
+)
 """Numbers at which types end."""
 
 WORD = re.compile(rb"[A-Za-z_][A-Za-z0-9_/.]{3,31}")
@@ -166,7 +238,11 @@ NUMBER = re.compile(rb"-?\d+(\.\d+)?([eE][-+]?\d+)?")
 def flipped(data: bytes, random: Random) -> bytes:
     """Flip one bit."""
     place = int(random.integers(len(data)))
-    return data[:place] + bytes([data[place] ^ 1 << int(random.integers(8))]) + data[place + 1 :]
+    return (
+        data[:place]
+        + bytes([data[place] ^ 1 << int(random.integers(8))])
+        + data[place + 1 :]
+    )
 
 
 def overwritten(data: bytes, random: Random) -> bytes:
@@ -178,7 +254,9 @@ def overwritten(data: bytes, random: Random) -> bytes:
 
 def linked(data: bytes, random: Random) -> bytes:
     """Copy eight bytes over eight others: in HDF5, an address over another, or a length."""
-    source, target = (8 * int(place) for place in random.integers(-(-len(data) // 8), size=2))
+    source, target = (
+        8 * int(place) for place in random.integers(-(-len(data) // 8), size=2)
+    )
     return data[:target] + data[source : source + 8] + data[target + 8 :]
 
 
@@ -187,7 +265,9 @@ def renamed(data: bytes, random: Random) -> bytes:
     words = list(WORD.finditer(data))
     if len(words) < 2:
         return flipped(data, random)
-    one, other = (words[int(place)] for place in random.choice(len(words), 2, replace=False))
+    one, other = (
+        words[int(place)] for place in random.choice(len(words), 2, replace=False)
+    )
     name = other[0][: len(one[0])].ljust(len(one[0]), b"_")
     return data[: one.start()] + name + data[one.end() :]
 

@@ -23,7 +23,10 @@ def test_the_same_seed_and_number_do_the_same_damage():
     data = json.dumps({"a": [1, {"b": "c"}], "d": 2.5}).encode()
     for ending in BY_ENDING:
         first, again, other = (
-            [damaged(data, f"x{ending}", np.random.default_rng([seed, n])) for n in range(30)]
+            [
+                damaged(data, f"x{ending}", np.random.default_rng([seed, n]))
+                for n in range(30)
+            ]
             for seed in (0, 0, 1)
         )
         assert first == again != other
@@ -69,10 +72,14 @@ def test_a_finding_is_kept_once_with_its_command(tmp_path):
     worked.mkdir()
     (worked / "scene.toml").write_text("damaged")
     one, other = (
-        Case(number, "scene", RUN, Ended(1, "", "words"), f"traceback: KeyError: {number}")
+        Case(
+            number, "scene", RUN, Ended(1, "", "words"), f"traceback: KeyError: {number}"
+        )
         for number in (3, 4)
     )
     assert one.signature == other.signature == "gen run: traceback: KeyError: _"
-    assert one.kept(worked, kept).startswith("case 3: python -m gen run scene.toml: traceback")
+    assert one.kept(worked, kept).startswith(
+        "case 3: python -m gen run scene.toml: traceback"
+    )
     assert (kept / "command.txt").read_text() == "python -m gen run scene.toml\n"
     assert (kept / "scene.toml").read_text() == "damaged"

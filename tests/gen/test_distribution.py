@@ -27,9 +27,18 @@ DISTRIBUTIONS = {
     "uniform": ([2.0, 5.0], stats.uniform(2.0, 3.0)),
     "log-uniform": ({"log_uniform": [1e-3, 1e2]}, stats.loguniform(1e-3, 1e2)),
     "normal": ({"normal": [1.0, 2.0]}, truncated(1.0, 2.0, -5.0, 7.0)),
-    "one-sided": ({"normal": [1.0, 2.0], "range": [0.0, 3.5]}, truncated(1.0, 2.0, 0.0, 3.5)),
-    "upper-tail": ({"normal": [0.0, 1.0], "range": [4.0, 5.0]}, truncated(0, 1, 4.0, 5.0)),
-    "lower-tail": ({"normal": [0.0, 1.0], "range": [-5.5, -5.0]}, truncated(0, 1, -5.5, -5.0)),
+    "one-sided": (
+        {"normal": [1.0, 2.0], "range": [0.0, 3.5]},
+        truncated(1.0, 2.0, 0.0, 3.5),
+    ),
+    "upper-tail": (
+        {"normal": [0.0, 1.0], "range": [4.0, 5.0]},
+        truncated(0, 1, 4.0, 5.0),
+    ),
+    "lower-tail": (
+        {"normal": [0.0, 1.0], "range": [-5.5, -5.0]},
+        truncated(0, 1, -5.5, -5.0),
+    ),
     "narrow": ({"normal": [500.0, 1e-3]}, truncated(500.0, 1e-3, 499.997, 500.003)),
 }
 
@@ -50,8 +59,12 @@ any_distribution = st.one_of(
     finite,
     pairs,
     st.tuples(positive, positive).map(lambda pair: {"log_uniform": sorted(pair)}),
-    st.tuples(st.floats(-1e6, 1e6), st.floats(1e-3, 1e6)).map(lambda pair: {"normal": list(pair)}),
-    st.tuples(st.floats(-1e3, 1e3), st.floats(1e-3, 1e3), st.floats(-5, 5), st.floats(0.01, 4)).map(
+    st.tuples(st.floats(-1e6, 1e6), st.floats(1e-3, 1e6)).map(
+        lambda pair: {"normal": list(pair)}
+    ),
+    st.tuples(
+        st.floats(-1e3, 1e3), st.floats(1e-3, 1e3), st.floats(-5, 5), st.floats(0.01, 4)
+    ).map(
         lambda n: {
             "normal": [n[0], n[1]],
             "range": [n[0] + n[1] * n[2], n[0] + n[1] * (n[2] + n[3])],
@@ -63,7 +76,9 @@ any_distribution = st.one_of(
 
 @given(any_distribution, st.lists(st.floats(0, LARGEST), min_size=1, max_size=20))
 @settings(max_examples=150, deadline=None)
-def test_values_are_within_their_limits_and_each_depends_on_its_number_alone(given_as, numbers):
+def test_values_are_within_their_limits_and_each_depends_on_its_number_alone(
+    given_as, numbers
+):
     try:
         distribution = READ(given_as)
     except ValidationError as error:
@@ -105,7 +120,9 @@ hardness = {{ choice = [100, 200] }}
 def test_parameters_are_independent_and_an_added_one_shifts_no_other():
     scene = Scene.parse(DRAWN.format(m=1), "test")
     plan = parameters(scene, 0, 20_000)
-    numbers = np.array([plan.drawn["a"], np.log(plan.drawn["b"]), plan.drawn["c"], plan.load])
+    numbers = np.array(
+        [plan.drawn["a"], np.log(plan.drawn["b"]), plan.drawn["c"], plan.load]
+    )
     correlations = np.corrcoef(numbers) - np.eye(4)
     assert np.abs(correlations).max() < 0.03
     fewer = Scene.parse(DRAWN.format(m=1).replace("c = [0, 1]\n", ""), "test")
@@ -132,4 +149,6 @@ FINGERPRINTS = {
 
 def test_shipped_scenes_keep_their_fingerprints():
     """Another fingerprint here means that no database made so far can be continued."""
-    assert {name: load(name).fingerprint()[:16] for name in preset_names()} == FINGERPRINTS
+    assert {
+        name: load(name).fingerprint()[:16] for name in preset_names()
+    } == FINGERPRINTS

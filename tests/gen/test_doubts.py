@@ -15,7 +15,14 @@ from gen.doubts import (
 from gen.material import Bodies
 from gen.scene.tables import Contact
 
-PLAUSIBLE = [(210e3, 2000.0), (70e3, 300.0), (3e3, 250.0), (1e6, 1e5), (12e3, 9.0), (1.0, 0.01)]
+PLAUSIBLE = [
+    (210e3, 2000.0),
+    (70e3, 300.0),
+    (3e3, 250.0),
+    (1e6, 1e5),
+    (12e3, 9.0),
+    (1.0, 0.01),
+]
 """Young's modulus and hardness of steel, aluminium, PMMA, diamond, indium; of normalised use."""
 
 
@@ -31,7 +38,9 @@ def test_solids_are_not_doubted_and_slips_of_their_units_are(young, hardness):
             assert not doubts
             continue
         (line,) = doubts
-        assert line.startswith(f"hardness over E* is {ratio:.3g}, solids have 0.0001 to 0.2: ")
+        assert line.startswith(
+            f"hardness over E* is {ratio:.3g}, solids have 0.0001 to 0.2: "
+        )
         assert any(slip in line for _, slip in SLIPS)  # a ratio may have come of several
 
 
@@ -101,7 +110,9 @@ def test_one_slip_has_one_line():
     assert len(doubts(solved([1, 1], slope=440.0))) == 1
     steep, default = doubts(solved([1, 1], slope=440.0, pressure=50.0), "pressure")
     assert steep.startswith("rms slope 440 ")
-    assert default.startswith("the largest nominal pressure is 50 MPa: E* is 1 MPa, the default")
+    assert default.startswith(
+        "the largest nominal pressure is 50 MPa: E* is 1 MPa, the default"
+    )
 
 
 def test_tallies_of_parts_add_up_to_that_of_all_rows():
@@ -109,13 +120,17 @@ def test_tallies_of_parts_add_up_to_that_of_all_rows():
     whole = solved(nodes, slope=slopes)
     total = Tally()
     for places in (slice(0, 0), slice(0, 2), slice(2, 6)):
-        part = SolvedRows(**{name: values[places] for name, values in vars(whole).items()})
+        part = SolvedRows(
+            **{name: values[places] for name, values in vars(whole).items()}
+        )
         total += Tally.of(part, NODES)
     assert total == Tally.of(whole, NODES)
     assert (total.rows, total.full, total.single, total.steep) == (6, 3, 2, 2)
 
 
 def test_a_modulus_that_is_known_is_no_default():
-    assert modulus_in_words(Bodies(1.0)).endswith("without a modulus (--young or --e-star)")
+    assert modulus_in_words(Bodies(1.0)).endswith(
+        "without a modulus (--young or --e-star)"
+    )
     for bodies in (Bodies(1.0, known=True), Bodies(2.0)):
         assert modulus_in_words(bodies) == f"E* is {bodies.e_star:g} MPa"

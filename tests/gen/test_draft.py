@@ -83,7 +83,9 @@ def test_a_folder_of_maps_becomes_a_scene_that_runs(scans, capsys):
     assert f"2 of 4 maps have spikes, {spikes} nodes in all" in text
     assert "2 of 4 maps have holes" in text
     assert (scene.contact.boundary, scene.contact.hardness) == ("mirror", 2000.0)
-    small, large = re.search(r"bring about ([\d.]+) to ([\d.]+) % of a middling", text).groups()
+    small, large = re.search(
+        r"bring about ([\d.]+) to ([\d.]+) % of a middling", text
+    ).groups()
     assert cli.main(["run", "mine.toml", "-o", "mine.h5", "--rows", "0:60"]) == 0
     with Reader(scans.parent / "mine.h5") as reader:
         assert reader.counts().done == 60
@@ -124,7 +126,9 @@ def test_one_map_elastic_without_material(scans):
         ("scans --unit mile -o a.toml", "mile"),
     ],
 )
-def test_bad_command_lines_are_one_line_and_write_nothing(scans, refused, arguments, word):
+def test_bad_command_lines_are_one_line_and_write_nothing(
+    scans, refused, arguments, word
+):
     (scans.parent / "there.toml").write_text("samples = 1\n")
     assert word in refused(cli, "scene", *arguments.split())
     assert {path.name for path in scans.parent.iterdir()} == {"scans", "there.toml"}
@@ -150,7 +154,9 @@ def test_names_of_maps_stay_names(here):
         quoted("scan-\udcff.x3p")
 
 
-SHAPES = st.lists(st.tuples(st.integers(4, 2000), st.integers(4, 2000)), min_size=1, max_size=30)
+SHAPES = st.lists(
+    st.tuples(st.integers(4, 2000), st.integers(4, 2000)), min_size=1, max_size=30
+)
 
 
 @pytest.mark.parametrize(
@@ -223,7 +229,9 @@ def test_a_map_of_scratches_brings_a_doubt(tmp_path):
 
 
 def test_a_law_over_less_than_a_decade_feeds_no_scene(tmp_path):
-    with pytest.raises(InputError, match=r"no self-affine law fits it: .* over 0\.\d+ decades"):
+    with pytest.raises(
+        InputError, match=r"no self-affine law fits it: .* over 0\.\d+ decades"
+    ):
         propose_like(write(MADE["honed-0"], tmp_path), Reading())
 
 

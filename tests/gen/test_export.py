@@ -36,7 +36,14 @@ def folder(tmp_path_factory):
     """A folder with a scene, its database and the database's export."""
     folder = tmp_path_factory.mktemp("export")
     database = str(database_of(folder, SCENE, "a"))
-    line = ["export", database, "-o", str(folder / "out"), "--doi", "doi:10.5281/zenodo.12"]
+    line = [
+        "export",
+        database,
+        "-o",
+        str(folder / "out"),
+        "--doi",
+        "doi:10.5281/zenodo.12",
+    ]
     assert cli.main(line) == 0
     return folder
 
@@ -50,7 +57,9 @@ def test_every_value_and_unit_is_in_the_parquet_files(folder):
     with Reader(folder / "a.h5") as reader:
         assert table["sample"].to_pylist() == list(range(40))
         for column in exporting.columns_of(reader)[0]:
-            assert np.array_equal(table[column.name].to_numpy(), reader.column(column.name))
+            assert np.array_equal(
+                table[column.name].to_numpy(), reader.column(column.name)
+            )
             metadata = table.schema.field(column.name).metadata
             assert metadata[b"unit"].decode() == column.unit
             assert metadata[b"long_name"].decode() == column.long_name
@@ -61,7 +70,9 @@ def test_every_value_and_unit_is_in_the_parquet_files(folder):
         assert not {"host", "rank", "status"} & set(table.column_names)
 
 
-@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of the validator's own libraries
+@pytest.mark.filterwarnings(
+    "ignore::DeprecationWarning"
+)  # of the validator's own libraries
 def test_croissant_is_valid_and_its_loader_reads_the_rows(folder):
     dataset = mlc.Dataset(str(folder / "out" / "croissant.json"))
     assert not dataset.metadata.ctx.issues.errors
@@ -69,10 +80,13 @@ def test_croissant_is_valid_and_its_loader_reads_the_rows(folder):
     assert dataset.metadata.name == "A trial: with a colon"
     rows = list(dataset.records("rows"))
     with Reader(folder / "a.h5") as reader:
-        assert [row["rows/area_percent"] for row in rows] == list(reader.column("area_percent"))
+        assert [row["rows/area_percent"] for row in rows] == list(
+            reader.column("area_percent")
+        )
         fields = list(dataset.records("pressure"))
         assert np.array_equal(
-            [row["pressure/pressure"] for row in fields], reader.column("pressure").reshape(40, 81)
+            [row["pressure/pressure"] for row in fields],
+            reader.column("pressure").reshape(40, 81),
         )
 
 
@@ -86,9 +100,17 @@ def test_the_scene_of_an_export_makes_the_same_rows(folder, tmp_path):
 
 def test_the_card_names_creator_columns_ranges_and_files(folder):
     text = (folder / "out" / "README.md").read_text()
-    for words in ("A. Founder", "CC-BY-4.0", "https://doi.org/10.5281/zenodo.12", "40 exported"):
+    for words in (
+        "A. Founder",
+        "CC-BY-4.0",
+        "https://doi.org/10.5281/zenodo.12",
+        "40 exported",
+    ):
         assert words in text
-    for column in ("`area_percent` | % | effective contact area |", "fields/heights-*.parquet"):
+    for column in (
+        "`area_percent` | % | effective contact area |",
+        "fields/heights-*.parquet",
+    ):
         assert column in text
     assert not [line for line in text.splitlines() if line.endswith("\\")]
 
@@ -106,7 +128,9 @@ def test_only_done_rows_are_exported_and_the_others_counted(tmp_path, capsys):
     assert f"2: {schema.REASONS[schema.Reason.NOT_CONVERGED]}" in text
 
 
-def test_an_interrupted_export_goes_on_and_keeps_whole_files(folder, tmp_path, monkeypatch):
+def test_an_interrupted_export_goes_on_and_keeps_whole_files(
+    folder, tmp_path, monkeypatch
+):
     monkeypatch.setattr(exporting, "FILE_BYTES", 9 * 9 * 8 * 10)
     path, out = folder / "a.h5", tmp_path / "out"
     write, calls = exporting.write_piece, []
@@ -145,7 +169,10 @@ def test_folders_with_something_else_are_left_alone(folder, tmp_path, refused):
     shutil.copytree(folder / "out", tmp_path / "out")
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "README.md").write_text("mine")
-    for place, words in (("out", "another database"), ("full", "not empty and no export")):
+    for place, words in (
+        ("out", "another database"),
+        ("full", "not empty and no export"),
+    ):
         before = contents(tmp_path / place)
         assert words in refused(cli, "export", other, "-o", tmp_path / place)
         assert contents(tmp_path / place) == before
@@ -185,8 +212,12 @@ def test_texts_of_a_database_are_shown_in_a_card_and_mark_nothing_up(tmp_path, t
     assert f"pretty_name: {json.dumps(heading)}".replace("<", "\\u003c") in front
     assert len(front.splitlines()) == 2
     found = list(tokens(body))
-    assert not {"html_block", "html_inline", "link_open", "em_open"} & {each.type for each in found}
-    said = ["".join(part.content for part in each.children) for each in found if each.children]
+    assert not {"html_block", "html_inline", "link_open", "em_open"} & {
+        each.type for each in found
+    }
+    said = [
+        "".join(part.content for part in each.children) for each in found if each.children
+    ]
     assert said[0] == heading
     assert said[said.index("creator") + 1] == said[said.index("licence") + 1] == shown
     assert said[-1].startswith(f"{shown} (20")
@@ -197,7 +228,10 @@ def test_letters_that_utf_8_cannot_hold_become_question_marks(tmp_path):
     """As a stranger's database may have them, of any writer's."""
     filled(tmp_path / "a.h5", small(3), (0, 3, Status.DONE))
     with h5py.File(tmp_path / "a.h5", "r+") as file:
-        content = json.loads(file.attrs["scene"]) | {"creator": "a \udcff b", "title": "\ud800"}
+        content = json.loads(file.attrs["scene"]) | {
+            "creator": "a \udcff b",
+            "title": "\ud800",
+        }
         text = json.dumps(content).encode()
         file.attrs.create("scene", text, dtype=h5py.string_dtype("utf-8", len(text)))
     assert cli.main(["export", str(tmp_path / "a.h5"), "-o", str(tmp_path / "out")]) == 0

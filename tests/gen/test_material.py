@@ -13,9 +13,17 @@ HUGE = "9" * 5000
 
 def test_values_are_those_of_linspace():
     assert loads_from("delta", "5", "advice") == [5.0]
-    assert loads_from("delta", "1,2:3:5,-7", "advice") == [1.0, *np.linspace(2, 3, 5), -7.0]
+    assert loads_from("delta", "1,2:3:5,-7", "advice") == [
+        1.0,
+        *np.linspace(2, 3, 5),
+        -7.0,
+    ]
     decades = loads_from("delta", "0.1:100:4:log", "advice")
-    assert (decades[0], *decades[1:3], decades[3]) == (0.1, *map(pytest.approx, (1, 10)), 100)
+    assert (decades[0], *decades[1:3], decades[3]) == (
+        0.1,
+        *map(pytest.approx, (1, 10)),
+        100,
+    )
     assert loads_from("delta", "8:2:3:log,1", "advice") == pytest.approx([8, 4, 2, 1])
 
 
@@ -31,7 +39,9 @@ def test_what_is_no_value_is_refused(text):
         loads_from("delta", text, "advice")
 
 
-@pytest.mark.parametrize("text", ["1:2:2000000000", f"1:2:{MOST},1:2:3", "1," * MOST + "1"])
+@pytest.mark.parametrize(
+    "text", ["1:2:2000000000", f"1:2:{MOST},1:2:3", "1," * MOST + "1"]
+)
 def test_more_values_than_any_use_are_refused_before_they_take_memory(text):
     with pytest.raises(InputError, match="give 100,000 values at most"):
         loads_from("delta", text, "advice")

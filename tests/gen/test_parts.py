@@ -60,7 +60,9 @@ def test_a_part_has_the_bytes_of_the_whole(folder):
         assert reader.scene.samples == 60
         assert reader.column("surface", 0, 13).tolist() == [5, 6]
         assert reader.column("surface", 29).tolist() == [14]
-        assert reader.column("surface", 40).size == reader.column("surface", 0, 3).size == 0
+        assert (
+            reader.column("surface", 40).size == reader.column("surface", 0, 3).size == 0
+        )
 
 
 def test_a_part_is_resumed_and_extended_on_both_sides_up_to_the_whole(folder, capsys):
@@ -104,7 +106,9 @@ def test_parts_merge_whatever_they_overlap(folder, monkeypatch):
     # An old share: as large as the whole, with the rows of others pending.
     create(folder / "old.h5", Scene.parse(SCENE.format(60), "60.toml"))
     assert run("60.toml", "old.h5", "--rows", "28:47") == 0
-    monkeypatch.setattr("gen.database.reader.CHUNK_BYTES", 320)  # chunks that lie in no file
+    monkeypatch.setattr(
+        "gen.database.reader.CHUNK_BYTES", 320
+    )  # chunks that lie in no file
     assert cli.main(["merge", *map(str, parts), "old.h5", "-o", "merged.h5"]) == 0
     assert bytes_of("merged.h5") == bytes_of("60.h5")
     assert merge(folder / "gap.h5", parts[1:]) == (24, 36, 0)
@@ -113,7 +117,10 @@ def test_parts_merge_whatever_they_overlap(folder, monkeypatch):
 def test_check_info_plot_and_learn_read_a_part(folder, capsys):
     assert run("60.toml", "part.h5", "--rows", "21:60") == 0
     assert cli.main(["check", "part.h5", "--recompute", "5"]) == 0
-    assert "39 rows done, 0 failed, 0 pending; 5 of them computed again" in capsys.readouterr().out
+    assert (
+        "39 rows done, 0 failed, 0 pending; 5 of them computed again"
+        in capsys.readouterr().out
+    )
     assert cli.main(["info", "part.h5"]) == 0
     assert re.search(r"39 rows: 21 to 59 of 60, a part", capsys.readouterr().out)
     assert cli.main(["plot", "part.h5", "-o", "part.png"]) == 0

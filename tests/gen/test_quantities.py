@@ -40,7 +40,9 @@ def heights() -> np.ndarray:
 
 
 def factor(powers: Powers, doubled: Powers) -> float:
-    return 2.0 ** sum(power * double for power, double in zip(powers, doubled, strict=True))
+    return 2.0 ** sum(
+        power * double for power, double in zip(powers, doubled, strict=True)
+    )
 
 
 def solved(boundary: str, hardness: float | None, doubled: Powers) -> bem.Contact:
@@ -67,7 +69,9 @@ def test_powers_are_those_of_solved_contacts(boundary, hardness):
                 continue
             value, changed = quantity.of(first, MEDIA), quantity.of(other, MEDIA)
             expected = np.asarray(value) * factor(quantity.powers, doubled)
-            np.testing.assert_allclose(changed, expected, rtol=1e-9, err_msg=quantity.name)
+            np.testing.assert_allclose(
+                changed, expected, rtol=1e-9, err_msg=quantity.name
+            )
 
 
 def test_what_has_no_powers_scales_with_none():
@@ -82,16 +86,22 @@ def test_what_has_no_powers_scales_with_none():
 @pytest.mark.parametrize("boundary", ["free", "mirror"])
 def test_values_at_first_touch_are_those_of_a_light_contact(boundary):
     light = bem.solve(heights(), SIDE, 1e-7, modulus=3.0, boundary=boundary)
-    insulating = Media(conductivities=(1e-9, 1e-9), gas=MEDIA.gas)  # the one node that touches
+    insulating = Media(
+        conductivities=(1e-9, 1e-9), gas=MEDIA.gas
+    )  # the one node that touches
     for quantity in QUANTITIES.values():
         if quantity.at_rest is not None:
             resting = quantity.resting(light.problem, insulating)
-            assert quantity.of(light, insulating) == pytest.approx(resting, rel=0.02), quantity.name
+            assert quantity.of(light, insulating) == pytest.approx(resting, rel=0.02), (
+                quantity.name
+            )
 
 
 @pytest.mark.parametrize("boundary", ["free", "mirror"])
 def test_values_at_full_contact_are_those_of_a_heavy_contact(boundary):
-    heavy = bem.solve(1e-3 * heights(), SIDE, pressure=1.0, modulus=3.0, boundary=boundary)
+    heavy = bem.solve(
+        1e-3 * heights(), SIDE, pressure=1.0, modulus=3.0, boundary=boundary
+    )
     assert heavy.area_percent == 100
     for quantity in QUANTITIES.values():
         if quantity.at_full is not None and not quantity.needs_hardness:
@@ -104,7 +114,9 @@ def test_values_at_full_contact_are_those_of_a_heavy_contact(boundary):
 
 
 def test_bounds_and_trends_are_those_of_a_ladder_of_loads():
-    contacts = list(bem.ladder(heights(), SIDE, deltas=np.geomspace(0.05, 2, 8), modulus=3.0))
+    contacts = list(
+        bem.ladder(heights(), SIDE, deltas=np.geomspace(0.05, 2, 8), modulus=3.0)
+    )
     for quantity in IN_LAWS.values():
         values = [quantity.in_law(contact, MEDIA) for contact in contacts]
         low, high = quantity.bounds
@@ -132,18 +144,24 @@ def test_every_column_that_can_be_stored_is_filled():
 def test_quantities_have_one_name_everywhere():
     short = [quantity.law.short for quantity in IN_LAWS.values()]
     assert len(set(short)) == len(short)
-    tables = [quantity.in_tables for quantity in QUANTITIES.values() if not quantity.per_node]
+    tables = [
+        quantity.in_tables for quantity in QUANTITIES.values() if not quantity.per_node
+    ]
     assert len(set(tables)) == len(tables)
     assert {*LAW_COLUMNS["delta_um"]} | {"delta_um"} == IN_LAWS.keys()
 
 
 def test_units_are_printed_with_their_signs():
-    texts = [typographic(unit) for unit in ("um", "um2", "uN", "MPa/um", "W/(mm2 K)", "um-1")]
+    texts = [
+        typographic(unit) for unit in ("um", "um2", "uN", "MPa/um", "W/(mm2 K)", "um-1")
+    ]
     assert texts == ["µm", "µm²", "µN", "MPa/µm", "W/(mm² K)", "µm-1"]
 
 
 def test_unknown_quantities_of_a_law_are_one_line():
-    with pytest.raises(InputError, match=r"--also 'area': give one of contact_nodes, .*perimeter"):
+    with pytest.raises(
+        InputError, match=r"--also 'area': give one of contact_nodes, .*perimeter"
+    ):
         require_also(["perimeter", "area"])
     assert require_also(["perimeter, largest_pressure", "perimeter"]) == (
         "perimeter",
@@ -189,7 +207,9 @@ def test_no_other_table_lists_quantities():
             quantities = texts & NAMES
             if len(quantities) > 1 and quantities - LOADS.keys():
                 lists.add(f"{where}: {name}")
-    assert {each for each in lists if not each.startswith("gen/quantities.py")} == ELSEWHERE
+    assert {
+        each for each in lists if not each.startswith("gen/quantities.py")
+    } == ELSEWHERE
 
 
 def test_what_laws_can_have_beside_is_no_code_and_no_field():

@@ -54,9 +54,18 @@ BAD_SCENES = [
     ("samples = 0x" + "f" * 6000, ["samples = a number of thousands of digits;"]),
     ("seed = 1", ["samples is missing", "the number of rows"]),
     ("sample = 10", ["unknown key sample = 10;", "closest known key is samples"]),
-    ("samples = 1\n[surface]\nrtol = 1e-3", ["unknown key surface.rtol = 0.001;", "contact.rtol"]),
-    ("samples = 1\n[surface]\nhurst = [0.5, 1.5]", ["surface.hurst = [0.5, 1.5];", "high <= 1"]),
-    ("samples = 1\n[surface]\ngenerator = 'fractal'", ["'fractal'", "'diamond-square', 'midp"]),
+    (
+        "samples = 1\n[surface]\nrtol = 1e-3",
+        ["unknown key surface.rtol = 0.001;", "contact.rtol"],
+    ),
+    (
+        "samples = 1\n[surface]\nhurst = [0.5, 1.5]",
+        ["surface.hurst = [0.5, 1.5];", "high <= 1"],
+    ),
+    (
+        "samples = 1\n[surface]\ngenerator = 'fractal'",
+        ["'fractal'", "'diamond-square', 'midp"],
+    ),
     ("samples = 1\ndelta.pieces = [7]", ["delta.pieces[0] = 7;", PIECES]),
     (
         "samples = 1\ndelta.pieces = [{share=0.5, range=[1, 2]}, {share=0.4, range=[1, 2]}]",
@@ -67,7 +76,10 @@ BAD_SCENES = [
         ["delta.pieces[0].range = [5, 1];", "low <= high", "(5.0 is above 1.0)"],
     ),
     ("samples = 1\nsurface.hurst = { log = [1, 2] }", ["give one of the keys"]),
-    ("samples = 1\n[contact]\nhardness = inf", ["contact.hardness = inf;", "finite", "[MPa]"]),
+    (
+        "samples = 1\n[contact]\nhardness = inf",
+        ["contact.hardness = inf;", "finite", "[MPa]"],
+    ),
     (
         "samples = 1\n[contact]\nhardness = 2000\nhardness_ratio = 0.01",
         ["contact: hardness [MPa] and hardness_ratio [E*] are both given: give one"],
@@ -76,24 +88,42 @@ BAD_SCENES = [
         "samples = 1\n[contact]\nboundary = 'mirror'\nspacing = 'side/(n-1)'",
         ["contact: boundary = 'mirror' needs spacing = 'side/n', not 'side/(n-1)'"],
     ),
-    ("samples = 0\nseed = -1\n[contact]\nrtol = 2", ["samples = 0;", "from 1", "(and 2 more)"]),
-    ('samples = 1\n"a\\nb\u2028" = "c\\u001b[31m"', ["unknown key a?b? = ", "keys of a scene are"]),
+    (
+        "samples = 0\nseed = -1\n[contact]\nrtol = 2",
+        ["samples = 0;", "from 1", "(and 2 more)"],
+    ),
+    (
+        'samples = 1\n"a\\nb\u2028" = "c\\u001b[31m"',
+        ["unknown key a?b? = ", "keys of a scene are"],
+    ),
     ("samples = 1\nseeds = 5\ntitles = 'a'", ["key is seed", "(and 1 more)"]),
     ("samples = 1\nseed 5", ["not TOML", "line 2"]),
-    ("samples = 1\n[delta]\n[load]\nquantity = 'force'\nrange = 5", ["[delta] and [load]"]),
+    (
+        "samples = 1\n[delta]\n[load]\nquantity = 'force'\nrange = 5",
+        ["[delta] and [load]"],
+    ),
     (
         "samples = 1\n[load]\nquantity = 'force'\nrange = 5\n[contact]\nfar_field = 'compliant'",
         ["'force' needs contact.far_field = 'rigid'"],
     ),
     (f"{SPECTRAL}cut_off = 20.0", ["give either rms_height or rms_slope"]),
     (f"{SPECTRAL}cut_off = 95.0\nrms_height = 1.0", ["the shorter wavelength"]),
-    (f"{SPECTRAL}cut_off = 20.0\nrms_height = {{ normal = [1.0, 1.0] }}", ["are -2 to 4"]),
-    ("samples = 3\nsurface.hurst = { choice = [0, 1], shares = [0.5, 0.6] }", ["sum to 1.1"]),
+    (
+        f"{SPECTRAL}cut_off = 20.0\nrms_height = {{ normal = [1.0, 1.0] }}",
+        ["are -2 to 4"],
+    ),
+    (
+        "samples = 3\nsurface.hurst = { choice = [0, 1], shares = [0.5, 0.6] }",
+        ["sum to 1.1"],
+    ),
     ("samples = 3\n[surface]\nsigma0 = { log_uniform = [1e-320, 1e308] }", ["too wide"]),
     ("samples = 3\n[surface]\ngenerator = 'python'", ["surface.function is missing"]),
     (f"{PRESSURE}range = 1.0\npieces = [{{share = 1.0, range = 1.0}}]", ["both given"]),
     (PRESSURE, ["load.pieces is missing; allowed: range = [low, high], or pieces"]),
-    (f"{PRESSURE}range = [5.0, 6.0]\n[contact]\nhardness = [3.0, 5.0]", ["less than 5 MPa"]),
+    (
+        f"{PRESSURE}range = [5.0, 6.0]\n[contact]\nhardness = [3.0, 5.0]",
+        ["less than 5 MPa"],
+    ),
     ("samples = 3\n[store]\noutputs = { a = '1' }", ["needs function"]),
 ]
 
@@ -138,7 +168,10 @@ def test_unreadable_scene_is_refused_in_one_line(name, reason):
     message = str(refused.value)
     assert len(message.splitlines()) == 1
     assert reason in message
-    assert "extreme, fine, paper, paper-mirco, paper-nearest, paper-yielding, quick" in message
+    assert (
+        "extreme, fine, paper, paper-mirco, paper-nearest, paper-yielding, quick"
+        in message
+    )
     assert "path" in message
 
 
@@ -193,7 +226,9 @@ ENDLESS = {
 }
 
 
-@pytest.mark.parametrize("text", [*DEEP.values(), *ENDLESS.values()], ids=[*DEEP, *ENDLESS])
+@pytest.mark.parametrize(
+    "text", [*DEEP.values(), *ENDLESS.values()], ids=[*DEEP, *ENDLESS]
+)
 def test_no_text_keeps_the_parser_busy(text):
     began = time.process_time()
     refused = refusal(text)
@@ -203,7 +238,9 @@ def test_no_text_keeps_the_parser_busy(text):
 
 def test_dots_and_brackets_in_texts_and_comments_are_no_depth():
     title = "." * 20 + "[" * 20
-    assert Scene.parse(f'samples = 3 # {title}\ntitle = "{title}"\n', "test").title == title
+    assert (
+        Scene.parse(f'samples = 3 # {title}\ntitle = "{title}"\n', "test").title == title
+    )
 
 
 @pytest.mark.parametrize("per_surface", [1, 10_000])
@@ -265,7 +302,8 @@ range = 1.0
 JUNK = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20),
     lambda inner: (
-        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=2)
+        st.lists(inner, max_size=3)
+        | st.dictionaries(st.text(max_size=5), inner, max_size=2)
     ),
     max_leaves=5,
 )
@@ -343,5 +381,7 @@ def test_generators_share_a_parameter_whose_words_differ():
 
 
 def test_generators_with_two_units_for_a_parameter_are_named():
-    with pytest.raises(ValueError, match=r"`crests` share the parameter hurst, one in '1', the"):
+    with pytest.raises(
+        ValueError, match=r"`crests` share the parameter hurst, one in '1', the"
+    ):
         columns_of_generators([*GENERATORS, Crests])

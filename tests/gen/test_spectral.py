@@ -55,7 +55,10 @@ def test_one_surface_on_all_grids_that_are_fine_enough():
     ("wrong", "message"),
     [
         ({"hurst": -0.1}, "hurst -0.1: give"),
-        ({"roll_off": 3.0}, "roll-off 3.0: give a wavelength of at least the cut-off, 4 um"),
+        (
+            {"roll_off": 3.0},
+            "roll-off 3.0: give a wavelength of at least the cut-off, 4 um",
+        ),
     ],
 )
 def test_spectra_that_make_no_sense_are_refused(wrong, message):
@@ -88,16 +91,24 @@ def scene(boundary="periodic", **keys):
     """A scene on 64 x 48 nodes, oblong cells, with some other keys."""
     lines = "".join(f"{name} = {value}\n" for name, value in {**COMMON, **keys}.items())
     surface = f'[surface]\ngenerator = "spectral"\n{lines}'
-    return Scene.parse(f'samples = 400\n{surface}[contact]\nboundary = "{boundary}"', "test")
+    return Scene.parse(
+        f'samples = 400\n{surface}[contact]\nboundary = "{boundary}"', "test"
+    )
 
 
 @pytest.mark.parametrize(
     ("keys", "fault"),
     [
-        ({"cut_off": 7.4}, "cut_off is from 7.4 um on; this grid holds waves of 7.5 um and more"),
+        (
+            {"cut_off": 7.4},
+            "cut_off is from 7.4 um on; this grid holds waves of 7.5 um and more",
+        ),
         ({"cut_off": 55.0, "side": [40.0, 54.0]}, "the longest wave of the period 54 um"),
         ({"nodes": [4000, 4], "period": 4.5}, "its period has 18000 x 18 nodes"),
-        ({"cut_off": 60.0, "nodes": 2, "side": 30.0}, "the longest wave of the period 0 um"),
+        (
+            {"cut_off": 60.0, "nodes": 2, "side": 30.0},
+            "the longest wave of the period 0 um",
+        ),
     ],
 )
 def test_a_draw_that_cannot_be_made_is_refused_before_the_run(keys, fault):

@@ -52,7 +52,8 @@ def test_agrees_with_whole_numbers_on_any_grid(heights, spacing):
 
 
 @pytest.mark.parametrize(
-    ("shape", "spacing"), [((9, 9), (0.1, 0.1)), ((17, 9), (0.3, 0.7)), ((17, 9), (0.7, 0.01))]
+    ("shape", "spacing"),
+    [((9, 9), (0.1, 0.1)), ((17, 9), (0.3, 0.7)), ((17, 9), (0.7, 0.01))],
 )
 def test_paraboloid_has_one_summit_of_curvature_one_over_radius(shape, spacing):
     radius = 40.0
@@ -94,7 +95,9 @@ def test_heights_lost_beside_a_huge_one_are_no_missing_asperities():
     heights = np.random.default_rng(0).normal(size=(9, 9)) - 1e38 * spike(9, 9, (4, 4))
     description = describe(heights, 1.0)
     assert math.isnan(description.values["asperity_skewness"])
-    assert description.reason == "most heights are lost in rounding beside one of -1e+38 um"
+    assert (
+        description.reason == "most heights are lost in rounding beside one of -1e+38 um"
+    )
 
 
 @pytest.mark.parametrize(
@@ -119,7 +122,9 @@ def test_degenerate_surfaces_give_nan_with_a_reason(heights, reason):
     heights=hnp.arrays(
         np.float64,
         st.tuples(st.integers(2, 6), st.integers(2, 6)),
-        elements=st.floats(-1e300, 1e300) | st.floats(-1.0, 1.0) | st.sampled_from([0.0, 1.0]),
+        elements=st.floats(-1e300, 1e300)
+        | st.floats(-1.0, 1.0)
+        | st.sampled_from([0.0, 1.0]),
     )
 )
 def test_any_finite_surface_has_statistics_or_a_reason(heights):
@@ -138,7 +143,9 @@ def test_heights_and_spacings_that_have_no_statistics_are_refused(heights):
         describe(heights, 1.0)
 
     for spacing in (0.0, (1.0, 0.0), (1.0, 1.0, 1.0)):
-        with pytest.raises(InputError, match=r"^spacing .*: give one or a pair, from 1e-15 to"):
+        with pytest.raises(
+            InputError, match=r"^spacing .*: give one or a pair, from 1e-15 to"
+        ):
             describe(np.eye(4), spacing)
 
 
@@ -154,7 +161,9 @@ def database():
     return dict(zip(NAMES, np.array(rows).T, strict=True))
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if not name.startswith("bandwidth")])
+@pytest.mark.parametrize(
+    "name", [name for name in NAMES if not name.startswith("bandwidth")]
+)
 def test_ranges_are_those_of_table_1(database, name):
     """The central 98 % lie in the paper's range, to its printed digits, and span most of it.
 
@@ -185,7 +194,10 @@ def test_slopes_of_the_shipped_scenes_are_known_from_their_statistics(name):
 def test_the_slope_of_a_sine_wave_is_exact_and_a_flat_surface_has_none_that_is_known():
     x = np.arange(240)[:, None] * np.ones(240)
     waves = np.sin(2 * np.pi * x / 12 + 0.1) + np.sin(2 * np.pi * x.T / 12 + 0.1)
-    for heights, expected in ((waves, rms_slope(waves, (2.0, 2.0))), (0 * waves, math.nan)):
+    for heights, expected in (
+        (waves, rms_slope(waves, (2.0, 2.0))),
+        (0 * waves, math.nan),
+    ):
         statistics = describe(heights, 2.0).values
         values = {key: np.array([value]) for key, value in statistics.items()}
         (estimate,) = rms_slope_of(values, (2.0, 2.0))

@@ -59,7 +59,9 @@ def plain(generator, nodes, hurst, sigma0, random):
 @pytest.mark.parametrize("hurst", [0.0, 0.65])
 def test_follows_its_definition_node_by_node(generator, nodes, hurst):
     expected = plain(generator, nodes, hurst, 12.0, np.random.default_rng(5))
-    assert surface(generator, nodes, hurst=hurst) == pytest.approx(expected, rel=1e-12, abs=1e-12)
+    assert surface(generator, nodes, hurst=hurst) == pytest.approx(
+        expected, rel=1e-12, abs=1e-12
+    )
 
 
 @names
@@ -114,12 +116,18 @@ pieces = [{ share = 1.0, range = [0.5, 1.0] }]
 
 def test_a_generator_is_one_file_and_a_line(tmp_path):
     manual = (ROOT / "docs/how-to/scenes.md").read_text(encoding="utf-8")
-    (code,) = re.findall(r"```python\n# gen/generators/ridges.py\n(.*?)```", manual, re.DOTALL)
-    shutil.copytree(ROOT / "gen", tmp_path / "gen", ignore=shutil.ignore_patterns("__pycache__"))
+    (code,) = re.findall(
+        r"```python\n# gen/generators/ridges.py\n(.*?)```", manual, re.DOTALL
+    )
+    shutil.copytree(
+        ROOT / "gen", tmp_path / "gen", ignore=shutil.ignore_patterns("__pycache__")
+    )
     generators = tmp_path / "gen/generators"
     (generators / "ridges.py").write_text(code)
     registry = (generators / "__init__.py").read_text()
-    registry = registry.replace("    PythonSurface,\n", "    PythonSurface,\n    RidgedSurface,\n")
+    registry = registry.replace(
+        "    PythonSurface,\n", "    PythonSurface,\n    RidgedSurface,\n"
+    )
     line = "from gen.generators.scans import ScanSurface\n"
     own = "from gen.generators.ridges import RidgedSurface\n"
     (generators / "__init__.py").write_text(registry.replace(line, own + line))
@@ -132,7 +140,10 @@ def test_a_generator_is_one_file_and_a_line(tmp_path):
     code, _, trouble = ended("-m", "gen", "run", "ridges.toml", "-o", "ridges.h5")
     assert code == 0, trouble
     _, columns, _ = ended("-m", "gen", "columns")
-    assert "| `amplitude` | um | amplitude of the ridges (with the generator `ridges`) |" in columns
+    assert (
+        "| `amplitude` | um | amplitude of the ridges (with the generator `ridges`) |"
+        in columns
+    )
     code, told, trouble = ended("-m", "gen", "check", "ridges.h5", "--recompute", "4")
     assert code == 0, told + trouble
     with h5py.File(tmp_path / "ridges.h5") as file:

@@ -12,7 +12,9 @@ from learn import Surrogate
 from learn.features.sets import STATISTICS
 
 HEIGHTS = surface.generate("diamond-square", 33, 0.7, 12.0, np.random.default_rng(5))
-DESCRIBED = np.array([statistics.describe(HEIGHTS, 31.25).values[name] for name in STATISTICS])
+DESCRIBED = np.array(
+    [statistics.describe(HEIGHTS, 31.25).values[name] for name in STATISTICS]
+)
 DELTA = np.array([6.0, 20.0])
 
 
@@ -34,7 +36,11 @@ def of_statistics(surrogate, given):
     return answer(surrogate.predict_rows(asked))
 
 
-ROWS = {"statistics": np.stack([DESCRIBED] * 2), "delta": DELTA, "length": np.full(2, 1000.0)}
+ROWS = {
+    "statistics": np.stack([DESCRIBED] * 2),
+    "delta": DELTA,
+    "length": np.full(2, 1000.0),
+}
 CALLS = {
     "surface": ({"heights": HEIGHTS, "delta": DELTA}, on_surface),
     "statistics": (ROWS, of_statistics),
@@ -55,7 +61,9 @@ def copied(given):
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_arrays_may_be_filled_anew_after_a_call_and_masked_places_are_refused(surrogate, name):
+def test_arrays_may_be_filled_anew_after_a_call_and_masked_places_are_refused(
+    surrogate, name
+):
     arrays, call = CALLS[name]
     wanted = [np.array(each) for each in call(surrogate, copied(arrays))]
     given = copied(arrays)
@@ -94,9 +102,13 @@ def test_what_is_no_real_number_is_refused_by_solver_and_surrogate_alike(surroga
     heights = np.full(HEIGHTS.shape, wrong)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        with pytest.raises(ValueError, match=r"heights are of type .* real numbers are needed"):
+        with pytest.raises(
+            ValueError, match=r"heights are of type .* real numbers are needed"
+        ):
             bem.solve(heights, 1000.0, 9.0)
-        with pytest.raises(InputError, match=r"heights are of type .* real numbers are needed"):
+        with pytest.raises(
+            InputError, match=r"heights are of type .* real numbers are needed"
+        ):
             surrogate.predict(heights, 1000.0, 9.0)
         with pytest.raises(ValueError, match="side = "):
             bem.solve(HEIGHTS, wrong, 9.0)

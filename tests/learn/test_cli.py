@@ -17,18 +17,33 @@ PREDICT = ["predict", "hybrid.surrogate", "--side", "1000", "--delta", "5"]
 WRONG = [
     (["card", "database.h5"], "is no surrogate"),
     (["predict", "hybrid.surrogate", "table.csv", "--delta", "5"], "need the surface"),
-    (["predict", "hybrid.surrogate", "many/s0.npy", "--side", "9"], "give some, and --delta"),
+    (
+        ["predict", "hybrid.surrogate", "many/s0.npy", "--side", "9"],
+        "give some, and --delta",
+    ),
     (["predict", "paper.surrogate", "table.csv", "--mean"], "predicts for surfaces"),
-    (["predict", "paper.surrogate", "broken.csv", "--delta", "5"], "row 1: peak_mean is 'x'"),
+    (
+        ["predict", "paper.surrogate", "broken.csv", "--delta", "5"],
+        "row 1: peak_mean is 'x'",
+    ),
     (["predict", "paper.surrogate", "short.csv", "--delta", "5"], "has no column"),
-    (["predict", "paper.surrogate", "table.csv", "--delta", "5", "--interval", "2"], "--interval"),
+    (
+        ["predict", "paper.surrogate", "table.csv", "--delta", "5", "--interval", "2"],
+        "--interval",
+    ),
     (["fit", "database.h5", "-o", "x", "--from", "out"], "is no comparison"),
     ([*PREDICT, "holes.npy"], "--fill closes holes"),
     ([*PREDICT, "bare"], "bare: the folder holds no map"),
     (["fit", "empty.h5", "-o", "x"], "empty.h5 is empty"),
     (["predict", "paper.surrogate", "table.csv"], "give some, and --delta"),
-    (["predict", "paper.surrogate", "table.csv", "--delta", "5", "--e-star", "-1"], "--e-star"),
-    ([*PREDICT[:2], "database.h5", "--delta", "5"], "database.h5: SurfaceTopography cannot read"),
+    (
+        ["predict", "paper.surrogate", "table.csv", "--delta", "5", "--e-star", "-1"],
+        "--e-star",
+    ),
+    (
+        [*PREDICT[:2], "database.h5", "--delta", "5"],
+        "database.h5: SurfaceTopography cannot read",
+    ),
     (["fit", "unfinished.h5", "-o", "x"], "5 usable rows, 10 at least are needed"),
     (["fit", "database.h5", "-o", "x", "--target", "area,area"], "each once"),
 ]
@@ -50,7 +65,9 @@ def test_wrong_input_is_one_line_and_code_2(work, capsys, arguments, word):
 
 
 @pytest.mark.few(1)
-def test_every_command_works_on_every_population(population, tmp_path, monkeypatch, capsys):
+def test_every_command_works_on_every_population(
+    population, tmp_path, monkeypatch, capsys
+):
     """Databases of all generators, loads and grids are fitted, compared, asked and tabulated."""
     monkeypatch.chdir(tmp_path)
     shutil.copy(population, "d.h5")
@@ -64,15 +81,37 @@ def test_every_command_works_on_every_population(population, tmp_path, monkeypat
         ["card", "d.s"],
         ["predict", "d.s", "s.npy", "--side", side, "--delta", "1:2:2", "-o", "p.csv"],
         ["law", "d.s", "d.h5", "--surfaces", "2", "--csv", "predicted.csv"],
-        ["law", "d.h5", "--solver", "--surfaces", "2", "--delta", "0.01", "--csv", "solved.csv"],
-        ["compare", "d.h5", "-o", "c", "--model", "decision-tree", "--features", "dimensionless"],
+        [
+            "law",
+            "d.h5",
+            "--solver",
+            "--surfaces",
+            "2",
+            "--delta",
+            "0.01",
+            "--csv",
+            "solved.csv",
+        ],
+        [
+            "compare",
+            "d.h5",
+            "-o",
+            "c",
+            "--model",
+            "decision-tree",
+            "--features",
+            "dimensionless",
+        ],
         ["show", "c", "--no-pictures"],
         ["importance", "d.h5", "-o", "c2", "--model", "decision-tree"],
     ):
         assert cli.main(line) == 0, line
     shown = capsys.readouterr().out
     (nx, ny), (x, y) = scene.shape, scene.sides
-    assert f"{nx} x {ny} nodes, " + (f"side {x:g}" if x == y else f"sides {x:g} x {y:g}") in shown
+    assert (
+        f"{nx} x {ny} nodes, " + (f"side {x:g}" if x == y else f"sides {x:g} x {y:g}")
+        in shown
+    )
     assert " nodes, trained on" not in Path("p.csv").read_text(encoding="utf-8")
 
 
@@ -96,7 +135,11 @@ WRITERS = {
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.long] * (name == "compare")) for name in WRITERS]
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.long] * (name == "compare"))
+        for name in WRITERS
+    ],
 )
 def test_a_strict_reader_takes_every_text_that_a_command_writes(work, capsys, name):
     """Numbers are finite, JSON is JSON, rows are as long as their header."""
@@ -108,11 +151,16 @@ def test_a_strict_reader_takes_every_text_that_a_command_writes(work, capsys, na
     if name == "columns":
         Path("out.md").write_text(capsys.readouterr().out, encoding="utf-8")
     if name == "compare":
-        for more in (["show", "out"], ["importance", "database.h5", "-o", "out", *words[-2:]]):
+        for more in (
+            ["show", "out"],
+            ["importance", "database.h5", "-o", "out", *words[-2:]],
+        ):
             assert cli.main(more) == 0
     readers = {".json": strict.json_of, ".csv": strict.rows_of, ".md": strict.markdown_of}
     texts = [path for path in work.rglob("*") if path.suffix in readers]
-    written = [path for path in texts if path.relative_to(work).parts[0].startswith("out")]
+    written = [
+        path for path in texts if path.relative_to(work).parts[0].startswith("out")
+    ]
     assert written
     for path in written:
         readers[path.suffix](path)

@@ -68,7 +68,9 @@ def lacking(path):
         return np.flatnonzero(file["reason"][:])
 
 
-def test_rows_that_lack_a_statistic_which_the_features_need_are_left_out(undefined, tmp_path):
+def test_rows_that_lack_a_statistic_which_the_features_need_are_left_out(
+    undefined, tmp_path
+):
     rows = lacking(undefined)
     assert 10 < rows.size < 100
     found = read(undefined)
@@ -82,7 +84,12 @@ def test_rows_that_lack_a_statistic_which_the_features_need_are_left_out(undefin
 @pytest.mark.parametrize(
     ("column", "rows", "value", "said"),
     [
-        ("status", slice(None), 2, "0 usable rows, 10 at least are needed (left out: 90 failed"),
+        (
+            "status",
+            slice(None),
+            2,
+            "0 usable rows, 10 at least are needed (left out: 90 failed",
+        ),
         ("status", slice(None), 7, "90 status unknown"),
         ("area_percent", slice(None), 3.5, "area_percent is 3.5 in all 90 usable rows"),
     ],
@@ -107,7 +114,10 @@ def test_the_user_is_told_of_what_is_odd(database, change, solved):
         for name in (*SETS["paper"].columns, "area_percent"):
             file[name][1] = file[name][0]
     text = "\n".join(dataset.remarks(read(database), "l2"))
-    assert "constant over all rows, so of no use to a model: asperity_density, height_max" in text
+    assert (
+        "constant over all rows, so of no use to a model: asperity_density, height_max"
+        in text
+    )
     assert "1 rows repeat others exactly" in text
     assert "height_max is " in text
     assert "--normalise standard" in text
@@ -117,7 +127,10 @@ def test_the_user_is_told_of_what_is_odd(database, change, solved):
 def test_targets_that_are_read_together_are_those_that_are_read_alone(change):
     path = change("force", [3], np.nan)
     together = dataset.read(Request((path,), targets=("area", "force"), area_max=40.0))
-    assert [len(rows.rows) for rows in together] == [together[0].size, together[0].size - 1]
+    assert [len(rows.rows) for rows in together] == [
+        together[0].size,
+        together[0].size - 1,
+    ]
     for rows, target in zip(together, ("area", "force"), strict=True):
         alone = read(path, target, area_max=40.0)
         for name, values in vars(alone).items():
@@ -205,7 +218,9 @@ def test_rows_are_those_of_each_database_and_nodes_are_a_feature(made):
         np.testing.assert_array_equal(here.inputs[:, :-1], alone.inputs)
         np.testing.assert_array_equal(here.target, alone.target)
         np.testing.assert_array_equal(here.rows, alone.rows)
-        np.testing.assert_allclose(here.inputs[:, -1], np.log2(33 if name == "stranger" else 17))
+        np.testing.assert_allclose(
+            here.inputs[:, -1], np.log2(33 if name == "stranger" else 17)
+        )
         assert rows.origins[number].sha256 == alone.sha256
         assert rows.origins[number].rows == alone.size
 
@@ -240,12 +255,22 @@ def test_windows_of_other_sizes_of_one_map_are_one_group(populations, other_wind
 @pytest.mark.parametrize(
     ("other", "features", "message"),
     [
-        ("mirror", "dimensionless", r"mirror\.h5: contact\.boundary is 'mirror', 'free' in .*coa"),
+        (
+            "mirror",
+            "dimensionless",
+            r"mirror\.h5: contact\.boundary is 'mirror', 'free' in .*coa",
+        ),
         ("soft", "paper", r"soft\.h5: contact\.hardness is 'given', 'none' in .*coarse"),
-        ("spectral", "paper", r"spectral\.h5: surface\.side is 300\.0, 1000\.0 in .*coarse"),
+        (
+            "spectral",
+            "paper",
+            r"spectral\.h5: surface\.side is 300\.0, 1000\.0 in .*coarse",
+        ),
     ],
 )
-def test_databases_that_differ_are_refused_by_file_and_key(made, other, features, message):
+def test_databases_that_differ_are_refused_by_file_and_key(
+    made, other, features, message
+):
     with pytest.raises(InputError, match=message):
         together(made, "coarse", other, features=features)
 

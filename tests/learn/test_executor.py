@@ -48,7 +48,12 @@ def test_a_budget_is_written_as_it_is_read_and_not_below_the_time(time_needed, t
 
 @pytest.mark.parametrize("text", ["", "-1h", "nan", "2 weeks", "h", "1e18s"])
 def test_budgets_are_read_or_refused(text):
-    assert [executor.seconds(each) for each in ("90s", "2h", "1.5min", "2")] == [90, 7200, 90, 2]
+    assert [executor.seconds(each) for each in ("90s", "2h", "1.5min", "2")] == [
+        90,
+        7200,
+        90,
+        2,
+    ]
     with pytest.raises(InputError, match="--budget"):
         executor.seconds(text)
 
@@ -65,7 +70,9 @@ def test_one_process_does_task_after_task_and_is_replaced_once_one_takes_too_lon
     with pytest.raises(ProcessLookupError):
         os.kill(first[1], 0)
     assert within(count, 2, 3, soon())[0] == 5
-    assert within(count, 2, 3, time.time()) == executor.Ended(), "its time is over: it is not begun"
+    assert within(count, 2, 3, time.time()) == executor.Ended(), (
+        "its time is over: it is not begun"
+    )
 
 
 def test_refusals_come_back_and_the_end_of_the_process_is_one():

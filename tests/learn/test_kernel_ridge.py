@@ -8,7 +8,12 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, WhiteKernel
 from sklearn.kernel_ridge import KernelRidge
 
-from learn.kernel_ridge import IllConditioned, SafeKernelRidge, left_out_errors, predictions
+from learn.kernel_ridge import (
+    IllConditioned,
+    SafeKernelRidge,
+    left_out_errors,
+    predictions,
+)
 
 
 @pytest.mark.parametrize("kernel", ["rbf", "linear", "poly"])
@@ -26,7 +31,9 @@ def test_it_is_scikit_learns_where_that_is_well_conditioned(samples, kernel, alp
 def test_tiny_alphas_are_answered_with_a_warning(samples, alpha, gamma):
     inputs, target = samples
     model = SafeKernelRidge(kernel="rbf", gamma=gamma, alpha=alpha)
-    with pytest.warns(IllConditioned, match=r"condition about \de\+\d\d\): solved with alpha ="):
+    with pytest.warns(
+        IllConditioned, match=r"condition about \de\+\d\d\): solved with alpha ="
+    ):
         model.fit(inputs, target)
     assert alpha < model.alpha_used_ < 1e-9
     # The same from eigenvalues: what rounding leaves of either is the tolerance.
@@ -44,7 +51,9 @@ def test_all_alphas_at_once_are_those_one_by_one(samples, kernel):
     settings = {"kernel": kernel, "gamma": 5.0}
     together = predictions(train, target[:60], test, settings, alphas)
     for alpha, found in zip(alphas, together, strict=True):
-        alone = SafeKernelRidge(alpha=alpha, **settings).fit(train, target[:60]).predict(test)
+        alone = (
+            SafeKernelRidge(alpha=alpha, **settings).fit(train, target[:60]).predict(test)
+        )
         np.testing.assert_allclose(found, alone, rtol=1e-9)
 
 
@@ -76,4 +85,6 @@ def test_a_gaussian_process_tells_its_errors_too(samples):
     whole, part = made().fit(inputs, target), np.arange(10, 70, 7)
     alone = made().fit(np.delete(inputs, part, axis=0), np.delete(target, part))
     (found,) = left_out_errors(whole, [part])
-    np.testing.assert_allclose(found, target[part] - alone.predict(inputs[part]), rtol=1e-6)
+    np.testing.assert_allclose(
+        found, target[part] - alone.predict(inputs[part]), rtol=1e-6
+    )

@@ -8,7 +8,9 @@ from hypothesis import strategies as st
 from learn.metrics import bootstrap, scores, spread
 
 pairs = st.lists(
-    st.tuples(st.floats(0.01, 60), st.floats(-9, 9, allow_subnormal=False)), min_size=2, max_size=30
+    st.tuples(st.floats(0.01, 60), st.floats(-9, 9, allow_subnormal=False)),
+    min_size=2,
+    max_size=30,
 )
 
 
@@ -22,7 +24,9 @@ def test_scores_are_the_papers_formulas(drawn):
     assert found.nmae == pytest.approx(100 * abs(error).mean() / truth.mean(), rel=1e-12)
     assert found.nmaxe == pytest.approx(100 * abs(error).max() / truth.max(), rel=1e-12)
     spread = ((truth - truth.mean()) ** 2).sum()
-    assert found.r2 == pytest.approx(100 * (1 - (error**2).sum() / spread), rel=1e-9, abs=1e-9)
+    assert found.r2 == pytest.approx(
+        100 * (1 - (error**2).sum() / spread), rel=1e-9, abs=1e-9
+    )
 
 
 @pytest.mark.parametrize(

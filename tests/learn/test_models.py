@@ -36,7 +36,15 @@ def test_baselines_are_the_libraries_own_and_repeatable(model, samples):
     estimator = built.named_steps["model"]
     ours = estimator.get_params(deep=False)
     # What we set beyond a bare call: seeds and threads, and what is spelled out.
-    spelled = {"random_state", "seed", "n_jobs", "estimator", "kernel", "optimizer", "missing"}
+    spelled = {
+        "random_state",
+        "seed",
+        "n_jobs",
+        "estimator",
+        "kernel",
+        "optimizer",
+        "missing",
+    }
     spelled |= {"max_depth", "learning_rate", "n_estimators"}
     for name, value in type(estimator)().get_params(deep=False).items():
         if name not in spelled:
@@ -92,7 +100,9 @@ def test_targets_of_another_size_are_brought_to_an_areas_by_a_power_of_two(
     assert scaling.mean == 0
     assert np.log2(scaling.deviation) % 1 == 0
     assert 4 <= np.median(scaling.scaled(forces.target)) < 8
-    np.testing.assert_array_equal(scaling.restored(scaling.scaled(forces.target)), forces.target)
+    np.testing.assert_array_equal(
+        scaling.restored(scaling.scaled(forces.target)), forces.target
+    )
 
 
 def answers(surrogate, path):
@@ -109,7 +119,9 @@ def answers(surrogate, path):
     "features", ["dimensionless", pytest.param("paper", marks=pytest.mark.long)]
 )
 @pytest.mark.parametrize("name", KIND_SCENES)
-def test_targets_of_every_kind_are_learnt_or_refused_in_a_line(kinds, tmp_path, name, features):
+def test_targets_of_every_kind_are_learnt_or_refused_in_a_line(
+    kinds, tmp_path, name, features
+):
     """A surrogate is better than a constant and keeps its target's signs, or is not written."""
     path, learnt = kinds / f"{name}.h5", set()
     for target in KINDS:
@@ -117,7 +129,9 @@ def test_targets_of_every_kind_are_learnt_or_refused_in_a_line(kinds, tmp_path, 
         try:
             surrogate = fitted(path, features=features, targets=(target,))
         except InputError as error:
-            known = re.search(rf"{target}.*(no better than a constant|does not vary)", str(error))
+            known = re.search(
+                rf"{target}.*(no better than a constant|does not vary)", str(error)
+            )
         assert surrogate or known, target
         if surrogate is None:
             continue
@@ -131,11 +145,16 @@ def test_targets_of_every_kind_are_learnt_or_refused_in_a_line(kinds, tmp_path, 
             assert not np.isnan(values).any()
         if target in {"negative", "tiny"}:
             assert np.median(found.values[target]) < 0, "is not cut at 0"
-    assert learnt >= {"negative", "signed", "tiny", "huge", "spoilt", "distant"} or name != "free"
+    assert (
+        learnt >= {"negative", "signed", "tiny", "huge", "spoilt", "distant"}
+        or name != "free"
+    )
 
 
 @pytest.mark.long
-def test_a_growth_to_a_negative_target_does_not_meet_its_mark_by_the_sign(kinds, monkeypatch):
+def test_a_growth_to_a_negative_target_does_not_meet_its_mark_by_the_sign(
+    kinds, monkeypatch
+):
     monkeypatch.chdir(kinds)
     rows = ["--rows", "90", "--nmae", "0.01", "--features", "dimensionless"]
     given = ["--target", "negative", "--model", "decision-tree", *rows]
@@ -151,9 +170,13 @@ def test_columns_are_cut_at_their_own_bounds_only(kinds, tmp_path):
     surrogate = fitted(kinds / "free.h5", targets=("area", "negative"))
     assert surrogate.learnt["area"].bounds == (0.0, 100.0)
     assert surrogate.learnt["negative"].bounds == (-np.inf, np.inf)
-    text = (kinds / "free.toml").read_text() + "least = { signed = -4 }\nmost = { signed = 96 }\n"
+    text = (
+        kinds / "free.toml"
+    ).read_text() + "least = { signed = -4 }\nmost = { signed = 96 }\n"
     with contextlib.chdir(kinds):
-        bounded = fitted(database_of(Path(), text, "bounded", "--trust"), targets=("signed",))
+        bounded = fitted(
+            database_of(Path(), text, "bounded", "--trust"), targets=("signed",)
+        )
     bounded.save(tmp_path / "b.surrogate")
     loaded = Surrogate.load(tmp_path / "b.surrogate")
     assert loaded.learnt["signed"].bounds == (-4.0, 96.0)

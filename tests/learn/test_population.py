@@ -21,7 +21,9 @@ def test_the_mean_is_found_within_its_error_and_surfaces_scatter_about_it():
     for seed in range(3):
         random = np.random.default_rng(seed)
         surfaces = np.repeat(np.arange(200), 3)
-        X = np.column_stack([random.normal(size=200)[surfaces], random.uniform(-1.7, 1.7, 600)])
+        X = np.column_stack(
+            [random.normal(size=200)[surfaces], random.uniform(-1.7, 1.7, 600)]
+        )
         mean = np.exp(X[:, 1]) * (2.0 + np.sin(X[:, 0]))
         y = mean * (1.0 + 0.1 * random.normal(size=200)[surfaces])
         found = Population().fit(X, y, surfaces)
@@ -39,7 +41,9 @@ def test_the_evidence_has_the_slopes_of_its_differences():
     blocks = [np.arange(60).reshape(20, 3)]
     rows = Whitened(X, random.normal(size=60), reach, blocks, Alike(0.2, 1.5))
     at, step = np.log([1.0, 2.0, 0.5]), 1e-5 * np.eye(3)
-    ends = [[rows.evidence(at + sign * each, X[:20])[0] for sign in (1, -1)] for each in step]
+    ends = [
+        [rows.evidence(at + sign * each, X[:20])[0] for sign in (1, -1)] for each in step
+    ]
     slopes = (np.array(ends) @ [1, -1]) / 2e-5
     assert rows.evidence(at, X[:20])[1] == pytest.approx(slopes, rel=1e-5)
 
@@ -93,7 +97,9 @@ def test_a_scene_by_pressure_is_learnt_kept_and_asked(tmp_path):
     assert new.values.keys() == {"area", "delta"}
     assert (np.diff(new.area) > 0).all()
     near = {"hurst": 0.5, "rms_height": 0.5, "pressure": 0.001}
-    assert (surrogate.predict(**near, level=0.97).low["delta"] >= 0).all(), "it begins at touch"
+    assert (surrogate.predict(**near, level=0.97).low["delta"] >= 0).all(), (
+        "it begins at touch"
+    )
     of_mean, of_new = (each.high["area"] - each.low["area"] for each in (mean, new))
     assert (of_mean < of_new)[:2].all()  # the third is outside
     assert new.reasons == ("", "", "pressure 0.2 outside 0.001 to 0.1")
@@ -101,7 +107,9 @@ def test_a_scene_by_pressure_is_learnt_kept_and_asked(tmp_path):
     laws_and_servers_answer(kept, new)
     with pytest.raises(InputError, match="rms_height not given"):
         surrogate.predict(hurst=0.7, pressure=0.01)
-    with pytest.raises(InputError, match="asks for hurst, rms_height, pressure, not for a surface"):
+    with pytest.raises(
+        InputError, match="asks for hurst, rms_height, pressure, not for a surface"
+    ):
         surrogate.predict(np.eye(16), 160.0, 1.0)
 
 
@@ -113,7 +121,9 @@ def command_line_answers(kept, surrogate, new, mean):
     rows = list(csv.DictReader(answers.read_text().splitlines()))
     assert [float(row["pressure_MPa"]) for row in rows] == [0.002, 0.02, 0.2]
     assert [float(row["area_percent"]) for row in rows] == pytest.approx(new.area)
-    assert [row["area_percent_low"] for row in rows][2] == "" != rows[0]["area_percent_low"]
+    assert (
+        [row["area_percent_low"] for row in rows][2] == "" != rows[0]["area_percent_low"]
+    )
     assert learn_cli.main([*at, "--pressure", "0.002,0.02,0.2", "--mean"]) == 0
     rows = list(csv.DictReader(answers.read_text().splitlines()))
     assert [float(row["area_percent"]) for row in rows] == pytest.approx(mean.area)
@@ -127,12 +137,27 @@ def command_line_answers(kept, surrogate, new, mean):
 
 
 def laws_and_servers_answer(kept, new):
-    line = ["law", str(kept), "--at", "hurst=0.7,rms_height=1.2", "--pressure", "0.002,0.02"]
-    files = ["--csv", str(kept.with_suffix(".csv")), "--header", str(kept.with_suffix(".h"))]
+    line = [
+        "law",
+        str(kept),
+        "--at",
+        "hurst=0.7,rms_height=1.2",
+        "--pressure",
+        "0.002,0.02",
+    ]
+    files = [
+        "--csv",
+        str(kept.with_suffix(".csv")),
+        "--header",
+        str(kept.with_suffix(".h")),
+    ]
     assert learn_cli.main([*line, "--conductivity", "50", *files]) == 0
     rows = list(csv.DictReader(kept.with_suffix(".csv").read_text().splitlines()))
     given = [row for row in rows if row["against"] == "pressure_MPa"]
-    for name, target in (("area_percent", "area"), ("closure_um", "delta")):  # there are no edges
+    for name, target in (
+        ("area_percent", "area"),
+        ("closure_um", "delta"),
+    ):  # there are no edges
         for end, part in (("", new.values), ("_high", new.high)):
             found = [float(row[name + end]) for row in given]
             assert found == pytest.approx(part[target][:2])
@@ -140,7 +165,9 @@ def laws_and_servers_answer(kept, new):
     model = SurrogateModel(kept)
     assert model.input_sizes == [2, 1]
     wanted = new.area[0], new.low["area"][0], new.high["area"][0], 1.0
-    assert model.evaluate([[0.7, 1.2], [0.002]], Configuration())[0] == pytest.approx(wanted)
+    assert model.evaluate([[0.7, 1.2], [0.002]], Configuration())[0] == pytest.approx(
+        wanted
+    )
     with pytest.raises(InputError, match="for all surfaces"):
         model.evaluate([[0.7, 1.2], [0.002]], Configuration(surface=3))
 
@@ -151,7 +178,9 @@ def small(tmp_path_factory):
     folder = tmp_path_factory.mktemp("small")
     np.save(folder / "surface.npy", np.eye(3))
     (folder / "asked.csv").write_text("hurst,rms_height\n0.6,1.0\n")
-    surrogate_of(database_of(folder, SCENE.replace("240", "120"), "s"), "--features", "scene")
+    surrogate_of(
+        database_of(folder, SCENE.replace("240", "120"), "s"), "--features", "scene"
+    )
     return folder
 
 
@@ -162,9 +191,15 @@ AT = ["--at", "hurst=0.7,rms_height=1", "--pressure", "0.01"]
     ("options", "said"),
     [
         (["--at", "hurst=0.7", "--pressure", "0.01"], "rms_height not given"),
-        (["--at", "hurst=0.7,rms_height=1,roll=2", "--pressure", "0.01"], "roll: unknown"),
+        (
+            ["--at", "hurst=0.7,rms_height=1,roll=2", "--pressure", "0.01"],
+            "roll: unknown",
+        ),
         (["--at", "hurst=much,rms_height=1", "--pressure", "0.01"], "give NAME=NUMBER"),
-        (["--at", "hurst=0.7,hurst=0.8,rms_height=1", "--pressure", "0.01"], "once a name"),
+        (
+            ["--at", "hurst=0.7,hurst=0.8,rms_height=1", "--pressure", "0.01"],
+            "once a name",
+        ),
         ([*AT, "--young", "2e5"], "that of its scene"),
         ([*AT, "--fill"], "reads no surfaces"),
         (["asked.csv", "--at", "hurst=0.7", "--pressure", "0.01"], "has its own hurst"),
@@ -173,7 +208,10 @@ AT = ["--at", "hurst=0.7,rms_height=1", "--pressure", "0.01"]
 )
 def test_wrong_numbers_are_refused_in_a_line(small, refused, options, said):
     folder = small
-    options = [str(folder / each) if each.endswith((".npy", ".csv")) else each for each in options]
+    options = [
+        str(folder / each) if each.endswith((".npy", ".csv")) else each
+        for each in options
+    ]
     surrogate = folder / "s.surrogate"
     assert said in refused(learn_cli, "predict", surrogate, *options)
     if said == "not for surfaces: ask":
@@ -198,7 +236,16 @@ def test_compare_and_tune_know_it_and_say_what_fit_takes(tmp_path, capsys):
     assert r2["population"] > r2["decision-tree"]
     assert "takes Population Mean unless told otherwise" in capsys.readouterr().out
     assert learn_cli.main(["tune", *asked]) == 0
-    line = ["fit", database, "--features", "scene", "--model", "population", "--target", "area"]
+    line = [
+        "fit",
+        database,
+        "--features",
+        "scene",
+        "--model",
+        "population",
+        "--target",
+        "area",
+    ]
     for options in ([], ["--from", str(folder)]):
         kept = str(tmp_path / "s.surrogate")
         assert learn_cli.main([*line, *options, "-o", kept]) == 0

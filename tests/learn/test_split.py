@@ -52,14 +52,19 @@ def test_surfaces_stay_together_and_rows_are_used_once(sizes, seed):
     np.testing.assert_array_equal(np.sort(together), np.arange(rows.size))
     assert not set(rows.groups[drawn.train]) & set(rows.groups[drawn.test])
     for fold in range(split.FOLDS):
-        inside, outside = drawn.train[drawn.folds == fold], drawn.train[drawn.folds != fold]
+        inside, outside = (
+            drawn.train[drawn.folds == fold],
+            drawn.train[drawn.folds != fold],
+        )
         assert not set(rows.groups[inside]) & set(rows.groups[outside])
     assert abs(drawn.test.size - 0.2 * rows.size) <= 9 + 1
 
 
 def test_too_few_tiles_are_refused_where_a_single_surface_is_split_by_rows():
     one = replace(rows_of([40]), by_tile=True)
-    with pytest.raises(InputError, match="lie in 1 of the maps' tiles, 2 at least are needed"):
+    with pytest.raises(
+        InputError, match="lie in 1 of the maps' tiles, 2 at least are needed"
+    ):
         split.draw(one)
     split.require_tiles(rows_of([40]), 4)
     three = replace(rows_of([40, 40, 40]), by_tile=True)
@@ -101,7 +106,10 @@ def test_every_target_varies_in_every_part(number, surfaces, seed):
     """A target that few surfaces have is in training and test rows, whichever target is first."""
     rows = rows_of([2] * surfaces)
     rare = few(rows, number)
-    for drawn in (split.draw(rows, seed, others=[rare]), split.draw(rare, seed, others=[rows])):
+    for drawn in (
+        split.draw(rows, seed, others=[rare]),
+        split.draw(rare, seed, others=[rows]),
+    ):
         for part in (drawn.train, drawn.test):
             assert np.ptp(rare.target[part]) > 0
             assert np.ptp(rows.target[part]) > 0
@@ -113,5 +121,7 @@ def test_a_target_that_no_split_can_have_in_both_parts_is_named():
     with pytest.raises(InputError, match="yielded_percent does not vary over the"):
         split.draw(rows, 0, others=[rare])
     drawn = split.draw(rows)
-    with pytest.raises(InputError, match=r"yielded_percent is 0 in all \d+ rows of a fold"):
+    with pytest.raises(
+        InputError, match=r"yielded_percent is 0 in all \d+ rows of a fold"
+    ):
         split.check_folds(rare, drawn)

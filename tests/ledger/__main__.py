@@ -25,7 +25,9 @@ app = typer.Typer(add_completion=False, rich_markup_mode=None)
 def ledger(
     update: Annotated[
         str | None,
-        typer.Option(metavar="REASON", help="Write the new counts with the reason of the change."),
+        typer.Option(
+            metavar="REASON", help="Write the new counts with the reason of the change."
+        ),
     ] = None,
 ) -> int:
     """Compare counts of convolutions, contact nodes, rows, bytes and fits with the committed ones.

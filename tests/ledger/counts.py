@@ -78,7 +78,9 @@ def read(path: Path = LEDGER) -> dict[Key, Entry]:
     return entries
 
 
-def updated(entries: Mapping[Key, Entry], counts: Counts, reason: str) -> dict[Key, Entry]:
+def updated(
+    entries: Mapping[Key, Entry], counts: Counts, reason: str
+) -> dict[Key, Entry]:
     """Return the entries of new counts; those that have changed get a new reason."""
     return {
         key: entries[key]
@@ -120,7 +122,9 @@ def text_table(entries: Mapping[Key, Entry], counts: Counts) -> str:
         was = entries[key].value if key in entries else None
         change = "" if was in {None, value} else f"{value / max(was or 1, 1) - 1:+.1%}"
         told = "-" if was is None else was
-        lines.append(f"{key.item:45}{key.quantity:>30}{told:>9}{value:>9}{change:>8}".rstrip())
+        lines.append(
+            f"{key.item:45}{key.quantity:>30}{told:>9}{value:>9}{change:>8}".rstrip()
+        )
     return "\n".join(lines)
 
 
@@ -138,7 +142,9 @@ EXTREME_ROWS = 96
 def surfaces(count: int = ROWS, nodes: int = 129) -> tuple[Heights, ...]:
     """Generate the first surfaces of the paper preset, heights (nodes, nodes) [um]."""
     paper = load("paper")
-    scene = paper.model_copy(update={"surface": paper.surface.model_copy(update={"nodes": nodes})})
+    scene = paper.model_copy(
+        update={"surface": paper.surface.model_copy(update={"nodes": nodes})}
+    )
     plan = parameters(scene, 0, count)
     return tuple(surface_of(scene, plan, row) for row in range(count))
 
@@ -167,7 +173,9 @@ SOLVES: dict[str, Solves] = {
     "compliant far field": lambda: _each(surfaces(), delta=5.0, far_field="compliant"),
     "given force": lambda: _each(surfaces(), force=1e4),
     "given pressure": lambda: _each(surfaces(), pressure=0.05),
-    "concentrated force": lambda: _each(surfaces(), delta=15.0, kernel="concentrated-force"),
+    "concentrated force": lambda: _each(
+        surfaces(), delta=15.0, kernel="concentrated-force"
+    ),
     "oblong cells, 1:4": lambda: _each(surfaces(), (SIDE, 4 * SIDE), delta=15.0),
     "oblong grid, 129 x 65": lambda: _each(
         (heights[:, :65] for heights in surfaces()), (SIDE, SIDE / 2), delta=15.0
@@ -181,15 +189,21 @@ SOLVES: dict[str, Solves] = {
     "hardness of 0.005 E*": lambda: _each(surfaces(), delta=15.0, hardness=0.005),
     "hardness of 0.05 E*": lambda: _each(surfaces(), delta=15.0, hardness=0.05),
     "hardness of 0.2 E*": lambda: _each(surfaces(), delta=15.0, hardness=0.2),
-    "hardness of 0.05 E*, given pressure": lambda: _each(surfaces(), pressure=0.005, hardness=0.05),
+    "hardness of 0.05 E*, given pressure": lambda: _each(
+        surfaces(), pressure=0.005, hardness=0.05
+    ),
     "hardness of 0.05 E*, ladder of 21 pressures": lambda: bem.ladder(
         surfaces()[0], SIDE, pressures=np.geomspace(1e-4, 1e-2, 21), hardness=0.05
     ),
     "periodic, given Delta": lambda: _each(cells(), delta=5.0, boundary="periodic"),
-    "periodic, given pressure": lambda: _each(cells(), pressure=0.02, boundary="periodic"),
+    "periodic, given pressure": lambda: _each(
+        cells(), pressure=0.02, boundary="periodic"
+    ),
     "mirror, given Delta": lambda: _each(cells(), delta=5.0, boundary="mirror"),
     "mirror, given pressure": lambda: _each(cells(), pressure=0.02, boundary="mirror"),
-    "mirror, nearly full contact": lambda: _each(cells(), pressure=0.2, boundary="mirror"),
+    "mirror, nearly full contact": lambda: _each(
+        cells(), pressure=0.2, boundary="mirror"
+    ),
     "mirror, hardness of 0.05 E*": lambda: _each(
         cells(), pressure=0.005, hardness=0.05, boundary="mirror"
     ),
@@ -213,7 +227,9 @@ def solve_counts() -> dict[Key, int]:
             taken = sum(contact.punch.effort.convolutions for contact in contacts)
             counts[Key(item, "convolutions of the stiffness")] = taken
         if contacts[0].problem.hardness is not None:
-            yielded = sum(contact.yielded_percent * contact.pressure.size for contact in contacts)
+            yielded = sum(
+                contact.yielded_percent * contact.pressure.size for contact in contacts
+            )
             counts[Key(item, "yielded nodes")] = round(yielded / 100)
     extreme = compute_rows(load("extreme"), 0, EXTREME_ROWS)
     return counts | column_counts("extreme scene", extreme)
@@ -266,7 +282,9 @@ def search_counts(database: Path) -> dict[Key, int]:
         if result is None:
             raise RuntimeError(f"the search of {name} has left no result in {output}")
         item = f"comparison on the quick scene, {name}"
-        counts[Key(item, "candidates scored")] = int(result["search"]["candidates_scored"])
+        counts[Key(item, "candidates scored")] = int(
+            result["search"]["candidates_scored"]
+        )
         counts[Key(item, "fits")] = int(result["search"]["fits"])
     return counts
 

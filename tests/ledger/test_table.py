@@ -22,7 +22,9 @@ ENTRIES = {CONVOLUTIONS: Entry(500, "first"), NODES: Entry(2000, "first")}
         ),
         (
             {NODES: 1997},
-            ["given force, contact nodes: changes from 2000 to 1997 (at most 0.1% either way)"],
+            [
+                "given force, contact nodes: changes from 2000 to 1997 (at most 0.1% either way)"
+            ],
         ),
         ({Key("new", "fits"): 3}, ["new, fits: 3 is not in the ledger"]),
     ],
@@ -53,7 +55,9 @@ def test_the_command_names_faults_and_updates(tmp_path, monkeypatch, capsys):
     path = tmp_path / "counts.csv"
     monkeypatch.setattr(program, "LEDGER", path)
     monkeypatch.setattr(program, "read", lambda: read(path))
-    monkeypatch.setattr(program, "write_entries", lambda entries: write_entries(entries, path))
+    monkeypatch.setattr(
+        program, "write_entries", lambda entries: write_entries(entries, path)
+    )
     monkeypatch.setattr(program, "solve_counts", lambda: {CONVOLUTIONS: 600})
     monkeypatch.setattr(program, "job_counts", lambda: {NODES: 2000})
     write_entries(ENTRIES, path)

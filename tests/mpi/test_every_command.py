@@ -28,7 +28,9 @@ def test_every_command_has_bad_command_lines():
 def test_every_command_refuses_bad_input_on_all_ranks_in_one_line(tmp_path):
     command_lines.prepare(tmp_path)
     walked = command_lines.COMMANDS if LEARNING else ["gen"]
-    cases = [(program, *case) for program in walked for case in command_lines.cases(program)]
+    cases = [
+        (program, *case) for program in walked for case in command_lines.cases(program)
+    ]
     benches = [["bench", name, "--nonsense"] for name in command_lines.commands("bench")]
     lines = [[program, *arguments] for program, arguments, _ in cases]
     good = GOOD if LEARNING else GOOD[:1]

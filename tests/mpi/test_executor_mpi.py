@@ -77,7 +77,12 @@ def test_a_job_runs_on_the_master_and_its_tasks_on_the_workers(tmp_path):
     done = launch(3, folder=tmp_path, module="jobs")
     assert done.returncode == 0, done.stderr
     said = [json.loads(line) for line in done.stdout.splitlines()]
-    results = [[2 * task for task in range(40)], [2 * task for task in range(5)], [21], []]
+    results = [
+        [2 * task for task in range(40)],
+        [2 * task for task in range(5)],
+        [21],
+        [],
+    ]
     # The data changed four times, and were copied as often: tasks on the same data resend nothing.
     assert said[0] == [results, 12, 4, 2]
     assert said[1:] == [[0, 0, 0], "no -5 today", [2, 2, 2], "disk full today", [2, 2, 2]]

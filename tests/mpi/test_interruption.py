@@ -73,7 +73,9 @@ def start(folder, ranks, output):
         ),
     ],
 )
-def test_a_signal_stops_in_order_and_the_same_command_goes_on(folder, ranks, number, capsys):
+def test_a_signal_stops_in_order_and_the_same_command_goes_on(
+    folder, ranks, number, capsys
+):
     output = f"{ranks}-{number}.h5"
     run = start(folder, ranks, output)
     run.send_signal(number)
@@ -81,7 +83,9 @@ def test_a_signal_stops_in_order_and_the_same_command_goes_on(folder, ranks, num
     assert "Traceback" not in err
     finished = status(folder / output) != 0
     assert 0 < finished.sum() < ROWS
-    if ranks and number != signal.SIGUSR1 and is_open_mpi():  # it may kill before all is in order
+    if (
+        ranks and number != signal.SIGUSR1 and is_open_mpi()
+    ):  # it may kill before all is in order
         assert run.returncode
     else:
         assert run.returncode == 128 + number, err
@@ -238,13 +242,18 @@ def test_what_fails_on_one_rank_ends_all(tmp_path):
     (tmp_path / "scene.toml").write_text("samples = 200\n[surface]\nnodes = 9\n")
     (tmp_path / "failing.py").write_text(FAILING)
     done = launch(3, folder=tmp_path, module="failing")
-    ended = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("[")]
+    ended = [
+        json.loads(line) for line in done.stdout.splitlines() if line.startswith("[")
+    ]
     assert len(ended) == 4, done.stderr
     for name, ends in ended:
         (_, said), *others = ends
         assert [code for code, _ in ends] == [2, 2, 2], (name, ends)
         assert [words for _, words in others] == ["", ""], (name, ends)
-        assert sum(line.startswith("gen: ") for line in said.splitlines()) == 1, (name, said)
+        assert sum(line.startswith("gen: ") for line in said.splitlines()) == 1, (
+            name,
+            said,
+        )
     # A worker that fails where the others go on: nobody waits for it.
     assert done.returncode not in {0, 1}
     assert "gen: no file (rank 1)" in done.stderr
@@ -255,13 +264,22 @@ def test_the_run_ends_on_all_ranks_and_the_newcomer_stays(tmp_path):
     text = "samples = 40\nseed = {}\n[surface]\nnodes = 17\n"
     for name, seed in (("scene", 0), ("other", 7)):
         (tmp_path / f"{name}.toml").write_text(text.format(seed))
-    assert launch(0, "run", "other.toml", "-o", "other.h5", folder=tmp_path).returncode == 0
+    assert (
+        launch(0, "run", "other.toml", "-o", "other.h5", folder=tmp_path).returncode == 0
+    )
     (tmp_path / "suddenly.py").write_text(SUDDENLY)
     done = launch(3, *FATES, folder=tmp_path, module="suddenly")
     assert done.returncode == 0, done.stderr
-    assert [json.loads(line) for line in done.stdout.splitlines()] == len(FATES) * [[2, 2, 2]]
+    assert [json.loads(line) for line in done.stdout.splitlines()] == len(FATES) * [
+        [2, 2, 2]
+    ]
     said = [line for line in done.stderr.splitlines() if line.startswith("gen: ")]
-    words = ("replaced by another file", "moved or deleted", "overwritten", "is being written")
+    words = (
+        "replaced by another file",
+        "moved or deleted",
+        "overwritten",
+        "is being written",
+    )
     for line, fate, word in zip(said, FATES, words, strict=True):
         assert line.startswith(f"gen: {fate}.h5 ")
         assert word in line

@@ -68,7 +68,9 @@ SCENES = {
 }
 if find_spec("SurfaceTopography"):  # which the environment of parallel HDF5 does not have
     SCENES["scans"] = SCANS
-PRINTING = user_functions.MODULE.replace("    x = np", "    print('a word')\n    x = np", 1)
+PRINTING = user_functions.MODULE.replace(
+    "    x = np", "    print('a word')\n    x = np", 1
+)
 
 
 def text(name, rows=ROWS):
@@ -116,11 +118,15 @@ def test_any_number_of_ranks_gives_the_same_bytes(folder, ranks):
     worked = set()
     for name in SCENES:
         made = folder / f"{name}-{ranks}.h5"
-        assert deterministic_bytes(made) == deterministic_bytes(folder / f"{name}.h5"), name
+        assert deterministic_bytes(made) == deterministic_bytes(folder / f"{name}.h5"), (
+            name
+        )
         with h5py.File(made, "r") as file:
             worked |= set(file["runtime/rank"][:].tolist())
     assert worked <= (set(range(1, ranks)) or {0})
-    assert len(worked) >= min(ranks - 1, 2)  # in a single run one worker may do all in its time
+    assert len(worked) >= min(
+        ranks - 1, 2
+    )  # in a single run one worker may do all in its time
 
 
 def test_a_function_may_print(folder, tmp_path):

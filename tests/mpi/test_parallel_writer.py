@@ -97,7 +97,9 @@ def run(folder, output, *options, ranks=4):
 
 
 @needs_parallel_hdf5
-@pytest.mark.parametrize(("first", "second"), [("single", "parallel"), ("parallel", "single")])
+@pytest.mark.parametrize(
+    ("first", "second"), [("single", "parallel"), ("parallel", "single")]
+)
 def test_either_writer_goes_on_with_what_the_other_has_left(folder, first, second):
     output = f"{first}-{second}.h5"
     assert f"{first} writer" in run(folder, output, "--writer", first, "--rows", "0:40")
@@ -105,7 +107,9 @@ def test_either_writer_goes_on_with_what_the_other_has_left(folder, first, secon
     told = run(folder, output, "--writer", second)
     assert "50 to do" in told
     assert f"{second} writer" in told
-    assert deterministic_bytes(folder / output) == deterministic_bytes(folder / "serial.h5")
+    assert deterministic_bytes(folder / output) == deterministic_bytes(
+        folder / "serial.h5"
+    )
 
 
 @needs_parallel_hdf5
@@ -119,11 +123,15 @@ def test_a_worker_that_dies_before_its_status_costs_its_rows_only(folder, writer
     assert row_fault(None, found, columns_of(folder / "serial.h5")) == ""
     assert 0 < (found["status"] == 1).sum() < 90
     run(folder, output, "--writer", writer)
-    assert deterministic_bytes(folder / output) == deterministic_bytes(folder / "serial.h5")
+    assert deterministic_bytes(folder / output) == deterministic_bytes(
+        folder / "serial.h5"
+    )
 
 
 @pytest.mark.parametrize("ranks", [3, pytest.param(2, marks=pytest.mark.long)])
-@pytest.mark.parametrize("writer", ["single", pytest.param("parallel", marks=needs_parallel_hdf5)])
+@pytest.mark.parametrize(
+    "writer", ["single", pytest.param("parallel", marks=needs_parallel_hdf5)]
+)
 def test_a_power_cut_costs_no_row_that_says_done(folder, tmp_path, writer, ranks):
     """The late writes of statuses are on the disk, those of data that were not synced are not."""
     (tmp_path / "power_cut.py").write_text(POWER_CUT)
@@ -137,8 +145,13 @@ def test_a_power_cut_costs_no_row_that_says_done(folder, tmp_path, writer, ranks
         on_disk = columns_of(tmp_path / f"disk-{rank if writer == 'parallel' else 0}.h5")
         on_disk["status"] = np.where(late["rank"] == rank, late["status"], 0)
         assert row_fault(None, on_disk, whole) == ""
-    assert cli.main(["run", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "cut.h5")]) == 0
-    assert deterministic_bytes(tmp_path / "cut.h5") == deterministic_bytes(folder / "serial.h5")
+    assert (
+        cli.main(["run", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "cut.h5")])
+        == 0
+    )
+    assert deterministic_bytes(tmp_path / "cut.h5") == deterministic_bytes(
+        folder / "serial.h5"
+    )
 
 
 @needs_parallel_hdf5
@@ -155,7 +168,9 @@ def test_a_path_that_leads_elsewhere_on_one_rank_is_refused(folder):
 @pytest.mark.skipif(HAS_MPI, reason="this h5py has MPI")
 def test_without_mpi_in_h5py_the_parallel_writer_is_refused_and_auto_is_single(tmp_path):
     (tmp_path / "scene.toml").write_text(SCENE.format(6))
-    refused = launch(3, "run", "scene.toml", "-o", "x.h5", "--writer", "parallel", folder=tmp_path)
+    refused = launch(
+        3, "run", "scene.toml", "-o", "x.h5", "--writer", "parallel", folder=tmp_path
+    )
     assert refused.returncode == 2
     assert "needs an h5py with MPI" in refused.stderr
     assert refused.stderr.count("\n") == 1

@@ -94,9 +94,13 @@ class Cluster:
         """Cancel what runs and end the daemons."""
         self._stop()
 
-    def sbatch(self, *arguments: object, folder: Path, parameters: Parameters = None) -> str:
+    def sbatch(
+        self, *arguments: object, folder: Path, parameters: Parameters = None
+    ) -> str:
         """Submit a job from a folder, with parameters in the environment; return its number."""
-        return self.ask("sbatch", "--parsable", *arguments, folder=folder, parameters=parameters)
+        return self.ask(
+            "sbatch", "--parsable", *arguments, folder=folder, parameters=parameters
+        )
 
     def ask(
         self, *command: object, folder: Path | None = None, parameters: Parameters = None
@@ -107,7 +111,10 @@ class Cluster:
         return done.stdout.strip()
 
     def _run(
-        self, command: list[str], folder: Path | None = None, parameters: Parameters = None
+        self,
+        command: list[str],
+        folder: Path | None = None,
+        parameters: Parameters = None,
     ) -> "subprocess.CompletedProcess[str]":
         more = {name: str(value) for name, value in (parameters or {}).items()}
         settings: dict[str, Any] = {"capture_output": True, "text": True, "timeout": WAIT}
@@ -124,14 +131,20 @@ class Cluster:
         self.wait_until(lambda: self.job(number)["JobState"] in FINAL, f"job {number}")
         return self.job(number)
 
-    def wait_until(self, condition: Callable[[], bool], what: str, every: float = 0.2) -> None:
+    def wait_until(
+        self, condition: Callable[[], bool], what: str, every: float = 0.2
+    ) -> None:
         """Wait for something, within limits."""
         limit = time.monotonic() + WAIT
         while not condition():
             if time.monotonic() > limit:
-                logs = "".join(path.read_text()[-2000:] for path in self.folder.glob("*.log"))
+                logs = "".join(
+                    path.read_text()[-2000:] for path in self.folder.glob("*.log")
+                )
                 queue = self._run(["squeue", "--all", "--long"]).stdout
-                raise AssertionError(f"waited {WAIT} s in vain for {what}:\n{queue}{logs}")
+                raise AssertionError(
+                    f"waited {WAIT} s in vain for {what}:\n{queue}{logs}"
+                )
             time.sleep(every)
 
     def _start(self) -> None:
@@ -172,7 +185,9 @@ class Cluster:
 
     def _stop(self) -> None:
         if len(self._processes) == 4:
-            self._run(["scancel", "--full", "--signal=KILL", f"--user={getpass.getuser()}"])
+            self._run(
+                ["scancel", "--full", "--signal=KILL", f"--user={getpass.getuser()}"]
+            )
         for process in reversed(self._processes):
             process.terminate()
         for process in self._processes:
@@ -188,7 +203,9 @@ class Cluster:
         mark = f"SLURM_CONF={self.folder}/slurm.conf".encode()
         for entry in Path("/proc").iterdir():
             try:
-                if entry.name.isdecimal() and mark in (entry / "environ").read_bytes().split(b"\0"):
+                if entry.name.isdecimal() and mark in (
+                    entry / "environ"
+                ).read_bytes().split(b"\0"):
                     os.kill(int(entry.name), 9)
             except OSError:
                 continue
@@ -220,9 +237,13 @@ def environment_with_python(folder: Path, script: str) -> Path:
 def thin_environment(folder: Path, notes: Path) -> Path:
     """A small virtual environment with this one's packages and MPI, which notes where it runs."""
     path = folder / "thin"
-    subprocess.run([sys.executable, "-m", "venv", "--without-pip", path], check=True, timeout=60)
+    subprocess.run(
+        [sys.executable, "-m", "venv", "--without-pip", path], check=True, timeout=60
+    )
     (packages,) = path.glob("lib/python*/site-packages")
-    lent = "\n".join(f"import site; site.addsitedir({name!r})" for name in site.getsitepackages())
+    lent = "\n".join(
+        f"import site; site.addsitedir({name!r})" for name in site.getsitepackages()
+    )
     (packages / "lent.pth").write_text(f"{lent}\n")
     (packages / "sitecustomize.py").write_text(
         f"import sys; print(sys.prefix, file=open({str(notes)!r}, 'a'))\n"

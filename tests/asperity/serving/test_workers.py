@@ -91,7 +91,9 @@ def test_processes_that_nobody_needs_open_no_files(folder):
         resource.setrlimit(resource.RLIMIT_NOFILE, limits)
 
 
-def test_a_question_that_ends_soon_after_its_client_left_keeps_the_process(folder, monkeypatch):
+def test_a_question_that_ends_soon_after_its_client_left_keeps_the_process(
+    folder, monkeypatch
+):
     monkeypatch.setattr(workers, "GRACE", LIMIT)
 
     async def leave():

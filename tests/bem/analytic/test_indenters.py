@@ -52,10 +52,15 @@ def abel_transform(indenter, x):
     """g(x) = x times the integral of f'(r) / sqrt(x^2 - r^2) from 0 to x, r = x sin t; f = -z."""
 
     def steepness(r):
-        below, above = indenter.heights(np.array([r * (1 - 1e-6), r * (1 + 1e-6)])).tolist()
+        below, above = indenter.heights(
+            np.array([r * (1 - 1e-6), r * (1 + 1e-6)])
+        ).tolist()
         return float((below - above) / (2e-6 * r)) if r else 0.0
 
-    return x * quad(lambda angle: steepness(x * np.sin(angle)), 0, np.pi / 2, epsrel=1e-10)[0]
+    return (
+        x
+        * quad(lambda angle: steepness(x * np.sin(angle)), 0, np.pi / 2, epsrel=1e-10)[0]
+    )
 
 
 @pytest.mark.parametrize("delta", [0.01, 30.0])
@@ -65,7 +70,9 @@ def test_force_and_radius_follow_from_the_profile_by_quadrature(indenter, delta)
     radius = indenter.contact_radius(delta)
     assert indenter.indentation(radius) == pytest.approx(delta, rel=1e-13)
     assert abel_transform(indenter, radius) == pytest.approx(delta, rel=1e-8)
-    lost = quad(lambda x: abel_transform(indenter, x), 0, radius, epsrel=1e-8, epsabs=0)[0]
+    lost = quad(lambda x: abel_transform(indenter, x), 0, radius, epsrel=1e-8, epsabs=0)[
+        0
+    ]
     force = 2 * MODULUS * (radius * delta - lost)
     assert indenter.force(delta, MODULUS) == pytest.approx(force, rel=1e-7)
 
@@ -115,7 +122,8 @@ PERSSON = PerssonInterface(WAVES, WAVES**-3.6)
 
 
 @pytest.mark.parametrize(
-    "formula", [Cone(0.3).heights, WavySurface(0.1, 1.0).heights, area_share, PERSSON.mean_gap]
+    "formula",
+    [Cone(0.3).heights, WavySurface(0.1, 1.0).heights, area_share, PERSSON.mean_gap],
 )
 def test_closed_forms_keep_what_is_masked(formula):
     masked = np.ma.masked_array(np.linspace(0.01, 0.5, 6), mask=[0, 1, 0, 0, 1, 0])

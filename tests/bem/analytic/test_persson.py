@@ -28,7 +28,9 @@ PRESSURE = MODULUS * SLOPE * np.array([1e-3, 0.03, 0.2, 0.7])
 
 def test_named_forms_of_the_area():
     assert area_share(REDUCED) == pytest.approx(erf(np.sqrt(2) * REDUCED), rel=1e-14)
-    assert area_share(REDUCED, 2.0) == pytest.approx(erf(np.sqrt(np.pi) * REDUCED), rel=1e-14)
+    assert area_share(REDUCED, 2.0) == pytest.approx(
+        erf(np.sqrt(np.pi) * REDUCED), rel=1e-14
+    )
     assert area_share(np.array([0.0, 10.0])).tolist() == [0.0, 1.0]
     assert pytest.approx(1.5957691216) == PERSSON
     assert pytest.approx(2.5066282746) == BUSH_GIBSON_THOMAS
@@ -80,7 +82,9 @@ def test_stiffness_at_light_load_is_the_pressure_over_a_length(gamma):
     theory = interface(gamma)
     length = theory.light_load_length()
     pressure = MODULUS * SLOPE * np.array([1e-7, 2e-7])
-    assert pressure / theory.stiffness(pressure, MODULUS) == pytest.approx(length, rel=1e-3)
+    assert pressure / theory.stiffness(pressure, MODULUS) == pytest.approx(
+        length, rel=1e-3
+    )
     fall = -np.diff(theory.mean_gap(pressure, MODULUS))
     assert fall == pytest.approx(length * np.log(2), rel=1e-3)
     assert 0.3 * gamma < length / theory.rms_height() < 2 * gamma

@@ -16,14 +16,24 @@ def circle(radius, random, kernel="uniform-pressure", n=65):
     x, y = (np.arange(n) - n // 2 - random.uniform(-0.5, 0.5) for _ in range(2))
     force = 4 / 3 * radius**3 / 1e4
     contact = bem.solve(
-        -(x[:, np.newaxis] ** 2 + y**2) / 2e4, n - 1.0, force=force, spacing=1.0, kernel=kernel
+        -(x[:, np.newaxis] ** 2 + y**2) / 2e4,
+        n - 1.0,
+        force=force,
+        spacing=1.0,
+        kernel=kernel,
     )
     return contact.continuum_area_percent / 100 * n**2 / (np.pi * radius**2) - 1
 
 
 @pytest.mark.parametrize(
     ("radius", "mean", "rms"),
-    [(1, 0.03, 0.08), (2, 0.03, 0.08), (3, 0.007, 0.012), (12, 0.002, 0.003), (24, 0.001, 0.0015)],
+    [
+        (1, 0.03, 0.08),
+        (2, 0.03, 0.08),
+        (3, 0.007, 0.012),
+        (12, 0.002, 0.003),
+        (24, 0.001, 0.0015),
+    ],
 )
 def test_hertz_circle(radius, mean, rms):
     """From spots of a few nodes on."""
@@ -33,7 +43,9 @@ def test_hertz_circle(radius, mean, rms):
     assert np.sqrt(np.mean(errors**2)) < rms
 
 
-@pytest.mark.parametrize("waves", [(8, 0), (8, 1), (7, 2), (6, 2), (8, 4), (8, 6), (6, 6)])
+@pytest.mark.parametrize(
+    "waves", [(8, 0), (8, 1), (7, 2), (6, 2), (8, 4), (8, 6), (6, 6)]
+)
 def test_westergaard_waves_at_seven_angles(waves):
     """Some 15 nodes a wave: the mean over phases is right to 0.6 %, where a count is 5 % off."""
     n, errors = 128, []
@@ -43,14 +55,18 @@ def test_westergaard_waves_at_seven_angles(waves):
             x = (np.arange(n) + phase) / n
             across = waves[0] * x[:, np.newaxis] + waves[1] * np.arange(n) / n
             heights = 0.01 * np.cos(2 * np.pi * across)
-            contact = bem.solve(heights, 1.0, pressure=share * steepness, boundary="periodic")
+            contact = bem.solve(
+                heights, 1.0, pressure=share * steepness, boundary="periodic"
+            )
             truth = 200 / np.pi * np.arcsin(np.sqrt(share))
             errors.append(contact.continuum_area_percent / truth - 1)
     assert abs(np.mean(errors)) < 0.006
     assert np.sqrt(np.mean(np.square(errors))) < 0.02
 
 
-@pytest.mark.parametrize(("hardness", "bound"), [(None, 0.005), (0.05, 0.01), (0.02, 0.015)])
+@pytest.mark.parametrize(
+    ("hardness", "bound"), [(None, 0.005), (0.05, 0.01), (0.02, 0.015)]
+)
 def test_rough_surfaces_with_eight_nodes_a_wave(hardness, bound):
     """On surfaces that the weights have not seen, against four times as many nodes."""
     errors, counts = [], []
@@ -59,7 +75,11 @@ def test_rough_surfaces_with_eight_nodes_a_wave(hardness, bound):
         for pressure in (0.001, 0.005, 0.015):
             coarse, fine = (
                 bem.solve(
-                    surface(n), 1.0, pressure=pressure, boundary="periodic", hardness=hardness
+                    surface(n),
+                    1.0,
+                    pressure=pressure,
+                    boundary="periodic",
+                    hardness=hardness,
                 )
                 for n in (128, 512)
             )
@@ -76,12 +96,16 @@ def test_hard_and_soft_bodies_from_light_contact_to_nearly_full(hardness, load):
     """With 8 nodes a wave; contacts of soft bodies are where the surface cuts a plane."""
     surface, pressure = random_waves(1, 8, 0.7, 3), load * min(hardness, 0.2)
     coarse, fine = (
-        bem.solve(surface(n), 1.0, pressure=pressure, boundary="periodic", hardness=hardness)
+        bem.solve(
+            surface(n), 1.0, pressure=pressure, boundary="periodic", hardness=hardness
+        )
         for n in (64, 256)
     )
     area = coarse.continuum_area_percent
     assert area >= 100 * pressure / hardness * (1 - 1e-9)
-    assert abs(area - fine.continuum_area_percent) <= coarse.grid_error().area_percent + 1e-9
+    assert (
+        abs(area - fine.continuum_area_percent) <= coarse.grid_error().area_percent + 1e-9
+    )
 
 
 @pytest.mark.parametrize("aspect", [2, 5, 20])
@@ -92,7 +116,9 @@ def test_oblong_cells(aspect):
             bem.solve(heights, (1.0, 1.0), pressure=pressure, boundary="periodic")
             for heights in (surface(64 * aspect)[:, ::aspect], surface(384))
         )
-        assert coarse.continuum_area_percent == pytest.approx(fine.continuum_area_percent, 0.01)
+        assert coarse.continuum_area_percent == pytest.approx(
+            fine.continuum_area_percent, 0.01
+        )
 
 
 def test_the_layer_below_concentrated_forces():
@@ -101,7 +127,9 @@ def test_the_layer_below_concentrated_forces():
         for kernel in ("concentrated-force", "uniform-pressure")
     ]
     weights = np.where(np.arange(400) == 0, 1, 2)
-    assert weights @ (tables[0] - tables[1]) @ weights == pytest.approx(border.LAYER, abs=2e-3)
+    assert weights @ (tables[0] - tables[1]) @ weights == pytest.approx(
+        border.LAYER, abs=2e-3
+    )
 
 
 @given(
@@ -112,11 +140,18 @@ def test_the_layer_below_concentrated_forces():
     st.floats(0.01, 3),
 )
 @settings(max_examples=150, deadline=None)
-def test_any_contact_has_an_area_between_none_and_its_patch(seed, shape, boundary, hardness, load):
+def test_any_contact_has_an_area_between_none_and_its_patch(
+    seed, shape, boundary, hardness, load
+):
     """From a single node to full contact, on grids of a few nodes; turned, it is the same."""
     heights = np.random.default_rng(seed).normal(size=shape)
     force = load * (0.02 if hardness is None else min(hardness, 1.0) / 4) * heights.size
-    problem = {"force": force, "spacing": (1.0, 2.0), "boundary": boundary, "hardness": hardness}
+    problem = {
+        "force": force,
+        "spacing": (1.0, 2.0),
+        "boundary": boundary,
+        "hardness": hardness,
+    }
     contact = bem.solve(heights, (1.0, 1.0), **problem)
     area = contact.continuum_area_percent
     assert 0 <= area <= 100

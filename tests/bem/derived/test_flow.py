@@ -27,7 +27,9 @@ def flow_through(gap, spacing, axis, *, periodic):
 
 def waves(level, nodes):
     x, y = np.mgrid[:nodes, :nodes] * (2 * np.pi / nodes)
-    mixed = np.cos(2 * x + y) * np.cos(x - 3 * y) + 0.5 * np.cos(5 * x + 1) * np.cos(4 * y - x)
+    mixed = np.cos(2 * x + y) * np.cos(x - 3 * y) + 0.5 * np.cos(5 * x + 1) * np.cos(
+        4 * y - x
+    )
     return np.maximum(level + mixed, 0.0)
 
 
@@ -121,7 +123,9 @@ def test_gaps_of_many_decades_are_solved_to_rounding(trials):
 
 
 @pytest.mark.parametrize("periodic", [False, True])
-def test_the_field_of_flux_does_not_depend_on_the_levels_of_pockets(monkeypatch, periodic):
+def test_the_field_of_flux_does_not_depend_on_the_levels_of_pockets(
+    monkeypatch, periodic
+):
     random = np.random.default_rng(3)
     for _ in range(20):
         gap = 10 ** random.uniform(-12, 0, (12, 12))
@@ -163,7 +167,9 @@ def test_a_contact_lets_through_what_its_open_gap_does(boundary):
         flow = light.flow(axis)
         assert flow is light.flow(axis)
         assert 0.2 < flow.factor < 1
-        assert flow.aperture**3 == pytest.approx(flow.factor * light.mean_gap**3, rel=1e-3)
+        assert flow.aperture**3 == pytest.approx(
+            flow.factor * light.mean_gap**3, rel=1e-3
+        )
         assert not flow.flux[:, light.pressure > 0].any()
         assert heavy.flow(axis).factor == 0
         assert heavy.spots.gap_connects[axis] is False
@@ -182,7 +188,9 @@ def test_the_gap_of_spectral_surfaces_seals_at_an_area_of_two_fifths():
             loads, areas = [0.015, 0.04], [0.0, 0.0]
             for _ in range(6):
                 load = float(np.prod(loads)) ** 0.5
-                contact = bem.solve(heights, 1.0, pressure=load, boundary="periodic", rtol=1e-4)
+                contact = bem.solve(
+                    heights, 1.0, pressure=load, boundary="periodic", rtol=1e-4
+                )
                 sealed = not contact.spots.gap_connects[axis]
                 loads[sealed], areas[sealed] = load, contact.continuum_area_percent
             sealing.append(np.mean(areas))
@@ -190,7 +198,9 @@ def test_the_gap_of_spectral_surfaces_seals_at_an_area_of_two_fifths():
                 assert contact.flow(axis).factor < 1e-3
                 assert (contact.flow(axis).factor == 0) == sealed
     assert np.mean(sealing) == pytest.approx(41.5, abs=2.0)
-    assert np.mean(sealing) == pytest.approx(40.6, abs=0.1)  # as docs/how-to/interfaces.md says
+    assert np.mean(sealing) == pytest.approx(
+        40.6, abs=0.1
+    )  # as docs/how-to/interfaces.md says
     assert np.ptp(sealing) < 10
 
 

@@ -19,7 +19,9 @@ def fractal(nodes, hurst, seed):
 @pytest.mark.parametrize("nodes", [16, 17, 23, 24, 40])
 def test_the_coarser_grid_reads_the_same_surface(boundary, nodes):
     """Waves far from the grid's own are the same wherever they are read."""
-    problem = pose(np.zeros((nodes, nodes + 1)), (2.0, 3.0), None, force=0.1, boundary=boundary)
+    problem = pose(
+        np.zeros((nodes, nodes + 1)), (2.0, 3.0), None, force=0.1, boundary=boundary
+    )
 
     def surface(shape, spacing):
         ends = 0.5 if boundary == "mirror" else 0.0
@@ -28,14 +30,18 @@ def test_the_coarser_grid_reads_the_same_surface(boundary, nodes):
         return np.cos(turns[0] * x)[:, None] * np.cos(turns[1] * y)
 
     fine = surface(problem.heights.shape, problem.spacing)
-    half, nearest = coarser(pose(fine, (2.0, 3.0), None, force=0.1, boundary=boundary), fine)
+    half, nearest = coarser(
+        pose(fine, (2.0, 3.0), None, force=0.1, boundary=boundary), fine
+    )
     assert nearest == pytest.approx(half.heights, abs=2 * max(half.spacing))
     assert half.heights.shape == ((nodes + 1) // 2, (nodes + 2) // 2)
     sides = [n - (boundary == "free") for n in half.heights.shape]
     lengths = [n * h for n, h in zip(sides, half.spacing, strict=True)]
     assert lengths == pytest.approx([2.0, 3.0])
     error = 0.01 if boundary == "free" else 1e-12
-    assert half.heights == pytest.approx(surface(half.heights.shape, half.spacing), abs=error)
+    assert half.heights == pytest.approx(
+        surface(half.heights.shape, half.spacing), abs=error
+    )
 
 
 @pytest.mark.parametrize("boundary", ["free", "periodic"])
@@ -99,7 +105,9 @@ def test_a_higher_summit_is_in_the_bars_at_a_given_displacement(boundary, yields
 @pytest.mark.parametrize("hurst", [0.2, 0.5, 0.9])
 def test_fractals_down_to_the_grid_are_not_resolved(hurst):
     for seed in range(3):
-        contact = bem.solve(fractal(128, hurst, seed), 1.0, pressure=0.01, boundary="periodic")
+        contact = bem.solve(
+            fractal(128, hurst, seed), 1.0, pressure=0.01, boundary="periodic"
+        )
         error = contact.grid_error()
         assert not error.resolved
         assert "no limit" in error.reason
@@ -115,7 +123,11 @@ def test_the_area_of_bodies_that_yield_everywhere_is_known_on_any_grid():
     assert error.resolved
     assert error.reason.startswith("yielding decides it")
     least = 100 * 1e-4 / 5e-4
-    assert least - 1e-9 <= contact.continuum_area_percent <= least + error.area_percent + 1e-9
+    assert (
+        least - 1e-9
+        <= contact.continuum_area_percent
+        <= least + error.area_percent + 1e-9
+    )
     assert error.area_percent < 0.05 * least
 
 
@@ -168,7 +180,9 @@ def test_bars_at_displacements_far_from_one_stay_within_double_precision(delta, 
 
 
 def test_nothing_is_solved_unless_it_is_asked_for(monkeypatch):
-    monkeypatch.setattr("bem.derived.grid_error.coarser", lambda *_: pytest.fail("a coarser grid"))
+    monkeypatch.setattr(
+        "bem.derived.grid_error.coarser", lambda *_: pytest.fail("a coarser grid")
+    )
     contact = bem.solve(fractal(32, 0.8, 0), 1.0, pressure=0.01, boundary="periodic")
     assert contact.continuum_area_percent > 0
     with pytest.raises(pytest.fail.Exception):

@@ -21,17 +21,25 @@ def rough(shape, seed=0):
     """Return a smooth random surface that repeats itself, with an rms height of 1 um."""
     rng = np.random.default_rng(seed)
     waves = np.hypot(
-        np.fft.fftfreq(shape[0])[:, np.newaxis] * shape[0], np.fft.rfftfreq(shape[1]) * shape[1]
+        np.fft.fftfreq(shape[0])[:, np.newaxis] * shape[0],
+        np.fft.rfftfreq(shape[1]) * shape[1],
     )
-    amplitude = np.where((waves > 0) & (waves < min(shape) / 4), np.maximum(waves, 3) ** -1.8, 0)
-    heights = np.fft.irfft2(amplitude * np.exp(2j * np.pi * rng.random(waves.shape)), s=shape)
+    amplitude = np.where(
+        (waves > 0) & (waves < min(shape) / 4), np.maximum(waves, 3) ** -1.8, 0
+    )
+    heights = np.fft.irfft2(
+        amplitude * np.exp(2j * np.pi * rng.random(waves.shape)), s=shape
+    )
     return heights / heights.std()
 
 
 def paraboloids(nodes, centres, radius):
     """Return the highest of equal paraboloids at some centres, on SIDE x SIDE."""
     x = np.linspace(0, SIDE, nodes)
-    parts = [-((x[:, np.newaxis] - cx) ** 2 + (x - cy) ** 2) / (2 * radius) for cx, cy in centres]
+    parts = [
+        -((x[:, np.newaxis] - cx) ** 2 + (x - cy) ** 2) / (2 * radius)
+        for cx, cy in centres
+    ]
     return np.max(parts, axis=0)
 
 
@@ -40,7 +48,9 @@ def sides_of(shape):
     return SIDE, SIDE * (shape[1] - 1) / (shape[0] - 1)
 
 
-@pytest.mark.parametrize(("nodes", "accuracy"), [(64, 0.01), (65, 0.01), (129, 1e-3), (257, 1e-3)])
+@pytest.mark.parametrize(
+    ("nodes", "accuracy"), [(64, 0.01), (65, 0.01), (129, 1e-3), (257, 1e-3)]
+)
 def test_a_circular_spot_is_that_of_hertz(nodes, accuracy):
     radius, delta = 500.0, 1.5
     heights = paraboloids(nodes, [(SIDE / 2, SIDE / 2)], radius)
@@ -50,7 +60,9 @@ def test_a_circular_spot_is_that_of_hertz(nodes, accuracy):
     k = 2 * 20.0 * 60.0 / 80.0
     assert contact.conductance(20.0, 60.0) == pytest.approx(2 * a * k, rel=accuracy)
     assert contact.conductance(60.0, 20.0) == contact.conductance(20.0, 60.0)
-    assert contact.conductance(20.0, math.inf) == pytest.approx(2 * 20.0 * 2 * a, rel=accuracy)
+    assert contact.conductance(20.0, math.inf) == pytest.approx(
+        2 * 20.0 * 2 * a, rel=accuracy
+    )
 
 
 @pytest.mark.parametrize("boundary", ["free", "periodic", "mirror"])
@@ -59,7 +71,12 @@ def test_a_circular_spot_is_that_of_hertz(nodes, accuracy):
 def test_stiffness_is_the_slope_of_the_force(boundary, shape, pressure):
     def solved(**load):
         return bem.solve(
-            rough(shape), sides_of(shape), boundary=boundary, modulus=E, rtol=1e-12, **load
+            rough(shape),
+            sides_of(shape),
+            boundary=boundary,
+            modulus=E,
+            rtol=1e-12,
+            **load,
         )
 
     contact = solved(pressure=pressure)
@@ -74,7 +91,10 @@ def test_stiffness_is_the_slope_of_the_force(boundary, shape, pressure):
 
 @pytest.mark.parametrize("boundary", ["free", "periodic", "mirror"])
 def test_bodies_that_yield_load_softer_than_they_unload(boundary):
-    heights, settings_ = rough((40, 40)), {"boundary": boundary, "modulus": E, "rtol": 1e-11}
+    heights, settings_ = (
+        rough((40, 40)),
+        {"boundary": boundary, "modulus": E, "rtol": 1e-11},
+    )
     contact = bem.solve(heights, SIDE, pressure=20.0, hardness=150.0, **settings_)
     assert contact.yielded_percent > 1
     assert contact.loading_stiffness < contact.stiffness
@@ -92,12 +112,16 @@ def test_bodies_that_yield_load_softer_than_they_unload(boundary):
     lower = float(heights.max() - contact.flattened.max())
     less = bem.solve(contact.flattened, SIDE, contact.delta - lower - step, **settings_)
     assert np.array_equal(less.pressure > 0, contact.pressure > 0)
-    assert contact.stiffness == pytest.approx((contact.force - less.force) / step, rel=1e-4)
+    assert contact.stiffness == pytest.approx(
+        (contact.force - less.force) / step, rel=1e-4
+    )
 
 
 @pytest.mark.parametrize("boundary", ["periodic", "mirror"])
 def test_full_contact_without_edges_is_infinitely_stiff(boundary):
-    contact = bem.solve(rough((16, 20)), (16.0, 20.0), pressure=1e6, boundary=boundary, modulus=E)
+    contact = bem.solve(
+        rough((16, 20)), (16.0, 20.0), pressure=1e6, boundary=boundary, modulus=E
+    )
     assert contact.area_percent == 100
     assert contact.stiffness == contact.interface_stiffness == math.inf
     assert contact.conductance(1.0, 1.0) == math.inf
@@ -127,17 +151,24 @@ def test_a_compliant_far_field_has_the_stiffness_of_the_interface():
 
 
 @pytest.mark.parametrize(
-    "conductivities", [(0.0, 1.0), (1.0, -1.0), (math.inf, math.inf), (1e308, 1e308), (1j, 1.0)]
+    "conductivities",
+    [(0.0, 1.0), (1.0, -1.0), (math.inf, math.inf), (1e308, 1e308), (1j, 1.0)],
 )
 def test_bodies_apart_have_none_and_impossible_conductivities_are_refused(conductivities):
     contact = bem.solve(rough((9, 9)), SIDE, 0.0)
-    assert contact.stiffness == contact.interface_stiffness == contact.loading_stiffness == 0
+    assert (
+        contact.stiffness == contact.interface_stiffness == contact.loading_stiffness == 0
+    )
     assert contact.conductance(1.0, 2.0) == contact.spots.number == 0
     with pytest.raises(ValueError, match="conductivities"):
         contact.conductance(*conductivities)
 
 
-@given(seed=st.integers(0, 1000), share=st.floats(0.01, 0.99), aspect=st.sampled_from([1.0, 2.5]))
+@given(
+    seed=st.integers(0, 1000),
+    share=st.floats(0.01, 0.99),
+    aspect=st.sampled_from([1.0, 2.5]),
+)
 @settings(max_examples=25, deadline=None)
 def test_any_set_has_the_stiffness_of_dense_algebra(seed, share, aspect):
     shape = 11, 14

@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 
 from bem.operators import filters
-from bem.operators.filters import CosineFilter, Filter, LargeFilter, filtered, spectral_filter
+from bem.operators.filters import (
+    CosineFilter,
+    Filter,
+    LargeFilter,
+    filtered,
+    spectral_filter,
+)
 from bem.operators.patch import displacement_filter, fast_period
 from bem.threads import on_threads
 
@@ -42,7 +48,9 @@ def test_large_fields_are_filtered_as_small_ones(monkeypatch, shape, dtype, even
         field = np.random.default_rng(seed).standard_normal(shape).astype(dtype)
         expected = filtered(small, field).copy()
         accepted = 20 * np.finfo(dtype).eps * np.abs(expected).max()
-        np.testing.assert_allclose(filtered(large, field), expected, rtol=0, atol=accepted)
+        np.testing.assert_allclose(
+            filtered(large, field), expected, rtol=0, atol=accepted
+        )
         if not even:
             half = spectrum_of(shape, even)[0]
             spectrum = np.concatenate([half, half[shape[0] - len(half) : 0 : -1]])
@@ -100,7 +108,9 @@ def test_cosines_filter_the_mirrored_field(shape):
     spectrum = np.random.default_rng(2).uniform(1, 2, shape)
     rows = np.concatenate([field, field[::-1]])
     mirrored = np.concatenate([rows, rows[:, ::-1]], axis=1)
-    along, across = (np.minimum(np.arange(2 * n), 2 * n - np.arange(2 * n)) for n in shape)
+    along, across = (
+        np.minimum(np.arange(2 * n), 2 * n - np.arange(2 * n)) for n in shape
+    )
     whole = np.pad(spectrum, ((0, 1), (0, 1)))[np.ix_(along, across)]
     expected = np.fft.ifft2(np.fft.fft2(mirrored) * whole).real[: shape[0], : shape[1]]
     operator = CosineFilter(spectrum)
@@ -132,7 +142,9 @@ def test_what_filters_occupy_is_bounded_for_all_threads_together(monkeypatch):
     done.set()
     for thread in threads:
         thread.join()
-    fewest = 3 * filters.FEWEST_KEPT * displacement_filter((61, 61), *FREE, "float64").bytes
+    fewest = (
+        3 * filters.FEWEST_KEPT * displacement_filter((61, 61), *FREE, "float64").bytes
+    )
     assert 0 < occupied <= 3 * 2**20 + fewest
     del threads, thread
     gc.collect()

@@ -9,7 +9,18 @@ from bem.problem import BOUNDARIES, Boundary
 from bench.references import dense
 
 EDGELESS: list[Boundary] = ["periodic", "mirror"]
-SHAPES = [(1, 1), (1, 2), (2, 1), (1, 17), (23, 1), (2, 3), (8, 8), (9, 9), (16, 33), (37, 10)]
+SHAPES = [
+    (1, 1),
+    (1, 2),
+    (2, 1),
+    (1, 17),
+    (23, 1),
+    (2, 3),
+    (8, 8),
+    (9, 9),
+    (16, 33),
+    (37, 10),
+]
 
 
 def random_field(shape):
@@ -31,7 +42,8 @@ def matrix_of(patch):
 
 
 @pytest.mark.parametrize(
-    ("kernel", "aspect"), [(KERNELS[0], 1.0), (KERNELS[1], 1.0), ("uniform-pressure", 7.3)]
+    ("kernel", "aspect"),
+    [(KERNELS[0], 1.0), (KERNELS[1], 1.0), ("uniform-pressure", 7.3)],
 )
 @pytest.mark.parametrize("shape", [*SHAPES, (65, 65), (128, 65)])
 def test_displacement_is_the_dense_product(shape, kernel, aspect):
@@ -69,7 +81,10 @@ def test_periodic_displacement_is_that_of_numpys_transform(shape, aspect):
 @pytest.mark.parametrize("aspect", [1.0, 0.3])
 @pytest.mark.parametrize("shape", SHAPES)
 def test_the_inverse_gives_back_a_pressure_but_for_its_mean(shape, aspect, boundary):
-    pressure, patch = random_field(shape), Patch(shape, boundary, "uniform-pressure", aspect)
+    pressure, patch = (
+        random_field(shape),
+        Patch(shape, boundary, "uniform-pressure", aspect),
+    )
     displacement = exact(patch, pressure).copy()
     assert displacement.mean() == pytest.approx(0, abs=1e-13)
     back = patch.unbalanced(displacement)
@@ -77,11 +92,17 @@ def test_the_inverse_gives_back_a_pressure_but_for_its_mean(shape, aspect, bound
 
 
 @pytest.mark.parametrize("boundary", BOUNDARIES)
-@pytest.mark.parametrize(("shape", "aspect"), [((1, 9), 1.0), ((8, 8), 1.0), ((13, 10), 0.3)])
+@pytest.mark.parametrize(
+    ("shape", "aspect"), [((1, 9), 1.0), ((8, 8), 1.0), ((13, 10), 0.3)]
+)
 def test_entries_are_those_of_the_transforms(shape, aspect, boundary):
     patch = Patch(shape, boundary, "uniform-pressure", aspect)
     matrix = matrix_of(patch)
-    nodes = np.random.default_rng(2).permutation(matrix.shape[0])[: 2 * matrix.shape[0] // 3]
+    nodes = np.random.default_rng(2).permutation(matrix.shape[0])[
+        : 2 * matrix.shape[0] // 3
+    ]
     expected = np.tril(matrix[np.ix_(nodes, nodes)])
-    np.testing.assert_allclose(np.tril(patch.entries(nodes, "float64")), expected, atol=1e-12)
+    np.testing.assert_allclose(
+        np.tril(patch.entries(nodes, "float64")), expected, atol=1e-12
+    )
     assert np.linalg.eigvalsh(matrix).max() <= patch.norm * (1 + 1e-12)

@@ -61,7 +61,9 @@ def test_everything_there_is_shown_in_the_papers_order(made):
     pictures = {each.picture for each in shown if isinstance(each, Figure)}
     assert pictures | {path for each in shown for path in tables_of(each)} == set(paths)
     assert all(path.stat().st_size > 60 for path in paths)
-    sections = [each.caption.split()[:2] for each in shown if each.caption.startswith("Section")]
+    sections = [
+        each.caption.split()[:2] for each in shown if each.caption.startswith("Section")
+    ]
     numbers = [float(number.rstrip(",")) for _, number in sections]
     assert numbers == sorted(numbers)
 

@@ -59,7 +59,9 @@ def test_pressure_is_that_of_the_solver_and_of_the_dense_reference(delta, kernel
     contact = bem.solve(heights, 320.0, delta, kernel=kernel, rtol=1e-12)
     expected, _ = dense.press(heights, delta, kernel)
     np.testing.assert_allclose(pressure, expected, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(pressure * delta / 10.0, contact.pressure, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(
+        pressure * delta / 10.0, contact.pressure, rtol=0, atol=1e-9
+    )
 
 
 @pytest.mark.parametrize("share", [0.9, 0.1])
@@ -84,7 +86,10 @@ SIDES = (3.0, 5.0)
 def test_periodic_matrix_is_a_product_of_transforms(shape):
     pressure = np.random.default_rng(0).random(shape)
     found = Patch(pressure, SIDES, "periodic").matrix @ pressure.reshape(-1)
-    axes = [np.fft.fftfreq(nodes, side / nodes) for nodes, side in zip(shape, SIDES, strict=True)]
+    axes = [
+        np.fft.fftfreq(nodes, side / nodes)
+        for nodes, side in zip(shape, SIDES, strict=True)
+    ]
     wave_numbers = 2 * np.pi * np.hypot.outer(*axes)
     wave_numbers[0, 0] = np.inf
     moved = np.fft.ifft2(np.fft.fft2(pressure) * (2 / wave_numbers)).real

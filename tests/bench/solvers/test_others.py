@@ -8,7 +8,15 @@ import pytest
 from bench.peers import find_errors, sample
 from bench.references.dense import press
 from bench.solvers.others import OTHERS, installed, missing
-from bench.solvers.solver import BEM, EXACT_RTOL, PAPERS, Case, Failure, Solver, find_exact
+from bench.solvers.solver import (
+    BEM,
+    EXACT_RTOL,
+    PAPERS,
+    Case,
+    Failure,
+    Solver,
+    find_exact,
+)
 from bench.work_precision import paper_case
 
 
@@ -28,7 +36,13 @@ def test_peers_solve_the_same_problem(peer, delta):
 
 @pytest.mark.parametrize(
     ("delta", "hardness", "yielded"),
-    [(5.0, 0.3, 0), (5.0, 0.05, 3), (5.0, 0.005, 8), (25.0, 0.05, 103), (25.0, 0.005, 264)],
+    [
+        (5.0, 0.3, 0),
+        (5.0, 0.05, 3),
+        (5.0, 0.005, 8),
+        (25.0, 0.05, 103),
+        (25.0, 0.005, 264),
+    ],
 )
 def test_solvers_that_know_a_hardness_agree(delta, hardness, yielded):
     """With one another and with the dense reference, on nodes in contact and on yielded ones."""
@@ -37,7 +51,9 @@ def test_solvers_that_know_a_hardness_agree(delta, hardness, yielded):
     assert exact.pressure.max() <= hardness * (1 + 1e-15)
     assert case.yielded(exact.pressure).sum() == yielded
     for solver in (BEM, *(each for each in installed() if each.plastic)):
-        errors = find_errors(solver.solve(case, 1e-9).pressure, "displacement", case, exact)
+        errors = find_errors(
+            solver.solve(case, 1e-9).pressure, "displacement", case, exact
+        )
         assert errors.load_error < 1e-8
         assert errors.misplaced_nodes == 0
     with pytest.raises(Failure, match="paper's NNLS has no hardness"):
@@ -78,7 +94,9 @@ def test_exact_solutions_are_exact(kernel):
     case = paper_case(3, 17, kernel)
     dense, _ = press(case.heights, case.delta, case.kernel)
     exact = find_exact(case)
-    assert exact.pressure == pytest.approx(dense * case.delta / case.spacing, rel=0, abs=1e-12)
+    assert exact.pressure == pytest.approx(
+        dense * case.delta / case.spacing, rel=0, abs=1e-12
+    )
     assert exact.contact_share == np.count_nonzero(dense) / dense.size
 
 

@@ -61,11 +61,17 @@ def test_rows_that_judge_train_nothing(made):
         for case in cases(pool, rows, 0):
             parts = study._parts(case, rows, 200, 0)
             judged = parts.test if case.judged is None else rows.at(case.judged)
-            train, test = (set(zip(e.database, e.rows, strict=True)) for e in (parts.train, judged))
+            train, test = (
+                set(zip(e.database, e.rows, strict=True)) for e in (parts.train, judged)
+            )
             assert not train & test
             assert parts.train.size == parts.folds.size
             if case.tested_on == "Hurst exponents above":
-                assert column(parts.train, "hurst").max() <= 0.7 < column(judged, "hurst").min()
+                assert (
+                    column(parts.train, "hurst").max()
+                    <= 0.7
+                    < column(judged, "hurst").min()
+                )
             if case.tested_on == "other hardness":
                 inside = column(parts.train, "hardness")
                 assert HARDNESS[0] <= inside.min() <= inside.max() <= HARDNESS[1]
@@ -82,7 +88,9 @@ def test_verdicts_allow_for_a_standard_error():
 @pytest.mark.parametrize("name", kinds.NAMES)
 def test_every_kind_makes_surfaces_of_its_own(name):
     make, shape, spacing = getattr(kinds, name), (33, 33), (30.0, 30.0)
-    first, again, other = (make(shape, spacing, np.random.default_rng(n)) for n in (0, 0, 1))
+    first, again, other = (
+        make(shape, spacing, np.random.default_rng(n)) for n in (0, 0, 1)
+    )
     np.testing.assert_array_equal(first, again)
     assert first.shape == shape
     assert np.isfinite(first).all()
@@ -91,9 +99,20 @@ def test_every_kind_makes_surfaces_of_its_own(name):
 
 
 def test_kinds_have_a_row_with_all_targets():
-    row = {"trained_on": "preset", "judged": 5, "flagged": 0.2, "unflagged": 4, "empty": 1}
+    row = {
+        "trained_on": "preset",
+        "judged": 5,
+        "flagged": 0.2,
+        "unflagged": 4,
+        "empty": 1,
+    }
     row |= {"covered_unflagged": 0.9, "width": 7.0}
-    names = [("kinds", "area"), ("kinds: worn", "area"), ("kinds: worn", "force"), ("fine", "area")]
+    names = [
+        ("kinds", "area"),
+        ("kinds: worn", "area"),
+        ("kinds: worn", "force"),
+        ("fine", "area"),
+    ]
     table = [row | {"tested_on": tested, "target": target} for tested, target in names]
     every, worn = by_kind(table)
     assert (every["kind"], worn["kind"], worn["empty"]) == ("all", "worn", 2)
@@ -102,5 +121,7 @@ def test_kinds_have_a_row_with_all_targets():
 
 
 def test_too_few_rows_are_refused(tmp_path):
-    with pytest.raises(InputError, match=r"--rows 10, --seeds 3: give 300 rows and 1 seed or more"):
+    with pytest.raises(
+        InputError, match=r"--rows 10, --seeds 3: give 300 rows and 1 seed or more"
+    ):
         coverage(tmp_path, 10, 3)

@@ -42,14 +42,21 @@ def test_the_same_numbers_are_asked_and_solved():
 def test_every_set_of_grids_is_judged_with_both_areas(tmp_path, monkeypatch):
     monkeypatch.setattr(mixed, "GRIDS", (17, 33, 65))
     rows = mixed.mixed(tmp_path, 50)
-    of_scene = [(row["trained_on"], row["judged_on"]) for row in rows if row["features"] == "scene"]
+    of_scene = [
+        (row["trained_on"], row["judged_on"])
+        for row in rows
+        if row["features"] == "scene"
+    ]
     every = "17 33 65"
     assert of_scene == [
         *(("17", "17"), ("33", "33"), ("65", "65")),
         *((every, "17"), (every, "33"), (every, "65"), ("17 33", "65")),
     ]
     unseen = {row["features"]: row for row in rows if row["trained_on"] == "17 33"}
-    assert unseen["hybrid"]["continuum_nmae_percent"] < unseen["scene"]["continuum_nmae_percent"]
+    assert (
+        unseen["hybrid"]["continuum_nmae_percent"]
+        < unseen["scene"]["continuum_nmae_percent"]
+    )
     biased = unseen["scene"]
     assert biased["count_bias_percent"] > biased["continuum_bias_percent"]
 
@@ -71,10 +78,14 @@ def test_every_row_is_judged_once_by_surrogates_of_the_others(made):
     folder, (tiles, maps) = made
     assert (tiles.left_out, maps.left_out) == ("unseen tiles", "maps left out")
     with Reader(folder / "databases" / "windows-32.h5") as reader:
-        area, tile, index = (reader.column(name) for name in ("area_percent", "tile", "map"))
+        area, tile, index = (
+            reader.column(name) for name in ("area_percent", "tile", "map")
+        )
     assert np.array_equal(tiles.truth, maps.truth)
     assert set(tiles.truth) <= set(area)
-    request = study.request_for(folder / "databases/windows-32.h5", "kernel-ridge", "hybrid", None)
+    request = study.request_for(
+        folder / "databases/windows-32.h5", "kernel-ridge", "hybrid", None
+    )
     rows = study.read(request)
     for by_map in (False, True):
         tested = list(study._tests(rows, index[rows.rows], by_map=by_map))
@@ -100,9 +111,13 @@ def test_scores_are_those_of_the_rows():
     low[:2] -= 1e-9
     flagged = np.array([1, 0, 1, 0], dtype=bool)
     maps = np.array([0, 0, 1, 1])
-    judged = Judged(9, "maps left out", maps, ("a", "b"), truth, root**2, low, high, flagged)
+    judged = Judged(
+        9, "maps left out", maps, ("a", "b"), truth, root**2, low, high, flagged
+    )
     row, first, second = judged.rows()
-    assert row["nmae"] == pytest.approx(100 * np.abs(root**2 - truth).mean() / truth.mean())
+    assert row["nmae"] == pytest.approx(
+        100 * np.abs(root**2 - truth).mean() / truth.mean()
+    )
     assert (row["covered"], row["flagged"], row["covered_unflagged"]) == (0.5, 0.5, 0.5)
     assert row["width"] == pytest.approx(0.4 * root.mean())
     assert row["outside_flagged"] == 0.5

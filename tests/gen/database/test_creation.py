@@ -83,12 +83,15 @@ def test_creation_never_overwrites_what_appears_meanwhile(path, monkeypatch):
 
 
 def test_leftover_of_a_killed_creation_is_removed_and_the_users_files_stay(path):
-    left = [path.with_name(f"some.h5.{name}.part") for name in ("0" * 16, "0123456789abcdef")]
+    left = [
+        path.with_name(f"some.h5.{name}.part") for name in ("0" * 16, "0123456789abcdef")
+    ]
     for each, content in zip(left, (b"", b"\x89HDF\r\n\x1a\nhalf a file"), strict=True):
         each.write_bytes(content)
     precious = path.with_name("precious")
     own = [
-        path.with_name(f"some.h5.{name}") for name in ("part", "1.part", f"{'1' * 16}.part", "bak")
+        path.with_name(f"some.h5.{name}")
+        for name in ("part", "1.part", f"{'1' * 16}.part", "bak")
     ]
     for each in (precious, *own):
         each.write_text("precious")
@@ -118,7 +121,9 @@ def test_merge_takes_the_best_of_every_row(tmp_path, monkeypatch):
     monkeypatch.setattr(database.reader, "CHUNK_BYTES", 3 * 8 * 25)
     store = Store(heights=True)
     one = filled(tmp_path / "one.h5", small(10, store=store), (0, 4, 1), (6, 8, 2))
-    two = filled(tmp_path / "two.h5", small(15, store=store), (2, 7, 1), (8, 9, 2), (14, 15, 1))
+    two = filled(
+        tmp_path / "two.h5", small(15, store=store), (2, 7, 1), (8, 9, 2), (14, 15, 1)
+    )
     target = tmp_path / "both.h5"
     assert merge(target, [one, two]) == (5, 8, 2)
     scene = small(15, store=store)
@@ -144,14 +149,18 @@ def test_merge_refuses_rows_that_differ_in_one_bit(tmp_path):
     values["force"][2] = np.nextafter(values["force"][2], np.inf)
     with Writer(two, scene) as writer:
         writer.write_block(0, 4, values)
-    with pytest.raises(InputError, match=r"row 2: force differs between .*one\.h5 and .*two\.h5"):
+    with pytest.raises(
+        InputError, match=r"row 2: force differs between .*one\.h5 and .*two\.h5"
+    ):
         merge(tmp_path / "both.h5", [one, two])
     assert sorted(tmp_path.iterdir()) == [one, two]
 
 
 def test_merge_names_the_database_in_which_a_row_is_damaged(tmp_path):
     scene = small()
-    one, two = (filled(tmp_path / f"{name}.h5", scene, (0, 4, 1)) for name in ("one", "two"))
+    one, two = (
+        filled(tmp_path / f"{name}.h5", scene, (0, 4, 1)) for name in ("one", "two")
+    )
     with h5py.File(two, "r+") as file:
         file["force"][2] = 0.0
     with pytest.raises(
@@ -161,7 +170,9 @@ def test_merge_names_the_database_in_which_a_row_is_damaged(tmp_path):
 
 
 @pytest.mark.parametrize("older", [("one",), ("one", "two")])
-def test_files_without_checksums_are_read_continued_extended_and_merged(here, monkeypatch, older):
+def test_files_without_checksums_are_read_continued_extended_and_merged(
+    here, monkeypatch, older
+):
     """Older versions made them; all other bytes are the same."""
     scene = "samples = {}\n[surface]\nnodes = 9\n"
     whole = deterministic_bytes(database_of(here, scene.format(12), "whole"))
@@ -172,7 +183,11 @@ def test_files_without_checksums_are_read_continued_extended_and_merged(here, mo
             database_of(here, scene.format(12), name, "--rows", rows)
     del whole["checksum"]
     for line in (
-        *("run one.toml -o one.h5 --rows 0:7", "info one.h5", "check one.h5 --recompute 2"),
+        *(
+            "run one.toml -o one.h5 --rows 0:7",
+            "info one.h5",
+            "check one.h5 --recompute 2",
+        ),
         *("merge one.h5 two.h5 -o merged.h5", "run whole.toml -o one.h5"),
     ):
         assert cli.main(line.split()) == 0
@@ -184,7 +199,9 @@ def test_merge_refuses_other_scenes_physics_and_targets(tmp_path, monkeypatch):
     one = filled(tmp_path / "one.h5", small(seed=1))
     two = filled(tmp_path / "two.h5", small(seed=2))
     target = tmp_path / "both.h5"
-    with pytest.raises(InputError, match=r"different scenes, and are not merged:\n  seed: 1 in"):
+    with pytest.raises(
+        InputError, match=r"different scenes, and are not merged:\n  seed: 1 in"
+    ):
         merge(target, [one, two])
     with pytest.raises(InputError, match="nothing to merge"):
         merge(target, [])
@@ -192,7 +209,9 @@ def test_merge_refuses_other_scenes_physics_and_targets(tmp_path, monkeypatch):
         merge(two, [one])
     raise_physics(monkeypatch)
     three = filled(tmp_path / "three.h5", small(seed=1))
-    with pytest.raises(InputError, match=rf"physics {PHYSICS} and of physics {PHYSICS + 1}"):
+    with pytest.raises(
+        InputError, match=rf"physics {PHYSICS} and of physics {PHYSICS + 1}"
+    ):
         merge(target, [one, three])
     assert not target.exists()
 
@@ -243,8 +262,12 @@ def paths(tmp_path_factory):
     return crafted.prepare(tmp_path_factory.mktemp("crafted"))
 
 
-@pytest.mark.parametrize("command", [name for name in crafted.COMMANDS if name[:3] == "gen"])
-def test_every_command_refuses_what_gen_cannot_have_laid_out(paths, command, monkeypatch, capsys):
+@pytest.mark.parametrize(
+    "command", [name for name in crafted.COMMANDS if name[:3] == "gen"]
+)
+def test_every_command_refuses_what_gen_cannot_have_laid_out(
+    paths, command, monkeypatch, capsys
+):
     monkeypatch.chdir(paths["huge"].parent)
     names = list(crafted.CRAFTED) if command in {"gen run", "gen info"} else crafted.KINDS
     crafted.refuse(cli.main, command, names, capsys)
@@ -274,7 +297,9 @@ def test_refusing_asks_for_no_memory(paths, opening):
 
 
 @pytest.mark.parametrize(("older", "drawn"), DRAWN_NAMES.items())
-def test_files_with_older_names_are_read_continued_extended_and_merged(here, older, drawn):
+def test_files_with_older_names_are_read_continued_extended_and_merged(
+    here, older, drawn
+):
     """The columns of drawn heights and slopes had the names of the parameters."""
     scene = SPECTRAL.replace("RMS", older)
 

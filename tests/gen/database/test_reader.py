@@ -46,7 +46,9 @@ def test_a_checksum_is_that_of_a_rows_bytes_in_the_order_of_the_names(path, stor
 
 
 def test_any_changed_column_of_a_finished_row_is_damage(path):
-    filled(path, small(store=Store(heights=True)), (0, 4, Status.DONE), (6, 8, Status.FAILED))
+    filled(
+        path, small(store=Store(heights=True)), (0, 4, Status.DONE), (6, 8, Status.FAILED)
+    )
     with Reader(path) as reader:
         assert reader.damage() == ""
         guarded = [column.name for column in reader.columns() if column.deterministic]
@@ -54,7 +56,9 @@ def test_any_changed_column_of_a_finished_row_is_damage(path):
         with h5py.File(path, "r+") as file:
             values = file[name][:]
             for row in (3, 7, 9):  # the last one is pending
-                file[name][row] = {1: 2, 2: 1}.get(values[row], 0) if name == "status" else 7
+                file[name][row] = (
+                    {1: 2, 2: 1}.get(values[row], 0) if name == "status" else 7
+                )
         with Reader(path) as reader:
             assert reader.damaged_rows().tolist() == [3, 7], name
             assert reader.damaged_rows(4, 9).tolist() == [7], name
@@ -64,7 +68,10 @@ def test_any_changed_column_of_a_finished_row_is_damage(path):
 
 def test_unknown_column_names_those_there_are(path):
     create(path, small())
-    with Reader(path) as reader, pytest.raises(InputError, match=r"'heights'; it has status, .*"):
+    with (
+        Reader(path) as reader,
+        pytest.raises(InputError, match=r"'heights'; it has status, .*"),
+    ):
         reader.column("heights")
 
 
@@ -123,7 +130,9 @@ def test_a_scene_that_no_version_makes_any_more_says_how_the_database_is_made_an
         text = json.dumps(scene, sort_keys=True).encode()
         file.attrs.create("scene", text, dtype=h5py.string_dtype("utf-8", len(text)))
     known = "the closest known key is store.continuum_area_percent"
-    with pytest.raises(InputError, match=rf"{known}: .* make the database anew: .* gen run SCENE"):
+    with pytest.raises(
+        InputError, match=rf"{known}: .* make the database anew: .* gen run SCENE"
+    ):
         Reader(path)
 
 
@@ -184,7 +193,9 @@ def fails_after(opened, monkeypatch):
 @pytest.mark.skipif(not Path("/proc/self/mem").exists(), reason="needs Linux")
 @pytest.mark.parametrize("line", LINES)
 def test_trouble_of_the_disk_is_not_called_damage(line, here, monkeypatch, refused):
-    original = database_of(here, "samples = 9\n[surface]\nnodes = 9\n", "rows").read_bytes()
+    original = database_of(
+        here, "samples = 9\n[surface]\nnodes = 9\n", "rows"
+    ).read_bytes()
     opened = fails_after(0, monkeypatch)
     message = refused(cli, *line.split())
     assert opened

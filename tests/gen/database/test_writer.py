@@ -140,12 +140,16 @@ SUDDENLY = {
     ),
     "moved": lambda folder: (folder / "some.h5").rename(folder / "away.h5"),
     "deleted": lambda folder: (folder / "some.h5").unlink(),
-    "overwritten": lambda folder: shutil.copyfile(folder / "other.h5", folder / "some.h5"),
+    "overwritten": lambda folder: shutil.copyfile(
+        folder / "other.h5", folder / "some.h5"
+    ),
     "cut off": lambda folder: os.truncate(folder / "some.h5", 1000),
 }
 
 
-@pytest.mark.parametrize(("fate", "when"), [*((fate, 4) for fate in SUDDENLY), ("replaced", 12)])
+@pytest.mark.parametrize(
+    ("fate", "when"), [*((fate, 4) for fate in SUDDENLY), ("replaced", 12)]
+)
 def test_a_file_that_is_another_ends_the_run(folder, monkeypatch, capsys, fate, when):
     write_block, newcomer, struck = Writer.write_block, [], []
 
@@ -215,7 +219,14 @@ def test_a_power_cut_costs_five_seconds_and_no_row_that_says_done(folder, monkey
 
     monkeypatch.setattr(Writer, "write_block", write_then_cut)
     assert cli.main(["run", "scene.toml", "-o", "some.h5"]) == 0
-    assert power.syncs == [0, 0, 5, 10, 12, 12]  # of the empty file, of rows, and twice at the end
+    assert power.syncs == [
+        0,
+        0,
+        5,
+        10,
+        12,
+        12,
+    ]  # of the empty file, of rows, and twice at the end
     (folder / "end.h5").write_bytes(power.on_disk[(folder / "some.h5").stat().st_ino])
     assert deterministic_bytes(folder / "end.h5") == whole
     monkeypatch.undo()
@@ -256,8 +267,12 @@ def test_rows_that_cannot_be_synced_stay_pending(path, monkeypatch):
     scene = small()
     filled(path, scene, (0, 2, Status.DONE))
     with Writer(path, scene) as writer:
-        monkeypatch.setattr(writer._held, "sync", failing_once(writer._held.sync, errno.EIO))
-        with pytest.raises(InputError, match=r"Input/output error; 2 rows are done and safe"):
+        monkeypatch.setattr(
+            writer._held, "sync", failing_once(writer._held.sync, errno.EIO)
+        )
+        with pytest.raises(
+            InputError, match=r"Input/output error; 2 rows are done and safe"
+        ):
             writer.write_block(2, 6, block(scene, 2, 6))
     with Reader(path) as reader:
         assert reader.counts() == (8, 2, 0)
@@ -345,7 +360,9 @@ def test_a_file_in_the_making_is_closed_to_whom_the_old_one_is(held, monkeypatch
     modes = []
 
     def note_modes(*_arguments, **_settings):
-        modes.extend(stat.S_IMODE(each.stat().st_mode) for each in held.parent.glob("*.part"))
+        modes.extend(
+            stat.S_IMODE(each.stat().st_mode) for each in held.parent.glob("*.part")
+        )
 
     monkeypatch.setattr("gen.database.creation._merge_rows", note_modes)
     open_or_create(held, LARGER)

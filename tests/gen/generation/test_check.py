@@ -55,7 +55,9 @@ def test_rows_of_an_earlier_solver_are_compared_by_their_surfaces(database, caps
     seal(database)
     assert cli.main(["check", "rows.h5", "--recompute", "20"]) == 0
     first, second = capsys.readouterr().out.splitlines()
-    assert f"made by an earlier solver (physics 4, this version computes {PHYSICS})" in first
+    assert (
+        f"made by an earlier solver (physics 4, this version computes {PHYSICS})" in first
+    )
     assert "20 of them computed again, with the same surfaces" in second
     assert cli.main(["info", "rows.h5"]) == 0
     assert capsys.readouterr().out.count("an earlier solver") == 1
@@ -79,7 +81,9 @@ def test_rows_of_an_earlier_solver_are_compared_by_their_surfaces(database, caps
         ("force", 1e9, "force above what the hardness bears"),
     ],
 )
-def test_a_spoilt_value_is_found_without_recomputing(database, capsys, column, value, fault):
+def test_a_spoilt_value_is_found_without_recomputing(
+    database, capsys, column, value, fault
+):
     spoil(database, column, 4, value)
     found = lines(database, recompute=0)
     assert found
@@ -108,9 +112,14 @@ def test_statistics_that_a_surface_does_not_define_are_no_faults(undefined, caps
 
 @pytest.mark.parametrize(
     ("column", "value", "fault"),
-    [("reason", 0, "peak_mean is not finite"), ("delta", np.nan, "delta is not the plan's")],
+    [
+        ("reason", 0, "peak_mean is not finite"),
+        ("delta", np.nan, "delta is not the plan's"),
+    ],
 )
-def test_only_statistics_with_their_reason_may_be_undefined(undefined, column, value, fault):
+def test_only_statistics_with_their_reason_may_be_undefined(
+    undefined, column, value, fault
+):
     spoil(undefined, column, 1, value)
     assert any(f"row 1: {fault}" in line for line in lines(undefined, recompute=0))
 
@@ -127,8 +136,12 @@ def test_rows_that_failed_for_their_statistics_are_valid_and_mended(undefined, c
 def test_a_changed_bit_is_found_by_its_checksum_and_by_recomputing(database, column):
     with h5py.File(database, "r+") as file:
         value = file[column][4]
-        file[column][4] = value + 1 if column == "iterations" else np.nextafter(value, np.inf)
-    assert lines(database, recompute=0) == ["row 4: checksum is not that of the row's bytes"]
+        file[column][4] = (
+            value + 1 if column == "iterations" else np.nextafter(value, np.inf)
+        )
+    assert lines(database, recompute=0) == [
+        "row 4: checksum is not that of the row's bytes"
+    ]
     seal(database)
     assert lines(database, recompute=0) == []
     (found,) = lines(database, recompute=20)
@@ -185,7 +198,9 @@ def lose_bytes(path):
         file["force"][15] *= 1 - 2**-10
 
 
-def test_rows_that_lost_their_bytes_are_named_repaired_and_computed_again(database, solved, capsys):
+def test_rows_that_lost_their_bytes_are_named_repaired_and_computed_again(
+    database, solved, capsys
+):
     lose_bytes(database)
     assert cli.main(["check", "rows.h5", "--recompute", "0"]) == 1
     named = "rows.h5: row 5 and 6 more rows: checksum is not that of the row's bytes"
@@ -227,7 +242,10 @@ def test_rows_of_another_physics_number_are_named_and_left(database, capsys):
     assert cli.main(["check", "rows.h5", "--recompute", "0", "--repair"]) == 1
     shown = capsys.readouterr().out
     assert "row 5 and 6 more rows: checksum" in shown
-    assert f"7 rows are left as before: made by an earlier solver (physics {PHYSICS - 1}" in shown
+    assert (
+        f"7 rows are left as before: made by an earlier solver (physics {PHYSICS - 1}"
+        in shown
+    )
     assert database.read_bytes() == before
 
 
@@ -266,6 +284,8 @@ def test_commands_that_take_damaged_rows_say_so(database, solved, capsys, comman
     shutil.copy(solved.with_name("rows.toml"), "rows.toml")
     assert cli.main(command.split()) == 0
     streams = capsys.readouterr()
-    (line,) = [line for line in (streams.out + streams.err).splitlines() if "warning" in line]
+    (line,) = [
+        line for line in (streams.out + streams.err).splitlines() if "warning" in line
+    ]
     assert "row 5 and 6 more rows have other bytes than were written" in line
     assert "--repair makes them pending" in line

@@ -77,7 +77,12 @@ def test_outputs_of_a_function_get_the_powers_that_they_scale_with(inside, load,
 
 
 def test_loads_beyond_full_contact_are_halved_for_the_trial(inside):
-    text = SURFACE + BODIES["mirror"] + "[load]\nquantity = 'delta'\nrange = [0.5, 60.0]\n" + STORE
+    text = (
+        SURFACE
+        + BODIES["mirror"]
+        + "[load]\nquantity = 'delta'\nrange = [0.5, 60.0]\n"
+        + STORE
+    )
     assert measured_powers(completed(Scene.parse(text, "test")))["own_force"] == (1, 1, 1)
 
 
@@ -139,7 +144,9 @@ def test_the_sample_limit_bounds_the_trial_of_a_function(inside, capsys):
     began = time.monotonic()
     assert cli.main(["run", "mine.toml", "-o", "a.h5", "--sample-limit", "0.5"]) == 2
     assert time.monotonic() - began < 20
-    assert "longer than --sample-limit 0.5 s, so its outputs are" in capsys.readouterr().err
+    assert (
+        "longer than --sample-limit 0.5 s, so its outputs are" in capsys.readouterr().err
+    )
     assert not (inside / "a.h5").exists()
 
 
@@ -148,7 +155,10 @@ def test_the_trial_of_a_function_is_announced_and_ends_with_a_signal(inside):
     (inside / "mine.toml").write_text(SURFACE + STORE)
     command = [sys.executable, "-m", "gen", "run", "mine.toml", "-o", "a.h5", "--trust"]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as run:
-        assert "a.h5: tries mine:spots on contacts of the scene first" in run.stderr.readline()
+        assert (
+            "a.h5: tries mine:spots on contacts of the scene first"
+            in run.stderr.readline()
+        )
         run.send_signal(signal.SIGTERM)
         assert run.wait(timeout=60) == -signal.SIGTERM
 
@@ -156,5 +166,7 @@ def test_the_trial_of_a_function_is_announced_and_ends_with_a_signal(inside):
 def test_outputs_that_no_row_shows_are_asked_for(inside):
     failing = MODULE.replace("def spots(contact):", "def spots(contact):\n    1 / 0")
     (inside / "mine.py").write_text(failing)
-    with pytest.raises(InputError, match=r"row 0: ZeroDivisionError, .* give store\.outputs"):
+    with pytest.raises(
+        InputError, match=r"row 0: ZeroDivisionError, .* give store\.outputs"
+    ):
         completed(Scene.parse(SURFACE + STORE, "test"))

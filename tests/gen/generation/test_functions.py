@@ -19,7 +19,11 @@ from gen.runtime.user_code import load_function
 from gen.scene import Scene
 from gen.schema import REASONS, Reason, Status
 
-SCENE = "samples = 7\nsamples_per_surface = 2\n" + user_functions.SURFACE + user_functions.STORE
+SCENE = (
+    "samples = 7\nsamples_per_surface = 2\n"
+    + user_functions.SURFACE
+    + user_functions.STORE
+)
 
 
 @pytest.fixture
@@ -43,7 +47,11 @@ def test_outputs_are_columns_like_all_others(here, capsys):
             expected = ndimage.label(contact.pressure > 0)[1]
             assert reader.column("spots")[row] == expected
             assert reader.column("top")[row] == heights.max()
-    assert [units[name] for name in ("spots", "top", "mean_pressure")] == ["1", "um", "uN"]
+    assert [units[name] for name in ("spots", "top", "mean_pressure")] == [
+        "1",
+        "um",
+        "uN",
+    ]
     with h5py.File(here / "a.h5", "r") as file:
         assert file["top"].attrs["units"] == b"um"
         assert file["top"].attrs["long_name"] == b"output of mine:spots"
@@ -75,17 +83,31 @@ def test_a_changed_function_makes_another_scene(here, refused):
     ("body", "fault"),
     [
         ("raise ValueError('no idea')", "mine:spots, row 0: ValueError: no idea"),
-        ("raise MemoryError", "mine:spots, row 0: this code of your own has run out of memory; "),
-        ("return {'a': 1 / 0}", "row 0: ZeroDivisionError, so its outputs are unknown; give store"),
+        (
+            "raise MemoryError",
+            "mine:spots, row 0: this code of your own has run out of memory; ",
+        ),
+        (
+            "return {'a': 1 / 0}",
+            "row 0: ZeroDivisionError, so its outputs are unknown; give store",
+        ),
         ("return None", "returned a NoneType, not a dictionary"),
         ("return {5: 1.0}", "the name 5 is not a text"),
         ("return {'a': (1.0, 'u\\nm')}", "of 1 to 20 letters"),
         ("return {'a': 'three'}", "a is 'three', not a number"),
-        ("return {'force': 1.0}", "store.outputs.force: force is the name of something else"),
-        ("contact.pressure[0, 0] = 5; return {'a': 1.0}", "ValueError: assignment destination"),
+        (
+            "return {'force': 1.0}",
+            "store.outputs.force: force is the name of something else",
+        ),
+        (
+            "contact.pressure[0, 0] = 5; return {'a': 1.0}",
+            "ValueError: assignment destination",
+        ),
     ],
 )
-def test_a_function_that_fails_is_one_line_and_leaves_no_database(here, refused, body, fault):
+def test_a_function_that_fails_is_one_line_and_leaves_no_database(
+    here, refused, body, fault
+):
     module = user_functions.MODULE.partition("def spots")[0]
     user_functions.write(here, SCENE, f"{module}def spots(contact):\n    {body}\n")
     assert fault in refused(cli, "run", "mine.toml", "-o", "a.h5")
@@ -117,7 +139,10 @@ def late(here, body):
     ("body", "fault"),
     [
         ("return {'b': 1} if late else {'a': 1}", "returned b; the database has a"),
-        ("return {'a': (1, 'm')} if late else {'a': (1, 'um')}", "a is in 'm'; the database has"),
+        (
+            "return {'a': (1, 'm')} if late else {'a': (1, 'um')}",
+            "a is in 'm'; the database has",
+        ),
         ("return {'a': [][0] if late else 1.0}", "IndexError: list index out of range"),
     ],
 )
@@ -167,7 +192,9 @@ def scene_with(folder, body):
 
 
 def test_a_function_gets_the_grid_its_random_numbers_and_its_parameters(here):
-    body = "return amplitude + length * rng.random(shape) + 1e6 * (spacing[0] - spacing[1])"
+    body = (
+        "return amplitude + length * rng.random(shape) + 1e6 * (spacing[0] - spacing[1])"
+    )
     scene = scene_with(here, body)
     plan = parameters(scene, 0, 4)
     for row in range(4):
@@ -189,10 +216,16 @@ def test_an_array_that_the_function_keeps_is_not_changed(here):
 @pytest.mark.parametrize(
     ("body", "fault"),
     [
-        ("return np.zeros(shape + (1,))", r"surface 0: heights are of shape \(20, 24, 1\), not"),
+        (
+            "return np.zeros(shape + (1,))",
+            r"surface 0: heights are of shape \(20, 24, 1\), not",
+        ),
         ("return [[1], [1, 2]]", "surface 0: ValueError: "),
         ("raise SystemExit(0)", "surface 0: SystemExit: 0"),
-        ("raise KeyboardInterrupt if False else RuntimeError('a\\nb')", "RuntimeError: a b"),
+        (
+            "raise KeyboardInterrupt if False else RuntimeError('a\\nb')",
+            "RuntimeError: a b",
+        ),
     ],
 )
 def test_what_is_no_surface_ends_the_run_in_one_line(here, body, fault):
@@ -221,7 +254,9 @@ def test_a_function_that_takes_too_long_leaves_its_rows_pending(here):
 @pytest.mark.parametrize(
     ("change", "said"), [("gone", "no module mine"), ("stranger", "lacks the hash")]
 )
-def test_databases_whose_function_is_not_there_say_so_in_one_line(here, refused, change, said):
+def test_databases_whose_function_is_not_there_say_so_in_one_line(
+    here, refused, change, said
+):
     """A stranger's database without a hash calls nothing, whatever function it names."""
     own = Scene.parse(SURFACES, "test")
     named = Scene.parse(SURFACES.replace("mine:waves", "os:abort"), "test")

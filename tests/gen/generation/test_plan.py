@@ -43,7 +43,9 @@ def test_first_rows_of_the_papers_database():
 def test_rows_are_cut_from_streams_drawn_in_full(m):
     paper = scene(m=m)
     for chunk in (0, 3):
-        random = np.random.default_rng(np.random.SeedSequence(paper.seed, spawn_key=(chunk, 1)))
+        random = np.random.default_rng(
+            np.random.SeedSequence(paper.seed, spawn_key=(chunk, 1))
+        )
         hurst = 0.5 + (0.8 - 0.5) * random.random(CHUNK)
         sigma0 = 10.0 + 5.0 * random.random(CHUNK)
         piece, place = np.moveaxis(random.random((CHUNK, m, 2)), -1, 0)
@@ -61,7 +63,19 @@ def test_any_slice_equals_the_whole(m):
     stop = 2 * CHUNK * m + 100
     whole = parameters(scene(m=m), 0, stop)
     border = CHUNK * m
-    cuts = [0, 1, 2, m, 3 * m + 1, border - m - 1, border - 1, border, border + 1, 2 * border, stop]
+    cuts = [
+        0,
+        1,
+        2,
+        m,
+        3 * m + 1,
+        border - m - 1,
+        border - 1,
+        border,
+        border + 1,
+        2 * border,
+        stop,
+    ]
     for start, end in itertools.combinations_with_replacement(sorted(cuts), 2):
         assert_slice(parameters(scene(m=m), start, end), whole, start, end)
 
@@ -114,11 +128,23 @@ def test_blocks_hold_every_pending_row_once(plan, workers, largest):
     ("workers", "rows", "fewest", "most"),
     [
         (1, 10_000, 1, 64),
-        (499, 1_000_000, 70, 160),  # the master has to answer 499 workers in the time of a block
-        (499, 10_000, 25, 64),  # 20 rows for each: larger blocks would leave most without any
+        (
+            499,
+            1_000_000,
+            70,
+            160,
+        ),  # the master has to answer 499 workers in the time of a block
+        (
+            499,
+            10_000,
+            25,
+            64,
+        ),  # 20 rows for each: larger blocks would leave most without any
     ],
 )
-def test_blocks_grow_with_the_workers_that_one_master_answers(workers, rows, fewest, most):
+def test_blocks_grow_with_the_workers_that_one_master_answers(
+    workers, rows, fewest, most
+):
     paper = load("paper").model_copy(update={"samples": rows})
     sizes = [stop - start for start, stop in blocks_of(paper, [(0, rows)], workers)]
     assert sum(sizes) == rows

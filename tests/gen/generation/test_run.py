@@ -37,11 +37,15 @@ def run(*arguments):
 @pytest.mark.parametrize("block_rows", [1, 7])
 @pytest.mark.parametrize("m", [1, 5])
 def test_the_size_of_blocks_changes_no_byte(folder, monkeypatch, block_rows, m):
-    (folder / "m.toml").write_text(SCENE.replace("surface = 2", f"surface = {m}").format(23, ""))
+    (folder / "m.toml").write_text(
+        SCENE.replace("surface = 2", f"surface = {m}").format(23, "")
+    )
     assert run("m.toml", "-o", "usual.h5") == 0
     monkeypatch.setattr("gen.generation.run.BLOCK_ROWS", block_rows)
     assert run("m.toml", "-o", "other.h5") == 0
-    assert deterministic_bytes(folder / "other.h5") == deterministic_bytes(folder / "usual.h5")
+    assert deterministic_bytes(folder / "other.h5") == deterministic_bytes(
+        folder / "usual.h5"
+    )
 
 
 def test_the_shipped_sample_is_resumed_and_extended_and_keeps_its_bytes(folder, capsys):
@@ -91,13 +95,17 @@ def test_a_dry_run_tells_the_size_of_the_whole_file(folder, capsys, samples):
     assert run("small.toml", "-o", "small.h5", "--dry-run") == 0
     (told,) = re.findall(r"file +([0-9.]+) kB", capsys.readouterr().out)
     assert run("small.toml", "-o", "small.h5") == 0
-    assert float(told) == pytest.approx((folder / "small.h5").stat().st_size / 1000, rel=0.03)
+    assert float(told) == pytest.approx(
+        (folder / "small.h5").stat().st_size / 1000, rel=0.03
+    )
 
 
 def test_an_estimate_measures(folder, capsys):
     assert cli.main(["estimate", "scene.toml", "--ranks", "5"]) == 0
     text = capsys.readouterr().out
-    assert re.search(r"time +[0-9.e-]+ s on 4 workers", text), "less than a minute in seconds"
+    assert re.search(r"time +[0-9.e-]+ s on 4 workers", text), (
+        "less than a minute in seconds"
+    )
     assert "mean of 32 measured" in text
 
 
@@ -160,7 +168,8 @@ def test_who_writes(mounts, monkeypatch, choice, path, world, has_mpi, answer):
 
 
 @pytest.mark.parametrize(
-    ("world", "has_mpi", "words"), [(MANY, False, "h5py with MPI"), (ALONE, True, "processes")]
+    ("world", "has_mpi", "words"),
+    [(MANY, False, "h5py with MPI"), (ALONE, True, "processes")],
 )
 def test_a_parallel_writer_that_cannot_be_is_refused(monkeypatch, world, has_mpi, words):
     monkeypatch.setattr(database, "parallel_hdf5", lambda: has_mpi)
@@ -170,7 +179,9 @@ def test_a_parallel_writer_that_cannot_be_is_refused(monkeypatch, world, has_mpi
 
 
 def test_failed_rows_warn_and_say_why(here, capsys, monkeypatch):
-    monkeypatch.setattr(patch, "FEW_FREE", ((0.0, 1.0),))  # contact sets may do with one iteration
+    monkeypatch.setattr(
+        patch, "FEW_FREE", ((0.0, 1.0),)
+    )  # contact sets may do with one iteration
     deep = "[contact]\nmax_iterations = 1\n[delta]\npieces = [{ share = 1.0, range = [30, 45] }]\n"
     database_of(here, "samples = 24\n[surface]\nnodes = 17\n" + deep, "starved")
     assert "warning: 24 rows failed" in capsys.readouterr().out

@@ -13,7 +13,9 @@ from gen.scene import Scene, columns_for
 from gen.schema import Reason, Status
 from gen.statistics import describe
 
-STORE_ALL = "{mean_gap=true, largest_pressure=true, perimeter=true, heights=true, pressure=true}"
+STORE_ALL = (
+    "{mean_gap=true, largest_pressure=true, perimeter=true, heights=true, pressure=true}"
+)
 
 
 def scene(text="", samples=12):
@@ -56,7 +58,8 @@ AGAINST = "against = 'another'\n"
 
 
 @pytest.mark.parametrize(
-    ("text", "boundary"), [(SPECTRAL, "mirror"), ("samples = 60\n[surface]\nnodes = 17\n", "free")]
+    ("text", "boundary"),
+    [(SPECTRAL, "mirror"), ("samples = 60\n[surface]\nnodes = 17\n", "free")],
 )
 def test_two_rough_bodies_are_the_sum_of_two_surfaces(text, boundary):
     contact = f"[contact]\nboundary = '{boundary}'\n"
@@ -69,20 +72,24 @@ def test_two_rough_bodies_are_the_sum_of_two_surfaces(text, boundary):
     firsts, seconds = [], []
     for row in range(60):
         first, composite = (
-            surface_of(made, plan, row) for made, plan in zip((alone, pair), plans, strict=True)
+            surface_of(made, plan, row)
+            for made, plan in zip((alone, pair), plans, strict=True)
         )
         assert composite.min() == 0
         firsts.append(first)
         seconds.append(composite - first)
     likeness = [
-        np.corrcoef(*map(np.ravel, both))[0, 1] for both in zip(firsts, seconds, strict=True)
+        np.corrcoef(*map(np.ravel, both))[0, 1]
+        for both in zip(firsts, seconds, strict=True)
     ]
     assert abs(np.mean(likeness)) < 3 * np.std(likeness) / np.sqrt(60)  # none
     assert np.std(seconds) == pytest.approx(np.std(firsts), rel=0.2)
 
 
 @pytest.mark.parametrize(
-    "error", [OverflowError, np.linalg.LinAlgError, TypeError, ValueError], ids=lambda e: e.__name__
+    "error",
+    [OverflowError, np.linalg.LinAlgError, TypeError, ValueError],
+    ids=lambda e: e.__name__,
 )
 def test_numerical_errors_are_rows_and_bugs_are_not(monkeypatch, error):
     monkeypatch.setattr(bem, "solve", mock.Mock(side_effect=error("no")))
@@ -161,7 +168,9 @@ YIELDS = "hardness = { normal = [0.3, 0.03] }"
         ("force", "{ choice = [0.0, 5.0, 60.0] }", "mirror", YIELDS),
     ],
 )
-def test_loads_in_every_quantity_are_those_of_bem_solve(boundary, quantity, span, further):
+def test_loads_in_every_quantity_are_those_of_bem_solve(
+    boundary, quantity, span, further
+):
     """Against the surface pressed by `bem.solve`, loads worked out here from the heights."""
     scene = Scene.parse(LOADED.format(quantity, span, boundary, further), "test")
     rows, plan = compute_rows(scene, 0, 6), parameters(scene, 0, 6)
@@ -218,7 +227,9 @@ def test_a_contact_without_a_solution_is_a_row_with_a_reason(text, reason):
 
 def test_a_force_that_is_no_number_is_a_row_with_a_reason(monkeypatch):
     solve = bem.solve
-    monkeypatch.setattr(bem, "solve", lambda *a, **k: replace(solve(*a, **k), force=np.nan))
+    monkeypatch.setattr(
+        bem, "solve", lambda *a, **k: replace(solve(*a, **k), force=np.nan)
+    )
     rows = compute_rows(scene(), 0, 2)
     assert set(rows["status"]) == {Status.FAILED}
     assert set(rows["reason"]) == {Reason.NOT_FINITE}

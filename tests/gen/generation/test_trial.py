@@ -25,10 +25,19 @@ SLIPS = {
         f"{PATCH}[load]\nquantity = 'force'\nrange = 1e7\n",
         "E* is 1 MPa, the default without a modulus",
     ),
-    "a Delta of 1000 um": (f"{PATCH}{STEEL}[delta]\nrange = 1000\n", "every node touches"),
+    "a Delta of 1000 um": (
+        f"{PATCH}{STEEL}[delta]\nrange = 1000\n",
+        "every node touches",
+    ),
     "a side in mm": (PATCH.replace("300", "0.3") + PRESSURE + STEEL, "rms slope "),
-    "a Delta in mm": (f"{PATCH}{STEEL}[delta]\nrange = [1e-3, 4e-3]\n", "one node touches at most"),
-    "a modulus in Pa": (PATCH + PRESSURE + STEEL.replace("e3", "e9"), "is the modulus in Pa?"),
+    "a Delta in mm": (
+        f"{PATCH}{STEEL}[delta]\nrange = [1e-3, 4e-3]\n",
+        "one node touches at most",
+    ),
+    "a modulus in Pa": (
+        PATCH + PRESSURE + STEEL.replace("e3", "e9"),
+        "is the modulus in Pa?",
+    ),
 }
 """Slips of units, and a missing modulus: scenes, and what is told of them."""
 
@@ -38,7 +47,9 @@ OF_ROWS = re.compile(r"(, above 1)? in \d+ of \d+ (tried )?rows")
 
 def wording(text: str) -> list[str]:
     """The warnings of a command, without numbers of rows and without values."""
-    warnings = [line.partition("warning: ")[2] for line in text.splitlines() if "warning" in line]
+    warnings = [
+        line.partition("warning: ")[2] for line in text.splitlines() if "warning" in line
+    ]
     return [NUMBER.sub("#", OF_ROWS.sub("", line)) for line in warnings]
 
 
@@ -84,7 +95,10 @@ def assert_told_in_one_wording(slip, commands, capsys):
     [
         ("no modulus", ["--pressure", "75"]),
         ("a force of 1e7", ["--force", "1e7"]),
-        ("a Delta of 1000 um", ["--delta", "1000", "--young", "210e3", "--hardness", "2e3"]),
+        (
+            "a Delta of 1000 um",
+            ["--delta", "1000", "--young", "210e3", "--hardness", "2e3"],
+        ),
         ("a side in mm", ["--pressure", "75", "--young", "210e3", "--hardness", "2e3"]),
     ],
 )
@@ -93,7 +107,10 @@ def test_the_words_are_those_of_a_contact(slip, options, here, capsys):
     (line,) = wording("\n".join(f"warning: {doubt}" for doubt in doubts_before(scene, 4)))
     np.save("surface.npy", surface_numbered(scene, 0))
     side = str(scene.grid.sides[0])
-    assert cli.main(["contact", "surface.npy", "--side", side, *options, "--no-grid-error"]) == 0
+    assert (
+        cli.main(["contact", "surface.npy", "--side", side, *options, "--no-grid-error"])
+        == 0
+    )
     line = line.replace("(modulus in [contact])", "(--young or --e-star)")
     assert line in wording(capsys.readouterr().err)
 
@@ -162,7 +179,9 @@ def test_a_trial_costs_a_small_share_of_a_run(monkeypatch):
     cases = (129, 3, 3), (257, 19, 0), (257, 40, 2), (257, 900, 3), (1025, 900, 0)
     for nodes, rows, most in cases:
         tried.clear()
-        doubts_before(Scene.parse(f"samples = 900\nsurface.nodes = {nodes}", "a.toml"), rows)
+        doubts_before(
+            Scene.parse(f"samples = 900\nsurface.nodes = {nodes}", "a.toml"), rows
+        )
         assert len(tried) == most
 
 
@@ -170,15 +189,23 @@ def test_pressures_are_judged_where_no_row_can_be_tried():
     text = PRESSURE + "[surface]\nnodes = 2049\n"
     (line,) = doubts_before(Scene.parse(f"samples = 30\n{text}", "a.toml"), 30)
     assert line.startswith("the largest nominal pressure is ")
-    assert line.endswith("E* is 1 MPa, the default without a modulus (modulus in [contact])")
+    assert line.endswith(
+        "E* is 1 MPa, the default without a modulus (modulus in [contact])"
+    )
 
 
-def test_a_trial_calls_no_function_of_outputs_and_nothing_without_trust(here, refused, monkeypatch):
+def test_a_trial_calls_no_function_of_outputs_and_nothing_without_trust(
+    here, refused, monkeypatch
+):
     monkeypatch.setattr(sys, "path", list(sys.path))
-    module = user_functions.MODULE.replace("    _, number", "    raise MemoryError\n    _, number")
+    module = user_functions.MODULE.replace(
+        "    _, number", "    raise MemoryError\n    _, number"
+    )
     outputs = "outputs = { spots = '1', top = 'um', mean_pressure = 'uN' }\n"
     scene = f"samples = 4\n{user_functions.SURFACE}{user_functions.STORE}{outputs}"
     user_functions.write(here, scene, module)
-    assert "runs only with --trust" in refused(cli, "run", "mine.toml", "-o", "a.h5", "--dry-run")
+    assert "runs only with --trust" in refused(
+        cli, "run", "mine.toml", "-o", "a.h5", "--dry-run"
+    )
     assert cli.main(["run", "mine.toml", "-o", "a.h5", "--dry-run", "--trust"]) == 0
     sys.modules.pop("mine", None)

@@ -21,7 +21,9 @@ from tests.maps import read
 
 MAPS = (
     MadeMap("honed", 0, (60, 41), 0.5, 15.0, faults=Faults(spikes=2, holes=2)),
-    MadeMap("turned", 0, (36, 64), 1.0, 20.0, format="nc", faults=Faults(tilt=(0.02, 0.0))),
+    MadeMap(
+        "turned", 0, (36, 64), 1.0, 20.0, format="nc", faults=Faults(tilt=(0.02, 0.0))
+    ),
     MadeMap("fractal", 0, (40, 40), 0.5, 15.0, format="gwy"),
 )
 SCENE = """samples = {samples}
@@ -74,11 +76,16 @@ def test_a_surface_is_a_window_of_a_prepared_map(folder, nodes, symmetries):
     files = sorted((folder / "maps").iterdir())
     maps = [prepare(read(path), asked).heights for path in files]
     assert scene.spacing == pytest.approx((1.0, 1.0), rel=1e-12)
-    tiling = Tiling(tuple(each.shape for each in maps), scene.shape, square=symmetries == 8)
+    tiling = Tiling(
+        tuple(each.shape for each in maps), scene.shape, square=symmetries == 8
+    )
     seen = set()
     for row in range(0, scene.samples, 2):
         window = drawn(surface_random(scene, row // 2), tiling)
-        assert (plan.places["map"][row], plan.places["tile"][row]) == (window.map, window.tile)
+        assert (plan.places["map"][row], plan.places["tile"][row]) == (
+            window.map,
+            window.tile,
+        )
         own = cut(maps[window.map], window, scene.shape)
         assert np.array_equal(surface_of(scene, plan, row), own)
         seen.add(window.symmetry)
@@ -88,7 +95,9 @@ def test_a_surface_is_a_window_of_a_prepared_map(folder, nodes, symmetries):
 def test_a_run_is_checked_extended_and_resumed(folder, capsys):
     assert run("run", folder / "s.toml", "-o", folder / "a.h5") == 0
     said = capsys.readouterr()
-    assert "3 maps with a node every 1 um, 12 tiles; they are kept prepared in" in said.err
+    assert (
+        "3 maps with a node every 1 um, 12 tiles; they are kept prepared in" in said.err
+    )
     assert run("check", folder / "a.h5", "--recompute", 6) == 0
     write_scene(folder, samples=44)
     assert run("run", folder / "s.toml", "-o", folder / "a.h5") == 0
@@ -134,7 +143,9 @@ def nodes_of(window, shape):
     return {(window.map, i, j) for i in range(x, x + nx) for j in range(y, y + ny)}
 
 
-@pytest.mark.parametrize("against", ['"another"', '"second"', '["second/*.x3p", "second/*.gwy"]'])
+@pytest.mark.parametrize(
+    "against", ['"another"', '"second"', '["second/*.x3p", "second/*.gwy"]']
+)
 def test_a_second_body_is_a_window_of_its_group_of_tiles(second, monkeypatch, against):
     write_scene(second, samples=400, keys=f"against = {against}")
     scene = scene_of(second)
@@ -163,8 +174,12 @@ def test_a_second_body_is_a_window_of_its_group_of_tiles(second, monkeypatch, ag
                 assert group == plan.places["tile"][row], "parts of a split share a node"
         alone = surface_of(first, parameters(first, row, row + 1), 0)
         opposite = cut_out(scene.surface.opposite(), other)
-        np.testing.assert_allclose(whole, alone + opposite - (alone + opposite).min(), atol=1e-12)
-    tiles = 12 if "another" in against else min(12, scene.surface.opposite()._tiling().total)
+        np.testing.assert_allclose(
+            whole, alone + opposite - (alone + opposite).min(), atol=1e-12
+        )
+    tiles = (
+        12 if "another" in against else min(12, scene.surface.opposite()._tiling().total)
+    )
     assert set(plan.places["tile"]) == set(range(tiles))
 
 
@@ -218,7 +233,9 @@ def with_maps(made, *, folder="/here", spacing=(0.5, 0.5), sha256s=("a" * 64, "b
         for n, each in enumerate(sha256s)
     )
     found = Found(spacing=spacing, maps=maps)
-    return made.model_copy(update={"surface": made.surface.model_copy(update={"found": found})})
+    return made.model_copy(
+        update={"surface": made.surface.model_copy(update={"found": found})}
+    )
 
 
 def test_windows_are_mirrored_unless_the_scene_says_otherwise():
@@ -235,7 +252,10 @@ def test_windows_are_mirrored_unless_the_scene_says_otherwise():
 
 def test_moved_maps_are_the_same_scene_and_changed_ones_another():
     made = with_maps(parsed())
-    assert with_maps(parsed('"elsewhere"'), folder="/there").fingerprint() == made.fingerprint()
+    assert (
+        with_maps(parsed('"elsewhere"'), folder="/there").fingerprint()
+        == made.fingerprint()
+    )
     changed = with_maps(parsed(), sha256s=("a" * 64, "c" * 64))
     (difference,) = differences(made, changed)
     old, new = f"'{'b' * 64}, 90 x 81'", f"'{'c' * 64}, 90 x 81'"
@@ -248,7 +268,9 @@ def test_moved_maps_are_the_same_scene_and_changed_ones_another():
 
 def test_files_start_from_the_folder_of_the_scene(tmp_path):
     text = SCENE.format(samples=10, nodes="9", keys="")
-    (tmp_path / "a.toml").write_text(text.replace('"maps"', '["maps", "/abs/*.x3p", "~/b.nc"]'))
+    (tmp_path / "a.toml").write_text(
+        text.replace('"maps"', '["maps", "/abs/*.x3p", "~/b.nc"]')
+    )
     found = load(str(tmp_path / "a.toml")).surface.files
     assert found == (f"{tmp_path}/maps", "/abs/*.x3p", "~/b.nc")
 
@@ -258,8 +280,16 @@ def test_files_start_from_the_folder_of_the_scene(tmp_path):
     [
         ('files = "maps"\n', "", "surface.files is missing; allowed: a file"),
         ("nodes", "against = []\nnodes", "surface.against"),
-        ("level", "form = 1.5\nlevel", "surface.preparation.form = 1.5; allowed: the degree"),
-        ("[load]", "[surface.reading]\nside = [9, true]\n[load]", "side = [9, True]; allowed: the"),
+        (
+            "level",
+            "form = 1.5\nlevel",
+            "surface.preparation.form = 1.5; allowed: the degree",
+        ),
+        (
+            "[load]",
+            "[surface.reading]\nside = [9, true]\n[load]",
+            "side = [9, True]; allowed: the",
+        ),
     ],
 )
 def test_faults_are_one_line(old, new, message):

@@ -29,7 +29,10 @@ def test_many_surfaces_have_their_ranks_and_what_lies_between_them():
 def test_few_surfaces_have_students_interval_of_the_logarithm_and_of_areas_the_logit():
     values = np.array([[1.0, 10.0], [3.0, 50.0], [4.0, 99.0]])
     reach = t.ppf(0.95, 2) * np.sqrt(1 + 1 / 3)
-    for percent, scale in ((False, np.log), (True, lambda each: np.log(each / (100 - each)))):
+    for percent, scale in (
+        (False, np.log),
+        (True, lambda each: np.log(each / (100 - each))),
+    ):
         band = further_surface(values, 0.9, percent=percent)
         numbers = scale(values)
         middle, deviation = numbers.mean(axis=0), numbers.std(axis=0, ddof=1)
@@ -44,13 +47,19 @@ def test_no_band_where_a_value_has_no_logarithm(number, odd):
     values = np.random.default_rng(0).uniform(1, 2, (number, 3))
     values[number // 2, 1] = odd
     band = further_surface(values, 0.9)
-    assert np.isnan(band.low).tolist() == np.isnan(band.high).tolist() == [False, True, False]
+    assert (
+        np.isnan(band.low).tolist()
+        == np.isnan(band.high).tolist()
+        == [False, True, False]
+    )
 
 
 def test_full_contact_of_one_surface_leaves_few_surfaces_no_band():
     values = np.linspace(90.0, 100.0, 20)[:, None]
     assert np.isnan(further_surface(values[-5:], 0.9, percent=True).low)
-    assert further_surface(values, 0.9, percent=True).high == pytest.approx([99.97], abs=0.01)
+    assert further_surface(values, 0.9, percent=True).high == pytest.approx(
+        [99.97], abs=0.01
+    )
 
 
 @pytest.mark.parametrize("number", [2, 5, 10, 20, 50])

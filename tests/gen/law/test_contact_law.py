@@ -33,7 +33,9 @@ def table(name, against="pressure_MPa"):
 
 def contacts_of(name, boundary, **load):
     heights = np.load(name)
-    return list(bem.ladder(heights, 100.0, modulus=210e3, poisson=0.3, boundary=boundary, **load))
+    return list(
+        bem.ladder(heights, 100.0, modulus=210e3, poisson=0.3, boundary=boundary, **load)
+    )
 
 
 def test_a_law_is_that_of_a_piece_between_its_mirror_images(surfaces, run, capsys):
@@ -46,22 +48,37 @@ def test_a_law_is_that_of_a_piece_between_its_mirror_images(surfaces, run, capsy
     assert any(note.startswith("warning: s0.npy: tilted by") for note in notes)
     assert any("fewer than 10 nodes touch" in note for note in notes)
     run("many/s0.npy", "--pressure", "1:100:5:log", *CONDUCTING, "-o", "law")
-    wrote = [line.split()[1] for line in capsys.readouterr().out.splitlines() if "wrote" in line]
-    files = ["law.csv", "law.json", "law.h", "law-calculix.inp", "law-abaqus.inp", "law_4c.py"]
+    wrote = [
+        line.split()[1]
+        for line in capsys.readouterr().out.splitlines()
+        if "wrote" in line
+    ]
+    files = [
+        "law.csv",
+        "law.json",
+        "law.h",
+        "law-calculix.inp",
+        "law-abaqus.inp",
+        "law_4c.py",
+    ]
     assert wrote == ["law.json", *files]
     command = json_of("law.json")["command"]
     assert re.match(r"python -m gen law many/s0.npy --pressure 1:100:5:log", command)
     found = table("law.csv")
     contacts = contacts_of("many/s0.npy", "mirror", pressures=np.geomspace(1, 100, 5))
     assert set(found.boundary) == {"mirror"}
-    np.testing.assert_allclose(found.delta_um, [each.delta for each in contacts], rtol=1e-6)
+    np.testing.assert_allclose(
+        found.delta_um, [each.delta for each in contacts], rtol=1e-6
+    )
     np.testing.assert_allclose(found.closure_um, found.delta_um)
     stiffness = [each.stiffness / 100**2 for each in contacts]
     np.testing.assert_allclose(found.stiffness_MPa_per_um, stiffness, rtol=1e-9)
     conductance = [1e-6 * each.conductance(50, 20) / (100e-3) ** 2 for each in contacts]
     np.testing.assert_allclose(found.conductance_W_per_mm2_K, conductance, rtol=1e-9)
     heights = np.load("many/s0.npy")
-    rest = heights.max() - heights.mean()  # at no mean displacement the gap falls by the closure
+    rest = (
+        heights.max() - heights.mean()
+    )  # at no mean displacement the gap falls by the closure
     np.testing.assert_allclose(found.mean_gap_um + found.closure_um, rest, rtol=1e-6)
 
 
@@ -76,10 +93,27 @@ def test_the_law_of_two_rough_bodies_is_that_of_their_sum(surfaces, run, capsys)
     pair, one = table("pair.csv"), table("sum.csv")
     for name in ("closure_um", "area_percent", "mean_gap_um", "stiffness_MPa_per_um"):
         np.testing.assert_allclose(pair[name], one[name], rtol=1e-6)
-    run("many", *loads, "--against", "many/s1.npy", "--turned", "none", "--csv", "folder.csv")
+    run(
+        "many",
+        *loads,
+        "--against",
+        "many/s1.npy",
+        "--turned",
+        "none",
+        "--csv",
+        "folder.csv",
+    )
     capsys.readouterr()
     run(
-        "many/s0.npy", *loads, "--against", "many", "-o", "each", "--plot", "each.png", "--no-check"
+        "many/s0.npy",
+        *loads,
+        "--against",
+        "many",
+        "-o",
+        "each",
+        "--plot",
+        "each.png",
+        "--no-check",
     )
     for text in (capsys.readouterr().out, Path("each.h").read_text()):
         assert "many/s0.npy against many" in text
@@ -87,8 +121,13 @@ def test_the_law_of_two_rough_bodies_is_that_of_their_sum(surfaces, run, capsys)
     for seed in range(3):
         run("many/s0.npy", *loads, "--against", f"many/s{seed}.npy", "--csv", "pair.csv")
         pairs.append(table("pair.csv").closure_um)
-    np.testing.assert_allclose(table("each.csv").closure_um, np.mean(pairs, axis=0), rtol=1e-6)
-    assert cli.main(["law", "quick", *loads, "--against", "many/s1.npy", "--side", "100"]) == 2
+    np.testing.assert_allclose(
+        table("each.csv").closure_um, np.mean(pairs, axis=0), rtol=1e-6
+    )
+    assert (
+        cli.main(["law", "quick", *loads, "--against", "many/s1.npy", "--side", "100"])
+        == 2
+    )
     assert "surface.against" in capsys.readouterr().err
 
 
@@ -96,7 +135,9 @@ def test_the_closure_of_bodies_that_yield_is_delta_too(surfaces, run):
     run("many/s0.npy", "--pressure", "10,100", "--hardness", "1000", "--csv", "law.csv")
     found = table("law.csv")
     heights = np.load("many/s0.npy")
-    contacts = contacts_of("many/s0.npy", "mirror", pressures=[10.0, 100.0], hardness=1000.0)
+    contacts = contacts_of(
+        "many/s0.npy", "mirror", pressures=[10.0, 100.0], hardness=1000.0
+    )
     rest = heights.max() - heights.mean()
     for contact, closure in zip(contacts, found.closure_um, strict=True):
         assert contact.yielded_percent > 0
@@ -116,7 +157,15 @@ def test_a_free_patch_leaves_its_own_compliance_to_the_mesh(surfaces, run):
     stiffness = [each.interface_stiffness / nominal for each in contacts]
     np.testing.assert_allclose(found.stiffness_MPa_per_um, stiffness, rtol=1e-8)
     # The slope of the pressure over the closure is that stiffness.
-    run("many/s0.npy", "--boundary", "free", "--pressure", "29.99,30,30.01", "--csv", "near.csv")
+    run(
+        "many/s0.npy",
+        "--boundary",
+        "free",
+        "--pressure",
+        "29.99,30,30.01",
+        "--csv",
+        "near.csv",
+    )
     near = table("near.csv")
     slope = np.diff(near.pressure_MPa)[[0, -1]] / np.diff(near.closure_um)[[0, -1]]
     assert near.stiffness_MPa_per_um[1] == pytest.approx(slope.mean(), rel=1e-2)
@@ -127,21 +176,32 @@ def test_a_population_has_means_deviations_surfaces_and_the_band_of_a_further_on
 ):
     run("many", "--pressure", "5,50", *CONDUCTING, "--band", "0.8", "-o", "law")
     said = " ".join(capsys.readouterr().out.split())
-    assert "band: 80 % of further surfaces lie inside, at each load by itself; 3 surfaces" in said
+    assert (
+        "band: 80 % of further surfaces lie inside, at each load by itself; 3 surfaces"
+        in said
+    )
     assert "quantiles" not in said
     found = table("law.csv")
-    laws = [contacts_of(f"many/s{seed}.npy", "mirror", pressures=[5.0, 50.0]) for seed in range(3)]
+    laws = [
+        contacts_of(f"many/s{seed}.npy", "mirror", pressures=[5.0, 50.0])
+        for seed in range(3)
+    ]
     k = mean_conductivity(50, 20)
     document = json_of("law.json")
     assert document["surface_names"] == [f"many/s{seed}.npy" for seed in range(3)]
     for name, value in (
         ("closure_um", lambda contact: contact.delta),
         ("area_percent", lambda contact: contact.area_percent),
-        ("conductance_W_per_mm2_K", lambda contact: k * contact.stiffness / 100**2 / E_STAR),
+        (
+            "conductance_W_per_mm2_K",
+            lambda contact: k * contact.stiffness / 100**2 / E_STAR,
+        ),
     ):
         whole = np.array([[value(contact) for contact in contacts] for contacts in laws])
         np.testing.assert_allclose(found[name], whole.mean(axis=0), rtol=1e-6)
-        np.testing.assert_allclose(found[f"{name}_std"], whole.std(axis=0, ddof=1), rtol=1e-5)
+        np.testing.assert_allclose(
+            found[f"{name}_std"], whole.std(axis=0, ddof=1), rtol=1e-5
+        )
         columns = [found[f"{name}_surface_{number}"] for number in (1, 2, 3)]
         np.testing.assert_allclose(columns, whole, rtol=1e-6)
         curve = document["tables"][1]["curves"][name]
@@ -157,11 +217,19 @@ def test_a_band_of_few_surfaces_says_what_it_assumes(surfaces, run, capsys):
     words = "assumes that the logarithms of each quantity, and of areas the logits, are normal"
     run("many", "--pressure", "5,50", "-o", "law")
     assert words in capsys.readouterr().out
-    for name in ("law.json", "law.h", "law-abaqus.inp", "law-calculix-soft.inp", "law_4c.py"):
+    for name in (
+        "law.json",
+        "law.h",
+        "law-abaqus.inp",
+        "law-calculix-soft.inp",
+        "law_4c.py",
+    ):
         text = Path(name).read_text(encoding="utf-8")
         assert words in re.sub(r"\s*(\*\*|#|\*)?\s+", " ", text), name
     run("many", "--pressure", "5,50", "--band", "0.5", "-o", "law")
-    assert words not in capsys.readouterr().out + Path("law-calculix-soft.inp").read_text()
+    assert (
+        words not in capsys.readouterr().out + Path("law-calculix-soft.inp").read_text()
+    )
 
 
 def test_one_surface_has_neither_deviation_nor_columns_of_surfaces(surfaces, run):
@@ -216,13 +284,27 @@ def test_a_long_law_shows_progress(surfaces, run, monkeypatch, capsys):
 
 @pytest.mark.parametrize("boundary", ["periodic", "mirror"])
 @pytest.mark.parametrize("surface", ["diamond-square", "midpoint", "spectral", "python"])
-def test_a_scene_has_the_patch_of_the_boundary_asked_for(here, monkeypatch, surface, boundary):
+def test_a_scene_has_the_patch_of_the_boundary_asked_for(
+    here, monkeypatch, surface, boundary
+):
     """A scene of free patches is then the one that names that boundary itself."""
-    waves = "roll_off = 500.0\ncut_off = 200.0\nrms_height = 5.0\n" if surface == "spectral" else ""
+    waves = (
+        "roll_off = 500.0\ncut_off = 200.0\nrms_height = 5.0\n"
+        if surface == "spectral"
+        else ""
+    )
     table = f'[surface]\ngenerator = "{surface}"\nnodes = 17\n{waves}'
     table = user_functions.SURFACE if surface == "python" else table
     for name, contact in (("free", ""), ("own", f'[contact]\nboundary = "{boundary}"\n')):
-        ask = ["law", "mine.toml", "--surfaces", "2", "--pressure", "0.001,0.01", "--trust"]
+        ask = [
+            "law",
+            "mine.toml",
+            "--surfaces",
+            "2",
+            "--pressure",
+            "0.001,0.01",
+            "--trust",
+        ]
         with user_functions.inside(here, monkeypatch, f"samples = 4\n{table}{contact}"):
             assert cli.main([*ask, "--boundary", boundary, "--csv", f"{name}.csv"]) == 0
     free, own = (pd.read_csv(f"{name}.csv", dtype=str) for name in ("free", "own"))
@@ -248,24 +330,36 @@ def test_loads_that_are_not_solved_are_named_and_cost_no_others(
 ):
     """Of one surface and of a population; the other numbers are those of these loads alone."""
     with monkeypatch.context() as few:
-        few.setattr(contact_law, "solve_loads", partial(contact_law.solve_loads, max_iterations=3))
+        few.setattr(
+            contact_law, "solve_loads", partial(contact_law.solve_loads, max_iterations=3)
+        )
         run(name, "--pressure", "1:3000:9:log", "--csv", "few.csv")
-        lines = [line for line in capsys.readouterr().out.splitlines() if "not solved" in line]
-        few.setattr(contact_law, "solve_loads", partial(contact_law.solve_loads, max_iterations=1))
+        lines = [
+            line for line in capsys.readouterr().out.splitlines() if "not solved" in line
+        ]
+        few.setattr(
+            contact_law, "solve_loads", partial(contact_law.solve_loads, max_iterations=1)
+        )
         run(name, "--pressure", "500:600:3", ends=2)
         assert re.search(r"s0.npy: 600 MPa: residual .* after", capsys.readouterr().err)
     one = table("few.csv")
-    lost = [p for p in np.geomspace(1, 3000, 9) if not np.isclose(p, one.pressure_MPa).any()]
+    lost = [
+        p for p in np.geomspace(1, 3000, 9) if not np.isclose(p, one.pressure_MPa).any()
+    ]
     assert 0 < len(lost) < 9
     for each in lost:
         assert any(f"{each:.6g} MPa: residual" in line for line in lines)
-    assert all(line.startswith("warning: not solved") and "left out" in line for line in lines)
+    assert all(
+        line.startswith("warning: not solved") and "left out" in line for line in lines
+    )
     run(name, "--pressure", ",".join(map(str, one.pressure_MPa)), "--csv", "alone.csv")
     for column in ("closure_um", "area_percent"):
         np.testing.assert_allclose(one[column], table("alone.csv")[column], rtol=1e-4)
 
 
-@pytest.mark.parametrize("hardness", [[], ["--hardness", "20e3"]], ids=["elastic", "yielding"])
+@pytest.mark.parametrize(
+    "hardness", [[], ["--hardness", "20e3"]], ids=["elastic", "yielding"]
+)
 @pytest.mark.parametrize("ratio", [15, 60])
 @pytest.mark.parametrize("files", [["-o", "law"], ["--calculix", "law-calculix.inp"]])
 def test_a_table_that_was_not_asked_for_costs_none_that_was(
@@ -284,7 +378,14 @@ def test_a_table_that_was_not_asked_for_costs_none_that_was(
     assert (deltas.area_percent < 100).all()
     assert Path("law-calculix.inp").exists()
     for seed in ("fine", "rough"):
-        run(f"pair/{seed}.npy", "--pressure", "20:300:6:log", *hardness, "--csv", f"{seed}.csv")
+        run(
+            f"pair/{seed}.npy",
+            "--pressure",
+            "20:300:6:log",
+            *hardness,
+            "--csv",
+            f"{seed}.csv",
+        )
     alone = [table(f"{name}.csv").closure_um for name in ("fine", "rough")]
     np.testing.assert_allclose(pressures.closure_um, np.mean(alone, axis=0), rtol=1e-5)
 
@@ -294,13 +395,25 @@ def test_a_table_that_was_not_asked_for_costs_none_that_was(
     [
         (["none.npy", "--pressure", "1"], "none.npy: is neither a file nor a folder"),
         (["many/s0.npy", "--delta", "1,1e39"], "give numbers from 1e-38 to 1e+38 um"),
-        (["many/s0.npy", "--pressure", "1e7"], "full contact from 1e+07 MPa on: no law is left"),
+        (
+            ["many/s0.npy", "--pressure", "1e7"],
+            "full contact from 1e+07 MPa on: no law is left",
+        ),
         (["many/s0.npy", "--pressure", "1", "--band", "1"], "--band 1: give a share"),
         (["many/s0.npy", "--pressure", "1", "--calculix", "."], ".: is a folder"),
-        (["many/s0.npy", "--pressure", "1", "--jump-distance", 1], "--gas-conductivity is missing"),
-        (["many/s0.npy", "--pressure", "1", *GAS, 0], "must be between 1e-38 and 1e+38 um"),
+        (
+            ["many/s0.npy", "--pressure", "1", "--jump-distance", 1],
+            "--gas-conductivity is missing",
+        ),
+        (
+            ["many/s0.npy", "--pressure", "1", *GAS, 0],
+            "must be between 1e-38 and 1e+38 um",
+        ),
         (["many/s0.npy", "--pressure", "1", "--conductivity", "1e308"], "1e+38 W/(m K)"),
-        (["many", "--delta", "1e4", "--hardness", "1"], "every node yields: the pressure is the"),
+        (
+            ["many", "--delta", "1e4", "--hardness", "1"],
+            "every node yields: the pressure is the",
+        ),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(surfaces, run, capsys, arguments, word):
@@ -313,12 +426,17 @@ def test_what_cannot_be_is_refused_in_one_line(surfaces, run, capsys, arguments,
 
 def test_a_flat_surface_has_no_law(surfaces, capsys):
     np.save("flat.npy", np.zeros((9, 9)))
-    assert cli.main(["law", "flat.npy", "--side", "9", "--pressure", "1:10:3", "-o", "flat"]) == 2
+    assert (
+        cli.main(["law", "flat.npy", "--side", "9", "--pressure", "1:10:3", "-o", "flat"])
+        == 2
+    )
     assert "flat.npy: is flat" in capsys.readouterr().err
     assert [path.name for path in Path().glob("flat*")] == ["flat.npy"]
 
 
-def test_the_area_in_the_continuum_has_the_error_of_the_grid(run, tmp_path, monkeypatch, capsys):
+def test_the_area_in_the_continuum_has_the_error_of_the_grid(
+    run, tmp_path, monkeypatch, capsys
+):
     """And the loads are named whose area is that of the grid."""
     monkeypatch.chdir(tmp_path)
     np.save("waves.npy", 100 * random_waves(1, 4, 0.8, 1)(48))
@@ -330,17 +448,23 @@ def test_the_area_in_the_continuum_has_the_error_of_the_grid(run, tmp_path, monk
         error = contact.grid_error()
         area = contact.continuum_area_percent
         assert row.continuum_area_percent == pytest.approx(area, rel=1e-6)
-        assert row.continuum_area_percent_high - area == pytest.approx(error.area_percent, rel=0.01)
+        assert row.continuum_area_percent_high - area == pytest.approx(
+            error.area_percent, rel=0.01
+        )
         assert row.continuum_area_percent_low < area
     assert "continuum_area_percent" in json_of("law.json")["tables"][1]["curves"]
     run("waves.npy", *loads, "--csv", "law.csv", "--no-grid-error")
     assert not [name for name in table("law.csv").columns if "continuum" in name]
     capsys.readouterr()
     run("waves.npy", "--pressure", "0.001,0.002,500,2000", "--csv", "law.csv")
-    (note,) = (line for line in capsys.readouterr().out.splitlines() if "of the grid at" in line)
+    (note,) = (
+        line for line in capsys.readouterr().out.splitlines() if "of the grid at" in line
+    )
     known = table("law.csv").continuum_area_percent_high.notna().tolist()
     assert known == [False, False, True, True]
-    assert note.startswith("waves.npy: the area is that of the grid at 2 of 4 loads, up to 0.002 M")
+    assert note.startswith(
+        "waves.npy: the area is that of the grid at 2 of 4 loads, up to 0.002 M"
+    )
 
 
 def test_a_gas_in_the_gap_is_a_part_of_the_conductance(surfaces, run, make):
@@ -352,7 +476,17 @@ def test_a_gas_in_the_gap_is_a_part_of_the_conductance(surfaces, run, make):
     asked = ["--gas-conductivity", k, "--jump-distance", jump]
     loads = ["--pressure", "1:1000:5:log"]
     run("many/s0.npy", *loads, *CONDUCTING, "--csv", "spots.csv")
-    run("many/s0.npy", *loads, *CONDUCTING, *asked, "-o", "law", "--plot", "law.png", "--no-check")
+    run(
+        "many/s0.npy",
+        *loads,
+        *CONDUCTING,
+        *asked,
+        "-o",
+        "law",
+        "--plot",
+        "law.png",
+        "--no-check",
+    )
     run("many/s0.npy", *loads, *asked, "--csv", "gas.csv", "--abaqus", "gas.inp")
     found, alone, spots = table("law.csv"), table("gas.csv"), table("spots.csv")
     contacts = contacts_of("many/s0.npy", "mirror", pressures=np.geomspace(1, 1000, 5))
@@ -369,8 +503,13 @@ def test_a_gas_in_the_gap_is_a_part_of_the_conductance(surfaces, run, make):
     rest = plates.conductance(heights.max() - heights)
     for path, conductances in (("law-abaqus.inp", whole), ("gas.inp", gas)):
         text = Path(path).read_text()
-        assert f"Gas in the gap: conductivity {k:g} W/(m K), jump distance {jump:g} um" in text
-        numbers = np.fromstring(text.partition("PRESSURE\n")[2].replace("\n", ","), sep=",")
+        assert (
+            f"Gas in the gap: conductivity {k:g} W/(m K), jump distance {jump:g} um"
+            in text
+        )
+        numbers = np.fromstring(
+            text.partition("PRESSURE\n")[2].replace("\n", ","), sep=","
+        )
         rows = dict(zip(numbers[1::2], numbers[::2] / 1e3, strict=True))
         at = [0.0, *(float(f"{load:.10g}") for load in found.pressure_MPa)]
         known = [rows[load] for load in at]
@@ -405,7 +544,9 @@ def test_hydraulic_apertures_fall_from_first_touch_to_none(surfaces, run, make):
         assert found[name].iloc[-1] == 0
         assert f"asperity_law_{name[:-3]}_at_pressure(" in Path("law.h").read_text()
         assert table("law.csv", "delta_um")[name].iloc[0] > found[name].iloc[0]
-    many = make("many", pressure="1,10", e_star=E_STAR, reading=Reading(side="100"), flow=True)
+    many = make(
+        "many", pressure="1,10", e_star=E_STAR, reading=Reading(side="100"), flow=True
+    )
     assert many.over_delta.curves["hydraulic_aperture_x_um"].banded.all()
 
 
@@ -418,7 +559,10 @@ def test_further_quantities_are_in_a_law_where_they_are_asked_for(surfaces, run)
     run(*loads, "--hardness", "2000", "-o", "bare")
     rows, bare = table("further.csv"), table("bare.csv")
     further = ["largest_spot_um2", "perimeter_um", "yielded_percent"]
-    assert [name for name in rows if name in further] == ["yielded_percent", *further[1::-1]]
+    assert [name for name in rows if name in further] == [
+        "yielded_percent",
+        *further[1::-1],
+    ]
     pd.testing.assert_frame_equal(rows[list(bare)], bare)
     contacts = contacts_of("many/s0.npy", "mirror", pressures=[1, 10, 100], hardness=2000)
     areas = [contact.spots.areas[0] for contact in contacts]

@@ -16,15 +16,21 @@ from gen.runtime.errors import InputError
 
 STIFFNESS = quantities.STIFFNESS.in_laws
 CONDUCTANCE = quantities.CONDUCTANCE.in_laws
-QUANTITIES = [each.in_laws for each in quantities.ALWAYS_IN_LAWS if each is not quantities.DELTA]
+QUANTITIES = [
+    each.in_laws for each in quantities.ALWAYS_IN_LAWS if each is not quantities.DELTA
+]
 REST = {"mean_gap_um": 4.0}
 
 
 def test_a_law_that_is_not_finite_is_refused():
     """Found by the fuzzer, with weights of 1e308 in a surrogate."""
     at = np.array([0.0, 1.0, 2.0])
-    values = dict.fromkeys((*QUANTITIES, "delta_um"), at) | {"force_uN": np.array([0, 1, np.inf])}
-    with pytest.raises(InputError, match="force_uN of the law has values that are not finite"):
+    values = dict.fromkeys((*QUANTITIES, "delta_um"), at) | {
+        "force_uN": np.array([0, 1, np.inf])
+    }
+    with pytest.raises(
+        InputError, match="force_uN of the law has values that are not finite"
+    ):
         tabulated("delta_um", at, [Points(values, reasons=("", "", ""))], 0.9, REST)
 
 
@@ -41,7 +47,11 @@ def test_full_contact_may_be_infinitely_stiff():
     many = tabulated("delta_um", at, [Points(values, reasons=("",) * 4)] * 2, 0.9, REST)
     assert many.curves[STIFFNESS].value[-1] == np.inf
     bare = tabulated(
-        "delta_um", at, [Points(dict.fromkeys(QUANTITIES, at), reasons=("",) * 4)], 0.9, REST
+        "delta_um",
+        at,
+        [Points(dict.fromkeys(QUANTITIES, at), reasons=("",) * 4)],
+        0.9,
+        REST,
     )
     assert STIFFNESS not in bare.curves
     assert bare.with_conductance(0.5) is bare
@@ -51,7 +61,11 @@ def test_slopes_are_those_of_the_cubic_from_first_touch_on():
     at = np.array([1.0, 2.0, 4.0])
     expected = PchipInterpolator([0, 1, 2, 4], [3, 2, 1.5, 1]).derivative()(at)
     np.testing.assert_allclose(slopes(at, np.array([2, 1.5, 1]), 3.0), expected)
-    assert np.isnan(slopes(at, np.array([np.nan, 1, 2]), 0.0)).tolist() == [True, False, False]
+    assert np.isnan(slopes(at, np.array([np.nan, 1, 2]), 0.0)).tolist() == [
+        True,
+        False,
+        False,
+    ]
     assert slopes(np.array([0.0]), np.array([1.0]), 0.0).tolist() == [0.0]
 
 
@@ -59,7 +73,9 @@ def test_points_outside_the_training_do_not_move_those_inside():
     """A surrogate may predict anything out there, less than at the loads that it knows."""
     rising = np.array([0.0, 1.0, 3.0, 8.0, 2.0, 1.0])
     values = dict.fromkeys(QUANTITIES, rising) | {"mean_gap_um": -rising}
-    points = Points(values, values, values, ("", "", "", "", "delta is large", "delta is large"))
+    points = Points(
+        values, values, values, ("", "", "", "", "delta is large", "delta is large")
+    )
     smooth, correction = monotone(points)
     for name in QUANTITIES:
         np.testing.assert_allclose(smooth.values[name][:4], values[name][:4], rtol=1e-7)

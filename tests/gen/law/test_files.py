@@ -23,10 +23,14 @@ def sha256(name):
 def words(path):
     """The comments at the head of a file as one line."""
     head = Path(path).read_text().partition("#include")[0]
-    return " ".join("".join(head.replace("\n *", "").replace("\n**", "").split("\n#")).split())
+    return " ".join(
+        "".join(head.replace("\n *", "").replace("\n**", "").split("\n#")).split()
+    )
 
 
-@pytest.mark.parametrize("against", [[], ["--against", "many/s1.npy"]], ids=["one", "pair"])
+@pytest.mark.parametrize(
+    "against", [[], ["--against", "many/s1.npy"]], ids=["one", "pair"]
+)
 def test_every_file_names_the_maps_their_hashes_and_each_step(surfaces, run, against):
     """A folder of maps and a map, prepared, alone and against a second body."""
     np.savetxt("other.txt", np.load("many/s2.npy"))
@@ -40,7 +44,9 @@ def test_every_file_names_the_maps_their_hashes_and_each_step(surfaces, run, aga
     for source in sources:
         files = [file["path"] for file in source["files"]]
         assert files[1:] == against[1:]
-        assert [file["sha256"] for file in source["files"]] == [sha256(file) for file in files]
+        assert [file["sha256"] for file in source["files"]] == [
+            sha256(file) for file in files
+        ]
         for step in done:
             assert any(step in line for line in source["steps"])
     rows = pd.read_csv("law.csv")
@@ -63,7 +69,16 @@ def test_a_law_of_a_scene_names_its_file_and_the_maps_of_it(surfaces):
     scene += 'reading.side = "100"\npreparation.level = "plane"\n'
     scene += '[load]\nquantity = "pressure"\nrange = [0.01, 0.1]\n'
     Path("scene.toml").write_text(scene)
-    ask = ["law", "scene.toml", "--surfaces", "2", "--pressure", "0.01,0.1", "--json", "law.json"]
+    ask = [
+        "law",
+        "scene.toml",
+        "--surfaces",
+        "2",
+        "--pressure",
+        "0.01,0.1",
+        "--json",
+        "law.json",
+    ]
     assert cli.main(ask) == 0
     (source,) = json_of("law.json")["sources"]
     files = {Path(file["path"]).name: file["sha256"] for file in source["files"]}
@@ -93,13 +108,17 @@ def test_the_area_of_the_grid_is_not_called_that_in_the_continuum(
     rows = pd.read_csv("law.csv")
     assert rows[rows.against == "pressure_MPa"].resolved.tolist() == resolved
     deltas = rows[rows.against == "delta_um"].resolved
-    assert deltas.isna().tolist() == [True] + [False] * len(resolved), "nothing touches at first"
+    assert deltas.isna().tolist() == [True] + [False] * len(resolved), (
+        "nothing touches at first"
+    )
     order = {"e_star": 230e3, "boundary": "periodic", "reading": Reading(side="100")}
     law = make(name, pressure=pressures, grid_error=True, **order)
     curves = law.over_pressure
     panel = drawn_area(curves)
     known = np.array(resolved) == "yes"
-    nodes, continuum = (curves.curves[each] for each in ("area_percent", CONTINUUM.in_laws))
+    nodes, continuum = (
+        curves.curves[each] for each in ("area_percent", CONTINUUM.in_laws)
+    )
     drawn = np.where(known, continuum.value, nodes.value)
     np.testing.assert_array_equal(panel.curve.value, drawn)
     assert panel.curve.banded.tolist() == known.tolist()
@@ -122,7 +141,9 @@ def test_a_population_is_judged_on_its_first_surface(surfaces, run):
     rows = pd.read_csv("law.csv")
     run("many/s0.npy", "--pressure", "0.01,100", "--csv", "one.csv")
     one = pd.read_csv("one.csv")
-    both = [part[part.against == "pressure_MPa"].resolved.tolist() for part in (rows, one)]
+    both = [
+        part[part.against == "pressure_MPa"].resolved.tolist() for part in (rows, one)
+    ]
     assert both[0] == both[1]
     run("many", "--pressure", "0.01,100", "--csv", "law.csv", "--no-grid-error")
     assert "resolved" not in pd.read_csv("law.csv")

@@ -35,10 +35,20 @@ def law(tmp_path_factory):
     """A folder with the files of one law, and its table against pressure."""
     folder = tmp_path_factory.mktemp("law")
     np.save(folder / "surface.npy", waves(24, 2))
-    ask = ["law", f"{folder}/surface.npy", "--side", "100", "--pressure", "5:320:7:log", *STEEL]
+    ask = [
+        "law",
+        f"{folder}/surface.npy",
+        "--side",
+        "100",
+        "--pressure",
+        "5:320:7:log",
+        *STEEL,
+    ]
     conducting = ["--conductivity", f"{CONDUCTIVITY:g}"]
     assert cli.main([*ask, *conducting, "-o", f"{folder}/joint"]) == 0
-    assert cli.main([*ask, *conducting, "--units", "si", "--abaqus", f"{folder}/9.inp"]) == 0
+    assert (
+        cli.main([*ask, *conducting, "--units", "si", "--abaqus", f"{folder}/9.inp"]) == 0
+    )
     assert cli.main([*ask, "--calculix", f"{folder}/plain.inp"]) == 0
     table = pd.read_csv(folder / "joint.csv")
     return folder, table[table.against == "pressure_MPa"].reset_index(drop=True)
@@ -68,10 +78,14 @@ def test_calculix_has_pressure_and_closure_and_a_temperature_beside_conductances
     assert behaviour[0].tolist() == [0, 0]
     assert behaviour.shape == (41, 2)
     assert (np.diff(behaviour, axis=0) > 0).all()
-    assert behaviour[-1, 1] == 20.5, "the number of points, which CalculiX 2.20 looks for there"
+    assert behaviour[-1, 1] == 20.5, (
+        "the number of points, which CalculiX 2.20 looks for there"
+    )
     assert behaviour[19, 1] == 10, "the last point that it reads"
     assert behaviour[18, 1] == pytest.approx(1e-3 * table.closure_um.iloc[-1], rel=1e-9)
-    for pressure, closure in zip(table.pressure_MPa, 1e-3 * table.closure_um, strict=True):
+    for pressure, closure in zip(
+        table.pressure_MPa, 1e-3 * table.closure_um, strict=True
+    ):
         place = np.argmin(np.abs(behaviour[:, 1] - closure))
         np.testing.assert_allclose(behaviour[place], [pressure, closure], rtol=1e-9)
     slopes = np.diff(behaviour[:, 0]) / np.diff(behaviour[:, 1])
@@ -89,7 +103,9 @@ def assert_has_rows(block, rows):
     """Rows of a law are among those of a file, which begins at no pressure."""
     assert block[0, 1] == 0
     for row in np.asarray(rows):
-        np.testing.assert_allclose(block[np.abs(block[:, 1] - row[1]).argmin()], row, rtol=1e-9)
+        np.testing.assert_allclose(
+            block[np.abs(block[:, 1] - row[1]).argmin()], row, rtol=1e-9
+        )
 
 
 def test_calculix_is_told_that_its_other_kind_of_contact_passes_no_heat(law):
@@ -101,7 +117,9 @@ def test_calculix_is_told_that_its_other_kind_of_contact_passes_no_heat(law):
     assert advice not in said(folder / "joint-abaqus.inp")
 
 
-def test_abaqus_is_told_that_the_second_column_is_a_pressure_and_where_nothing_was_computed(law):
+def test_abaqus_is_told_that_the_second_column_is_a_pressure_and_where_nothing_was_computed(
+    law,
+):
     folder, table = law
     text = said(folder / "joint-abaqus.inp")
     assert "From 0 to the first pressure, 5 MPa, nothing was computed" in text
@@ -112,7 +130,9 @@ def test_abaqus_is_told_that_the_second_column_is_a_pressure_and_where_nothing_w
     conductance = blocks["*GAP CONDUCTANCE, PRESSURE"]
     assert conductance[0].tolist() == [0, 0]
     loads = 1e6 * table.pressure_MPa
-    assert_has_rows(conductance, np.column_stack([1e6 * table.conductance_W_per_mm2_K, loads]))
+    assert_has_rows(
+        conductance, np.column_stack([1e6 * table.conductance_W_per_mm2_K, loads])
+    )
     assert_has_rows(blocks[TABLE], np.column_stack([loads, 1e-6 * table.closure_um]))
     assert "m, N, s, Pa" in (folder / "9.inp").read_text()
 
@@ -120,8 +140,20 @@ def test_abaqus_is_told_that_the_second_column_is_a_pressure_and_where_nothing_w
 def test_a_law_fits_into_the_room_that_calculix_has(tmp_path):
     """It has room for 20 points and overwrites other numbers with the rest; Abaqus takes all."""
     np.save(tmp_path / "s.npy", np.random.default_rng(1).normal(size=(8, 8)))
-    ask = [f"{tmp_path}/s.npy", "--side", "8", "--e-star", "1", "--conductivity", "1", "--no-check"]
-    assert cli.main(["law", *ask, "--pressure", "0.01:1:40:log", "-o", f"{tmp_path}/law"]) == 0
+    ask = [
+        f"{tmp_path}/s.npy",
+        "--side",
+        "8",
+        "--e-star",
+        "1",
+        "--conductivity",
+        "1",
+        "--no-check",
+    ]
+    assert (
+        cli.main(["law", *ask, "--pressure", "0.01:1:40:log", "-o", f"{tmp_path}/law"])
+        == 0
+    )
     every = read(tmp_path / "law-abaqus.inp")
     some = read(tmp_path / "law-calculix.inp")
     assert len(every["*GAP CONDUCTANCE, PRESSURE"]) > 40
@@ -136,7 +168,15 @@ def test_a_population_has_a_soft_and_a_stiff_side(tmp_path, program, capsys):
     (tmp_path / "many").mkdir()
     for seed in range(3):
         np.save(tmp_path / f"many/{seed}.npy", waves(24, seed))
-    ask = [f"{tmp_path}/many", "--side", "100", "--e-star", "230e3", "--conductivity", "1"]
+    ask = [
+        f"{tmp_path}/many",
+        "--side",
+        "100",
+        "--e-star",
+        "230e3",
+        "--conductivity",
+        "1",
+    ]
     ask += ["--pressure", "20,60,200", "--band", "0.8", "--csv", f"{tmp_path}/law.csv"]
     assert cli.main(["law", *ask, f"--{program}", f"{tmp_path}/joint.inp"]) == 0
     wrote = capsys.readouterr().out
@@ -147,9 +187,7 @@ def test_a_population_has_a_soft_and_a_stiff_side(tmp_path, program, capsys):
         assert f"wrote {path}" in wrote
         ends = f"The {side} side of the band: its {closure} closures and {conductance} conductances"
         assert ends in said(path)
-        words = (
-            "Band: 80 % of further surfaces lie inside, at each load by itself; 3 surfaces, whose"
-        )
+        words = "Band: 80 % of further surfaces lie inside, at each load by itself; 3 surfaces, whose"
         assert words in said(path)
         blocks = read(path)
         behaviour = blocks[TABLE]
@@ -169,7 +207,9 @@ def test_a_side_that_turns_back_is_drawn_outwards():
 
 def test_a_side_of_two_surfaces_is_nowhere_inside_the_band(tmp_path):
     """Also between its points, where the table of a program is straight."""
-    heights = [rough * np.random.default_rng(1).normal(size=(8, 8)) for rough in (0.3, 1.0)]
+    heights = [
+        rough * np.random.default_rng(1).normal(size=(8, 8)) for rough in (0.3, 1.0)
+    ]
     heights[1][0, 0] = 9.0
     for number, each in enumerate(heights):
         np.save(tmp_path / f"{number}.npy", each)
@@ -190,7 +230,9 @@ def test_a_side_of_two_surfaces_is_nowhere_inside_the_band(tmp_path):
 def said(path):
     """The comment of an input file as one line."""
     lines = path.read_text().splitlines()
-    return " ".join(" ".join(line.strip("* ") for line in lines if line.startswith("**")).split())
+    return " ".join(
+        " ".join(line.strip("* ") for line in lines if line.startswith("**")).split()
+    )
 
 
 VALUES = {"closure_um", "area_percent", "mean_gap_um", "conductance_W_per_mm2_K"}
@@ -206,7 +248,10 @@ def wavy(nodes, height):
     [
         (wavy(16, 0.05), ["3000:9000:7", "--e-star", "230e3", "--boundary", "periodic"]),
         (wavy(16, 0.05), ["500:9000:9", "--e-star", "230e3", "--hardness", "10e3"]),
-        (np.random.default_rng(1).normal(size=(2, 8, 8)), ["0.1,1,10,100", "--e-star", "1"]),
+        (
+            np.random.default_rng(1).normal(size=(2, 8, 8)),
+            ["0.1,1,10,100", "--e-star", "1"],
+        ),
     ],
 )
 def test_every_file_ends_at_full_contact_and_says_so(tmp_path, capsys, heights, loads):
@@ -245,12 +290,16 @@ def assert_finite_and_rising(folder):
         assert (np.diff(conducting[:, 0]) >= 0).all()
     header = (folder / "law.h").read_text().partition("#include")[2]
     for array in header.split("static const double ")[1:]:
-        if "_low_" not in array and "_high_" not in array:  # which have no ends without a band
+        if (
+            "_low_" not in array and "_high_" not in array
+        ):  # which have no ends without a band
             assert " nan" not in array.lower()
 
 
 @pytest.mark.parametrize(
-    "seeds", [range(4), pytest.param(range(4, 128), marks=pytest.mark.long)], ids=["few", "many"]
+    "seeds",
+    [range(4), pytest.param(range(4, 128), marks=pytest.mark.long)],
+    ids=["few", "many"],
 )
 def test_laws_up_to_full_contact_are_finite_and_rise(tmp_path, capsys, seeds):
     """Of any grid, height, modulus, boundary and number of surfaces, with hardness and without."""
@@ -264,8 +313,22 @@ def test_laws_up_to_full_contact_are_finite_and_rise(tmp_path, capsys, seeds):
             np.save(name, rough * rng.normal(size=nodes))
         e_star = float(f"{10 ** rng.uniform(0, 6):.3g}")
         ends = 1e-4 * rough * e_star, 2 * rough * e_star
-        ask = ["law", *names, "--side", "8,9", "--e-star", f"{e_star}", "--conductivity", "1"]
-        ask += ["--boundary", rng.choice(["free", "mirror", "periodic"]), "-o", f"{folder}/law"]
+        ask = [
+            "law",
+            *names,
+            "--side",
+            "8,9",
+            "--e-star",
+            f"{e_star}",
+            "--conductivity",
+            "1",
+        ]
+        ask += [
+            "--boundary",
+            rng.choice(["free", "mirror", "periodic"]),
+            "-o",
+            f"{folder}/law",
+        ]
         if rng.random() < 0.5:
             ask += ["--hardness", f"{2.5 * rough * e_star}"]
         ask += ["--pressure", f"{ends[0]}:{ends[1]}:{rng.integers(3, 30)}:log"]
@@ -279,15 +342,32 @@ def test_laws_up_to_full_contact_are_finite_and_rise(tmp_path, capsys, seeds):
 def test_the_end_of_one_table_is_not_said_of_the_other(tmp_path, capsys):
     """Where one surface of two is in full contact, the table against pressure goes on beyond."""
     for number, rough in enumerate((0.1, 1.0)):
-        np.save(tmp_path / f"{number}.npy", rough * np.random.default_rng(1).normal(size=(8, 8)))
-    ask = ["law", f"{tmp_path}/0.npy", f"{tmp_path}/1.npy", "--side", "8", "--e-star", "5"]
+        np.save(
+            tmp_path / f"{number}.npy",
+            rough * np.random.default_rng(1).normal(size=(8, 8)),
+        )
+    ask = [
+        "law",
+        f"{tmp_path}/0.npy",
+        f"{tmp_path}/1.npy",
+        "--side",
+        "8",
+        "--e-star",
+        "5",
+    ]
     assert cli.main([*ask, "--pressure", "0.01,0.1,0.2", "-o", f"{tmp_path}/law"]) == 0
-    (note,) = (line for line in capsys.readouterr().out.splitlines() if "full contact" in line)
+    (note,) = (
+        line for line in capsys.readouterr().out.splitlines() if "full contact" in line
+    )
     assert note.endswith("um on: the table against delta_um ends below it")
     end = float(note.split()[3])
-    part = [row for row in rows_of(tmp_path / "law.csv") if row["against"] == "pressure_MPa"]
+    part = [
+        row for row in rows_of(tmp_path / "law.csv") if row["against"] == "pressure_MPa"
+    ]
     assert float(part[-1]["closure_um"]) > end
-    assert "larger pressures, up to full contact, if" in said(tmp_path / "law-calculix.inp")
+    assert "larger pressures, up to full contact, if" in said(
+        tmp_path / "law-calculix.inp"
+    )
 
 
 needs_calculix = pytest.mark.skipif(
@@ -304,7 +384,9 @@ def test_calculix_presses_two_blocks_as_the_table_says(law):
     for row in found:
         for name in QUANTITIES:
             assert row[f"{name}_calculix"] == pytest.approx(row[name], rel=0.01)
-    softer = [row | {"pressure_MPa": 2 * row["pressure_MPa"]} for row in rows]  # of another law
+    softer = [
+        row | {"pressure_MPa": 2 * row["pressure_MPa"]} for row in rows
+    ]  # of another law
     assert min(abs(row["pressure_MPa_off"]) for row in pressed(folder, softer)) > 1
 
 
@@ -343,7 +425,9 @@ def test_4c_gets_the_monotone_cubic_with_its_tangent_in_its_signs(law, monkeypat
     gaps = np.linspace(-at[-1], 0, 1001)
     values = [module.evaluate(gap, 0.0) for gap in gaps.tolist()]
     assert {type(value) for value in values} == {float}
-    assert (np.diff(values) > 0).all(), "pressures are negative, and rise to 0 at first touch"
+    assert (np.diff(values) > 0).all(), (
+        "pressures are negative, and rise to 0 at first touch"
+    )
     for low, high in zip([0.0, *at], at, strict=False):
         gap, step = -(low + 0.3 * (high - low)), 0.1 * (high - low)
         ends = [module.evaluate(gap + more * step, 0.0) for more in (-2, -1, 1, 2)]
@@ -353,7 +437,9 @@ def test_4c_gets_the_monotone_cubic_with_its_tangent_in_its_signs(law, monkeypat
         for function in (module.evaluate, module.evaluate_derivative):
             with pytest.raises(ValueError, match="this law begins at 0"):
                 function(gap, moved)
-    assert "beyond, the pressure follows the last slope" in path.read_text().replace("\n#   ", " ")
+    assert "beyond, the pressure follows the last slope" in path.read_text().replace(
+        "\n#   ", " "
+    )
     stiffness = module.evaluate_derivative(-float(at[-1]), 0.0)
     assert stiffness > 0
     for share in (1.01, 2.0, 10.0):
@@ -365,7 +451,9 @@ def test_4c_gets_the_monotone_cubic_with_its_tangent_in_its_signs(law, monkeypat
             assert module.evaluate_derivative(-float(share * at[-1]), 0.0) == stiffness
 
 
-def test_a_file_that_4c_could_not_import_is_refused_before_any_work(surfaces, run, capsys):
+def test_a_file_that_4c_could_not_import_is_refused_before_any_work(
+    surfaces, run, capsys
+):
     for name in ("math.py", "law.2.py", "law.txt"):
         run("many/s0.npy", "--pressure", "10", "--4c", name, ends=2)
         assert f"--4c {name}: 4C imports it by its name" in capsys.readouterr().err
@@ -380,7 +468,9 @@ def rough(tmp_path_factory):
     heights = 100 * random_waves(3, 9, 0.8, 1)(96)
     np.save(folder / "s.npy", heights)
     pressures = np.geomspace(60, 16e3, 61)
-    contacts = bem.ladder(heights, 100.0, modulus=230e3, boundary="mirror", pressures=pressures)
+    contacts = bem.ladder(
+        heights, 100.0, modulus=230e3, boundary="mirror", pressures=pressures
+    )
     rows = [
         {
             "pressure_MPa": pressure,
@@ -410,19 +500,31 @@ def told(path):
 
 
 @pytest.mark.parametrize("points", [7, pytest.param(20, marks=pytest.mark.long)])
-def test_lines_are_within_5_percent_up_to_90_percent_contact_and_say_how_far(rough, points):
+def test_lines_are_within_5_percent_up_to_90_percent_contact_and_say_how_far(
+    rough, points
+):
     """The conductance diverges towards full contact: by the loads alone it was 163 % too large."""
     folder, rows = rough
     rows = rows[rows.close].iloc[:-1]
     loads = f"{rows.pressure_MPa.iloc[0]}:16e3:{points}:log"
-    ask = [f"{folder}/s.npy", "--side", "100", "--e-star", "230e3", "--conductivity", "50"]
+    ask = [
+        f"{folder}/s.npy",
+        "--side",
+        "100",
+        "--e-star",
+        "230e3",
+        "--conductivity",
+        "50",
+    ]
     assert cli.main(["law", *ask, "--pressure", loads, "-o", f"{folder}/law"]) == 0
     for program in ("calculix", "abaqus"):
         path = folder / f"law-{program}.inp"
         for announced, measured in zip(told(path), distances(path, rows), strict=True):
             assert measured < 5
             assert announced < 5
-            assert measured < 1.5 * announced + 1.5, "a contact between others may be further off"
+            assert measured < 1.5 * announced + 1.5, (
+                "a contact between others may be further off"
+            )
     assert re.search(r"off contacts at \d+ pressures between the loads", said(path))
     head = (folder / "law.h").read_text().partition("*/")[0].replace("\n *", "")
     for function in ("area", "conductance_at_pressure", "pressure_at_closure"):
@@ -444,7 +546,10 @@ def test_without_the_check_no_contact_is_solved_between_the_loads(rough, monkeyp
     monkeypatch.setattr(contact_law, "solve_loads", counted)
     ask = ["law", f"{folder}/s.npy", "--side", "100", "--e-star", "230e3"]
     ask += ["--pressure", "100:1600:5:log"]
-    for files in (["-o", f"{folder}/some", "--no-check"], ["--csv", f"{folder}/some.csv"]):
+    for files in (
+        ["-o", f"{folder}/some", "--no-check"],
+        ["--csv", f"{folder}/some.csv"],
+    ):
         solved.clear()
         assert cli.main([*ask, *files]) == 0
         np.testing.assert_allclose(solved, np.geomspace(100, 1600, 5))
@@ -471,7 +576,9 @@ def compiled(texts, *headers):
     lines += [f'printf("%.17g\\n", (double)({text}));' for text in texts]
     Path("main.c").write_text("\n".join([*lines, "return 0;", "}", ""]))
     compiling = [*COMPILER, "main.c", "-o", "main"]
-    return subprocess.run(compiling, capture_output=True, text=True, check=False, timeout=60)
+    return subprocess.run(
+        compiling, capture_output=True, text=True, check=False, timeout=60
+    )
 
 
 def said_by(texts, *headers):
@@ -482,18 +589,37 @@ def said_by(texts, *headers):
 
 
 NAMES = {
-    "delta_um": ("area", "force", "mean_gap", "pressure", "closure", "stiffness", "conductance"),
+    "delta_um": (
+        "area",
+        "force",
+        "mean_gap",
+        "pressure",
+        "closure",
+        "stiffness",
+        "conductance",
+    ),
     "pressure_MPa": ("delta", "closure", "area", "mean_gap", "stiffness", "conductance"),
 }
 ENDS_OF = {"delta_um": "", "pressure_MPa": "_at_pressure"}
 
 
 @needs_compiler
-def test_two_laws_in_one_program_have_the_values_bands_and_tangents_of_their_tables(surfaces, run):
+def test_two_laws_in_one_program_have_the_values_bands_and_tangents_of_their_tables(
+    surfaces, run
+):
     conducting = ["--conductivity", "50", "--hardness", "5000", "--no-check"]
     loads = ["--pressure", "1:100:6:log"]
     run("many", *loads, *conducting, "--csv", "many.csv", "--header", "many-2.h")
-    run("many/s0.npy", "--delta", "0.1:0.5:5", *conducting, "--csv", "one.csv", "--header", "one.h")
+    run(
+        "many/s0.npy",
+        "--delta",
+        "0.1:0.5:5",
+        *conducting,
+        "--csv",
+        "one.csv",
+        "--header",
+        "one.h",
+    )
     texts, expected = [], []
     for law, ends in (("many_2", ("", "_low", "_high")), ("one", ("",))):
         rows = pd.read_csv(f"{law.removesuffix('_2')}.csv")
@@ -511,15 +637,27 @@ def test_two_laws_in_one_program_have_the_values_bands_and_tangents_of_their_tab
                     texts.append(f"{own}_tangent({row[against]:.17g})")
                     expected.append(row[f"{column}_slope"])
                 if against == "pressure_MPa":  # the law of a contact element
-                    texts.append(f"asperity_{law}_pressure_at_closure({row.closure_um:.17g})")
+                    texts.append(
+                        f"asperity_{law}_pressure_at_closure({row.closure_um:.17g})"
+                    )
                     expected.append(row.pressure_MPa)
     found = said_by(texts, "many-2.h", "one.h", "many-2.h")
     np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
 @needs_compiler
-def test_between_the_points_it_is_a_monotone_cubic_with_a_continuous_tangent(surfaces, run):
-    run("many/s0.npy", "--pressure", "1:100:6:log", "--csv", "law.csv", "--header", "law.h")
+def test_between_the_points_it_is_a_monotone_cubic_with_a_continuous_tangent(
+    surfaces, run
+):
+    run(
+        "many/s0.npy",
+        "--pressure",
+        "1:100:6:log",
+        "--csv",
+        "law.csv",
+        "--header",
+        "law.h",
+    )
     at = np.concatenate([np.linspace(1e-9, 110, 300), np.geomspace(1, 100, 6)])
     for function in ("delta_at_pressure", "area_at_pressure", "stiffness_at_pressure"):
         own, step = f"asperity_law_{function}", 1e-6
@@ -528,7 +666,9 @@ def test_between_the_points_it_is_a_monotone_cubic_with_a_continuous_tangent(sur
         tangent = said_by([f"{own}_tangent({p:.17g})" for p in at], "law.h")
         inside = (at > 2 * step) & (at < 100 - 2 * step)
         slopes = (high - low)[inside] / (2 * step)
-        np.testing.assert_allclose(tangent[inside], slopes, rtol=1e-3, atol=1e-5 * slopes.max())
+        np.testing.assert_allclose(
+            tangent[inside], slopes, rtol=1e-3, atol=1e-5 * slopes.max()
+        )
         assert (np.diff(here[:300]) >= -1e-12 * here.max()).all()
         assert (tangent >= 0).all()
         # Continuous where the pieces of the cubic meet.
@@ -563,7 +703,9 @@ def test_past_the_end_a_joint_is_as_stiff_as_at_its_last_point(surfaces, run):
         for _ in ends:
             values = next(numbers)
             if not goes_on:
-                np.testing.assert_allclose(values, values[0], rtol=1e-14, err_msg=function)
+                np.testing.assert_allclose(
+                    values, values[0], rtol=1e-14, err_msg=function
+                )
                 continue
             slopes = np.diff(values) / np.diff(last * beyond)
             assert slopes[0] > 0, function
@@ -584,10 +726,14 @@ def test_a_cubic_that_ends_level_goes_on_with_the_slope_of_its_last_interval():
 
 @needs_compiler
 def test_unknown_ends_of_a_band_are_no_numbers(surfaces, make):
-    law = make("many", pressure="1,10", e_star=2e5, stiffness=True, reading=Reading(side="100"))
+    law = make(
+        "many", pressure="1,10", e_star=2e5, stiffness=True, reading=Reading(side="100")
+    )
     area, at = law.over_delta.curves["area_percent"], law.over_delta.at
     unknown = replace(area, low=np.where(np.arange(area.low.size) == 1, np.nan, area.low))
-    curves = replace(law.over_delta, curves={**law.over_delta.curves, "area_percent": unknown})
+    curves = replace(
+        law.over_delta, curves={**law.over_delta.curves, "area_percent": unknown}
+    )
     finite_elements.write_header(Path("law.h"), replace(law, over_delta=curves))
     places = (at[1], (at[0] + at[1]) / 2, at[2])
     found = said_by([f"asperity_law_area_low({place:.17g})" for place in places], "law.h")
@@ -611,7 +757,10 @@ def test_a_header_says_what_it_is_and_a_second_of_its_name_is_an_error(surfaces,
     assert compiled(["asperity_steel_area(1.0)"], "steel.h", "steel.h").returncode == 0
     done = compiled(["asperity_steel_area(1.0)"], "steel.h", "other/steel.h")
     assert done.returncode == 1
-    assert "two laws are named asperity_steel: give one of the headers another file" in done.stderr
+    assert (
+        "two laws are named asperity_steel: give one of the headers another file"
+        in done.stderr
+    )
 
 
 @needs_compiler

@@ -56,14 +56,19 @@ def test_the_map_with_the_wider_spacing_is_interpolated(boundary):
         error = made.heights - made.heights.max() - 2 * (whole - whole.max())
         assert np.abs(error - error.mean()).max() < 3e-4
         number = 2 if shapes[0] == fine else 1
-        assert f"body {number} interpolated by cubic splines from nodes every" in made.steps[-1]
+        assert (
+            f"body {number} interpolated by cubic splines from nodes every"
+            in made.steps[-1]
+        )
 
 
 def test_a_periodic_body_is_shifted_round():
     first, second = (surface(rough((8, 8), seed), boundary="periodic") for seed in (0, 1))
     made = composite(first, second, "none", (3.0, -21.0))
     below = second.heights - second.heights.max()
-    np.testing.assert_array_equal(made.heights, first.heights + np.roll(below, (3, -21), (0, 1)))
+    np.testing.assert_array_equal(
+        made.heights, first.heights + np.roll(below, (3, -21), (0, 1))
+    )
     assert made.sides == (8.0, 8.0)
 
 
@@ -122,7 +127,11 @@ def test_both_bodies_are_prepared_alike_unless_the_second_has_options_of_its_own
     own = prepared(*options, "--against-options", "--side 8 --invert --downsample 2")
     assert "body 2: levelled by a plane" in alike
     assert "body 2: levelled" not in own
-    for words in ("body 1: levelled by a plane", "body 2: turned", "body 2: downsampled to 8 x 8"):
+    for words in (
+        "body 1: levelled by a plane",
+        "body 2: turned",
+        "body 2: downsampled to 8 x 8",
+    ):
         assert words in own
 
 
@@ -143,8 +152,12 @@ def test_bad_options_of_the_second_body_are_one_line(refused, options, word):
 @pytest.mark.filterwarnings("ignore:Cannot close a netcdf_file:RuntimeWarning")
 @pytest.mark.parametrize("periodic", [True, False])
 def test_a_file_that_calls_itself_periodic_is_told_how_it_is_taken(periodic, capsys):
-    library = pytest.importorskip("SurfaceTopography", reason="needs the extra instruments")
-    wave = np.cos(2 * np.pi * np.arange(24) / 24)[:, None] * np.cos(np.pi * np.arange(20) / 5)
+    library = pytest.importorskip(
+        "SurfaceTopography", reason="needs the extra instruments"
+    )
+    wave = np.cos(2 * np.pi * np.arange(24) / 24)[:, None] * np.cos(
+        np.pi * np.arange(20) / 5
+    )
     made = library.Topography(0.1 * wave, (24.0, 20.0), unit="um", periodic=periodic)
     made.to_netcdf("map.nc")
     commands = (["contact", "map.nc", "--delta", "0.05"], ["describe", "map.nc"])
@@ -161,5 +174,6 @@ def test_a_file_that_calls_itself_periodic_is_told_how_it_is_taken(periodic, cap
             taken = "mirror" if options[1:] == ["mirror"] or command is law else "free"
             line = f"says that its map is periodic, and it is taken as a {taken} patch: --boundary"
             assert (
-                f"{line} periodic of gen describe, contact and law follows the file" in said
+                f"{line} periodic of gen describe, contact and law follows the file"
+                in said
             ) == told

@@ -31,7 +31,9 @@ def test_a_polynomial_is_its_own_fit(shape, degree, holes):
     heights = polynomial(shape, degree, random)
     measured = ~(holes & (random.random(shape) < 0.1))
     fit = fitted_polynomial(np.where(measured, heights, np.nan), degree)
-    np.testing.assert_allclose(fit[measured], heights[measured], atol=1e-12 * np.ptp(heights))
+    np.testing.assert_allclose(
+        fit[measured], heights[measured], atol=1e-12 * np.ptp(heights)
+    )
 
 
 def planted_nodes(shape, random):
@@ -53,7 +55,9 @@ def without_spikes(heights, threshold):
 def test_planted_spikes_are_found_and_only_they(seed, nx, ny):
     random = np.random.default_rng(seed)
     x, y = np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij")
-    clean = random.normal(size=(nx, ny)) + random.normal() * 20 * x + random.normal() * 20 * y
+    clean = (
+        random.normal(size=(nx, ny)) + random.normal() * 20 * x + random.normal() * 20 * y
+    )
     planted = planted_nodes((nx, ny), random)
     signs = random.choice([-1, 1], size=(nx, ny))
     heights = np.where(planted, clean + signs * 3000, clean)
@@ -63,7 +67,9 @@ def test_planted_spikes_are_found_and_only_they(seed, nx, ny):
     assert np.abs(clear - clean)[planted].max(initial=0) < 300
 
 
-@pytest.mark.parametrize("seed", range(5))  # in some others a spike is all that neighbours see
+@pytest.mark.parametrize(
+    "seed", range(5)
+)  # in some others a spike is all that neighbours see
 def test_holes_are_neither_spikes_nor_neighbours(seed):
     random = np.random.default_rng(seed)
     heights = random.normal(size=(23, 30))
@@ -120,7 +126,10 @@ def test_weights_at_a_border_are_the_normalised_ones():
     heights = random.normal(size=(17, 12))
     cutoff = 4.0
     smooth = np.empty_like(heights)
-    axes = [step * np.arange(nodes) for nodes, step in zip(heights.shape, SPACING, strict=True)]
+    axes = [
+        step * np.arange(nodes)
+        for nodes, step in zip(heights.shape, SPACING, strict=True)
+    ]
     for (i, j), _ in np.ndenumerate(heights):
         squares = np.add.outer((axes[0] - axes[0][i]) ** 2, (axes[1] - axes[1][j]) ** 2)
         weights = np.exp(-np.pi * squares / (ALPHA * cutoff) ** 2)

@@ -32,7 +32,9 @@ from gen.runtime.errors import InputError
 CLEAN = Reading(asked="key", despike=7.0, level="plane", fill=True)
 SMALL = (
     MadeMap("honed", 0, (40, 30), 0.5, 10.0, faults=Faults(spikes=2, holes=2)),
-    MadeMap("ground", 0, (36, 44), 0.5, 10.0, format="nc", faults=Faults(tilt=(0.1, 0.0))),
+    MadeMap(
+        "ground", 0, (36, 44), 0.5, 10.0, format="nc", faults=Faults(tilt=(0.1, 0.0))
+    ),
     MadeMap("fractal", 0, (33, 33), 0.5, 10.0, format="gwy"),
 )
 
@@ -61,7 +63,9 @@ def made(paths, home, wanted=CLEANED):
 def test_maps_are_prepared_once(paths, home, monkeypatch):
     first = made(paths, home)
     (file,) = home.iterdir()
-    monkeypatch.setattr(library, "read", lambda *_, **__: pytest.fail("a map is read again"))
+    monkeypatch.setattr(
+        library, "read", lambda *_, **__: pytest.fail("a map is read again")
+    )
     for again in (made(paths, home), opened(digests(paths), CLEANED, home, verify=False)):
         for one, other in zip(first.maps, again.maps, strict=True):
             assert np.array_equal(one.heights, other.heights)
@@ -93,12 +97,16 @@ def test_a_pipe_or_a_folder_in_the_place_of_prepared_maps_is_refused(paths, home
     assert file.exists()
 
 
-def test_a_temporary_folder_of_somebody_else_is_not_used(paths, home, tmp_path, monkeypatch):
+def test_a_temporary_folder_of_somebody_else_is_not_used(
+    paths, home, tmp_path, monkeypatch
+):
     monkeypatch.setattr(os, "access", lambda folder, mode: folder != home)
     folder = tmp_path / "temporary" / f"asperity-{os.getuid()}"
     folder.mkdir()
     folder.chmod(0o777)
-    with pytest.raises(InputError, match=r"there is no folder for prepared maps: .* TMPDIR"):
+    with pytest.raises(
+        InputError, match=r"there is no folder for prepared maps: .* TMPDIR"
+    ):
         made(paths, home)
 
 
@@ -121,12 +129,17 @@ def test_a_map_smaller_than_the_window_is_refused(paths, home):
     with pytest.raises(InputError, match=message):
         made(paths, home, Wanted((33, 33), None, CLEAN))
     made(paths, home)
-    with pytest.raises(InputError, match=message):  # also where the maps are prepared already
+    with pytest.raises(
+        InputError, match=message
+    ):  # also where the maps are prepared already
         made(paths, home, Wanted((33, 33), None, CLEAN))
 
 
 MAPS = [
-    (PreparedMap(np.random.default_rng(1).normal(size=(30, 41)), ("a remark",)), (0.5, 0.5)),
+    (
+        PreparedMap(np.random.default_rng(1).normal(size=(30, 41)), ("a remark",)),
+        (0.5, 0.5),
+    ),
     (PreparedMap(np.asfortranarray(np.arange(12.0).reshape(3, 4))), (0.5, 0.5)),
 ]
 
@@ -180,7 +193,9 @@ def test_names_without_a_file_are_refused_in_one_line(folder, pattern):
 
 def test_content_names_a_map_and_no_two_are_alike(folder):
     paths = map_files(["scans"], folder)
-    assert digests(paths) == [hashlib.sha256(path.name.encode()).hexdigest() for path in paths]
+    assert digests(paths) == [
+        hashlib.sha256(path.name.encode()).hexdigest() for path in paths
+    ]
     (folder / "scans" / "z.x3p").write_text("a.x3p")
     with pytest.raises(InputError, match=r"z\.x3p and .*a\.x3p are the same map"):
         digests(map_files(["scans"], folder))
@@ -193,7 +208,11 @@ windows = st.tuples(st.integers(2, 12), st.integers(2, 12))
 def tilings(draw):
     """Tilings of up to four maps, each as large as the window at least."""
     window = draw(windows)
-    maps = draw(st.lists(st.tuples(st.integers(0, 50), st.integers(0, 50)), min_size=1, max_size=4))
+    maps = draw(
+        st.lists(
+            st.tuples(st.integers(0, 50), st.integers(0, 50)), min_size=1, max_size=4
+        )
+    )
     return Tiling(tuple((window[0] + x, window[1] + y) for x, y in maps), window)
 
 
@@ -210,14 +229,25 @@ def test_tiles_cover_each_map_once_and_hold_a_window(tiling):
 
 @pytest.mark.parametrize(
     ("nodes", "window", "tiles"),
-    [(129, 129, 1), (257, 129, 1), (258, 129, 2), (515, 129, 2), (516, 129, 2), (774, 129, 3)],
+    [
+        (129, 129, 1),
+        (257, 129, 1),
+        (258, 129, 2),
+        (515, 129, 2),
+        (516, 129, 2),
+        (774, 129, 3),
+    ],
 )
-def test_tiles_are_twice_as_wide_as_the_window_where_two_of_them_fit(nodes, window, tiles):
+def test_tiles_are_twice_as_wide_as_the_window_where_two_of_them_fit(
+    nodes, window, tiles
+):
     assert Tiling(((nodes, nodes),), (window, window)).total == tiles**2
 
 
 def stream(seed, surface):
-    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(surface,))))
+    return np.random.Generator(
+        np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(surface,)))
+    )
 
 
 @given(tilings(), st.integers(0, 2**63 - 1), st.booleans())
@@ -226,7 +256,9 @@ def test_a_window_lies_in_its_tile(tiling, seed, square):
     window = drawn(stream(seed, 3), tiling)
     assert window == drawn(stream(seed, 3), tiling)
     ends = tiling.tiles[window.map][window.tile - tiling.starts[window.map]]
-    for corner, nodes, (start, stop) in zip(window.corner, tiling.window, ends, strict=True):
+    for corner, nodes, (start, stop) in zip(
+        window.corner, tiling.window, ends, strict=True
+    ):
         assert start <= corner <= corner + nodes <= stop
     assert 0 <= window.symmetry < (8 if square else 4)
 

@@ -28,13 +28,17 @@ NODES = 80
 def rough(seed=0, nodes=NODES, cut_off=4.0):
     spectrum = SelfAffineSpectrum(0.8, nodes / 4, cut_off)
     random = np.random.default_rng(seed)
-    return generate_spectral((nodes, nodes), float(nodes), spectrum, random, rms_height=0.3)
+    return generate_spectral(
+        (nodes, nodes), float(nodes), spectrum, random, rms_height=0.3
+    )
 
 
 def coded(code, offset=10.0, share=0.01):
     """A rough map [um] with a code at a share of its nodes, and its nodes with the code."""
     heights = rough() + offset
-    places = np.random.default_rng(1).choice(heights.size, int(share * heights.size), replace=False)
+    places = np.random.default_rng(1).choice(
+        heights.size, int(share * heights.size), replace=False
+    )
     heights.flat[places] = code
     return heights
 
@@ -57,13 +61,17 @@ def written(heights, path):
 
 
 @pytest.mark.parametrize("suffix", [".txt", ".npy", ".xyz", ".csv"])
-def test_codes_of_every_format_are_named_with_a_mask_that_takes_them_out(tmp_path, suffix):
+def test_codes_of_every_format_are_named_with_a_mask_that_takes_them_out(
+    tmp_path, suffix
+):
     for code in CODES:
         path = written(coded(code), tmp_path / f"scan{suffix}")
         scale = ("", "um") if suffix == ".xyz" else ("79", "")
         scan = read(path, *scale)
         [warning] = surface_warnings(prepare(scan, Reading()))
-        assert warning.startswith(f"64 nodes (1 %) are at {code:.6g} um, the first is (1, 46)")
+        assert warning.startswith(
+            f"64 nodes (1 %) are at {code:.6g} um, the first is (1, 46)"
+        )
         assert "--mask 8.9:11.1 makes holes of them, which --fill closes" in warning
         masked = prepare(scan, Reading(mask="8.9:11.1", fill=True))
         assert not surface_warnings(masked)
@@ -104,7 +112,10 @@ def test_a_single_code_is_named_as_nanovea_writes_it():
     heights = np.round(440.0 + rough() + 0.01 * np.arange(NODES)[:, None], 4)
     heights[31, 7] = -1.0
     [warning] = warnings_of(heights)
-    assert "the lowest node (31, 7) is a pit, or stands for a missing height, at -1 um" in warning
+    assert (
+        "the lowest node (31, 7) is a pit, or stands for a missing height, at -1 um"
+        in warning
+    )
     assert "--mask 43" in warning
     assert "check the unit" not in warning
 
@@ -127,7 +138,10 @@ def test_a_pit_under_a_tilt_is_found_whether_the_tilt_is_out_or_not():
     """No mask tells it from the lower end of the map: it is taken before levels."""
     heights = rough() + 0.5 * np.arange(NODES)[:, None]
     heights[60, 40] -= 6.0
-    for settings, words in ((Reading(level="plane"), "the lowest node"), (Reading(), "the node")):
+    for settings, words in (
+        (Reading(level="plane"), "the lowest node"),
+        (Reading(), "the node"),
+    ):
         [warning] = [line for line in warnings_of(heights, settings) if "a pit" in line]
         assert f"{words} (60, 40) is a pit, " in warning
         assert "--mask" not in warning
@@ -147,7 +161,9 @@ def test_what_the_command_follows_is_not_told():
     heights = coded(-9999.0)
     heights[5, 5] = 40.0
     assert not warnings_of(heights, Reading(mask="8:12", fill=True))
-    assert not [line for line in warnings_of(heights, Reading(despike=7.0)) if "9999" in line]
+    assert not [
+        line for line in warnings_of(heights, Reading(despike=7.0)) if "9999" in line
+    ]
 
 
 def test_a_code_in_another_unit_is_named_as_the_file_has_it(tmp_path):
@@ -166,7 +182,9 @@ def test_codes_beyond_numbers_are_refused_with_their_mask(tmp_path):
     assert not prepare(read(path, "79"), Reading(mask="8.9:", fill=True)).warnings
 
 
-HONED, TURNED = (surface(MadeMap(kind, 0, (200, 180), 0.5, 50.0)) for kind in ("honed", "turned"))
+HONED, TURNED = (
+    surface(MadeMap(kind, 0, (200, 180), 0.5, 50.0)) for kind in ("honed", "turned")
+)
 
 
 @pytest.mark.parametrize("share", [3e-4, 0.003, 0.01, 0.1, 0.4, 0.7])
@@ -198,7 +216,9 @@ X, Y = np.meshgrid(np.linspace(-1, 1, 101), np.linspace(-1, 1, 91), indexing="ij
 NATURAL = {
     **{kind: surface(MadeMap(kind, 1, (160, 140), 1.0, 40.0)) for kind in KINDS},
     **{f"pitted {seed}": _pitted(seed) for seed in (0, 3, 6, 9)},
-    "diamond-square": generate("diamond-square", 129, 0.5, 12.5, np.random.default_rng(0)),
+    "diamond-square": generate(
+        "diamond-square", 129, 0.5, 12.5, np.random.default_rng(0)
+    ),
     "midpoint": generate("midpoint", 129, 0.8, 12.5, np.random.default_rng(0)),
     "lay": generate_spectral(
         (96, 96),
@@ -251,11 +271,15 @@ def test_every_command_that_reads_maps_names_them(name, here, capsys, monkeypatc
     words += ["--side", "79"] if name == "scene" else []
     assert cli.main(words) == 0
     printed = capsys.readouterr()
-    lines = [line for line in (printed.out + printed.err).splitlines() if "-9999 um" in line]
+    lines = [
+        line for line in (printed.out + printed.err).splitlines() if "-9999 um" in line
+    ]
     mask = "mask 8.9:11.1 makes holes of them, which "
     mask += "fill closes" if name in {"scene", "run"} else "--fill closes"
     assert lines
-    assert all("64 nodes (1 %) are at -9999 um" in line and mask in line for line in lines)
+    assert all(
+        "64 nodes (1 %) are at -9999 um" in line and mask in line for line in lines
+    )
 
 
 @pytest.mark.parametrize("turned", ["x", "y", "none"])
@@ -272,7 +296,9 @@ def test_two_bodies_have_the_codes_of_both_and_no_slopes_of_them(turned, shift):
 def test_many_codes_leave_no_neighbours_and_nothing_is_said_by_numpy():
     heights = rough() + 10.0
     heights[::2, ::2] = heights[1::2, 1::2] = -9999.0
-    assert any("3200 nodes (50 %) are at -9999 um" in line for line in warnings_of(heights))
+    assert any(
+        "3200 nodes (50 %) are at -9999 um" in line for line in warnings_of(heights)
+    )
 
 
 def test_nothing_is_masked():

@@ -26,7 +26,11 @@ from gen.maps.pictures import Map, draw_contacts
 from gen.material import Bodies
 
 ROUGH = generate_spectral(
-    (129, 129), 1000.0, SelfAffineSpectrum(0.7, 250, 16.5), np.random.default_rng(1), rms_height=2.0
+    (129, 129),
+    1000.0,
+    SelfAffineSpectrum(0.7, 250, 16.5),
+    np.random.default_rng(1),
+    rms_height=2.0,
 )
 LAY = np.add.outer(np.random.default_rng(2).normal(size=40), np.zeros(40))
 SHAPES = {
@@ -47,7 +51,9 @@ def test_every_surface_is_drawn_and_nothing_is_cut(shape, here, monkeypatch, cap
     np.save("surface.npy", heights)
     figures, save = [], pictures.save
     monkeypatch.setattr(
-        pictures, "save", lambda figure, path: figures.append(figure) or save(figure, path)
+        pictures,
+        "save",
+        lambda figure, path: figures.append(figure) or save(figure, path),
     )
     assert cli.main(["describe", "surface.npy", "--side", side, "--plot", "one.png"]) == 0
     assert (here / "one.png").read_bytes().startswith(b"\x89PNG")
@@ -86,7 +92,9 @@ def drawn(contacts, **changes):
     bodies = Bodies(E_STAR, contacts[0].problem.hardness, known=True)
     subject = {"name": NAME, "load": "delta", "bodies": bodies, "warnings": (), **changes}
     subject = {"wanted": Wanted(), **subject}
-    rows = [{row.column: row.value for row in answers(each, Wanted())} for each in contacts]
+    rows = [
+        {row.column: row.value for row in answers(each, Wanted())} for each in contacts
+    ]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pictures, "save", lambda *_: None)
         draw_contacts(figure, contacts[-1], rows, Path("contact.png"), **subject)
@@ -129,7 +137,9 @@ def map_with(value):
     heights[7, 3] = value
     figure = new_figure(6, 5)
     axis = figure.subplots()
-    pictures.draw_map(axis, Map(heights, (39.0, 39.0), "heights", "height", "µm", "viridis"))
+    pictures.draw_map(
+        axis, Map(heights, (39.0, 39.0), "heights", "height", "µm", "viridis")
+    )
     return axis, axis.images[0].colorbar
 
 
@@ -141,7 +151,9 @@ def map_with(value):
         (0.0, "neither", None, ""),
     ],
 )
-def test_what_is_beyond_the_colours_has_its_arrow_colour_and_words(value, extend, colour, words):
+def test_what_is_beyond_the_colours_has_its_arrow_colour_and_words(
+    value, extend, colour, words
+):
     axis, bar = map_with(value)
     assert bar.extend == extend
     image = axis.images[0]
@@ -161,7 +173,9 @@ def test_what_is_beyond_the_colours_has_its_arrow_colour_and_words(value, extend
 
 def test_laws_have_the_gap_and_logarithmic_axes_over_decades():
     for pressures, scale in (([1.0, 3.0, 10.0], "linear"), ([3.0, 0.1, 30.0], "log")):
-        contacts = list(bem.ladder(FRACTAL, (100.0, 100.0), pressures=pressures, modulus=1e4))
+        contacts = list(
+            bem.ladder(FRACTAL, (100.0, 100.0), pressures=pressures, modulus=1e4)
+        )
         figure = drawn(contacts, load="pressure")
         gap, area = titled(figure, "mean gap [µm]"), titled(figure, "contact area [%]")
         assert gap.get_xscale() == area.get_xscale() == area.get_yscale() == scale
@@ -171,7 +185,9 @@ def test_laws_have_the_gap_and_logarithmic_axes_over_decades():
 
 
 def test_the_flow_takes_the_place_of_the_pressure():
-    light, full = (bem.solve(FRACTAL, 100.0, pressure=p, modulus=E_STAR) for p in (1e-2, 1e7))
+    light, full = (
+        bem.solve(FRACTAL, 100.0, pressure=p, modulus=E_STAR) for p in (1e-2, 1e7)
+    )
     figure = drawn([light], wanted=Wanted(flow=True))
     assert titled(figure, "gap: connects")
     assert titled(figure, f"flux along x: flow factor {light.flow().factor:.3g}")
@@ -220,8 +236,26 @@ LATIN = os.fsdecode(b"n\xfcrnberg \x1b")
 
 DRAWING = {
     "describe": ["describe", f"{LATIN}.npy", "--side", "9", "--plot", f"{LATIN}.png"],
-    "contact": ["contact", f"{LATIN}.npy", "--side", "9", "--delta", "0.1", "--plot", "a.svg"],
-    "law": ["law", f"{LATIN}.npy", "--side", "9", "--pressure", "0.1,0.2", "--plot", "a.pdf"],
+    "contact": [
+        "contact",
+        f"{LATIN}.npy",
+        "--side",
+        "9",
+        "--delta",
+        "0.1",
+        "--plot",
+        "a.svg",
+    ],
+    "law": [
+        "law",
+        f"{LATIN}.npy",
+        "--side",
+        "9",
+        "--pressure",
+        "0.1,0.2",
+        "--plot",
+        "a.pdf",
+    ],
     "plot": ["plot", f"{LATIN}.h5", "-o", f"{LATIN}.svg"],
 }
 

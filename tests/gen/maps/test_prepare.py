@@ -11,7 +11,13 @@ from hypothesis import strategies as st
 
 from gen import cli
 from gen.generators.scans import PreparationTable, ReadingTable
-from gen.maps.filters import filled_harmonically, filtered, is_same, resampled, without_form
+from gen.maps.filters import (
+    filled_harmonically,
+    filtered,
+    is_same,
+    resampled,
+    without_form,
+)
 from gen.maps.prepare import STEPS as TAKEN
 from gen.maps.prepare import downsampled, least_squares, masked, prepare, surface_warnings
 from gen.maps.read import Topography
@@ -33,7 +39,8 @@ def shaped(shape, spacing, height, boundary="free"):
     """A map of a function of x and y [um]."""
     x, y = (step * np.arange(nodes) for nodes, step in zip(shape, spacing, strict=True))
     sides = tuple(
-        step * (nodes - (boundary == "free")) for nodes, step in zip(shape, spacing, strict=True)
+        step * (nodes - (boundary == "free"))
+        for nodes, step in zip(shape, spacing, strict=True)
     )
     return Topography(
         "map", height(x[:, None], y[None, :]), sides, (), (), boundary, asked="option"
@@ -95,9 +102,23 @@ def test_steps_are_taken_in_their_order_whatever_is_asked_for():
     settings = Reading(crop="0:39,0:32", invert=True, mask=":40", despike=12)
     settings = replace(settings, form=3, fill=True, filter="4:30", downsample=3)
     prepared = prepare(topography(heights, (40.0, 32.0)), settings)
-    words = ["cropped", "turned", "masked", "despiked", "form", "filled", "filtered", "downsampled"]
+    words = [
+        "cropped",
+        "turned",
+        "masked",
+        "despiked",
+        "form",
+        "filled",
+        "filtered",
+        "downsampled",
+    ]
     assert [step.split()[0].strip(":") for step in prepared.steps] == words
-    told = ["masked 1 node ", "despiked: 1 node ", "filled 13 nodes", "13 x 11 means of 3 x 3"]
+    told = [
+        "masked 1 node ",
+        "despiked: 1 node ",
+        "filled 13 nodes",
+        "13 x 11 means of 3 x 3",
+    ]
     assert all(any(words in step for step in prepared.steps) for words in told)
     assert np.abs(prepared.heights).max() < 0.02
     assert prepared.spacing == pytest.approx((3, 3))
@@ -129,10 +150,17 @@ def rough(nodes=64, *, tilt=0.0, spike=0):
 
 @pytest.mark.parametrize(
     ("tilt_x", "level", "boundary"),
-    [(0.15, "", "free"), (-0.15, "mean", "periodic"), (0.15, "plane", "mirror"), (0.0, "", "free")],
+    [
+        (0.15, "", "free"),
+        (-0.15, "mean", "periodic"),
+        (0.15, "plane", "mirror"),
+        (0.0, "", "free"),
+    ],
 )
 def test_a_tilted_map_is_told_with_what_levels_it(tilt_x, level, boundary):
-    surface = prepare(replace(rough(tilt=tilt_x), boundary=boundary), Reading(level=level))
+    surface = prepare(
+        replace(rough(tilt=tilt_x), boundary=boundary), Reading(level=level)
+    )
     told = [line for line in surface_warnings(surface) if "tilted by" in line]
     assert len(told) == (tilt_x != 0 and level in {"", "mean"})
     for line in told:
@@ -182,27 +210,50 @@ def test_heights_in_metres_are_told_unless_their_distance_is_wrong():
 
 
 def test_much_that_is_missing_is_warned_of_and_more_refused():
-    for share, warned, refused in ((0.05, False, False), (0.3, True, False), (0.8, True, True)):
-        heights = np.where(np.random.default_rng(1).random(X.shape) < share, np.nan, 0.1 * X)
+    for share, warned, refused in (
+        (0.05, False, False),
+        (0.3, True, False),
+        (0.8, True, True),
+    ):
+        heights = np.where(
+            np.random.default_rng(1).random(X.shape) < share, np.nan, 0.1 * X
+        )
         if refused:
-            with pytest.raises(InputError, match=r"are missing \(.* %\): .* insist by --fill-most"):
+            with pytest.raises(
+                InputError, match=r"are missing \(.* %\): .* insist by --fill-most"
+            ):
                 prepare(topography(heights), Reading(fill=True))
         filled = prepare(topography(heights), Reading(fill=True, fill_most=refused))
-        told = [line for line in surface_warnings(filled) if "were missing and are filled" in line]
+        told = [
+            line
+            for line in surface_warnings(filled)
+            if "were missing and are filled" in line
+        ]
         assert len(told) == warned
 
 
 def test_a_scanned_sphere_is_hertz(here, capsys):
     """R = 5 mm on 160 x 120 um: tilted, noisy, 2 % missing and a hole; heights in nm."""
     random = np.random.default_rng(0)
-    x, y = np.meshgrid(np.linspace(-80, 80, 161), np.linspace(-60, 60, 161), indexing="ij")
+    x, y = np.meshgrid(
+        np.linspace(-80, 80, 161), np.linspace(-60, 60, 161), indexing="ij"
+    )
     heights = -(x**2 + y**2) / (2 * 5000.0) + 0.01 * x - 0.004 * y
     heights += random.normal(0, 2e-4, x.shape)
     heights[random.random(x.shape) < 0.02] = np.nan
     heights[30:40, 100:115] = np.nan
     np.save("sphere.npy", 1e3 * heights)
     prepared = ["--side", "160,120", "--unit", "nm", "--level", "plane", "--fill"]
-    moduli = ["--young", "210e3", "--poisson", "0.3", "--young", "70e3", "--poisson", "0.33"]
+    moduli = [
+        "--young",
+        "210e3",
+        "--poisson",
+        "0.3",
+        "--young",
+        "70e3",
+        "--poisson",
+        "0.33",
+    ]
     ask = ["contact", "sphere.npy", *prepared, *moduli, "--csv", "law.csv"]
     assert cli.main([*ask, "--delta", "0.1:0.3:3", "--plot", "law.png"]) == 0
     assert "filled" in capsys.readouterr().out
@@ -250,14 +301,22 @@ def test_steps_that_do_not_suit_the_map_are_refused():
         resampled(shaped((3, 9), (1.0, 1.0), cubic), (0.5, 1.0))
     with pytest.raises(InputError, match="a spacing of 7 um leaves 1 x 1 nodes"):
         resampled(shaped((9, 9), (1.0, 1.0), cubic), (7.0, 7.0))
-    with pytest.raises(InputError, match=r"map: --mask 50:60 leaves no height, they are 0 to 14"):
+    with pytest.raises(
+        InputError, match=r"map: --mask 50:60 leaves no height, they are 0 to 14"
+    ):
         masked(plane, (50, 60))
-    with pytest.raises(InputError, match="map: --downsample 4 leaves fewer than 2 x 2 of 9 x 7"):
+    with pytest.raises(
+        InputError, match="map: --downsample 4 leaves fewer than 2 x 2 of 9 x 7"
+    ):
         downsampled(plane, 4)
-    with pytest.raises(InputError, match="map: --form 7 has 36 coefficients, too many for 63 hei"):
+    with pytest.raises(
+        InputError, match="map: --form 7 has 36 coefficients, too many for 63 hei"
+    ):
         without_form(plane, 7)
     for cutoffs in ((1.0, None), (None, 9.0), (9.0, None)):
-        with pytest.raises(InputError, match=r"-filter's cut-off, .* um, is outside 8 to 4 um, fo"):
+        with pytest.raises(
+            InputError, match=r"-filter's cut-off, .* um, is outside 8 to 4 um, fo"
+        ):
             filtered(plane, *cutoffs)
 
 

@@ -16,7 +16,9 @@ from gen.runtime.errors import InputError
 from gen.runtime.installation import command_for
 from tests.maps import read
 
-SurfaceTopography = pytest.importorskip("SurfaceTopography", reason="needs the extra instruments")
+SurfaceTopography = pytest.importorskip(
+    "SurfaceTopography", reason="needs the extra instruments"
+)
 
 HEIGHTS = np.random.default_rng(5).normal(size=(7, 5))  # um; oblong, odd and even
 HOLES = np.zeros(HEIGHTS.shape, dtype=bool)
@@ -27,10 +29,16 @@ PIXEL = 2.0, 0.5  # um
 
 def written(path, unit, per_um):
     """HEIGHTS with HOLES as SurfaceTopography's own writers put them into a file."""
-    sizes = tuple(nodes * pixel * per_um for nodes, pixel in zip(HEIGHTS.shape, PIXEL, strict=True))
+    sizes = tuple(
+        nodes * pixel * per_um for nodes, pixel in zip(HEIGHTS.shape, PIXEL, strict=True)
+    )
     masked = np.ma.array(HEIGHTS * per_um, mask=HOLES)
     topography = SurfaceTopography.Topography(masked, sizes, unit=unit)
-    write = {".x3p": topography.to_x3p, ".gwy": topography.to_gwy, ".nc": topography.to_netcdf}
+    write = {
+        ".x3p": topography.to_x3p,
+        ".gwy": topography.to_gwy,
+        ".nc": topography.to_netcdf,
+    }
     write[path.suffix](str(path))
     return path
 
@@ -48,7 +56,9 @@ def test_files_give_back_heights_and_lengths_in_um(tmp_path, suffix, unit, per_u
 
 
 @pytest.mark.parametrize("boundary", BOUNDARIES)
-def test_the_size_of_a_pixel_is_that_of_the_file_whatever_the_boundary(tmp_path, boundary):
+def test_the_size_of_a_pixel_is_that_of_the_file_whatever_the_boundary(
+    tmp_path, boundary
+):
     topography = read(written(tmp_path / "scan.nc", "nm", 1e3), boundary=boundary)
     assert topography.spacing == pytest.approx(PIXEL, rel=1e-6)
     np.save(tmp_path / "bare.npy", HEIGHTS)
@@ -90,7 +100,9 @@ def test_without_the_extra_the_message_names_it(tmp_path):
     (tmp_path / "scan.x3p").write_bytes(b"PK\3\4")
     run = python("-c", program, folder=tmp_path)
     assert run.returncode == 2
-    assert run.stderr.strip().endswith(f"without SurfaceTopography: {command_for('instruments')}")
+    assert run.stderr.strip().endswith(
+        f"without SurfaceTopography: {command_for('instruments')}"
+    )
 
 
 def test_a_line_scan_is_refused_by_name(tmp_path):
@@ -108,14 +120,19 @@ def test_channels_are_chosen_and_named(tmp_path):
         topography = read(scan, "12,2", "um", channel=wanted)
         np.testing.assert_array_equal(topography.heights, -HEIGHTS)
         assert "channel 1 'back' (not 0 'front')" in topography.steps[0]
-    with pytest.raises(InputError, match=r"'side': no such channel; .* holds 0 'front', 1 'back'"):
+    with pytest.raises(
+        InputError, match=r"'side': no such channel; .* holds 0 'front', 1 'back'"
+    ):
         read(scan, "12,2", "um", channel="side")
 
 
 @pytest.mark.parametrize(
     ("replaced", "message"),
     [
-        ((b"ISO5436 - 2000", b"ISO 25178"), r"as XML 3D .*: CorruptFile.*Revision should be "),
+        (
+            (b"ISO5436 - 2000", b"ISO 25178"),
+            r"as XML 3D .*: CorruptFile.*Revision should be ",
+        ),
         ((b"<SizeX>9<", b"<SizeX>0<"), "holds 0 x 7; give 2-D heights"),
     ],
 )
@@ -125,13 +142,21 @@ def test_a_damaged_x3p_is_refused_with_the_reason(tmp_path, replaced, message):
 
 
 def test_a_scale_can_be_overruled(tmp_path):
-    scan = written(tmp_path / "scan.nc", "m", 1.0)  # um written as m: a spacing of 2 and 0.5 m
+    scan = written(
+        tmp_path / "scan.nc", "m", 1.0
+    )  # um written as m: a spacing of 2 and 0.5 m
     for wrong in (("1000,200", ""), ("", "um")):
         with pytest.raises(InputError, match="or overrule the file by --override-scale"):
             read(scan, *wrong)
     side = read(scan, "1000,200", override_scale=True)
-    assert (side.sides, np.nanmax(side.heights)) == ((1000, 200), pytest.approx(1e6 * HIGHEST))
-    assert "OVERRULED by --override-scale: 1.2e+07 x 2e+06 um, taken as 1000 x 200 um" in side.steps
+    assert (side.sides, np.nanmax(side.heights)) == (
+        (1000, 200),
+        pytest.approx(1e6 * HIGHEST),
+    )
+    assert (
+        "OVERRULED by --override-scale: 1.2e+07 x 2e+06 um, taken as 1000 x 200 um"
+        in side.steps
+    )
     unit = read(scan, unit="um", override_scale=True)
     assert unit.sides == pytest.approx((12, 2))
     assert np.nanmax(unit.heights) == pytest.approx(HIGHEST)
@@ -150,7 +175,9 @@ def nms(path, step, lowest, highest):
     header[:16] = struct.pack("<4i", 2, 1, 0, 65535)
     struct.pack_into("<2d", header, 16, lowest, highest)
     struct.pack_into("<2I2d", header, 1368, *SMOOTH.shape, step, step)
-    numbers = np.rint((SMOOTH.T - lowest) / (highest - lowest) * (2**16 - 2)).astype("<u2")
+    numbers = np.rint((SMOOTH.T - lowest) / (highest - lowest) * (2**16 - 2)).astype(
+        "<u2"
+    )
     path.write_bytes(bytes(header) + numbers.tobytes())
     return path
 
@@ -175,7 +202,9 @@ def test_the_number_that_is_absurd_is_named(tmp_path):
     [said, *_] = prepare(read(tmp_path / "high.nc"), Reading()).warnings
     assert re.match(r"its heights span \S+ um, which no instrument", said)
     scale = {"side": "8,6", "override_scale": True}
-    assert all("overruled" in said for said in read(tmp_path / "wide.nc", **scale).warnings)
+    assert all(
+        "overruled" in said for said in read(tmp_path / "wide.nc", **scale).warnings
+    )
 
 
 def x3p(path, replaced=(b"", b""), folder=""):
@@ -203,7 +232,9 @@ def test_a_text_of_an_archive_that_is_too_long_to_be_one_is_not_parsed(tmp_path)
     """Some kB hold hundreds of MB of a comment."""
     comment = b"<!--" + bytes(5 * 2**20).replace(b"\0", b"-") + b"-->"
     path = x3p(tmp_path / "scan.x3p", (b"</Record1>", b"</Record1>" + comment))
-    with pytest.raises(InputError, match=r"scan\.x3p: its text main\.xml has 5\.2 MB; at most 4"):
+    with pytest.raises(
+        InputError, match=r"scan\.x3p: its text main\.xml has 5\.2 MB; at most 4"
+    ):
         read(path)
 
 
@@ -211,7 +242,9 @@ def test_members_that_are_too_large_for_their_archive_are_not_unpacked(tmp_path)
     path = x3p(tmp_path / "scan.x3p")
     with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("zeros", bytes(70 * 2**20))
-    with pytest.raises(InputError, match=r"holds 73\.4 MB in a file of .* kB; at most 67\.1 MB"):
+    with pytest.raises(
+        InputError, match=r"holds 73\.4 MB in a file of .* kB; at most 67\.1 MB"
+    ):
         read(path)
 
 
@@ -222,6 +255,8 @@ def test_maps_that_are_too_large_for_their_file_are_not_read(tmp_path, monkeypat
     for suffix in (".nc", ".gwy"):
         path = tmp_path / f"scan{suffix}"
         write = {".gwy": "to_gwy", ".nc": "to_netcdf"}[suffix]
-        getattr(SurfaceTopography.Topography(SMOOTH, (9.0, 7.0), unit="um"), write)(str(path))
+        getattr(SurfaceTopography.Topography(SMOOTH, (9.0, 7.0), unit="um"), write)(
+            str(path)
+        )
         with pytest.raises(InputError, match="holds 504 bytes in a file of"):
             read(path)

@@ -30,7 +30,9 @@ ROUGH = RANDOM.normal(size=(35, 34)).round(3)
 LARGE = np.stack([*np.mgrid[:35, :34].astype(float), ROUGH], axis=-1)
 LARGE = LARGE.reshape(-1, 3)
 AXES = np.block([[np.zeros((1, 1)), X[None]], [Y[:, None], HEIGHTS.T]])
-NUMBERED = np.block([[np.zeros((1, 1)), np.arange(NX)[None]], [np.arange(NY)[:, None], HEIGHTS.T]])
+NUMBERED = np.block(
+    [[np.zeros((1, 1)), np.arange(NX)[None]], [np.arange(NY)[:, None], HEIGHTS.T]]
+)
 MATRIX = HEIGHTS.T  # x along the lines, as under headers
 
 
@@ -74,7 +76,9 @@ COUNTED = np.column_stack([np.arange(len(MEASURED)), MEASURED])
 ROUNDED = np.column_stack([(LARGE[:, :2] / 3).round(3), LARGE[:, 2]])
 ROUNDED_OFF = np.column_stack([(LARGE[:, :2] * 0.65).round(1), LARGE[:, 2]])
 NPY = npy(np.eye(4))
-TERABYTES = NPY.replace(b"(4, 4), }" + b" " * 12, b"(9999999, 9999999), }")  # header as long
+TERABYTES = NPY.replace(
+    b"(4, 4), }" + b" " * 12, b"(9999999, 9999999), }"
+)  # header as long
 TIFF = b"II*\0\x08" + bytes(9)
 DAMAGED = TIFF[:5] + bytes(3) + struct.pack("<HHHII", 1, 256, 4, 1000, 30) + bytes(4)
 MICROSCOPE = "Topography of a plate\nexported by the microscope\n"
@@ -85,82 +89,129 @@ FILES = {
     "points with gaps": Strange(rows(MEASURED), GAPS, UM),
     "points in any order": Strange(rows(SHUFFLED), GAPS, UM, ".xyz"),
     "points with rounded coordinates": Strange(
-        rows(ROUNDED, number="{:.3f}"), LARGE[:, 2].reshape(35, 34), UM, pixel=(1 / 3, 1 / 3)
+        rows(ROUNDED, number="{:.3f}"),
+        LARGE[:, 2].reshape(35, 34),
+        UM,
+        pixel=(1 / 3, 1 / 3),
     ),
     "points rounded too much": Strange(
         rows(ROUNDED_OFF, number="{:.1f}"), f"{LIST}, on no reg", UM
     ),
     "jittered points": Strange(rows(JITTERED), f"{LIST}, on no regular grid within 2 %"),
-    "doubled points": Strange(rows(DOUBLED), f"{LIST}, 4 of which lie where others do", UM),
-    "points and quality": Strange(rows(QUALITY), "a list of points with 4 numbers each", UM),
+    "doubled points": Strange(
+        rows(DOUBLED), f"{LIST}, 4 of which lie where others do", UM
+    ),
+    "points and quality": Strange(
+        rows(QUALITY), "a list of points with 4 numbers each", UM
+    ),
     "numbered points": Strange(rows(COUNTED), GAPS, UM),
-    "a profile": Strange(rows(LARGE[:, 1:]), "looks like a profile, x and z", SIDE, ".xyz"),
+    "a profile": Strange(
+        rows(LARGE[:, 1:]), "looks like a profile, x and z", SIDE, ".xyz"
+    ),
     # Names of columns, with units.
     "z first": Strange("z y x\n" + rows(MEASURED[:, ::-1]), GAPS, UM),
     "units of x and y": Strange(
-        "x [mm],y [um],z [um]\n" + rows(MEASURED, ","), "has x in mm and y in um; give both"
+        "x [mm],y [um],z [um]\n" + rows(MEASURED, ","),
+        "has x in mm and y in um; give both",
     ),
-    "units in a comment": Strange("# x (um), y (um), z (um)\n" + rows(MEASURED), GAPS, {}, ".xyz"),
+    "units in a comment": Strange(
+        "# x (um), y (um), z (um)\n" + rows(MEASURED), GAPS, {}, ".xyz"
+    ),
     "words above points": Strange(MICROSCOPE + rows(MEASURED), GAPS, UM, ".xyz"),
-    "names of a profile": Strange("x in um,z in um\n1,2\n2,3\n", "columns of a profile", SIDE),
+    "names of a profile": Strange(
+        "x in um,z in um\n1,2\n2,3\n", "columns of a profile", SIDE
+    ),
     # Coordinates in the first row and column.
     "coordinates": Strange(rows(AXES, ","), HEIGHTS, UM, ".csv"),
     "coordinates and a blank corner": Strange(rows(AXES, ",")[8:], HEIGHTS, UM, ".csv"),
-    "coordinates from above": Strange(rows(AXES[[0, *range(NY, 0, -1)]]), HEIGHTS, UM, ".prn"),
+    "coordinates from above": Strange(
+        rows(AXES[[0, *range(NY, 0, -1)]]), HEIGHTS, UM, ".prn"
+    ),
     "numbers of rows and columns": Strange(rows(NUMBERED, ","), HEIGHTS, SIDE, ".csv"),
-    "coordinates in one column": Strange(rows(AXES[1:]), "first row holds no coordinates", SIDE),
+    "coordinates in one column": Strange(
+        rows(AXES[1:]), "first row holds no coordinates", SIDE
+    ),
     "numbers of narrow rows": Strange(
-        ",a,b,c\n" + rows(np.column_stack([np.arange(20), RANDOM.normal(size=(20, 3))]), ","),
+        ",a,b,c\n"
+        + rows(np.column_stack([np.arange(20), RANDOM.normal(size=(20, 3))]), ","),
         "first column evenly spaced coordinates",
         SIDE,
     ),
     "coordinates in one row": Strange(rows(AXES[:, 1:]), "column no coordinates", SIDE),
     # Encodings, decimal commas, ends of lines.
-    "UTF-16 without a mark": Strange((header() + rows(MATRIX)).encode("utf-16-le"), HEIGHTS),
+    "UTF-16 without a mark": Strange(
+        (header() + rows(MATRIX)).encode("utf-16-le"), HEIGHTS
+    ),
     "Latin letters": Strange(
         header("6 µm", "2.25 µm", "µm").encode("latin-1") + rows(MATRIX).encode(), HEIGHTS
     ),
     "decimal commas": Strange(comma(header()) + comma(rows(MATRIX, ";")), HEIGHTS),
     "decimal commas between commas": Strange(
-        comma(rows(MATRIX, ";")).replace(";", ","), "line 1: .* look like decimal commas", SIDE
+        comma(rows(MATRIX, ";")).replace(";", ","),
+        "line 1: .* look like decimal commas",
+        SIDE,
     ),
     "zeros in front of numbers": Strange(
         8 * "05,02,09,04,01,03,08,07\n", "no lengths; give --side", {}, ".csv"
     ),
     "CR": Strange((header() + rows(MATRIX)).replace("\n", "\r").encode(), HEIGHTS),
-    "a scale in words": Strange("pixel size=3e-7 m\n" + rows(MATRIX), "belongs to a header", SIDE),
+    "a scale in words": Strange(
+        "pixel size=3e-7 m\n" + rows(MATRIX), "belongs to a header", SIDE
+    ),
     # What holds no heights.
     "npy cut off": Strange(NPY[:-9], r"not a whole \.npy file \(", SIDE, ".npy"),
-    "npy that claims terabytes": Strange(TERABYTES, r"not a whole \.npy file", SIDE, ".npy"),
+    "npy that claims terabytes": Strange(
+        TERABYTES, r"not a whole \.npy file", SIDE, ".npy"
+    ),
     "npy of objects": Strange(npy([{}, 1]), "Object arrays", SIDE, ".npy"),
-    "pickle": Strange(pickle.dumps([[1.0], [3.0]]), r"not a whole \.npy file", SIDE, ".npy"),
-    "commas of thousands": Strange("1,500,000;2\n3;4\n", "line 1: '1,500,000' is not", SIDE),
+    "pickle": Strange(
+        pickle.dumps([[1.0], [3.0]]), r"not a whole \.npy file", SIDE, ".npy"
+    ),
+    "commas of thousands": Strange(
+        "1,500,000;2\n3;4\n", "line 1: '1,500,000' is not", SIDE
+    ),
     "a gap": Strange("1,2,3\n4,,6\n", "line 2: '' is not a number", SIDE, ".csv"),
-    "ragged": Strange("1;2;3;\n\n4;5;\n", "line 3: 2 numbers where the first row has 3", SIDE),
-    "HDF5": Strange(b"\x89HDF\r\n\x1a\n\0\0", r"as Hierarchical .* \(HDF5\): ", SIDE, ".h5"),
+    "ragged": Strange(
+        "1;2;3;\n\n4;5;\n", "line 3: 2 numbers where the first row has 3", SIDE
+    ),
+    "HDF5": Strange(
+        b"\x89HDF\r\n\x1a\n\0\0", r"as Hierarchical .* \(HDF5\): ", SIDE, ".h5"
+    ),
     "empty file": Strange(b"", "is empty; give a file", SIDE, ".x3p"),
     "cut sur": Strange(b"DIGITAL SURF" + bytes(9), "SUR: .*truncated", SIDE, ".sur"),
     "damaged tif": Strange(DAMAGED, "as Park Systems TIFF: ", SIDE, ".tif"),
-    "unknown": Strange(bytes(range(256)), "no reader of .* knows its format", SIDE, ".bin"),
+    "unknown": Strange(
+        bytes(range(256)), "no reader of .* knows its format", SIDE, ".bin"
+    ),
     # Units.
-    "micron": Strange(header("6 micron", "2.25 microns", "Micron") + rows(MATRIX), HEIGHTS),
-    "unknown unit": Strange(header(unit="mil") + rows(MATRIX), "holds no heights; .* .in mil, no"),
+    "micron": Strange(
+        header("6 micron", "2.25 microns", "Micron") + rows(MATRIX), HEIGHTS
+    ),
+    "unknown unit": Strange(
+        header(unit="mil") + rows(MATRIX), "holds no heights; .* .in mil, no"
+    ),
     "unknown unit, overruled": Strange(header(unit="mil") + rows(MATRIX), HEIGHTS, OVER),
 }
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_strange_files_are_read_rightly_or_refused_by_name(tmp_path, refused, caplog, name):
+def test_strange_files_are_read_rightly_or_refused_by_name(
+    tmp_path, refused, caplog, name
+):
     strange = FILES[name]
     path = tmp_path / f"scan{strange.suffix}"
     content = strange.content
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     if isinstance(strange.expected, np.ndarray):
         topography = read(path, **strange.given)
-        np.testing.assert_allclose(topography.heights, strange.expected, rtol=1e-5, atol=1e-9)
+        np.testing.assert_allclose(
+            topography.heights, strange.expected, rtol=1e-5, atol=1e-9
+        )
         assert topography.spacing == pytest.approx(strange.pixel, rel=1e-4)
         return
-    options = [part for option, value in strange.given.items() for part in (f"--{option}", value)]
+    options = [
+        part for option, value in strange.given.items() for part in (f"--{option}", value)
+    ]
     said = refused(cli, "describe", path, *options)
     assert said.startswith(f"gen: {path}")
     assert re.search(strange.expected, said)
@@ -176,13 +227,17 @@ def test_strange_files_are_read_rightly_or_refused_by_name(tmp_path, refused, ca
     seed=st.integers(0, 9),
     gaps=st.floats(0, 0.2),
 )
-def test_points_on_any_grid_become_the_map_they_were_taken_from(nx, ny, step, start, seed, gaps):
+def test_points_on_any_grid_become_the_map_they_were_taken_from(
+    nx, ny, step, start, seed, gaps
+):
     random = np.random.default_rng(seed)
     heights = random.normal(size=(nx, ny))
     kept = random.random((nx, ny)) >= gaps
     kept[:, 0] = kept[0] = True  # the whole extent
     x, y = np.mgrid[:nx, :ny]
-    columns = np.column_stack([start + step * x[kept], 7 - 3 * step * y[kept], heights[kept]])
+    columns = np.column_stack(
+        [start + step * x[kept], 7 - 3 * step * y[kept], heights[kept]]
+    )
     table = Scan(random.permutation(columns), names=("x", "y", "z"))
     found = arranged(Path("points.txt"), table)
     assert found.widths == pytest.approx((step * nx, 3 * step * ny), rel=1e-6)

@@ -31,8 +31,22 @@ def run(*arguments, ends=0):
 
 def test_a_summary_has_numbers_where_all_rows_have_one():
     rows = [
-        {"row": "surface", "surface": "a", "x": 1.0, "word": "yes", "some": "", "wild": math.inf},
-        {"row": "surface", "surface": "b", "x": 2.0, "word": "no", "some": 3.0, "wild": math.inf},
+        {
+            "row": "surface",
+            "surface": "a",
+            "x": 1.0,
+            "word": "yes",
+            "some": "",
+            "wild": math.inf,
+        },
+        {
+            "row": "surface",
+            "surface": "b",
+            "x": 2.0,
+            "word": "no",
+            "some": 3.0,
+            "wild": math.inf,
+        },
     ]
     mean, deviation = summary(rows)
     assert (mean["row"], mean["surface"], mean["x"]) == ("mean", "2 surfaces", 1.5)
@@ -44,7 +58,9 @@ def test_a_summary_has_numbers_where_all_rows_have_one():
     assert not are_several([Path("a.npy")])
 
 
-@pytest.mark.parametrize("command", [["describe"], ["contact", "--pressure", "1e-3,5e-3"]])
+@pytest.mark.parametrize(
+    "command", [["describe"], ["contact", "--pressure", "1e-3,5e-3"]]
+)
 def test_a_row_a_map_is_that_of_the_map_alone(maps, capsys, command):
     """Then mean and standard deviation; what cannot be read is named and costs no other."""
     name, *loads = command
@@ -66,12 +82,20 @@ def test_a_row_a_map_is_that_of_the_map_alone(maps, capsys, command):
         alone.append(pd.read_csv("one.csv"))
     alone = pd.concat(alone, ignore_index=True)
     pd.testing.assert_frame_equal(
-        surfaces[alone.columns].reset_index(drop=True), alone, check_dtype=False, rtol=1e-9
+        surfaces[alone.columns].reset_index(drop=True),
+        alone,
+        check_dtype=False,
+        rtol=1e-9,
     )
     column = "area_percent" if loads else "Sq"
     values = alone[column].to_numpy().reshape(4, many)
-    for kind, expected in (("mean", values.mean(0)), ("standard deviation", values.std(0, ddof=1))):
-        np.testing.assert_allclose(found[found.row == kind][column], expected, 1e-9, 1e-12)
+    for kind, expected in (
+        ("mean", values.mean(0)),
+        ("standard deviation", values.std(0, ddof=1)),
+    ):
+        np.testing.assert_allclose(
+            found[found.row == kind][column], expected, 1e-9, 1e-12
+        )
     document = json.loads(Path("all.json").read_text())
     assert {*document["left_out"]} == {"many/notes.txt", "none.npy"}
     assert [row["row"] for row in document["rows"]] == found.row.tolist()
@@ -101,22 +125,41 @@ def test_loads_that_are_not_solved_cost_a_map_these_alone(maps, capsys):
     assert 0 < len(surfaces) < 6
     assert "not solved, left out" in capsys.readouterr().err
     for load, rows in surfaces.groupby("given_pressure_MPa"):
-        (mean,) = found[(found.row == "mean") & (found.given_pressure_MPa == load)].surface
+        (mean,) = found[
+            (found.row == "mean") & (found.given_pressure_MPa == load)
+        ].surface
         assert mean == f"{len(rows)} surfaces"
 
 
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
-        (["describe", "many", *SIDE, "--spectrum", "x.csv"], "--spectrum x.csv: is of one surface"),
-        (["describe", "many", *SIDE, "--plot", "x.png"], "--plot x.png: is of one surface"),
-        (["contact", "many", *SIDE, "--delta", "1", "--plot", "x.png"], "is of one surface"),
-        (["contact", "many", *SIDE, "--delta", "1", "--csv", "many/s0.npy"], "is an input"),
-        (["contact", "many", "--delta", "1"], "none of 4 maps could be used, the first: "),
+        (
+            ["describe", "many", *SIDE, "--spectrum", "x.csv"],
+            "--spectrum x.csv: is of one surface",
+        ),
+        (
+            ["describe", "many", *SIDE, "--plot", "x.png"],
+            "--plot x.png: is of one surface",
+        ),
+        (
+            ["contact", "many", *SIDE, "--delta", "1", "--plot", "x.png"],
+            "is of one surface",
+        ),
+        (
+            ["contact", "many", *SIDE, "--delta", "1", "--csv", "many/s0.npy"],
+            "is an input",
+        ),
+        (
+            ["contact", "many", "--delta", "1"],
+            "none of 4 maps could be used, the first: ",
+        ),
         (["describe", "none.npy"], "none.npy"),
     ],
 )
-def test_what_several_maps_cannot_have_is_refused_in_one_line(maps, capsys, arguments, word):
+def test_what_several_maps_cannot_have_is_refused_in_one_line(
+    maps, capsys, arguments, word
+):
     run(*arguments, ends=2)
     assert word in capsys.readouterr().err.splitlines()[-1]
     assert not list(Path().glob("x.*"))

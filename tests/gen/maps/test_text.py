@@ -11,13 +11,21 @@ from gen import cli
 from gen.runtime.errors import InputError
 from tests.maps import read
 
-LINES = np.random.default_rng(2).normal(scale=1e-3, size=(3, 4))  # 3 lines of 4 pixels along x
-NUMBERS = "\n".join("\t".join(repr(float(each)) for each in line) for line in LINES) + "\n"
+LINES = np.random.default_rng(2).normal(
+    scale=1e-3, size=(3, 4)
+)  # 3 lines of 4 pixels along x
+NUMBERS = (
+    "\n".join("\t".join(repr(float(each)) for each in line) for line in LINES) + "\n"
+)
 
 GWYDDION = "# Channel: Topo\n# Width: 10.00 µm\n# Height: 6.00 µm\n# Value units: m\n"
 SPIP = "# File Format = ASCII\n# x-pixels = 4\n# y-pixels = 3\n# x-length = 10000\n"
-KOALA = "h=3 w=4\npixel size=2.5e-06 m\ndata unit=rad\nheight conversion factor (-> m)=2e-7\n"
-NOVA = "File Format = ASCII\nCreated by Nova\nNX = 4\nNY = 3\nScale X = 2.5\nScale Y = 2\n"
+KOALA = (
+    "h=3 w=4\npixel size=2.5e-06 m\ndata unit=rad\nheight conversion factor (-> m)=2e-7\n"
+)
+NOVA = (
+    "File Format = ASCII\nCreated by Nova\nNX = 4\nNY = 3\nScale X = 2.5\nScale Y = 2\n"
+)
 HEADERS = {
     "Gwyddion": (GWYDDION, 1e6),
     "two units": (GWYDDION.replace("6.00 µm", "6000 nm"), 1e6),
@@ -25,7 +33,10 @@ HEADERS = {
         "# x-length: 10\n# y-length: 6000\n# x-unit: um\n# y-unit: nm\n# z-unit: nm\n",
         1e-3,
     ),
-    "German": ("# Kanal: Topo\n# Breite: 10,00 µm\n# Höhe: 6,00 µm\n# Einheiten: m\n", 1e6),
+    "German": (
+        "# Kanal: Topo\n# Breite: 10,00 µm\n# Höhe: 6,00 µm\n# Einheiten: m\n",
+        1e6,
+    ),
     "Japanese": ("# チャネル： Topo\n# 幅: 10 µm\n# 高さ： 6 µm\n# 値の単位: m\n", 1e6),
     "SPIP": (SPIP + "# y-length = 6000\n# z-unit = um\n# Start of Data:\n", 1.0),
     "SPIP without a unit": (SPIP + "# y-length = 6000\n# Bit2nm = 0.5\n", 5e-4),
@@ -56,24 +67,33 @@ def test_lengths_of_the_header_may_be_given_again(tmp_path):
     for side in ("10,6", "7.5,4"):
         assert read(path, side).sides == pytest.approx((7.5, 4))
     assert read(path, "10,6", override_scale=True).sides == (10, 6)
-    with pytest.raises(InputError, match=r"7.5 x 4 um between its outer nodes, --side says 10,7"):
+    with pytest.raises(
+        InputError, match=r"7.5 x 4 um between its outer nodes, --side says 10,7"
+    ):
         read(path, "10,7")
 
 
 def test_concatenated_exports_are_channels(tmp_path):
     other = GWYDDION.replace("Topo", "Phase").replace(": m", ": deg")
     zoom = GWYDDION.replace("Topo", "Zoom")
-    scan = written(tmp_path, other + NUMBERS + "\n" + GWYDDION + NUMBERS + "\n" + zoom + NUMBERS)
+    scan = written(
+        tmp_path, other + NUMBERS + "\n" + GWYDDION + NUMBERS + "\n" + zoom + NUMBERS
+    )
     topography = read(scan)
     same(topography, 1e6)
-    assert "channel 1 'Topo' (not 0 'Phase' (in deg, no heights), 2 'Zoom')" in topography.steps[0]
+    assert (
+        "channel 1 'Topo' (not 0 'Phase' (in deg, no heights), 2 'Zoom')"
+        in topography.steps[0]
+    )
     for wanted in ("Zoom", "2"):
         assert "channel 2 'Zoom'" in read(scan, channel=wanted).steps[0]
     holds = "holds 0 'Phase' .in deg, no heights., 1 'Topo', 2 'Zoom'"
     for wanted, why in (("Top", "no such channel"), ("Phase", "holds no heights")):
         with pytest.raises(InputError, match=f"--channel '{wanted}': {why}.*{holds}"):
             read(scan, channel=wanted)
-    with pytest.raises(InputError, match="several channels have this name; give an index"):
+    with pytest.raises(
+        InputError, match="several channels have this name; give an index"
+    ):
         read(written(tmp_path, 2 * (GWYDDION + NUMBERS)), channel="Topo")
     with pytest.raises(InputError, match="holds no heights; its channels are 0 'Phase'"):
         read(written(tmp_path, other + NUMBERS))
@@ -96,13 +116,22 @@ def test_a_header_of_koala_is_read(tmp_path, end):
 @pytest.mark.parametrize(
     ("header", "message"),
     [
-        (KOALA.replace("h=3", "h=9"), "its header states 9 lines of 4 numbers, it holds 3 of 4"),
+        (
+            KOALA.replace("h=3", "h=9"),
+            "its header states 9 lines of 4 numbers, it holds 3 of 4",
+        ),
         (
             KOALA.replace("=rad", "=nm"),
             "numbers in nm as well as a height conversion factor of 2e-07",
         ),
-        ("h=3 w=4\npixel size=1 um\ndata unit=rad\n", r"0 'matrix 0' \(in rad, no heights\)"),
-        ("gain=3\noffset=4\n", r"line 1: 'gain=3' belongs to a header that is not known; put #"),
+        (
+            "h=3 w=4\npixel size=1 um\ndata unit=rad\n",
+            r"0 'matrix 0' \(in rad, no heights\)",
+        ),
+        (
+            "gain=3\noffset=4\n",
+            r"line 1: 'gain=3' belongs to a header that is not known; put #",
+        ),
     ],
 )
 def test_a_header_that_does_not_suit_is_told(tmp_path, header, message):
@@ -114,7 +143,9 @@ def test_a_header_that_does_not_suit_is_told(tmp_path, header, message):
 def test_lines_are_counted_as_editors_do(tmp_path, end):
     path = tmp_path / "scan.txt"
     path.write_bytes(
-        end.join(["# made\x0b by hand", "", "1 2 3", "4 5 6", "7 8 x9", "1 2 3", ""]).encode()
+        end.join(
+            ["# made\x0b by hand", "", "1 2 3", "4 5 6", "7 8 x9", "1 2 3", ""]
+        ).encode()
     )
     with pytest.raises(InputError, match=r"scan.txt, line 5: 'x9' is not a number"):
         read(path, "9,9")
@@ -123,11 +154,20 @@ def test_lines_are_counted_as_editors_do(tmp_path, end):
 @pytest.mark.parametrize(
     ("header", "message"),
     [
-        (GWYDDION.replace("µm", "ft"), "unit of lengths 'ft': give --side with --override-scale"),
+        (
+            GWYDDION.replace("µm", "ft"),
+            "unit of lengths 'ft': give --side with --override-scale",
+        ),
         (GWYDDION.replace("# Value units: m\n", ""), "names no unit; give --unit"),
-        (SPIP.replace("= 4", "= 5"), "its header states . lines of 5 numbers, it holds 3 of 4"),
+        (
+            SPIP.replace("= 4", "= 5"),
+            "its header states . lines of 5 numbers, it holds 3 of 4",
+        ),
         (NOVA + "Unit X = um\nDataScaleNeeded = Yes\n", "numbers are to be scaled"),
-        ("# scan 10 x 6 µm, 16 bit\n", "give --side, .* .it says 'scan 10 x 6 µm, 16 bit'"),
+        (
+            "# scan 10 x 6 µm, 16 bit\n",
+            "give --side, .* .it says 'scan 10 x 6 µm, 16 bit'",
+        ),
         ("# Width: 10 µm\n", "give --side, .* .it says 'width: 10 µm'"),
     ],
 )
@@ -141,7 +181,9 @@ def test_remarks_that_are_not_read_are_told(tmp_path):
     assert "the file says 'heights in nm', which is not read" in warning
     transposed = written(tmp_path, "# nx = 3\n# ny: 4\n# NX, NY: a grid\n" + NUMBERS)
     assert read(transposed, "9,9").heights.shape == (3, 4)
-    assert not read(written(tmp_path, "# from a profilometer\n" + NUMBERS), "9,9").warnings
+    assert not read(
+        written(tmp_path, "# from a profilometer\n" + NUMBERS), "9,9"
+    ).warnings
 
 
 @pytest.mark.parametrize(
@@ -160,7 +202,9 @@ def test_reads_text_with_any_separator_and_comments(tmp_path, text):
 
 
 @settings(max_examples=60, deadline=None)
-@given(text=st.text("0123456789.,;# \n\teE+-naif_é", max_size=40) | st.binary(max_size=40))
+@given(
+    text=st.text("0123456789.,;# \n\teE+-naif_é", max_size=40) | st.binary(max_size=40)
+)
 def test_no_text_raises_anything_else(text, tmp_path_factory):
     path = tmp_path_factory.mktemp("text") / "a.txt"
     path.write_bytes(text.encode() if isinstance(text, str) else text)

@@ -98,7 +98,9 @@ def test_another_program_finds_the_same_core(name):
     random.normal(size=(100, 100))
     heights = {"normal": normal, "exponential": random.exponential(size=(100, 100))}[name]
     found = values_of(heights).values
-    expected = dict(zip(("Sk", "Spk", "Svk", "Smr1", "Smr2"), OF_SURFALIZE[name], strict=True))
+    expected = dict(
+        zip(("Sk", "Spk", "Svk", "Smr1", "Smr2"), OF_SURFALIZE[name], strict=True)
+    )
     for key, value in expected.items():
         assert found[key] == pytest.approx(value, rel=2e-3, abs=1e-9), key
 
@@ -122,7 +124,9 @@ def test_what_a_surface_does_not_define_is_nan_with_a_reason(case):
     heights, undefined = UNDEFINED[case]
     found = values_of(heights, boundary="free")
     assert list(found.values) == NAMES
-    assert {name for name, value in found.values.items() if math.isnan(value)} == undefined
+    assert {
+        name for name, value in found.values.items() if math.isnan(value)
+    } == undefined
     assert bool(found.reason) == bool(undefined)
 
 
@@ -146,7 +150,16 @@ def test_describe_prints_and_writes_them_after_the_statistics(capsys):
     assert row.Sal == pytest.approx(expected["Sal"])
     assert row.Smr == pytest.approx(expected["Smr"])
     units = dict(each.rsplit(" ", 1) for each in row.units.split("; "))
-    told = {"nodes_x", "nodes_y", "side_x_um", "side_y_um", "prepared", "warnings", "law", "units"}
+    told = {
+        "nodes_x",
+        "nodes_y",
+        "side_x_um",
+        "side_y_um",
+        "prepared",
+        "warnings",
+        "law",
+        "units",
+    }
     assert set(units) == set(table.columns) - told
     assert (units["Smr1"], units["height_rms"], units["roll_off"]) == ("%", "um", "um")
     assert row.law.startswith("none: the spectrum follows a power law over 0.")
@@ -155,26 +168,45 @@ def test_describe_prints_and_writes_them_after_the_statistics(capsys):
     np.testing.assert_allclose(spectrum.density_um4, made.density, rtol=1e-12)
     np.testing.assert_allclose(spectrum.density_x_um3, made.along_x, rtol=1e-12)
     np.testing.assert_allclose(spectrum.density_y_um3, made.along_y, rtol=1e-12)
-    np.testing.assert_allclose(spectrum.wavelength_um * spectrum.wavenumber_per_um, 2 * math.pi)
+    np.testing.assert_allclose(
+        spectrum.wavelength_um * spectrum.wavenumber_per_um, 2 * math.pi
+    )
 
 
 @pytest.mark.usefixtures("here")
 def test_the_law_is_in_the_table_and_what_cannot_be_is_one_line(capsys):
     law = SelfAffineSpectrum(0.7, 250.0, 16.5)
     random = np.random.default_rng(1)
-    np.save("wide.npy", generate_spectral((129, 129), 1000.0, law, random, rms_height=2.0))
+    np.save(
+        "wide.npy", generate_spectral((129, 129), 1000.0, law, random, rms_height=2.0)
+    )
     np.save("few.npy", np.random.default_rng(0).normal(size=(4, 4)))
-    ask = ["describe", "wide.npy", "--side", "1000", "--boundary", "periodic", "--csv", "row.csv"]
+    ask = [
+        "describe",
+        "wide.npy",
+        "--side",
+        "1000",
+        "--boundary",
+        "periodic",
+        "--csv",
+        "row.csv",
+    ]
     assert cli.main(ask) == 0
     row = pd.read_csv("row.csv").iloc[0]
     assert row.hurst == pytest.approx(0.7, abs=0.05)
     assert row.law_decades == pytest.approx(math.log10(row.roll_off / row.cut_off))
     said = capsys.readouterr().out
     assert f"over {row.law_decades:.2g} decades, from {row.roll_off:.4g} to" in said
-    assert "diamond-square and midpoint give it if they are asked for 0.07 to 0.16 more" in said
+    assert (
+        "diamond-square and midpoint give it if they are asked for 0.07 to 0.16 more"
+        in said
+    )
     for options, told in (
         (["wide.npy", "--depth", "-1"], "--depth"),
-        (["few.npy", "--spectrum", "s.csv"], "--spectrum s.csv: there is none, too few nodes"),
+        (
+            ["few.npy", "--spectrum", "s.csv"],
+            "--spectrum s.csv: there is none, too few nodes",
+        ),
         (["wide.npy", "--spectrum", "wide.npy"], "is an input: not replaced"),
     ):
         assert cli.main(["describe", *options, "--side", "1000"]) == 2
@@ -217,7 +249,10 @@ def test_slopes_of_no_hurst_exponent_are_refused_or_held_at_the_nearest(exponent
 
 
 LAYS = {
-    "blobs": (gaussian_filter(np.random.default_rng(4).normal(size=(128, 128)), 6), "decades"),
+    "blobs": (
+        gaussian_filter(np.random.default_rng(4).normal(size=(128, 128)), 6),
+        "decades",
+    ),
     "ground": (
         gaussian_filter(np.random.default_rng(4).normal(size=(256, 256)), (1.5, 40)),
         r"directional \(Str 0.0[456].*, slopes along its lay 0.03.* of those across",
@@ -236,7 +271,9 @@ LAYS = {
 def test_what_no_exponent_describes_is_refused_with_the_reason(name, boundary):
     heights, reason = LAYS[name]
     topography, spectrum = _with_spectrum(heights, boundary)
-    fit = fit_self_affine(topography, spectrum, areal_parameters(topography).values["Str"])
+    fit = fit_self_affine(
+        topography, spectrum, areal_parameters(topography).values["Str"]
+    )
     assert isinstance(fit, str), fit
     assert re.search(reason, fit)
 
@@ -259,8 +296,14 @@ def test_spectra_of_profiles_hold_their_mean_squares(shape):
     inside = (spectrum.edges[:, 0] <= q) & (q < spectrum.edges[:, 1])
     assert np.argmax(np.nan_to_num(spectrum.along_y)) == np.flatnonzero(inside)[0]
     count = np.count_nonzero(
-        (spectrum.edges[inside][0, 0] <= 2 * math.pi * np.arange(shape[1] // 2 + 1) / sides[1])
-        & (2 * math.pi * np.arange(shape[1] // 2 + 1) / sides[1] < spectrum.edges[inside][0, 1])
+        (
+            spectrum.edges[inside][0, 0]
+            <= 2 * math.pi * np.arange(shape[1] // 2 + 1) / sides[1]
+        )
+        & (
+            2 * math.pi * np.arange(shape[1] // 2 + 1) / sides[1]
+            < spectrum.edges[inside][0, 1]
+        )
     )
     # a mean square of 2 is the sum over both signs of the density over the length
     assert 2 * count * spectrum.along_y[inside][0] / sides[1] == pytest.approx(2.0)
@@ -284,7 +327,9 @@ def test_a_directional_surface_gets_both_of_its_profiles(capsys):
         assert float(rq) == pytest.approx(expected.std(), rel=1e-5)
         slope = np.sqrt(np.mean(np.diff(ground, axis=axis) ** 2))
         assert float(rdq) == pytest.approx(slope, rel=1e-5)
-        assert float(wavelength) == pytest.approx(2 * math.pi * expected.std() / slope, rel=1e-5)
+        assert float(wavelength) == pytest.approx(
+            2 * math.pi * expected.std() / slope, rel=1e-5
+        )
     np.save("even.npy", rough())
     assert cli.main(["describe", "even.npy", "--side", "95"]) == 0
     assert "Rq um" not in capsys.readouterr().out

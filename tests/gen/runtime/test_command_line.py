@@ -35,7 +35,9 @@ def test_memory_that_runs_out_anywhere_is_one_line(folder, monkeypatch, refused)
     failing = mock.Mock(side_effect=MemoryError("Unable to allocate 7 TiB"))
     monkeypatch.setattr("gen.scene.Scene.parse", failing)
     line = refused(cli, "estimate", "scene.toml")
-    assert line.startswith("gen: this needs more memory than there is: Unable to allocate 7 TiB;")
+    assert line.startswith(
+        "gen: this needs more memory than there is: Unable to allocate 7 TiB;"
+    )
     assert "are allowed here" in line
 
 
@@ -165,7 +167,11 @@ def test_a_title_in_a_database_cannot_drive_the_terminal(here, capsys):
 def test_a_file_name_cannot_drive_the_terminal(capsys):
     name = "a\x1b[2J\nb.npy"
     np.save(name, np.random.default_rng(0).normal(size=(9, 9)))
-    for arguments in (["describe", name, "--side", "9"], ["describe", name], ["info", name]):
+    for arguments in (
+        ["describe", name, "--side", "9"],
+        ["describe", name],
+        ["info", name],
+    ):
         cli.main(arguments)
         said = capsys.readouterr()
         assert "a?[2J" in said.out + said.err
@@ -214,7 +220,9 @@ def test_progress_says_what_is_done_and_failed(capsys):
 @pytest.mark.parametrize("text", ["=1+1", "-1", "\t=1"])
 def test_a_cell_of_text_is_no_formula(tmp_path, text):
     assert cell(text) == f"'{text}"
-    write_csv(tmp_path / "a.csv", [{"name": text, "value": -1.5, "count": -3, "plain": "a=b"}])
+    write_csv(
+        tmp_path / "a.csv", [{"name": text, "value": -1.5, "count": -3, "plain": "a=b"}]
+    )
     with (tmp_path / "a.csv").open(newline="", encoding="utf-8") as file:
         (row,) = csv.DictReader(file)
     assert row == {"name": f"'{text}", "value": "-1.5", "count": "-3", "plain": "a=b"}

@@ -96,7 +96,9 @@ def test_variables_of_no_launcher_are_named(environment, name, monkeypatch):
         (["gen", "run", "quick", "-o", "rows.h5"], 0, 2, "a launcher that speaks PMIx"),
     ],
 )
-def test_an_mpi_that_would_end_the_process_is_not_started(tmp_path, arguments, rank, code, words):
+def test_an_mpi_that_would_end_the_process_is_not_started(
+    tmp_path, arguments, rank, code, words
+):
     """MPICH without PMIx, as of the extra `mpich`: one line, and only where MPI is needed."""
     pytest.importorskip("mpi4py")
     launched = environment() | {"PMIX_RANK": str(rank), "PMIX_NAMESPACE": "job"}
@@ -170,7 +172,10 @@ def test_the_wakeup_is_given_back_and_nothing_is_left_open():
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_compiled_code_is_ended_by_the_second_signal(number):
     with subprocess.Popen(
-        [sys.executable, "-c", DEAF], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-c", DEAF],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     ) as process:
         assert process.stdout.readline() == "begun\n"
         time.sleep(0.5)
@@ -212,7 +217,9 @@ def test_an_alarm_that_is_swallowed_rings_again():
         swallow()
 
 
-def test_late_samples_stay_pending_and_the_next_run_does_them(folder, monkeypatch, capsys):
+def test_late_samples_stay_pending_and_the_next_run_does_them(
+    folder, monkeypatch, capsys
+):
     assert cli.main(["run", "scene.toml", "-o", "whole.h5"]) == 0
     healthy, late = bem.solve, parameters(load("scene.toml"), 0, 20).load[[3, 8, 9]]
 
@@ -226,9 +233,13 @@ def test_late_samples_stay_pending_and_the_next_run_does_them(folder, monkeypatc
         limited = ["run", "scene.toml", "-o", "rows.h5", "--sample-limit", "2"]
         assert cli.main(limited) == 0
     assert "warning: 3 rows took longer than --sample-limit" in capsys.readouterr().out
-    np.testing.assert_array_equal(np.flatnonzero(status(folder / "rows.h5") == 0), [3, 8, 9])
+    np.testing.assert_array_equal(
+        np.flatnonzero(status(folder / "rows.h5") == 0), [3, 8, 9]
+    )
     assert cli.main(["run", "scene.toml", "-o", "rows.h5", "--sample-limit", "60"]) == 0
-    assert deterministic_bytes(folder / "rows.h5") == deterministic_bytes(folder / "whole.h5")
+    assert deterministic_bytes(folder / "rows.h5") == deterministic_bytes(
+        folder / "whole.h5"
+    )
 
 
 def test_a_late_surface_leaves_all_its_samples_pending(folder, monkeypatch):

@@ -53,7 +53,9 @@ def folder(here):
 
 def contents(folder):
     return {
-        (each.name, each.lstat().st_mtime_ns): each.read_bytes() if each.is_file() else b""
+        (each.name, each.lstat().st_mtime_ns): each.read_bytes()
+        if each.is_file()
+        else b""
         for each in folder.iterdir()
     }
 
@@ -63,12 +65,20 @@ REFUSED = [
     (cli, ["describe", "heights.txt", "--side", "9", "--csv", "hard.txt"], "is an input"),
     (cli, ["plot", "rows.h5", "-o", "rows.h5"], "is an input"),
     (cli, [*CONTACT, "--csv", "rows.h5"], "of the kind database, not text"),
-    (cli, [*CONTACT, "--csv", "new.svg", "--plot", "new.svg"], "is what --csv writes too"),
+    (
+        cli,
+        [*CONTACT, "--csv", "new.svg", "--plot", "new.svg"],
+        "is what --csv writes too",
+    ),
     (cli, [*CONTACT, "--csv", "locked.csv"], "is read-only"),
     (cli, [*CONTACT, "--csv", "fifo.csv"], "is no regular file"),
     (cli, [*CONTACT, "--csv", "loop.csv"], "loop"),
     (cli, [*CONTACT, "--csv", "nowhere/law.csv"], "folder that exists"),
-    (learn, [*LAW, "--csv", "same.csv", "--header", "table.csv"], "is what --csv writes too"),
+    (
+        learn,
+        [*LAW, "--csv", "same.csv", "--header", "table.csv"],
+        "is what --csv writes too",
+    ),
     (learn, ["fit", "rows.h5", "-o", "rows.h5"], "is an input"),
     (learn, ["compare", "rows.h5", "-o", "table.csv"], "is a file: give a folder"),
 ]
@@ -111,7 +121,9 @@ def test_a_full_disk_keeps_the_old_picture(folder):
     handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
     try:
-        with pytest.raises(InputError, match=r"old.png cannot be written: File too large"):
+        with pytest.raises(
+            InputError, match=r"old.png cannot be written: File too large"
+        ):
             save(figure, folder / "old.png")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
@@ -134,7 +146,9 @@ def test_a_file_is_on_the_disk_before_it_takes_its_name(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("present", "left"), [("replace", "ours"), ("keep", "theirs"), ("refuse", "theirs")]
 )
-def test_a_file_that_appears_meanwhile_is_replaced_only_if_it_may_be(tmp_path, present, left):
+def test_a_file_that_appears_meanwhile_is_replaced_only_if_it_may_be(
+    tmp_path, present, left
+):
     target = tmp_path / "rows.h5"
 
     def make():
@@ -163,7 +177,12 @@ def test_files_in_an_input_folder_are_inputs(folder):
 def test_no_link_leads_out_of_a_folder_for_names_of_ours(folder):
     own = folder / "own"
     own.mkdir()
-    for name, target in (("a", folder / "hard.txt"), ("b", "../none"), ("c", "c"), ("d", folder)):
+    for name, target in (
+        ("a", folder / "hard.txt"),
+        ("b", "../none"),
+        ("c", "c"),
+        ("d", folder),
+    ):
         (own / name).symlink_to(target)
         with pytest.raises(InputError, match="leads out of"):
             files.inside(own, f"{name}/x" if name == "d" else name)
@@ -176,7 +195,10 @@ def test_an_empty_file_and_the_same_kind_are_replaced(folder):
     for kind in ("text", "picture", "surrogate", "heights", "arrays"):
         check_outputs([Output(folder / "empty", "-o", kind)])
     np.savez(folder / "arrays", a=np.ones(2))
-    for name, kind, other in (("arrays.npz", "arrays", "surrogate"), ("h.npy", "heights", "text")):
+    for name, kind, other in (
+        ("arrays.npz", "arrays", "surrogate"),
+        ("h.npy", "heights", "text"),
+    ):
         check_outputs([Output(folder / name, "-o", kind)])
         with pytest.raises(InputError, match=f"of the kind {kind}, not {other}"):
             check_outputs([Output(folder / name, "-o", other)])
@@ -199,13 +221,17 @@ def small(tmp_path_factory):
     """A scene, its database of 30 rows and a surface."""
     folder = tmp_path_factory.mktemp("small")
     database_of(folder, "samples = 30\n[surface]\nnodes = 9\n", "small")
-    np.save(folder / "map.npy", generate("midpoint", 129, 0.8, 1.0, np.random.default_rng(0)))
+    np.save(
+        folder / "map.npy", generate("midpoint", 129, 0.8, 1.0, np.random.default_rng(0))
+    )
     np.save(folder / "h.npy", np.arange(81.0).reshape(9, 9))
     return folder
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_a_link_to_what_does_not_exist_yet_is_followed(small, tmp_path, monkeypatch, name):
+def test_a_link_to_what_does_not_exist_yet_is_followed(
+    small, tmp_path, monkeypatch, name
+):
     """As on clusters, where results stand on a scratch disk."""
     program, line = WRITERS[name]
     work, scratch = tmp_path / "work", tmp_path / "scratch"
@@ -308,7 +334,9 @@ def test_file_system_without_locks(path, monkeypatch):
 @pytest.mark.parametrize(
     "kind", ["new", "of several levels", "of the user's", "a link to a new one"]
 )
-def test_a_folder_is_made_held_and_removed_again_unless_it_was_there_or_is_used(tmp_path, kind):
+def test_a_folder_is_made_held_and_removed_again_unless_it_was_there_or_is_used(
+    tmp_path, kind
+):
     folder = tmp_path / "a" / "b" if kind == "of several levels" else tmp_path / "a"
     if kind == "of the user's":
         folder.mkdir()

@@ -17,7 +17,9 @@ from gen.runtime import memory
 from gen.schema import RUNTIME
 
 
-def test_what_is_out_of_memory_says_what_it_needs_and_fails_no_row(here, monkeypatch, capsys):
+def test_what_is_out_of_memory_says_what_it_needs_and_fails_no_row(
+    here, monkeypatch, capsys
+):
     np.save("surface.npy", np.arange(81.0).reshape(9, 9))
     text = "samples = 3\n[surface]\nnodes = 9\n"
     (here / "rows.toml").write_text(text)
@@ -40,7 +42,9 @@ def test_a_picture_needs_no_times(here, capsys):
     for rows in (slice(0, 1), slice(None)):
         with h5py.File("rows.h5", "r+") as file:
             file[RUNTIME]["solve_seconds"][rows] = np.nan
-        assert cli.main(["plot", "rows.h5", "-o", "rows.png"]) == 0, capsys.readouterr().err
+        assert cli.main(["plot", "rows.h5", "-o", "rows.png"]) == 0, (
+            capsys.readouterr().err
+        )
 
 
 def hang():
@@ -85,7 +89,9 @@ def run(words, folder):
 
 @pytest.mark.few(1)
 @pytest.mark.parametrize("megabytes", [100, 150, 200, 250, 300, 350, 400, 500, 600])
-@pytest.mark.parametrize("line", ["gen run rows.toml -o rows.h5", "learn card none.surrogate"])
+@pytest.mark.parametrize(
+    "line", ["gen run rows.toml -o rows.h5", "learn card none.surrogate"]
+)
 def test_little_address_space_ends_with_a_line_or_suffices(megabytes, line, here):
     (here / "rows.toml").write_text("samples = 2\n[surface]\nnodes = 33\n")
     done = run(limited(megabytes, "-m", *line.split()), here)

@@ -8,7 +8,13 @@ import pytest
 
 from gen.runtime.errors import SourceError
 from gen.runtime.farm import Overtime, at_most
-from gen.runtime.user_code import TRUSTED, faults_of, load_function, source_hash, source_of
+from gen.runtime.user_code import (
+    TRUSTED,
+    faults_of,
+    load_function,
+    source_hash,
+    source_of,
+)
 
 
 @pytest.fixture
@@ -71,7 +77,10 @@ def test_modules_may_define_dataclasses_and_import_their_neighbours(here):
     ("text", "fault"),
     [
         ("def g():\n    pass\n", "of_the_user.py has no function f"),
-        ("raise ValueError('two\\nlines')\n", "of_the_user failed: ValueError: two lines"),
+        (
+            "raise ValueError('two\\nlines')\n",
+            "of_the_user failed: ValueError: two lines",
+        ),
         ("import sys\nsys.exit(3)\n", "importing of_the_user failed: SystemExit: 3"),
     ],
 )
@@ -84,7 +93,9 @@ def test_a_function_that_cannot_be_loaded_is_one_line(here, text, fault):
     assert "of_the_user" not in sys.modules or "failed" not in fault
 
 
-@pytest.mark.parametrize("name", ["no_such_module_here:f", "sys:exit", "gen.no_such_module:f"])
+@pytest.mark.parametrize(
+    "name", ["no_such_module_here:f", "sys:exit", "gen.no_such_module:f"]
+)
 def test_a_module_without_a_source_is_refused(here, name):
     with pytest.raises(SourceError, match="no module"):
         source_hash(name)
@@ -109,5 +120,7 @@ def test_memory_that_runs_out_in_a_function_is_the_functions(here):
     with pytest.raises(SourceError, match=fault), faults_of("f, row 3"):
         np.empty(2**58)
     source = write(here, "raise MemoryError\n")
-    with pytest.raises(SourceError, match="importing of_the_user failed: this code of your own"):
+    with pytest.raises(
+        SourceError, match="importing of_the_user failed: this code of your own"
+    ):
         load_function("of_the_user:f", source)

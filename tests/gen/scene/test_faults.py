@@ -59,7 +59,10 @@ def test_another_generator_has_its_own_keys_and_synonyms():
     text = "samples = 3\n[surface]\ngenerator = 'spectral'\nroll_off = 90.0\ncut_off = 20.0\n"
     for key, hint in (
         ("rms", "it is called surface.rms_height here"),
-        ("sigma0", "a key of the generator 'diamond-square', and this scene has 'spectral'"),
+        (
+            "sigma0",
+            "a key of the generator 'diamond-square', and this scene has 'spectral'",
+        ),
     ):
         with pytest.raises(InputError, match=hint):
             Scene.parse(f"{text}{key} = 1.0", "a.toml")
@@ -77,12 +80,17 @@ def test_run_and_dry_run_say_the_same_line(key, refused):
 
 
 def test_a_range_of_delta_is_one_piece():
-    texts = ("delta.range = [1.0, 4.0]", "delta.pieces = [{ share = 1.0, range = [1.0, 4.0] }]")
+    texts = (
+        "delta.range = [1.0, 4.0]",
+        "delta.pieces = [{ share = 1.0, range = [1.0, 4.0] }]",
+    )
     ranged, pieces = (Scene.parse(f"samples = 3\n{text}", "a.toml") for text in texts)
     assert ranged == pieces
     assert ranged.fingerprint() == pieces.fingerprint()
     assert differences(ranged, pieces) == []
-    with pytest.raises(InputError, match="delta: range and pieces are both given: give one"):
+    with pytest.raises(
+        InputError, match="delta: range and pieces are both given: give one"
+    ):
         Scene.parse(f"samples = 3\n{texts[1]}\n{texts[0]}", "a.toml")
 
 

@@ -30,7 +30,10 @@ def test_wrong_input_is_one_line_and_code_2(work, refused, arguments, word):
 
 @pytest.mark.parametrize("command", ["compare", "tune", "importance", "show"])
 def test_one_process_at_a_time_writes_a_folder(work, capsys, command):
-    line = [command, *(["x"] if command == "show" else ["database.h5", "-o", "x", "--seed", "1"])]
+    line = [
+        command,
+        *(["x"] if command == "show" else ["database.h5", "-o", "x", "--seed", "1"]),
+    ]
     (work / "x" / "area").mkdir(parents=True)
     (work / "x" / "area" / "comparison.json").write_text("{}")
     with lock_folder(work / "x"):
@@ -47,7 +50,9 @@ def test_hybrid_features_go_through_compare_and_importance(work, capsys):
     rows = [row for row in table("out/area/scores.csv") if row["result"] == "baseline"]
     assert len(rows) == len(both) / 2
     for row in rows:  # the library's own kernel is fitted since scikit-learn 1.9 only
-        assert float(row["r2"]) > 40, "a linear model has its intercept, a kernel a length of use"
+        assert float(row["r2"]) > 40, (
+            "a linear model has its intercept, a kernel a length of use"
+        )
     assert run("importance", "database.h5", "-o", "out", "--features", "hybrid") == 0
     assert len(table("out/area/importance.csv")) == 30
     assert run("compare", "database.h5", "-o", "out", "--model", "kernel-ridge") == 2

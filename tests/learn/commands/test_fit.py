@@ -78,14 +78,21 @@ def test_the_card_of_several_databases_names_them_all(capsys):
     card = surrogate.card
     found = [(Path(each["database"]).name, each["rows"]) for each in card["databases"]]
     assert found == [("coarse.h5", 80), ("soft.h5", 60), ("fine.h5", 30)]
-    assert [each["generator"] for each in card["databases"]][1:] == ["diamond-square", "midpoint"]
+    assert [each["generator"] for each in card["databases"]][1:] == [
+        "diamond-square",
+        "midpoint",
+    ]
     assert card["columns"][-1] == ["log2(nodes)", "1"]
     assert card["elastic"] is True
     assert sum(each["rows"] for each in card["targets"]["area"]["databases"]) == 34
     assert run("card", "all.surrogate") == 0
     said = capsys.readouterr().out
     for text in (
-        *("17 x 17 nodes, side 1000 um and 33 x 33 nodes", "and elastic bodies", "midpoint"),
+        *(
+            "17 x 17 nodes, side 1000 um and 33 x 33 nodes",
+            "and elastic bodies",
+            "midpoint",
+        ),
         *("Databases, and scores on their test rows", "coarse.h5", "soft.h5, sha256"),
     ):
         assert text in said, text
@@ -95,7 +102,9 @@ def test_the_card_of_several_databases_names_them_all(capsys):
 def test_predictions_know_the_grid_and_elastic_bodies():
     surrogate = Surrogate.load("all.surrogate")
     for nodes in (17, 33):
-        heights = generate("diamond-square", nodes, 0.65, 12.0, np.random.default_rng(nodes))
+        heights = generate(
+            "diamond-square", nodes, 0.65, 12.0, np.random.default_rng(nodes)
+        )
         elastic = surrogate.predict(heights, 1000.0, [15.0])
         assert "nodes" not in elastic.reasons[0]
         assert "hardness" not in elastic.reasons[0]
@@ -125,24 +134,46 @@ def test_blocks_that_no_features_have_are_refused(work, capsys):
 @pytest.mark.parametrize("features", ["dimensionless", "paper"])
 def test_gaussian_processes_do_not_collapse(work, features, normalise):
     """Wherever the search for the likelihood starts."""
-    given = ["--model", "gaussian-process", "--features", features, "--normalise", normalise]
+    given = [
+        "--model",
+        "gaussian-process",
+        "--features",
+        features,
+        "--normalise",
+        normalise,
+    ]
     assert run("fit", "database.h5", *given, "-o", "g.surrogate") == 0
     surrogate = Surrogate.load("g.surrogate")
     for target, about in surrogate.card["targets"].items():
         assert about["scores"]["r2"] > 95, target
 
 
-def test_a_model_that_is_no_better_than_a_constant_is_not_written(work, capsys, database, change):
+def test_a_model_that_is_no_better_than_a_constant_is_not_written(
+    work, capsys, database, change
+):
     """As where the target has nothing to do with the surface: one line says so."""
-    change("force", slice(None), np.random.default_rng(1).permutation(90.0 + np.arange(90)))
-    fit = ["fit", database, "--target", "force", "--features", "paper", "-o", "f.surrogate"]
+    change(
+        "force", slice(None), np.random.default_rng(1).permutation(90.0 + np.arange(90))
+    )
+    fit = [
+        "fit",
+        database,
+        "--target",
+        "force",
+        "--features",
+        "paper",
+        "-o",
+        "f.surrogate",
+    ]
     assert run(*fit, "--model", "decision-tree") == 2
     said = capsys.readouterr().err.splitlines()
     assert "no better than a constant" in said[-1]
     assert not Path("f.surrogate").exists()
 
 
-def test_targets_that_few_rows_have_are_fitted_with_the_others(work, yielding, tmp_path, capsys):
+def test_targets_that_few_rows_have_are_fitted_with_the_others(
+    work, yielding, tmp_path, capsys
+):
     """The split sees them all; where none can show them all, one line names the target."""
     given = ["--target", "area,force,yielded_percent", "-o", "y.surrogate"]
     for number, code in ((0, 2), (1, 2), (8, 0)):
@@ -155,7 +186,9 @@ def test_targets_that_few_rows_have_are_fitted_with_the_others(work, yielding, t
         assert code == 0 or "yielded_percent" in capsys.readouterr().err.splitlines()[-1]
 
 
-def test_a_database_without_a_target_shows_its_mean_error(work, yielding, tmp_path, capsys):
+def test_a_database_without_a_target_shows_its_mean_error(
+    work, yielding, tmp_path, capsys
+):
     """Where nothing yields the error has nothing to be divided by."""
     path = shutil.copy(yielding, tmp_path / "none.h5")
     with h5py.File(path, "r+") as file:

@@ -52,7 +52,9 @@ def test_three_ranks_grow_what_one_process_grows(grown, tmp_path):
     (tmp_path / "scene.toml").write_text(SCENE)
     done = launch(3, *GROW, folder=tmp_path, module="learn")
     assert done.returncode == 0, done.stderr
-    assert deterministic_bytes(tmp_path / "my.h5") == deterministic_bytes(folder / "my.h5")
+    assert deterministic_bytes(tmp_path / "my.h5") == deterministic_bytes(
+        folder / "my.h5"
+    )
     assert numbers_of(tmp_path / "my.surrogate") == numbers_of(folder / "my.surrogate")
 
 
@@ -66,7 +68,9 @@ def test_three_ranks_grow_what_one_process_grows(grown, tmp_path):
         (["quick", "-o", "my.surrogate", "--target", "mean_gap"], "--target 'mean_gap'"),
     ],
 )
-def test_bad_input_is_refused_in_one_line_before_anything_is_made(arguments, word, here, refused):
+def test_bad_input_is_refused_in_one_line_before_anything_is_made(
+    arguments, word, here, refused
+):
     (here / "empty").mkdir()
     assert word in refused(cli, "grow", *arguments)
     assert [path.name for path in here.iterdir()] == ["empty"]
@@ -81,4 +85,6 @@ def test_files_of_others_stay(there, missing, here, refused):
     (here / there).write_bytes(content)
     said = refused(cli, "grow", "quick", "-o", "my.surrogate")
     assert f"{there} is there already, but not {missing}" in said
-    assert [(path.name, path.read_bytes()) for path in here.iterdir()] == [(there, content)]
+    assert [(path.name, path.read_bytes()) for path in here.iterdir()] == [
+        (there, content)
+    ]

@@ -89,9 +89,15 @@ def test_python_takes_the_level_that_is_given(few, surface):
     assert np.isfinite(held.high["force"])
 
 
-def test_a_table_of_several_maps_has_a_prediction_for_each_and_none_for_their_mean(few, surface):
+def test_a_table_of_several_maps_has_a_prediction_for_each_and_none_for_their_mean(
+    few, surface
+):
     shutil.copy(surface, "again.npy")
-    assert gen_cli.main(["describe", surface, "again.npy", *SIDE, "--csv", "maps.csv"]) == 0
-    assert run("predict", "few.surrogate", "maps.csv", "--delta", "12", "-o", "p.csv") == 0
+    assert (
+        gen_cli.main(["describe", surface, "again.npy", *SIDE, "--csv", "maps.csv"]) == 0
+    )
+    assert (
+        run("predict", "few.surrogate", "maps.csv", "--delta", "12", "-o", "p.csv") == 0
+    )
     first, second = table("p.csv")
     assert first == second

@@ -18,14 +18,18 @@ KINDS = [
 
 
 @pytest.mark.parametrize(("model", "settings"), KINDS)
-def test_first_trees_predict_what_a_fit_of_so_many_trees_predicts(model, settings, samples):
+def test_first_trees_predict_what_a_fit_of_so_many_trees_predicts(
+    model, settings, samples
+):
     inputs, target = samples
     data = inputs[:60], target[:60], inputs[60:]
     numbers = [3, 11, 40]
     unfitted = pipeline(MODELS[model], settings, seed=4, tuned=True)
     together = shared_predictions(MODELS[model], unfitted, data, "n_estimators", numbers)
     for number, found in zip(numbers, together, strict=True):
-        alone = pipeline(MODELS[model], {**settings, "n_estimators": number}, seed=4, tuned=True)
+        alone = pipeline(
+            MODELS[model], {**settings, "n_estimators": number}, seed=4, tuned=True
+        )
         expected = alone.fit(*data[:2]).predict(data[2])
         np.testing.assert_array_equal(found, expected)
 

@@ -55,7 +55,16 @@ def refusal(capsys, *arguments):
 
 
 SHOW = ("show", "found", "--no-pictures")
-FIT = ("fit", "rows.h5", "--model", "decision-tree", "--from", "found", "--target", "area")
+FIT = (
+    "fit",
+    "rows.h5",
+    "--model",
+    "decision-tree",
+    "--from",
+    "found",
+    "--target",
+    "area",
+)
 FIT = (*FIT, "-o", "a.surrogate")
 TUNE = ("tune", "rows.h5", "-o", "found", "--model", "decision-tree")
 

@@ -37,7 +37,9 @@ def test_grids_are_those_of_scikit_learn_without_what_cannot_matter(model):
 
     grid = grids.Grid(MODELS[model], SPACES[model], inputs=23)
     assert list(grid.candidates) == list(ParameterGrid(SPACES[model]))
-    assert (len(grid.candidates), len(grid.differing), 5 * len(grid.families)) == LEFT[model]
+    assert (len(grid.candidates), len(grid.differing), 5 * len(grid.families)) == LEFT[
+        model
+    ]
     served = sorted(name for family in grid.families for name in family)
     assert served == sorted(grid.differing)
     last = grid.candidates[-1]

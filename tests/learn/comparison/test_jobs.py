@@ -45,7 +45,9 @@ def test_compare_tune_and_show(work, capsys):
     assert scores[0]["train_r2"] == "100.0"
     assert table("out/area/times.csv")[0]["fits"] != "0"
     (found,) = table("out/area/tuning.csv")
-    assert int(found["candidates"]) >= 160, "and those beyond the end at which the winner lay"
+    assert int(found["candidates"]) >= 160, (
+        "and those beyond the end at which the winner lay"
+    )
     assert int(found["fits_nominal"]) == 5 * int(found["candidates"])
     record = json.loads((work / "out/area/comparison.json").read_text())
     assert record["scene"]["samples"] == 90
@@ -151,7 +153,9 @@ def scores_of(folder, model):
     """Every score of a search, by candidate, fold and rows."""
     _, *lines = (folder / f"trials/{model}.jsonl").read_text().splitlines()
     trials = map(json.loads, lines)
-    return {(each["candidate"], each["fold"], each["rows"]): each["r2"] for each in trials}
+    return {
+        (each["candidate"], each["fold"], each["rows"]): each["r2"] for each in trials
+    }
 
 
 @pytest.fixture(scope="module")
@@ -179,8 +183,12 @@ def test_a_search_that_was_stopped_goes_on_and_ends_with_the_same_tables(
     assert "550 fits" in said
     assert "550 fits, 550 to do" not in said
     for name in ("scores.csv", "tuning.csv"):
-        assert (work / "cut/area" / name).read_bytes() == (undisturbed / name).read_bytes()
-    assert scores_of(work / "cut/area", "decision-tree") == scores_of(undisturbed, "decision-tree")
+        assert (work / "cut/area" / name).read_bytes() == (
+            undisturbed / name
+        ).read_bytes()
+    assert scores_of(work / "cut/area", "decision-tree") == scores_of(
+        undisturbed, "decision-tree"
+    )
 
 
 @pytest.mark.long
@@ -189,14 +197,21 @@ def test_tables_do_not_depend_on_the_number_of_ranks(work):
     models = ["--model", "kernel-ridge"]
     for verb in ("compare", "tune"):
         assert run(verb, "database.h5", "-o", "r0", *models) == 0
-    verbs = [["learn", verb, "database.h5", "-o", "r3", *models] for verb in ("compare", "tune")]
+    verbs = [
+        ["learn", verb, "database.h5", "-o", "r3", *models]
+        for verb in ("compare", "tune")
+    ]
     for ends in walk(3, verbs, work):
         assert [end.code for end in ends] == [0, 0, 0], ends
     names = ("scores.csv", "tuning.csv", "rows.csv")
     predictions = ("baseline/kernel-ridge.csv", "tuned/kernel-ridge.csv")
     for name in (*names, *predictions):
-        assert (work / "r0/area" / name).read_bytes() == (work / "r3/area" / name).read_bytes()
-    ours, theirs = (scores_of(work / name / "area", "kernel-ridge") for name in ("r0", "r3"))
+        assert (work / "r0/area" / name).read_bytes() == (
+            work / "r3/area" / name
+        ).read_bytes()
+    ours, theirs = (
+        scores_of(work / name / "area", "kernel-ridge") for name in ("r0", "r3")
+    )
     assert ours == theirs
 
 
@@ -208,7 +223,9 @@ def stumps(monkeypatch):
 
 @pytest.mark.usefixtures("stumps")
 @pytest.mark.parametrize("limit", [[], ["--budget", "1h"]])
-def test_where_the_baseline_wins_every_table_and_picture_names_it(work, limit, capsys, monkeypatch):
+def test_where_the_baseline_wins_every_table_and_picture_names_it(
+    work, limit, capsys, monkeypatch
+):
     monkeypatch.setattr(search, "LEAST_ROWS", 20)
     assert run("compare", "database.h5", "-o", "out", *TREE) == 0
     assert run("tune", "database.h5", "-o", "out", *TREE, *limit) == 0
@@ -220,7 +237,9 @@ def test_where_the_baseline_wins_every_table_and_picture_names_it(work, limit, c
     (found,) = table("out/area/tuning.csv")
     assert found["winner"] == "baseline"
     assert found["settings"] == "those of the library"
-    assert float(found["baseline_r2"]) == float(found["winner_r2"]) > float(found["grid_r2"])
+    assert (
+        float(found["baseline_r2"]) == float(found["winner_r2"]) > float(found["grid_r2"])
+    )
     assert found["optimum_r2"] == "", "the grid lacks it"
     baseline, tuned = table("out/area/scores.csv")
     assert (baseline["winner"], tuned["winner"]) == ("", "baseline")
@@ -270,7 +289,9 @@ def test_perceptrons_are_scored_as_they_are_fitted_in_the_end(work, monkeypatch)
     assert run("tune", "database.h5", "-o", "out", "--model", "mlp", "--seed", "3") == 0
     (found,) = table("out/area/tuning.csv")
     assert found["winner"] == "grid"
-    searched = [params for rows, params in seen if rows < 72 and params["solver"] == "lbfgs"]
+    searched = [
+        params for rows, params in seen if rows < 72 and params["solver"] == "lbfgs"
+    ]
     refitted = [params for rows, params in seen if rows == 72]
     assert len(searched) == 5
     assert all(params == searched[0] for params in [*searched, *refitted])

@@ -59,7 +59,11 @@ REDUCED = {
         "cache_size": [200, 500],
     },
     "gaussian-process": {"alpha": [1e-3, 0.0374, 1.0]},
-    "kernel-ridge": {"alpha": [1e-5, 1.0], "gamma": [0.01, 5.0], "kernel": ["rbf", "linear"]},
+    "kernel-ridge": {
+        "alpha": [1e-5, 1.0],
+        "gamma": [0.01, 5.0],
+        "kernel": ["rbf", "linear"],
+    },
     "mlp": {
         "activation": ["tanh"],
         "alpha": [1e-3],
@@ -70,7 +74,12 @@ REDUCED = {
 }
 
 SCALED = {
-    "svm": {"C": [10.0], "epsilon": [0.01, 0.1], "gamma": [0.01, 0.03], "kernel": ["rbf"]},
+    "svm": {
+        "C": [10.0],
+        "epsilon": [0.01, 0.1],
+        "gamma": [0.01, 0.03],
+        "kernel": ["rbf"],
+    },
     "gaussian-process": {
         "alpha": [1e-3, 0.1],
         "kernel__length_scale": [3.0, 10.0],
@@ -107,7 +116,9 @@ def test_scores_and_winner_are_those_of_scikit_learns_grid_search(
     means = [means[name] for name in names]
     np.testing.assert_allclose(means, results["mean_test_score"], atol=1e-10)
     best = results["params"][int(np.argmin(results["rank_test_score"]))]
-    assert grid.first[search.winner] == {key.partition("__")[2]: best[key] for key in best}
+    assert grid.first[search.winner] == {
+        key.partition("__")[2]: best[key] for key in best
+    }
     assert report["fits"] == 5 * len(grid.families)
     if space is REDUCED[model] and model != "gaussian-process":
         assert len(grid.families) < len(grid.candidates)
@@ -152,7 +163,9 @@ def limited(search, fits):
     return replace(search, stopping=lambda: sum(n == total for *_, n in finished) >= fits)
 
 
-def test_the_best_on_few_rows_are_judged_first_after_the_optimum(searching, trials, monkeypatch):
+def test_the_best_on_few_rows_are_judged_first_after_the_optimum(
+    searching, trials, monkeypatch
+):
     """On 26 rows of `levels` the deep trees come after all others, on all of them they are best."""
     monkeypatch.setattr(searches, "LEAST_ROWS", 20)
     space = {"max_depth": [1, 2, 3, 4, 30], "min_samples_leaf": [1, 40, 80]}
@@ -167,13 +180,21 @@ def test_the_best_on_few_rows_are_judged_first_after_the_optimum(searching, tria
     assert (found.judged, found.best) == (10, deep)
     assert found.how.startswith("successive halving: 15 candidates on 26 rows, 2 folds, ")
     assert found.how.endswith(" 2 folds, 10 candidates on 720 rows, 5 folds")
-    assert {trial.fold for trial in trials.finished.values() if trial.rows == 26} == {0, 1}
-    assert found.seconds == pytest.approx(sum(t.seconds for t in trials.finished.values()))
+    assert {trial.fold for trial in trials.finished.values() if trial.rows == 26} == {
+        0,
+        1,
+    }
+    assert found.seconds == pytest.approx(
+        sum(t.seconds for t in trials.finished.values())
+    )
 
 
 @pytest.mark.parametrize(
     ("fits", "words"),
-    [(3, "the baseline was not finished"), (25, "4 of 15 candidates were judged over 5 folds")],
+    [
+        (3, "the baseline was not finished"),
+        (25, "4 of 15 candidates were judged over 5 folds"),
+    ],
 )
 def test_a_model_of_which_too_few_candidates_were_judged_is_not_searched(
     fits, words, searching, monkeypatch
@@ -200,10 +221,16 @@ def test_a_search_without_time_says_how_long_a_fit_takes_and_which_budget_would_
     trials.add([Trial(candidate=name, fold=0, rows=80, r2=0.5, seconds=30.0)])
     needed = 2 * 5 * (10 + 1) * 30.0 / searches.JUDGED
     wanted = f"--budget {budget_of(needed)}"
-    assert search.advice == f"a fit to 80 rows takes 30 s, so that 10 candidates need {wanted}"
+    assert (
+        search.advice
+        == f"a fit to 80 rows takes 30 s, so that 10 candidates need {wanted}"
+    )
     assert seconds(budget_of(needed)) >= needed
     search.ended.append(300.0)
-    assert "a fit to 80 rows was not finished in 300 s, so that 10 candidates" in search.advice
+    assert (
+        "a fit to 80 rows was not finished in 300 s, so that 10 candidates"
+        in search.advice
+    )
     assert search.advice.endswith("h or more")
     assert search.advice in search.fault
 
@@ -211,12 +238,18 @@ def test_a_search_without_time_says_how_long_a_fit_takes_and_which_budget_would_
 def test_a_search_goes_on_beyond_the_end_at_which_its_winner_lies(searching, trials):
     """The smallest trees of the grid are too small: deeper ones are tried, and only the needed."""
     space = {"max_depth": [1, 2, 3], "min_samples_leaf": [1, 2, 4]}
-    search = replace(searching("decision-tree", space), training=levels(720), baseline=None)
+    search = replace(
+        searching("decision-tree", space), training=levels(720), baseline=None
+    )
     found = replace(search)
     found.exhaust()
     added = found.grid.candidates[9:]
     best = found.grid.first[found.winner]
-    assert [each["max_depth"] for each in added if each["min_samples_leaf"] == 1][:3] == [4, 5, 6]
+    assert [each["max_depth"] for each in added if each["min_samples_leaf"] == 1][:3] == [
+        4,
+        5,
+        6,
+    ]
     assert best["max_depth"] == 6
     assert search.grid.first[search.best]["max_depth"] == 3
     before = dict(trials.finished)

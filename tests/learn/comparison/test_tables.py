@@ -40,17 +40,24 @@ def test_files_and_tables_state_the_intervals_their_level_and_their_draws(thrice
     said = " ".join(capsys.readouterr().out.split())
     (row,) = table(thrice / "area/scores.csv")
     surfaces = row["drawn"].removesuffix(" surfaces")
-    assert "90 % intervals of the scores on the test rows [%]: bootstrap, 1,000 resamples" in said
+    assert (
+        "90 % intervals of the scores on the test rows [%]: bootstrap, 1,000 resamples"
+        in said
+    )
     assert f"of {surfaces} surfaces; nMaxE has none" in said
     assert (row["level"], row["resamples"]) == ("0.9", "1000")
     for name in ("nmse", "nmae", "r2"):
-        low, value, high = (float(row[key]) for key in (f"{name}_low", name, f"{name}_high"))
+        low, value, high = (
+            float(row[key]) for key in (f"{name}_low", name, f"{name}_high")
+        )
         assert low <= value <= high
         assert f"{low:.2f} to {high:.2f}" in said
     assert "nmaxe_low" not in row
 
 
-def test_what_the_nmse_is_stands_beside_the_table_with_the_factor_of_the_data(thrice, capsys):
+def test_what_the_nmse_is_stands_beside_the_table_with_the_factor_of_the_data(
+    thrice, capsys
+):
     truth, _ = Folder(thrice / "area").prediction("baseline", "decision-tree")
     factor = float(np.var(truth) / np.mean(truth))
     assert run("show", thrice, "--no-pictures") == 0
@@ -59,18 +66,24 @@ def test_what_the_nmse_is_stands_beside_the_table_with_the_factor_of_the_data(th
     assert f"{factor / paper.SPREAD:.2g} times the paper's" in said
     (row,) = table(thrice / "area/scores.csv")
     assert float(row["variance_over_mean"]) == pytest.approx(factor, rel=1e-12)
-    assert float(row["nmse"]) == pytest.approx((100 - float(row["r2"])) * factor, rel=1e-9)
+    assert float(row["nmse"]) == pytest.approx(
+        (100 - float(row["r2"])) * factor, rel=1e-9
+    )
 
 
 def test_rows_that_do_not_belong_to_the_predictions_are_refused(thrice, tmp_path):
     shutil.copytree(thrice, tmp_path, dirs_exist_ok=True)
     rows = (thrice / "area/rows.csv").read_text().splitlines(keepends=True)
     (tmp_path / "area/rows.csv").write_text("".join(rows[:-1]))
-    with pytest.raises(InputError, match=r"decision-tree.csv has 12 rows, rows.csv has 11"):
+    with pytest.raises(
+        InputError, match=r"decision-tree.csv has 12 rows, rows.csv has 11"
+    ):
         tables.read(Folder(tmp_path / "area"))
 
 
-def test_winners_beyond_the_grid_and_searches_of_too_few_candidates_are_said(work, capsys):
+def test_winners_beyond_the_grid_and_searches_of_too_few_candidates_are_said(
+    work, capsys
+):
     assert run("tune", "database.h5", "-o", "out", *TREE) == 0
     path = work / "out/area/tuned/decision-tree.json"
     result = json.loads(path.read_text())
@@ -91,7 +104,9 @@ def test_winners_beyond_the_grid_and_searches_of_too_few_candidates_are_said(wor
 
 
 @pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
-def test_the_library_s_own_process_stands_beside_the_one_with_the_paper_s_kernel(work, capsys):
+def test_the_library_s_own_process_stands_beside_the_one_with_the_paper_s_kernel(
+    work, capsys
+):
     """The table said "their libraries' settings" of a process whose kernel was ours."""
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.preprocessing import normalize
@@ -107,7 +122,9 @@ def test_the_library_s_own_process_stands_beside_the_one_with_the_paper_s_kernel
     (rows,) = dataset.read(Request((work / "database.h5",)))
     parts = split.draw(rows, 0)
     inputs, target = normalize(rows.inputs), rows.target
-    process = GaussianProcessRegressor(random_state=0).fit(inputs[parts.train], target[parts.train])
+    process = GaussianProcessRegressor(random_state=0).fit(
+        inputs[parts.train], target[parts.train]
+    )
     expected = 100 * process.score(inputs[parts.test], target[parts.test])
     assert float(library["r2"]) == pytest.approx(expected, rel=1e-6)
     assert run("show", "out") == 0

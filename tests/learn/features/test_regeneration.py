@@ -40,8 +40,15 @@ def test_rows_have_what_surrogates_see_of_their_surfaces(population, blocks, loa
     assert population.with_name(f"{population.name}.pressed{kind}.npz").exists()
     row = rows.rows[17]
     with Reader(population) as reader:
-        scene, delta, force = reader.scene, reader.column("delta"), reader.column("force")[row]
-    plan, ratio = parameters(scene, 0, scene.samples), 0.1 if scene.contact.hardness else None
+        scene, delta, force = (
+            reader.scene,
+            reader.column("delta"),
+            reader.column("force")[row],
+        )
+    plan, ratio = (
+        parameters(scene, 0, scene.samples),
+        0.1 if scene.contact.hardness else None,
+    )
     heights, boundary = surface_of(scene, plan, row), scene.contact.boundary
     own = SurfaceFeatures(heights, scene.sides, scene.spacing, boundary=boundary)
     cells = heights.size * math.prod(scene.spacing)
@@ -80,7 +87,10 @@ def test_what_was_computed_is_kept_and_only_what_changed_is_computed_again(
 
 def test_kept_features_that_somebody_else_wrote_are_computed_anew(database):
     hybrid_rows(database, Executor(), never)
-    cache, names = database.with_name(f"{database.name}.pressed.npz"), ("key", "inputs", "values")
+    cache, names = (
+        database.with_name(f"{database.name}.pressed.npz"),
+        ("key", "inputs", "values"),
+    )
     with np.load(cache) as file:
         key, own = str(file["key"]), file["inputs"]
     values = np.zeros((len(own), len(HYBRID)))
@@ -109,5 +119,7 @@ def test_an_interrupted_run_keeps_what_was_finished(database):
 
 def test_surfaces_that_cannot_be_generated_anew_are_refused(database, change):
     change("height_mean", [40], 1.0)
-    with pytest.raises(InputError, match="row 40, generated anew from its scene, is another"):
+    with pytest.raises(
+        InputError, match="row 40, generated anew from its scene, is another"
+    ):
         hybrid_rows(database, Executor(), never)

@@ -35,7 +35,8 @@ def test_the_sets_have_unique_columns_and_the_papers_are_the_23():
 
 
 @pytest.mark.parametrize(
-    ("name", "blocks"), [("dimensionless", None), *(("hybrid", each) for each in BLOCK_COUNTS)]
+    ("name", "blocks"),
+    [("dimensionless", None), *(("hybrid", each) for each in BLOCK_COUNTS)],
 )
 def test_what_surrogates_see_has_no_units_either(name, blocks):
     """Unit names the columns, each once; a power of two rounds nothing."""
@@ -51,7 +52,9 @@ def test_what_surrogates_see_has_no_units_either(name, blocks):
     roots = [name for name in wanted.columns if name.startswith("sqrt(")]
     for root in roots:
         column = wanted.columns.index(root[5:-1])
-        np.testing.assert_allclose(first[:, wanted.columns.index(root)] ** 2, first[:, column])
+        np.testing.assert_allclose(
+            first[:, wanted.columns.index(root)] ** 2, first[:, column]
+        )
 
 
 def test_every_quantity_over_its_scale_has_no_unit():
@@ -62,9 +65,13 @@ def test_every_quantity_over_its_scale_has_no_unit():
         described = patch(z * up, side).description
         statistics = np.array([list(described.values.values())])
         delta = np.array([8.0 * up])
-        learnt = [each for each in stored_quantities() if not each.per_node and not each.code]
+        learnt = [
+            each for each in stored_quantities() if not each.per_node and not each.code
+        ]
         for quantity in learnt:
-            scale = SETS["hybrid"].scale(quantity.powers, Rows(statistics, delta, side), e_star)
+            scale = SETS["hybrid"].scale(
+                quantity.powers, Rows(statistics, delta, side), e_star
+            )
             found.append(quantity.of(contact) / scale[0])
     half = len(found) // 2
     np.testing.assert_allclose(found[:half], found[half:], rtol=1e-6)
@@ -96,8 +103,15 @@ def test_the_hardness_is_a_feature_where_it_says_something(name):
     assert fixed.columns == (varied.columns if SETS[name].scaled else SETS[name].columns)
 
 
-@given(st.integers(0, 999), st.floats(0.0, 1.0), st.sampled_from([5, 9, 17]), st.floats(0.5, 60.0))
-def test_no_elastic_pressure_reaches_the_ceiling_of_the_hardness(seed, hurst, nodes, delta):
+@given(
+    st.integers(0, 999),
+    st.floats(0.0, 1.0),
+    st.sampled_from([5, 9, 17]),
+    st.floats(0.5, 60.0),
+)
+def test_no_elastic_pressure_reaches_the_ceiling_of_the_hardness(
+    seed, hurst, nodes, delta
+):
     heights = generate("diamond-square", nodes, hurst, 12.0, np.random.default_rng(seed))
     contact = bem.solve(heights, (1000.0, 1000.0), delta)
     rows = Rows(np.ones((1, 22)), np.array([delta]), 1000.0, nodes=float(nodes))

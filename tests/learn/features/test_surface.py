@@ -17,7 +17,9 @@ def surface(seed, nodes=33):
     return generate("diamond-square", nodes, 0.7, 12.0, np.random.default_rng(seed))
 
 
-@pytest.mark.parametrize("shape", [(33, 33), (20, 20), (40, 57), (129, 129), (130, 130), (34, 100)])
+@pytest.mark.parametrize(
+    "shape", [(33, 33), (20, 20), (40, 57), (129, 129), (130, 130), (34, 100)]
+)
 def test_any_grid_has_features_and_few_nodes_are_their_own_blocks(shape):
     z = np.random.default_rng(0).normal(size=shape).cumsum(axis=0)
     sides = (float(shape[0] - 1), float(shape[1] - 1))
@@ -28,10 +30,14 @@ def test_any_grid_has_features_and_few_nodes_are_their_own_blocks(shape):
     values = dict(zip(HYBRID, rough.hybrid(3.0), strict=True))
     assert values["bearing_share"] == np.mean(z > z.max() - 3.0)
     assert values["refined_share"] <= values["bearing_share"]
-    if max(shape) <= 33:  # nothing stands above its own solution, whatever that leaves there
+    if (
+        max(shape) <= 33
+    ):  # nothing stands above its own solution, whatever that leaves there
         assert values["refined_share"] == values["refined_interference/delta"] == 0
         solved = bem.solve(z, sides, 3.0)
-        assert values["coarse_area_percent"] == pytest.approx(solved.area_percent, abs=0.5)
+        assert values["coarse_area_percent"] == pytest.approx(
+            solved.area_percent, abs=0.5
+        )
         force = solved.force / (rough.length * 3.0)
         assert values["coarse_force/(E*.L.delta)"] == pytest.approx(force, rel=0.02)
     else:
@@ -43,8 +49,19 @@ def test_a_delta_that_reaches_no_block_still_has_features():
     z[30, 30] = 10.0
     z += np.random.default_rng(0).uniform(0, 1e-3, z.shape)
     values = SurfaceFeatures(z, (65.0, 65.0), (1.0, 1.0)).hybrid(0.5)
-    coarse, local = values[: len(COARSE)], dict(zip(LOCAL, values[len(COARSE) :], strict=True))
-    assert coarse == (1 / 66**2, 0.5 / 66**2 / 0.5, 0.0, 0.0, 0.0, 1 / 66**2, 0.5 / 66**2 / 0.5)
+    coarse, local = (
+        values[: len(COARSE)],
+        dict(zip(LOCAL, values[len(COARSE) :], strict=True)),
+    )
+    assert coarse == (
+        1 / 66**2,
+        0.5 / 66**2 / 0.5,
+        0.0,
+        0.0,
+        0.0,
+        1 / 66**2,
+        0.5 / 66**2 / 0.5,
+    )
     assert local["refined_share(+1s)"] == 1 / 66**2
     assert local["local_area(1p)"] == local["coarse_perimeter/L"] == 0.0
     assert local["refined_interference_2/delta"] == pytest.approx(1 / 66)
@@ -53,7 +70,10 @@ def test_a_delta_that_reaches_no_block_still_has_features():
 def test_pits_that_blocks_do_not_resolve_skew_what_they_leave():
     rough, pits = surface(0, nodes=129), np.zeros((129, 129))
     pits[5::9, 5::9] = 5.0
-    each = (SurfaceFeatures(rough + sign * pits, (128.0, 128.0), (1.0, 1.0)) for sign in (0, -1, 1))
+    each = (
+        SurfaceFeatures(rough + sign * pits, (128.0, 128.0), (1.0, 1.0))
+        for sign in (0, -1, 1)
+    )
     flat, deep, high = (one.hybrid(3.0)[HYBRID.index(SKEWNESS)] for one in each)
     assert abs(flat) < 0.1
     assert deep < -1
@@ -77,7 +97,9 @@ def test_patches_without_edges_have_features_up_to_full_contact(shape, boundary)
         assert rough.means(share * full) == (0.0, 0.0)
         if max(shape) <= 32 and share < 0.98:
             solved = bem.solve(z, rough.sides, share * full, boundary=boundary)
-            assert values["coarse_area_percent"] == pytest.approx(solved.area_percent, abs=0.5)
+            assert values["coarse_area_percent"] == pytest.approx(
+                solved.area_percent, abs=0.5
+            )
     assert values["coarse_area_percent"] > 80
     assert rough.means(0.9 * full, 0.05)[1] > 0
 

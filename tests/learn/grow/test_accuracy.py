@@ -102,7 +102,11 @@ def test_parts_are_whole_groups_in_random_order_with_folds(solved):
 def test_errors_are_measured_by_magnitudes():
     """A negative target has no negative error, and a signed one of mean 0 has an error at all."""
     random = np.random.default_rng(5)
-    errors, truth, groups = random.uniform(0, 1, 30), random.uniform(1, 2, 30), np.arange(30)
+    errors, truth, groups = (
+        random.uniform(0, 1, 30),
+        random.uniform(1, 2, 30),
+        np.arange(30),
+    )
     wanted = accuracy(errors, truth, groups)
     assert accuracy(errors, -truth, groups) == wanted
     assert accuracy(errors, truth * (-1.0) ** groups, groups) == wanted
@@ -127,9 +131,14 @@ def test_the_curve_is_the_power_of_the_rows_that_errors_follow(exponent):
     ("nmae", "error", "mark", "exponent", "rows"),
     [(4.0, 0.0, 2.001, 0.5, 960), (4.0, 0.1, 2.0, 0.1, math.inf)],
 )
-def test_the_rows_that_are_advised_are_those_of_the_curve(nmae, error, mark, exponent, rows):
+def test_the_rows_that_are_advised_are_those_of_the_curve(
+    nmae, error, mark, exponent, rows
+):
     """nMAE 4 % at 240 rows, halved by four times the rows; or it falls too little."""
-    number, judged = size_with(240, 1), SimpleNamespace(accuracy=Accuracy(nmae, error, 48))
+    number, judged = (
+        size_with(240, 1),
+        SimpleNamespace(accuracy=Accuracy(nmae, error, 48)),
+    )
     found = Look(240, number, mark, None, {"area": judged}, None)
     at = np.array([120.0, 240.0])
     curve = Curve(at, nmae * (at / 240) ** -exponent)

@@ -19,7 +19,9 @@ from learn.executor import Executor
 from learn.grow import rounds
 from learn.grow.rounds import Growth
 
-SCENE = Scene.parse("samples = 10\nsamples_per_surface = 1\n[surface]\nnodes = 9\n", "scene")
+SCENE = Scene.parse(
+    "samples = 10\nsamples_per_surface = 1\n[surface]\nnodes = 9\n", "scene"
+)
 MARK = 25.0
 """Met at the second look by a decision tree, which is fitted quickly."""
 
@@ -107,7 +109,9 @@ STAGES = {
 
 @pytest.mark.few(1)
 @pytest.mark.parametrize("stage", STAGES)
-def test_a_growth_that_is_killed_goes_on_to_the_same_end(stage, whole, tmp_path, monkeypatch):
+def test_a_growth_that_is_killed_goes_on_to_the_same_end(
+    stage, whole, tmp_path, monkeypatch
+):
     folder, grown, _ = whole
     home, name, number = STAGES[stage]
     original, calls = getattr(home, name), []
@@ -124,7 +128,9 @@ def test_a_growth_that_is_killed_goes_on_to_the_same_end(stage, whole, tmp_path,
     monkeypatch.undo()
     again, _ = grow(order(tmp_path))
     assert again.ending == grown.ending
-    assert deterministic_bytes(tmp_path / "my.h5") == deterministic_bytes(folder / "my.h5")
+    assert deterministic_bytes(tmp_path / "my.h5") == deterministic_bytes(
+        folder / "my.h5"
+    )
     assert parts(tmp_path / "my.surrogate") == parts(folder / "my.surrogate")
 
 
@@ -150,7 +156,9 @@ def test_a_budget_ends_a_growth_by_the_clock_of_its_rows(limit, tmp_path, monkey
 
     monkeypatch.setattr(rounds, "time", clock)
     monkeypatch.setattr(Writer, "write_block", written)
-    monkeypatch.setattr(rounds, "within", lambda work, shared, task, until: work(shared, task))
+    monkeypatch.setattr(
+        rounds, "within", lambda work, shared, task, until: work(shared, task)
+    )
     if limit < 0.6:  # fewer rows than a first look needs
         with pytest.raises(InputError, match="the budget sufficed for"):
             grow(order(tmp_path, mark=12.0), limit=limit)
@@ -199,4 +207,6 @@ def test_a_growth_says_what_is_doubted_of_its_scene(tmp_path):
     scene = Scene.parse(text, "scene")
     _, said = grow(order(tmp_path), scene=scene, stopping=lambda: True)
     assert said[0].startswith("warning: from Delta = ")
-    assert said[0].endswith("E* is 1 MPa, the default without a modulus (modulus in [contact])")
+    assert said[0].endswith(
+        "E* is 1 MPa, the default without a modulus (modulus in [contact])"
+    )

@@ -18,7 +18,9 @@ def test_a_folder_is_predicted_and_written(work):
     arguments = ["predict", "hybrid.surrogate", "many", "--side", 1000, "--delta", DELTAS]
     assert run(*arguments, "-o", "p.csv") == 0
     rows = table("p.csv")
-    assert [row["input"] for row in rows[::3]] == [f"many/s{seed}.npy" for seed in range(3)]
+    assert [row["input"] for row in rows[::3]] == [
+        f"many/s{seed}.npy" for seed in range(3)
+    ]
     surrogate = Surrogate.load("hybrid.surrogate")
     for row in rows:
         own = surrogate.predict(np.load(row["input"]), 1000.0, float(row["delta_um"]))
@@ -56,18 +58,31 @@ def test_statistics_give_what_the_surface_gives(work):
     for features in ("dimensionless", "paper"):
         ask = ["predict", f"{features}.surrogate"]
         assert run(*ask, "table.csv", "--delta", DELTAS, "-o", "a.csv") == 0
-        assert run(*ask, "many/s0.npy", "--side", 1000, "--delta", DELTAS, "-o", "b.csv") == 0
+        assert (
+            run(*ask, "many/s0.npy", "--side", 1000, "--delta", DELTAS, "-o", "b.csv")
+            == 0
+        )
         for one, two in zip(table("a.csv"), table("b.csv"), strict=True):
             for key in ("area_percent", "force_uN_low", "area_percent_high"):
                 assert bool(one[key]) == bool(two[key])
-                assert float(one[key] or 0) == pytest.approx(float(two[key] or 0), rel=1e-6)
+                assert float(one[key] or 0) == pytest.approx(
+                    float(two[key] or 0), rel=1e-6
+                )
             assert one["reason"] == two["reason"]
 
 
 def test_rows_of_a_table_that_lack_statistics_have_no_prediction(work, capsys):
     (row,) = table("table.csv")
-    assert run("fit", "database.h5", "--model", "gaussian-process", "-o", "gp.surrogate") == 0
-    lacking = {**row, "asperity_mean": "nan", "asperity_rms": "NaN", "asperity_skewness": ""}
+    assert (
+        run("fit", "database.h5", "--model", "gaussian-process", "-o", "gp.surrogate")
+        == 0
+    )
+    lacking = {
+        **row,
+        "asperity_mean": "nan",
+        "asperity_rms": "NaN",
+        "asperity_skewness": "",
+    }
     for rows, name in (([lacking, row, lacking], "mixed.csv"), ([lacking], "none.csv")):
         with Path(name).open("w", newline="") as file:
             writer = csv.DictWriter(file, row)
@@ -92,7 +107,15 @@ def test_rows_of_a_table_that_lack_statistics_have_no_prediction(work, capsys):
 
 
 def test_a_prediction_names_modulus_and_reasons(work, capsys):
-    ask = ["predict", "dimensionless.surrogate", "many", "--side", 1000, "--delta", "10,400"]
+    ask = [
+        "predict",
+        "dimensionless.surrogate",
+        "many",
+        "--side",
+        1000,
+        "--delta",
+        "10,400",
+    ]
     assert run(*ask, "--young", "210e3", "--poisson", "0.3", "-o", "p.csv") == 0
     said = " ".join(capsys.readouterr().out.split())
     assert "E* = 230769 MPa" in said
@@ -111,7 +134,10 @@ def test_codes_of_a_map_are_told_beside_the_predictions(work, capsys):
     heights[3, 5:9] = -9999.0
     np.save("coded.npy", heights)
     assert run(*PREDICT, "coded.npy", "-o", "p.csv") == 0
-    assert "4 nodes (0.367 %) are at -9999 um, the first is (3, 5)" in capsys.readouterr().err
+    assert (
+        "4 nodes (0.367 %) are at -9999 um, the first is (3, 5)"
+        in capsys.readouterr().err
+    )
     (row,) = table("p.csv")
     assert "--mask " in row["warnings"]
 
@@ -120,7 +146,15 @@ def test_an_overruled_scale_is_told_beside_the_predictions(work, capsys):
     heights = np.load("many/s0.npy")
     header = "Channel: Topo\nWidth: 1 m\nHeight: 1 m\nValue units: um"
     np.savetxt("scan.txt", heights, header=header)
-    ask = ["predict", "dimensionless.surrogate", "scan.txt", "--delta", "9", "-o", "p.csv"]
+    ask = [
+        "predict",
+        "dimensionless.surrogate",
+        "scan.txt",
+        "--delta",
+        "9",
+        "-o",
+        "p.csv",
+    ]
     assert run(*ask, "--side", 1000) == 2
     assert "--override-scale" in capsys.readouterr().err
     assert run(*ask, "--side", 1000, "--override-scale", "--channel", "Topo") == 0
@@ -129,7 +163,16 @@ def test_an_overruled_scale_is_told_beside_the_predictions(work, capsys):
     assert "warning: the file's own scale is overruled" in said.err
     (row,) = table("p.csv")
     assert "taken as 1000 x 1000 um" in row["warnings"]
-    law = ["law", "scan.txt", "--solver", "--side", 1000, "--override-scale", "--delta", "9"]
+    law = [
+        "law",
+        "scan.txt",
+        "--solver",
+        "--side",
+        1000,
+        "--override-scale",
+        "--delta",
+        "9",
+    ]
     assert run(*law, "--header", "law.h") == 0
     told = "the file's own scale is overruled"
     assert told in capsys.readouterr().out
@@ -138,14 +181,26 @@ def test_an_overruled_scale_is_told_beside_the_predictions(work, capsys):
     assert "holds 0 'Topo'" in capsys.readouterr().err
 
 
-def test_a_hardness_is_named_and_refused_by_surrogates_of_elastic_bodies(work, yielding, capsys):
+def test_a_hardness_is_named_and_refused_by_surrogates_of_elastic_bodies(
+    work, yielding, capsys
+):
     """In one line, for surfaces and for tables of statistics."""
     surface, statistics = ["many/s0.npy", "--side", "1000"], ["table.csv"]
     for name, given in (("hybrid", surface), ("dimensionless", statistics)):
-        ask = ["predict", f"{name}.surrogate", *given, "--delta", "10", "--hardness", "0.01"]
+        ask = [
+            "predict",
+            f"{name}.surrogate",
+            *given,
+            "--delta",
+            "10",
+            "--hardness",
+            "0.01",
+        ]
         assert run(*ask) == 2
         assert "trained on elastic bodies" in capsys.readouterr().err.splitlines()[-1]
-    assert run("fit", yielding, "-o", "plastic.surrogate", "--model", "decision-tree") == 0
+    assert (
+        run("fit", yielding, "-o", "plastic.surrogate", "--model", "decision-tree") == 0
+    )
     ask = ["predict", "plastic.surrogate", *statistics, "--delta", "10"]
     assert run(*ask) == 2
     assert "give --hardness" in capsys.readouterr().err
@@ -161,7 +216,9 @@ def test_a_hardness_is_named_and_refused_by_surrogates_of_elastic_bodies(work, y
     assert "hardness 0.003 to 0.1 E*" in " ".join(capsys.readouterr().out.split())
 
 
-def test_surfaces_and_statistics_have_the_boundary_of_the_surrogate(work, mirrored, capsys):
+def test_surfaces_and_statistics_have_the_boundary_of_the_surrogate(
+    work, mirrored, capsys
+):
     assert run("fit", mirrored, "-o", "cells.surrogate", "--model", "decision-tree") == 0
     np.save("cells.npy", np.load("many/s0.npy")[:-1, :-1])
     describe = ["describe", "cells.npy", "--side", "1000", "--csv"]
@@ -170,13 +227,18 @@ def test_surfaces_and_statistics_have_the_boundary_of_the_surrogate(work, mirror
     assert run(*ask, "cells.npy", "--side", 1000, "--delta", "1,3", "-o", "a.csv") == 0
     assert run(*ask, "cells.csv", "--delta", "1,3", "-o", "b.csv") == 0
     for one, two in zip(table("a.csv"), table("b.csv"), strict=True):
-        assert float(one["area_percent"]) == pytest.approx(float(two["area_percent"]), rel=1e-6)
+        assert float(one["area_percent"]) == pytest.approx(
+            float(two["area_percent"]), rel=1e-6
+        )
         assert one["reason"] == two["reason"]
         assert "spacing" not in one["reason"]
     capsys.readouterr()
     assert run(*ask, "table.csv", "--delta", "1") == 2
     (line,) = capsys.readouterr().err.splitlines()[-1:]
-    assert "table.csv: has a free boundary, the surrogate was trained on patches with a" in line
+    assert (
+        "table.csv: has a free boundary, the surrogate was trained on patches with a"
+        in line
+    )
     assert run("predict", "dimensionless.surrogate", "cells.csv", "--delta", "9") == 2
     assert "cells.csv: has a mirror boundary" in capsys.readouterr().err
     assert run("card", "cells.surrogate") == 0

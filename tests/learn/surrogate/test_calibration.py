@@ -53,15 +53,28 @@ def test_scheme_and_kind_follow_the_number_of_maps(rows):
 
 def fit_to(request, rows, values):
     """A fit of given settings to all rows."""
-    plan, folds = calibration.planned(request.models[0], rows, None), np.zeros(rows.size, np.int8)
-    return fit_target(request, rows, plan, folds, settings=Settings(values, False, "given"))
+    plan, folds = (
+        calibration.planned(request.models[0], rows, None),
+        np.zeros(rows.size, np.int8),
+    )
+    return fit_target(
+        request, rows, plan, folds, settings=Settings(values, False, "given")
+    )
 
 
-@pytest.mark.parametrize(("model", "values"), [("kernel-ridge", {}), ("decision-tree", {})])
+@pytest.mark.parametrize(
+    ("model", "values"), [("kernel-ridge", {}), ("decision-tree", {})]
+)
 @pytest.mark.parametrize("number", [4, 10])
-def test_no_row_is_predicted_by_a_model_that_has_seen_its_map(rows, solved, model, values, number):
+def test_no_row_is_predicted_by_a_model_that_has_seen_its_map(
+    rows, solved, model, values, number
+):
     train = of_maps(rows, number)
-    values = {"kernel": "rbf", "gamma": 0.01, "alpha": 1e-3} if model == "kernel-ridge" else values
+    values = (
+        {"kernel": "rbf", "gamma": 0.01, "alpha": 1e-3}
+        if model == "kernel-ridge"
+        else values
+    )
     fit = fit_to(request_of(solved, model), train, values)
     groups = calibration.groups_of(train)
     part, unseen = next(calibration.holdouts(train, groups.left_out(train)))
@@ -76,13 +89,19 @@ def test_no_row_is_predicted_by_a_model_that_has_seen_its_map(rows, solved, mode
     assert not np.allclose(again.crossed[others], fit.crossed[others], rtol=1e-3)
 
 
-@pytest.mark.parametrize(("model", "number"), [("kernel-ridge", 90), ("decision-tree", 36)])
-def test_further_fits_are_as_few_as_have_surfaces_enough(solved, rows, monkeypatch, model, number):
+@pytest.mark.parametrize(
+    ("model", "number"), [("kernel-ridge", 90), ("decision-tree", 36)]
+)
+def test_further_fits_are_as_few_as_have_surfaces_enough(
+    solved, rows, monkeypatch, model, number
+):
     """Parts of 18 surfaces: two have 30, and kernel ridge tells the errors of all of them."""
     monkeypatch.setattr(calibration, "ENOUGH", 30)
     fit = fit_to(request_of(solved, model), rows, {})
     assert np.isfinite(fit.crossed).sum() == number
-    assert [each.weights.sum() for each in fit.learnt.calibration.scores] == pytest.approx([number])
+    assert [
+        each.weights.sum() for each in fit.learnt.calibration.scores
+    ] == pytest.approx([number])
     assert calibration.planned(model, rows, None).groups.number == number
 
 
@@ -95,7 +114,9 @@ def test_flags_and_intervals_see_the_skewness_and_models_do_not(solved):
         fit_to(replace(request, features="hybrid"), each, given)
         for each in (rows, replace(rows, inputs=inputs))
     )
-    np.testing.assert_array_equal(seeing.learnt.raw(inputs), plain.learnt.raw(rows.inputs))
+    np.testing.assert_array_equal(
+        seeing.learnt.raw(inputs), plain.learnt.raw(rows.inputs)
+    )
     np.testing.assert_array_equal(seeing.crossed, plain.crossed)
     odd = inputs[:1].copy()
     odd[:, place] = 3.0
@@ -131,14 +152,22 @@ def test_files_keep_intervals_by_maps(solved, tmp_path):
     again = Surrogate.load(tmp_path / "a.surrogate")
     assert again.card["calibration"]["groups"] == 10
     assert again.card["rows"]["calibration"] == again.card["rows"]["train"] == 72
-    inputs = surrogate.low + 0.4 * (surrogate.high - surrogate.low)[None, :] * np.ones((3, 1))
+    inputs = surrogate.low + 0.4 * (surrogate.high - surrogate.low)[None, :] * np.ones(
+        (3, 1)
+    )
     inputs[2] = surrogate.high
     intervals, loaded = (each.learnt["area"].calibration for each in (surrogate, again))
     raw = np.array([1.0, 4.0, 9.0])
-    np.testing.assert_array_equal(intervals.ends(raw, 0.9, inputs), loaded.ends(raw, 0.9, inputs))
-    np.testing.assert_array_equal(surrogate.distance.of(inputs), again.distance.of(inputs))
+    np.testing.assert_array_equal(
+        intervals.ends(raw, 0.9, inputs), loaded.ends(raw, 0.9, inputs)
+    )
+    np.testing.assert_array_equal(
+        surrogate.distance.of(inputs), again.distance.of(inputs)
+    )
     require_level(again, 0.9)
-    with pytest.raises(InputError, match=r"0.95: intervals of area are calibrated by 10 maps, wh"):
+    with pytest.raises(
+        InputError, match=r"0.95: intervals of area are calibrated by 10 maps, wh"
+    ):
         require_level(again, 0.95)
 
 
@@ -160,7 +189,9 @@ def test_intervals_of_a_file_are_those_that_were_fitted(solved, tmp_path):
 def test_surfaces_count_and_not_their_rows(rows, solved):
     """Of 4 surfaces with many loads each the largest level is 0.8, and refused are higher ones."""
     few = replace(rows, groups=rows.rows % 5)
-    found = fitting.fit_parts(request_of(solved), [few], split.draw(few), lambda line: None)
+    found = fitting.fit_parts(
+        request_of(solved), [few], split.draw(few), lambda line: None
+    )
     assert found.card["calibration"]["groups"] == 4
     require_level(found, 0.8)
     words = r"calibrated by 4 surfaces, which reach 0.8 at most: give less, or fit to more of them"
@@ -184,11 +215,17 @@ def test_rows_of_another_database_calibrate(solved, here, capsys):
     assert "databases" not in card
     assert run("card", "a.surrogate") == 0
     assert f"calibrated by 40 surfaces of {other}" in capsys.readouterr().out
-    assert run("predict", "a.surrogate", "x.npy", "--delta", "3", "--interval", "0.98") == 2
-    assert "calibrated by 40 surfaces, which reach 0.975 at most" in capsys.readouterr().err
+    assert (
+        run("predict", "a.surrogate", "x.npy", "--delta", "3", "--interval", "0.98") == 2
+    )
+    assert (
+        "calibrated by 40 surfaces, which reach 0.975 at most" in capsys.readouterr().err
+    )
 
 
 @pytest.mark.usefixtures("here")
 def test_the_same_rows_are_no_calibration(solved, mirrored, refused):
     for path, words in ((solved, str(solved)), (mirrored, "boundary")):
-        assert words in refused(cli, "fit", solved, "--calibrate-on", path, "-o", "a.surrogate")
+        assert words in refused(
+            cli, "fit", solved, "--calibrate-on", path, "-o", "a.surrogate"
+        )

@@ -43,7 +43,9 @@ def test_another_group_counts_as_one_more_than_those_that_are_known():
     assert known.quantile(0.5) == 3.0
     assert known.quantile(0.9) == np.inf
     uneven = Scores.of(np.array([4.0, 1.0, 2.0, 3.0]), np.array([0, 1, 1, 1]))
-    assert uneven.quantile(0.3) == 3.0, "three rows of a group weigh as much as the one of another"
+    assert uneven.quantile(0.3) == 3.0, (
+        "three rows of a group weigh as much as the one of another"
+    )
 
 
 def test_with_one_row_a_surface_the_quantile_is_the_usual_one():
@@ -64,17 +66,26 @@ def test_intervals_of_roots_are_those_of_the_root_squared():
     )
     half = 88 / 98 + 1 / 98
     np.testing.assert_allclose(low, [0, 0, 0, (3 - half) ** 2])
-    np.testing.assert_allclose(high, [half**2, half**2, (0.5 + half) ** 2, (3 + half) ** 2])
+    np.testing.assert_allclose(
+        high, [half**2, half**2, (0.5 + half) ** 2, (3 + half) ** 2]
+    )
 
 
 def test_intervals_widen_up_to_the_limit_of_the_flag_and_have_scores_of_the_nearest_cloud():
-    centres, far = np.array([[0.0], [100.0]]), np.array([[0.0], [1.0], [2.0], [9.0], [100.0]])
+    centres, far = (
+        np.array([[0.0], [100.0]]),
+        np.array([[0.0], [1.0], [2.0], [9.0], [100.0]]),
+    )
     distance = Distance(centres, np.ones((2, 1, 1)), 2.0)
     scores = tuple(Scores.of(size * np.ones(99), np.arange(99)) for size in (1.0, 5.0))
     low, high = Calibration(scores, PLAIN, distance).ends(np.zeros(5), 0.9, far)
-    np.testing.assert_allclose(high, [1.0, GROWTH.most ** (1 / 16), GROWTH.most, GROWTH.most, 5.0])
+    np.testing.assert_allclose(
+        high, [1.0, GROWTH.most ** (1 / 16), GROWTH.most, GROWTH.most, 5.0]
+    )
     np.testing.assert_array_equal(low, -high)
-    lost = Calibration(scores, PLAIN, distance).ends(np.zeros(1), 0.9, np.array([[np.nan]]))
+    lost = Calibration(scores, PLAIN, distance).ends(
+        np.zeros(1), 0.9, np.array([[np.nan]])
+    )
     assert lost[1] == GROWTH.most
 
 
@@ -101,7 +112,9 @@ def correlated(rows, seed, size=3):
 
 def from_rows(inputs):
     """Distances from rows of one cloud, each of a surface of its own."""
-    return from_surfaces(inputs, np.zeros(len(inputs), int), np.arange(len(inputs)) % 5)[0]
+    return from_surfaces(inputs, np.zeros(len(inputs), int), np.arange(len(inputs)) % 5)[
+        0
+    ]
 
 
 def test_rows_against_the_correlation_are_outside_though_in_every_range():
@@ -139,13 +152,17 @@ def clouds(rows, seed):
     """Rows of two kinds with nothing between them, of which the second has few, and their kinds."""
     random = np.random.default_rng(seed)
     kinds = (np.arange(rows) % 10 == 0).astype(np.int64)
-    inputs = random.normal(size=(rows, 3)) * np.array([0.1, 1.0, 1.0]) + 5.0 * kinds[:, None]
+    inputs = (
+        random.normal(size=(rows, 3)) * np.array([0.1, 1.0, 1.0]) + 5.0 * kinds[:, None]
+    )
     return np.column_stack([inputs, 7.0 + kinds]), kinds
 
 
 def test_rows_between_two_databases_are_far_from_both():
     inputs, kinds = clouds(1000, 0)
-    between = (inputs[kinds == 0].mean(axis=0) + inputs[kinds == 1].mean(axis=0))[None] / 2
+    between = (inputs[kinds == 0].mean(axis=0) + inputs[kinds == 1].mean(axis=0))[
+        None
+    ] / 2
     parts = np.random.default_rng(1).integers(0, 5, 1000)
     nearest, _, _ = from_surfaces(inputs, kinds, parts)
     assert nearest.of(between)[0] > 2 * nearest.limit
@@ -158,12 +175,16 @@ def test_rows_of_another_kind_are_far_away():
     random = np.random.default_rng(2)
     groups = np.repeat(np.arange(20), 30)
     along = random.normal(size=600)
-    inputs = np.column_stack([along, along + 0.05 * random.normal(size=600), np.zeros(600)])
+    inputs = np.column_stack(
+        [along, along + 0.05 * random.normal(size=600), np.zeros(600)]
+    )
     inputs += 0.1 * random.normal(size=(20, 3))[groups] * [1, 1, 0]
     found = from_maps(inputs, groups)
     assert np.mean(found.of(inputs) > found.limit) < 0.1
     odd = np.array([[1.5, -1.5, 0.0]])
-    assert (np.abs(odd) < np.abs(inputs).max(axis=0) + 1e-12).all(), "in the range of each feature"
+    assert (np.abs(odd) < np.abs(inputs).max(axis=0) + 1e-12).all(), (
+        "in the range of each feature"
+    )
     named = replace(SETS["paper"], columns=("a", "b", "c"))
     known = SimpleNamespace(
         features=named, distance=found, low=np.full(3, -9.0), high=np.full(3, 9.0)
@@ -174,4 +195,6 @@ def test_rows_of_another_kind_are_far_away():
     first, inside, beyond = reasons_of(known, rows, both)
     assert first.startswith("a note; distance from the training")
     assert inside == ""
-    assert beyond.endswith("; a 10 outside -9 to 9; b 10 outside -9 to 9; c 10 outside -9 to 9")
+    assert beyond.endswith(
+        "; a 10 outside -9 to 9; b 10 outside -9 to 9; c 10 outside -9 to 9"
+    )

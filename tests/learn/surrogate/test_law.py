@@ -45,8 +45,13 @@ def test_surfaces_without_asperities_are_left_out_of_a_population(work, capsys):
         np.save(f"some/s{seed}.npy", np.load(f"many/s{seed}.npy"))
     run("law", *ask, "some")
     said = " ".join(capsys.readouterr().out.split())
-    assert "warning: 1 of 4 surfaces were left out, the first: some/ramp.npy: statistics" in said
-    assert "90 % of further surfaces lie inside, at each load by itself; 3 surfaces" in said
+    assert (
+        "warning: 1 of 4 surfaces were left out, the first: some/ramp.npy: statistics"
+        in said
+    )
+    assert (
+        "90 % of further surfaces lie inside, at each load by itself; 3 surfaces" in said
+    )
     assert "the errors of the surrogate come on top of it" in said
     mixed = Path("law.csv").read_text()
     assert "ramp.npy" not in mixed
@@ -59,9 +64,15 @@ def test_a_predicted_population_has_bands_at_given_pressure(work):
     run("law", "hybrid.surrogate", "many", *ask, "predicted.csv")
     run("law", "many", *ask, "solved.csv", "--solver", *FREE)
     for against in ("delta_um", "pressure_MPa"):
-        predicted, solved = (rows_of(f"{name}.csv", against) for name in ("predicted", "solved"))
+        predicted, solved = (
+            rows_of(f"{name}.csv", against) for name in ("predicted", "solved")
+        )
         pairs = zip(predicted, solved, strict=True)
-        known = [each for each in pairs if each[0]["area_percent_low"] and float(each[0][against])]
+        known = [
+            each
+            for each in pairs
+            if each[0]["area_percent_low"] and float(each[0][against])
+        ]
         predicted, solved = zip(*known, strict=True)
         assert len(predicted) >= 3
         for name in set(COLUMNS) - {against}:
@@ -70,7 +81,11 @@ def test_a_predicted_population_has_bands_at_given_pressure(work):
             low, high = (column(predicted, f"{name}_{end}") for end in ("low", "high"))
             assert (low < column(predicted, name)).all()
             assert (column(predicted, name) < high).all()
-            for end, times in (("", 1), ("_low", 2), ("_high", 2)):  # far from three surfaces
+            for end, times in (
+                ("", 1),
+                ("_low", 2),
+                ("_high", 2),
+            ):  # far from three surfaces
                 values = column(predicted, f"{name}{end}"), column(solved, f"{name}{end}")
                 np.testing.assert_allclose(*values, rtol=times * off)
 
@@ -91,7 +106,9 @@ def test_a_population_without_edges_has_a_law(work, mirrored):
     ask = ["cells.toml", "--surfaces", "3"]
     run("law", *ask, "--solver", "--pressure", "0.001,0.01,1", "--csv", "law.csv")
     found = rows_of("law.csv", "pressure_MPa")
-    assert column(found, "pressure_MPa").tolist() == [0.001, 0.01], "full contact at 1 MPa"
+    assert column(found, "pressure_MPa").tolist() == [0.001, 0.01], (
+        "full contact at 1 MPa"
+    )
     deltas = column(rows_of("law.csv", "delta_um"), "delta_um")
     assert 2 <= len(deltas) <= 3, "none at which a surface would be beyond full contact"
     run("fit", mirrored, "-o", "cells.surrogate", "--model", "kernel-ridge")
@@ -107,13 +124,28 @@ ONE = ["hybrid.surrogate", "many/s0.npy", "--side", "1000"]
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
-        (["many/s0.npy", "--side", "1000"], "give a surrogate and then surfaces, or surfaces and"),
+        (
+            ["many/s0.npy", "--side", "1000"],
+            "give a surrogate and then surfaces, or surfaces and",
+        ),
         (["many/s0.npy", "--side", "1000", "--solver"], "give --delta or --pressure"),
-        (["a.toml", "b.toml", "--solver", "--surfaces", "2", "--delta", "5"], "E* = 1 and 2 MPa"),
+        (
+            ["a.toml", "b.toml", "--solver", "--surfaces", "2", "--delta", "5"],
+            "E* = 1 and 2 MPa",
+        ),
         ([*ONE, "--delta", "5,9", "--pressure", "9"], "give a larger --delta"),
-        ([*ONE, "--delta", "5", "--boundary", "mirror"], "--boundary mirror: the surrogate was"),
-        ([*ONE, "--solver", "--delta", "1"], "--solver solves the law without a surrogate"),
-        (["hybrid.surrogate", "cells.toml"], "cells.toml: has a mirror boundary, the law a free"),
+        (
+            [*ONE, "--delta", "5", "--boundary", "mirror"],
+            "--boundary mirror: the surrogate was",
+        ),
+        (
+            [*ONE, "--solver", "--delta", "1"],
+            "--solver solves the law without a surrogate",
+        ),
+        (
+            ["hybrid.surrogate", "cells.toml"],
+            "cells.toml: has a mirror boundary, the law a free",
+        ),
     ],
 )
 def test_a_law_that_cannot_be_is_refused(work, capsys, arguments, word):
@@ -125,7 +157,9 @@ def test_a_law_that_cannot_be_is_refused(work, capsys, arguments, word):
     assert word in capsys.readouterr().err.splitlines()[-1]
 
 
-def test_a_predicted_law_of_bodies_that_yield_is_near_the_solved_one(yielding, work, capsys):
+def test_a_predicted_law_of_bodies_that_yield_is_near_the_solved_one(
+    yielding, work, capsys
+):
     run("fit", yielding, "--features", "hybrid", "-o", "plastic.surrogate")
     ask = ["many/s0.npy", "--side", "1000", "--delta", "5:25:5"]
     run("law", "plastic.surrogate", *ask, ends=2)
@@ -134,10 +168,15 @@ def test_a_predicted_law_of_bodies_that_yield_is_near_the_solved_one(yielding, w
     assert "trained on elastic bodies" in capsys.readouterr().err
     ask += ["--hardness", "0.01", "--csv"]
     run("law", "plastic.surrogate", *ask, "predicted.csv", "--header", "law.h")
-    assert "the mean gap of bodies that yield is a coarse estimate" in capsys.readouterr().out
+    assert (
+        "the mean gap of bodies that yield is a coarse estimate"
+        in capsys.readouterr().out
+    )
     assert "hardness 0.01" in Path("law.h").read_text()
     run("law", *ask, "solved.csv", "--solver", *FREE)
-    predicted, solved = (rows_of(name, "delta_um")[1:] for name in ("predicted.csv", "solved.csv"))
+    predicted, solved = (
+        rows_of(name, "delta_um")[1:] for name in ("predicted.csv", "solved.csv")
+    )
     for name in ("area_percent", "force_uN"):
         true = column(solved, name)
         assert np.abs(column(predicted, name) - true).max() < 0.15 * true.max()
@@ -159,13 +198,23 @@ stiffness = true
 
 def inside(predicted, solved):
     """Rows of two laws against Delta, behind the first, where closures are predicted."""
-    pairs = zip(*(rows_of(name, "delta_um")[1:] for name in (predicted, solved)), strict=True)
+    pairs = zip(
+        *(rows_of(name, "delta_um")[1:] for name in (predicted, solved)), strict=True
+    )
     return zip(*((one, other) for one, other in pairs if one["closure_um"]), strict=True)
 
 
 def test_what_follows_from_predictions_is_withheld_outside_the_training(work, capsys):
     """In print and in every file; where no row is left, nothing is written."""
-    ask = ["law", "hybrid.surrogate", "many/s1.npy", "--side", "1000", "--conductivity", "50"]
+    ask = [
+        "law",
+        "hybrid.surrogate",
+        "many/s1.npy",
+        "--side",
+        "1000",
+        "--conductivity",
+        "50",
+    ]
     run(*ask, "--delta", "0.02:40:21", "-o", "law", "--plot", "law.png")
     said = capsys.readouterr().out
     assert "; outside, neither closure nor stiffness is given (-)" in said
@@ -179,7 +228,9 @@ def test_what_follows_from_predictions_is_withheld_outside_the_training(work, ca
     assert withheld == [row in flagged for row in rows]
     kept = {f"{float(row['pressure_MPa']):.10g}" for row in rows if row not in flagged}
     behaviour, _, _ = Path("law-abaqus.inp").read_text().partition("*GAP")
-    lines = [line.split(",")[0] for line in behaviour.splitlines() if not line.startswith("*")]
+    lines = [
+        line.split(",")[0] for line in behaviour.splitlines() if not line.startswith("*")
+    ]
     assert max(map(float, lines)) <= max(map(float, kept))
     told = f"define ASPERITY_LAW_PRESSURES {len(kept | {'0'})}"
     assert re.search(rf"{told}\b", Path("law.h").read_text())
@@ -187,14 +238,28 @@ def test_what_follows_from_predictions_is_withheld_outside_the_training(work, ca
         path.unlink()
     capsys.readouterr()
     run(*ask, "--delta", "0.02,0.03", "-o", "law", ends=2)
-    assert "no load lies inside the surrogate's training; --solver" in capsys.readouterr().err
+    assert (
+        "no load lies inside the surrogate's training; --solver"
+        in capsys.readouterr().err
+    )
     assert not list(Path().glob("law*"))
 
 
 def test_the_conductance_of_elastic_bodies_is_the_slope_of_their_force(work):
     """Of a surrogate of area and force; in files for finite elements too."""
-    ask = ["many/s1.npy", "--side", "1000", *STEEL, "--delta", "4:40:13", "--conductivity", "50"]
-    run("law", "hybrid.surrogate", *ask, "--csv", "predicted.csv", "--calculix", "law.inp")
+    ask = [
+        "many/s1.npy",
+        "--side",
+        "1000",
+        *STEEL,
+        "--delta",
+        "4:40:13",
+        "--conductivity",
+        "50",
+    ]
+    run(
+        "law", "hybrid.surrogate", *ask, "--csv", "predicted.csv", "--calculix", "law.inp"
+    )
     run("law", *ask, "--csv", "solved.csv", "--solver", *FREE)
     predicted, solved = inside("predicted.csv", "solved.csv")
     assert len(predicted) > 6
@@ -207,7 +272,9 @@ def test_the_conductance_of_elastic_bodies_is_the_slope_of_their_force(work):
 
 
 @pytest.mark.long
-def test_the_conductance_of_bodies_that_yield_is_learnt_from_their_stiffness(work, capsys):
+def test_the_conductance_of_bodies_that_yield_is_learnt_from_their_stiffness(
+    work, capsys
+):
     database_of(Path(), CONDUCTING, "yielding")
     fit = ["fit", "yielding.h5", "--model", "kernel-ridge", "--features", "hybrid"]
     run(*fit, "--target", "area,force,stiffness", "-o", "stiff.surrogate")
@@ -217,7 +284,9 @@ def test_the_conductance_of_bodies_that_yield_is_learnt_from_their_stiffness(wor
     run("law", *ask, "--solver", "--csv", "solved.csv")
     predicted, solved = inside("predicted.csv", "solved.csv")
     assert predicted
-    ratio = column(predicted, "conductance_W_per_mm2_K") / column(solved, "conductance_W_per_mm2_K")
+    ratio = column(predicted, "conductance_W_per_mm2_K") / column(
+        solved, "conductance_W_per_mm2_K"
+    )
     np.testing.assert_allclose(ratio, 1, atol=0.4)
     capsys.readouterr()
     run("law", "both.surrogate", *ask, ends=2)
@@ -243,7 +312,9 @@ def test_the_inverse_of_a_law_knows_its_level_stretches():
     assert found.endless[:2] == ("", "its interval ends where far")
 
 
-def test_a_further_quantity_of_a_predicted_law_is_one_that_was_learnt(work, solved, capsys):
+def test_a_further_quantity_of_a_predicted_law_is_one_that_was_learnt(
+    work, solved, capsys
+):
     run("fit", solved, "--model", "kernel-ridge", "--features", "dimensionless", "--target",
         "area,force,contact_nodes", "-o", "nodes.surrogate")  # fmt: skip
     ask = ["nodes.surrogate", "many/s0.npy", "--side", "1000", "--delta", "5:25:5"]
@@ -254,4 +325,6 @@ def test_a_further_quantity_of_a_predicted_law_is_one_that_was_learnt(work, solv
     capsys.readouterr()
     run("law", *ask, "--also", "perimeter", "--csv", "edges.csv", ends=2)
     said = capsys.readouterr().err
-    assert "was not learnt: fit one with --target area,force,contact_nodes,perimeter" in said
+    assert (
+        "was not learnt: fit one with --target area,force,contact_nodes,perimeter" in said
+    )

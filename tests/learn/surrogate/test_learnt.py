@@ -57,7 +57,9 @@ def written(path, card, models, number=FORMAT):
     text = card if isinstance(card, bytes) else json.dumps(card).encode()
     body = len(text).to_bytes(8, "little") + text + models
     digest = hashlib.sha256(body).hexdigest()
-    path.write_bytes(f"asperity surrogate\nformat {number}\nsha256 {digest}\n".encode() + body)
+    path.write_bytes(
+        f"asperity surrogate\nformat {number}\nsha256 {digest}\n".encode() + body
+    )
 
 
 SETTINGS = [
@@ -91,10 +93,14 @@ def test_settings_of_searches_are_kept(ridge, tmp_path, model, settings, normali
 def test_a_gaussian_process_is_kept_without_the_square_of_its_rows(ridge, tmp_path):
     random = np.random.default_rng(0)
     inputs = random.uniform(ridge.low, ridge.high, (400, ridge.low.size))
-    process = pipeline(MODELS["gaussian-process"], {"alpha": 1e-5}, normalisation="standard")
+    process = pipeline(
+        MODELS["gaussian-process"], {"alpha": 1e-5}, normalisation="standard"
+    )
     process.fit(inputs, inputs[:, 0])
     area = replace(ridge.learnt["area"], pipeline=process)
-    other = replace(ridge, card={**ridge.card, "model": "gaussian-process"}, learnt={"area": area})
+    other = replace(
+        ridge, card={**ridge.card, "model": "gaussian-process"}, learnt={"area": area}
+    )
     other.save(tmp_path / "x.surrogate")
     assert (tmp_path / "x.surrogate").stat().st_size < 400 * 400 * 8 / 4
     assert process.named_steps["model"].L_ is not None, "the fitted one keeps its own"
@@ -105,7 +111,9 @@ def test_a_gaussian_process_is_kept_without_the_square_of_its_rows(ridge, tmp_pa
 def test_models_of_types_that_nobody_reviewed_are_not_written(ridge, tmp_path):
     from sklearn.gaussian_process.kernels import Matern
 
-    process = pipeline(MODELS["gaussian-process"], {"kernel": Matern()}, normalisation="none")
+    process = pipeline(
+        MODELS["gaussian-process"], {"kernel": Matern()}, normalisation="none"
+    )
     process.fit(np.eye(2, ridge.low.size), np.arange(2.0))
     area = replace(ridge.learnt["area"], pipeline=process)
     with pytest.raises(ValueError, match="Matern are not kept"):
@@ -122,7 +130,9 @@ class Evil:
 
 def test_loading_imports_and_runs_nothing_that_a_file_names(path, tmp_path, monkeypatch):
     module = tmp_path / "landmine.py"
-    module.write_text("class Landmine:\n    def __setstate__(self, state):\n        pass\n")
+    module.write_text(
+        "class Landmine:\n    def __setstate__(self, state):\n        pass\n"
+    )
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.chdir(tmp_path)
     import landmine
@@ -174,7 +184,9 @@ def test_damage_is_always_seen(path):
         (pickle.dumps(Evil()), "is no surrogate"),
     ],
 )
-def test_what_is_no_surrogate_is_refused_and_runs_nothing(tmp_path, monkeypatch, whole, word):
+def test_what_is_no_surrogate_is_refused_and_runs_nothing(
+    tmp_path, monkeypatch, whole, word
+):
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "x.surrogate"
     path.write_bytes(whole)
@@ -187,12 +199,17 @@ def test_what_is_no_surrogate_is_refused_and_runs_nothing(tmp_path, monkeypatch,
 @pytest.mark.parametrize("text", [b"[" * 80_000, b"\xff", b"{}"])
 def test_cards_that_are_none_are_refused(path, text):
     written(path, text, b"")
-    with pytest.raises(InputError, match=r"x\.surrogate: is no surrogate that could be read"):
+    with pytest.raises(
+        InputError, match=r"x\.surrogate: is no surrogate that could be read"
+    ):
         Surrogate.load(path)
 
 
 def other_type(models):
-    models["targets"]["area"]["pipeline"].steps[-1] = ("model", MODELS["svm"].estimator(0))
+    models["targets"]["area"]["pipeline"].steps[-1] = (
+        "model",
+        MODELS["svm"].estimator(0),
+    )
 
 
 def other_version(models):
@@ -208,7 +225,9 @@ def other_version(models):
         (other_version, "dual_coef_"),
     ],
 )
-def test_models_that_the_libraries_here_cannot_use_are_one_line(path, refused, change, word):
+def test_models_that_the_libraries_here_cannot_use_are_one_line(
+    path, refused, change, word
+):
     """It names what made them, and the command that fits anew."""
     card, whole = unpacked(path)
     change(whole)
@@ -223,7 +242,9 @@ def test_models_that_the_libraries_here_cannot_use_are_one_line(path, refused, c
 
 def test_older_files_are_refused_with_the_command_that_fits_anew(path, ridge):
     old = Path(__file__).with_name("rooted.surrogate")  # of format 4
-    with pytest.raises(InputError, match=r"has format 4, this version reads 10: fit it anew: "):
+    with pytest.raises(
+        InputError, match=r"has format 4, this version reads 10: fit it anew: "
+    ):
         Surrogate.load(old)
     card = {
         **ridge.card,
@@ -294,7 +315,10 @@ def test_a_moment_beyond_the_training_is_that_at_the_end_of_its_range(surrogate,
     beyond[place] = surrogate.high[place] + times * span
     further[place] = surrogate.low[place] - times * span
     inputs = np.array([end, beyond, further, middle])
-    found, rows = surrogate.learnt["area"].raw(inputs), Rows(np.empty((4, 0)), np.ones(4), 1.0)
+    found, rows = (
+        surrogate.learnt["area"].raw(inputs),
+        Rows(np.empty((4, 0)), np.ones(4), 1.0),
+    )
     assert found[0] == found[1]
     assert found[2] != found[3], "the other end is another place"
     reasons = reasons_of(surrogate, rows, inputs)

@@ -52,14 +52,23 @@ def test_surfaces_by_pressure_are_learnt_predicted_and_served(
     assert stiffer.area == pytest.approx(found.area[:1])
     surface = tmp_path / "s.npy"
     np.save(surface, heights)
-    line = [str(kept), str(surface), "--side", "1000", "--pressure", f"{pressure},{2 * pressure}"]
+    line = [
+        str(kept),
+        str(surface),
+        "--side",
+        "1000",
+        "--pressure",
+        f"{pressure},{2 * pressure}",
+    ]
     assert learn_cli.main(["predict", *line, "-o", str(csv)]) == 0
     rows = np.genfromtxt(csv, names=True, delimiter=",", dtype=None, encoding=None)
     assert rows["area_percent"] == pytest.approx(found.area)
     assert rows["pressure_MPa"] == pytest.approx([pressure, 2 * pressure])
     np.save(tmp_path / "t.npy", heights.T)
     for more in ([], [str(tmp_path / "t.npy")]):
-        assert learn_cli.main(["law", *line[:2], *more, *line[2:], "--csv", str(csv)]) == 0
+        assert (
+            learn_cli.main(["law", *line[:2], *more, *line[2:], "--csv", str(csv)]) == 0
+        )
         rows = pd.read_csv(csv)
         over = rows[rows["against"] == "pressure_MPa"]
         assert over["area_percent"].iloc[-1] == pytest.approx(
@@ -74,10 +83,24 @@ def test_surfaces_by_pressure_are_learnt_predicted_and_served(
 
 def test_models_are_compared_by_pressure_and_their_winner_fitted(solved, tmp_path):
     asked = [str(solved), "--model", "decision-tree", "-o"]
-    assert learn_cli.main(["compare", *asked, str(tmp_path / "c"), "--load", "pressure"]) == 0
-    by_pressure = ["--load", "pressure", "--target", "area", "--from", str(tmp_path / "c")]
-    assert learn_cli.main(["tune", *asked, str(tmp_path / "c"), "--load", "pressure"]) == 0
-    assert learn_cli.main(["fit", *asked, str(tmp_path / "s.surrogate"), *by_pressure]) == 0
+    assert (
+        learn_cli.main(["compare", *asked, str(tmp_path / "c"), "--load", "pressure"])
+        == 0
+    )
+    by_pressure = [
+        "--load",
+        "pressure",
+        "--target",
+        "area",
+        "--from",
+        str(tmp_path / "c"),
+    ]
+    assert (
+        learn_cli.main(["tune", *asked, str(tmp_path / "c"), "--load", "pressure"]) == 0
+    )
+    assert (
+        learn_cli.main(["fit", *asked, str(tmp_path / "s.surrogate"), *by_pressure]) == 0
+    )
     assert Surrogate.load(tmp_path / "s.surrogate").features.load == "pressure"
 
 
@@ -135,18 +158,28 @@ def rooted(solved):
     return fitted(solved, features="hybrid", roots=True)
 
 
-def test_roots_of_area_and_features_are_learnt_kept_and_squared_again(rooted, heights, tmp_path):
+def test_roots_of_area_and_features_are_learnt_kept_and_squared_again(
+    rooted, heights, tmp_path
+):
     rooted.save(tmp_path / "rooted.surrogate")
     loaded = Surrogate.load(tmp_path / "rooted.surrogate")
     assert loaded.features.columns[-7:] == tuple(f"sqrt({name})" for name in ROOTED_LOCAL)
     assert loaded.card["blocks"] == 33
-    assert [loaded.learnt[name].scaling.root for name in ("area", "force")] == [True, False]
+    assert [loaded.learnt[name].scaling.root for name in ("area", "force")] == [
+        True,
+        False,
+    ]
     deltas = np.linspace(2.0, 40.0, 9)
-    found, again = rooted.predict(heights, 1000.0, deltas), loaded.predict(heights, 1000.0, deltas)
+    found, again = (
+        rooted.predict(heights, 1000.0, deltas),
+        loaded.predict(heights, 1000.0, deltas),
+    )
     np.testing.assert_array_equal(again.area, found.area)
     inputs = rooted.features.of(rooted.for_surface(heights, 1000.0).rows(deltas))
     scaling = rooted.learnt["area"].scaling
-    roots = scaling.mean + scaling.deviation * rooted.learnt["area"].pipeline.predict(inputs)
+    roots = scaling.mean + scaling.deviation * rooted.learnt["area"].pipeline.predict(
+        inputs
+    )
     np.testing.assert_allclose(found.area, np.maximum(roots, 0) ** 2, rtol=1e-9)
     low, high = np.sqrt(found.low["area"]), np.sqrt(found.high["area"])
     assert (found.low["area"] <= found.area).all()
@@ -158,10 +191,16 @@ def test_roots_of_area_and_features_are_learnt_kept_and_squared_again(rooted, he
 def test_what_is_unknown_ground_is_said(ridge, heights):
     assert ridge.predict(heights, 1000.0, 1e-3).reasons[0].startswith("delta/h")
     other = generate("diamond-square", 65, 0.7, 12.0, np.random.default_rng(5))
-    assert "65 x 65 nodes, trained on 33 x 33" in ridge.predict(other, 1000.0, 9.0).reasons[0]
+    assert (
+        "65 x 65 nodes, trained on 33 x 33"
+        in ridge.predict(other, 1000.0, 9.0).reasons[0]
+    )
     oblong = ridge.predict(heights, (1000.0, 500.0), 9.0).reasons[0]
     assert "1000 x 500 um, trained on square patches" in oblong
-    inside = [ridge.predict(heights, 1000.0, delta).inside[0] for delta in (5.0, 10.0, 20.0, 30.0)]
+    inside = [
+        ridge.predict(heights, 1000.0, delta).inside[0]
+        for delta in (5.0, 10.0, 20.0, 30.0)
+    ]
     assert sum(inside) >= 2
 
 
@@ -181,7 +220,9 @@ def test_wrong_questions_are_refused(ridge, heights, call, word):
 
 def test_a_prediction_that_is_not_finite_is_never_inside(ridge, heights, tmp_path):
     np.save(tmp_path / "h.npy", heights)
-    order = Order((str(tmp_path / "h.npy"),), delta="5:20:3", reading=Reading(side="1000"))
+    order = Order(
+        (str(tmp_path / "h.npy"),), delta="5:20:3", reading=Reading(side="1000")
+    )
     rows = ridge.for_surface(heights, 1000.0).rows([10.0, 20.0])
     assert ridge.predict_rows(rows).inside.any()
     for deviation in (np.nan, np.inf):
@@ -214,7 +255,9 @@ def test_an_answer_at_a_bound_has_an_interval_with_width(solved, heights, monkey
 @pytest.fixture(scope="module")
 def plastic(yielding):
     """A surrogate of bodies that yield at 0.003 to 0.1 E*."""
-    return fitted(yielding, features="hybrid", targets=("area", "force", "yielded_percent"))
+    return fitted(
+        yielding, features="hybrid", targets=("area", "force", "yielded_percent")
+    )
 
 
 def test_bodies_that_yield_touch_more_at_a_smaller_hardness(plastic, heights, tmp_path):
@@ -237,10 +280,14 @@ def test_a_hardness_outside_the_training_is_flagged_and_none_is_refused(plastic,
         (reason,) = on_surface.predict(12.0, hardness=hardness).reasons
         assert f"hardness/E* {hardness:.4g} outside 0.003 to 0.1" in reason
     assert "hardness/E*" not in on_surface.predict(12.0, hardness=0.02).reasons[0]
-    with pytest.raises(InputError, match=r"give --hardness: .* yield at 0\.003 to 0\.1 E"):
+    with pytest.raises(
+        InputError, match=r"give --hardness: .* yield at 0\.003 to 0\.1 E"
+    ):
         on_surface.predict(12.0)
     for wrong in (0.0, -1.0, np.nan, np.inf):
-        with pytest.raises(InputError, match=r"hardness = .* must be a hardness above 0 MPa"):
+        with pytest.raises(
+            InputError, match=r"hardness = .* must be a hardness above 0 MPa"
+        ):
             on_surface.predict(12.0, hardness=wrong)
 
 
@@ -277,18 +324,24 @@ def test_a_surrogate_knows_the_boundary_of_its_patches(cells, ridge, heights, tm
     full = float((heights[:-1, :-1].max() - heights[:-1, :-1]).mean())
     below, beyond = on_surface.predict([0.9 * full, 1.1 * full]).reasons
     assert "no equilibrium" not in below
-    assert beyond.startswith(f"no equilibrium: the contact is full at delta = {full:.6g} um")
+    assert beyond.startswith(
+        f"no equilibrium: the contact is full at delta = {full:.6g} um"
+    )
 
 
 def test_a_surrogate_of_oblong_patches_knows_their_shape(populations, tmp_path):
-    fitted(populations / "spectral.h5", features="hybrid").save(tmp_path / "oblong.surrogate")
+    fitted(populations / "spectral.h5", features="hybrid").save(
+        tmp_path / "oblong.surrogate"
+    )
     loaded = Surrogate.load(tmp_path / "oblong.surrogate")
     assert loaded.card["nodes"] == [18, 33]
     assert loaded.card["side"] == [700.0, 1200.0]
     assert loaded.card["spacing"] == pytest.approx([700 / 17, 1200 / 32])
     assert "18 x 33 nodes, sides 700 x 1200 um" in " ".join(lines(loaded.card))
     assert grid_note(loaded, (18, 33), (700.0, 1200.0)) == ""
-    assert grid_note(loaded, (18, 33), (7.0, 12.0)) == "", "without units any size is alike"
+    assert grid_note(loaded, (18, 33), (7.0, 12.0)) == "", (
+        "without units any size is alike"
+    )
     assert grid_note(loaded, (33, 18), (1200.0, 700.0)) == (
         "33 x 18 nodes, trained on 18 x 33; 1200 x 700 um, trained on 700 x 1200 um"
     )
@@ -301,4 +354,6 @@ def test_a_surrogate_of_oblong_patches_knows_their_shape(populations, tmp_path):
     paper = fitted(populations / "spectral.h5", features="paper")
     assert grid_note(paper, (18, 33), (700.0, 1200.0)) == ""
     assert "side 7 um, trained on 700 um" in grid_note(paper, (18, 33), (7.0, 12.0))
-    assert "spacing 19.05 um, trained on 37.5 um" in grid_note(paper, (18, 64), (700.0, 1200.0))
+    assert "spacing 19.05 um, trained on 37.5 um" in grid_note(
+        paper, (18, 64), (700.0, 1200.0)
+    )

@@ -51,7 +51,14 @@ def folder(tmp_path_factory):
 def fitted(folder, targets, *options):
     """Fit a surrogate to the database, and return its file."""
     path = folder / f"{targets}{''.join(options)}.surrogate"
-    arguments = ["fit", str(folder / "own.h5"), "--model", "kernel-ridge", "--target", targets]
+    arguments = [
+        "fit",
+        str(folder / "own.h5"),
+        "--model",
+        "kernel-ridge",
+        "--target",
+        targets,
+    ]
     assert learn_cli.main([*arguments, *options, "-o", str(path)]) == 0
     return path
 
@@ -65,7 +72,11 @@ def surface(seed=7):
     return generate("diamond-square", 33, 0.7, 12.0, np.random.default_rng(seed))
 
 
-CHANGES = {"heights": (2.0, 1.0, 1.0), "lengths": (1.0, 2.0, 1.0), "modulus": (1.0, 1.0, 1000.0)}
+CHANGES = {
+    "heights": (2.0, 1.0, 1.0),
+    "lengths": (1.0, 2.0, 1.0),
+    "modulus": (1.0, 1.0, 1000.0),
+}
 
 
 @pytest.mark.parametrize("change", CHANGES)
@@ -77,14 +88,19 @@ def test_copies_of_quantities_scale_as_the_quantities_do(surrogate, change):
     for name, original in (("my_force", "force"), ("my_gap", "mean_gap")):
         powers = QUANTITIES[original].powers
         grown = up**powers.heights * longer**powers.lengths * stiffer**powers.modulus
-        np.testing.assert_allclose(after.values[name], grown * before.values[name], rtol=1e-6)
+        np.testing.assert_allclose(
+            after.values[name], grown * before.values[name], rtol=1e-6
+        )
         np.testing.assert_allclose(after.values[name], after.values[original], rtol=1e-9)
         np.testing.assert_allclose(after.high[name], after.high[original], rtol=1e-9)
     assert after.reasons == before.reasons
 
 
 def test_copies_of_quantities_are_learnt_as_well_as_these(surrogate):
-    scores = {name: target["scores"]["nmae"] for name, target in surrogate.card["targets"].items()}
+    scores = {
+        name: target["scores"]["nmae"]
+        for name, target in surrogate.card["targets"].items()
+    }
     assert scores["my_force"] == pytest.approx(scores["force"], rel=1e-9)
     assert scores["my_gap"] == pytest.approx(scores["mean_gap"], rel=1e-9)
 
@@ -97,7 +113,10 @@ def bound(folder):
 
 def test_the_fit_says_that_a_target_holds_at_its_own_scale_alone(folder, capsys):
     fitted(folder, "my_offset", "--features", "dimensionless")
-    assert "my_offset: has no known powers of heights, lengths and E*" in capsys.readouterr().err
+    assert (
+        "my_offset: has no known powers of heights, lengths and E*"
+        in capsys.readouterr().err
+    )
 
 
 def test_a_target_without_powers_holds_at_its_own_scale(bound):
@@ -114,7 +133,9 @@ def test_a_target_without_powers_holds_at_its_own_scale(bound):
         (1.0, 1.0, 3.0, "E* 3 MPa outside 2 to 2"),
     ],
 )
-def test_a_target_without_powers_flags_every_other_scale(bound, up, longer, e_star, fault):
+def test_a_target_without_powers_flags_every_other_scale(
+    bound, up, longer, e_star, fault
+):
     surrogate = Surrogate.load(bound)
     other = surrogate.predict(up * surface(), longer * SIDE, up * DELTA, e_star=e_star)
     assert all(fault in reason for reason in other.reasons)
@@ -122,7 +143,10 @@ def test_a_target_without_powers_flags_every_other_scale(bound, up, longer, e_st
 
 
 def test_databases_without_powers_are_learnt_at_their_own_scale(folder, tmp_path):
-    with h5py.File(folder / "own.h5") as file, h5py.File(tmp_path / "own.h5", "w") as copy:
+    with (
+        h5py.File(folder / "own.h5") as file,
+        h5py.File(tmp_path / "own.h5", "w") as copy,
+    ):
         for name in file:
             file.copy(name, copy)
         for name, value in file.attrs.items():
@@ -131,7 +155,9 @@ def test_databases_without_powers_are_learnt_at_their_own_scale(folder, tmp_path
         del content["store"]["powers"]
         text = json.dumps(content, sort_keys=True).encode()
         copy.attrs.create("scene", text, dtype=h5py.string_dtype("utf-8", len(text)))
-    surrogate = Surrogate.load(fitted(tmp_path, "my_force", "--features", "dimensionless"))
+    surrogate = Surrogate.load(
+        fitted(tmp_path, "my_force", "--features", "dimensionless")
+    )
     assert surrogate.learnt["my_force"].powers is None
     assert not surrogate.predict(surface(), 2 * SIDE, DELTA).inside.any()
 
@@ -139,7 +165,9 @@ def test_databases_without_powers_are_learnt_at_their_own_scale(folder, tmp_path
 @pytest.fixture
 def of_before(folder, tmp_path, monkeypatch):
     """A surrogate of the format before, with a target of a user's own and one of contacts."""
-    surrogate = Surrogate.load(fitted(folder, "force,my_offset", "--features", "dimensionless"))
+    surrogate = Surrogate.load(
+        fitted(folder, "force,my_offset", "--features", "dimensionless")
+    )
     packed = learnt._packed
 
     def without_powers(target):
@@ -160,7 +188,9 @@ def test_files_of_before_are_read_and_keep_to_their_own_scale(of_before):
     own = surrogate.predict(surface(), SIDE, DELTA)
     assert not any("my_offset" in reason for reason in own.reasons)
     for up, longer, e_star in ((100.0, 1.0, None), (1.0, 2.0, None), (1.0, 1.0, 3.0)):
-        other = surrogate.predict(up * surface(), longer * SIDE, up * DELTA, e_star=e_star)
+        other = surrogate.predict(
+            up * surface(), longer * SIDE, up * DELTA, e_star=e_star
+        )
         assert all("the only scale of my_offset" in reason for reason in other.reasons)
 
 
