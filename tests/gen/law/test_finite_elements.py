@@ -187,7 +187,7 @@ def test_a_population_has_a_soft_and_a_stiff_side(tmp_path, program, capsys):
         assert f"wrote {path}" in wrote
         ends = f"The {side} side of the band: its {closure} closures and {conductance} conductances"
         assert ends in said(path)
-        words = "Band: 80 % of further surfaces lie inside, at each load by itself; 3 surfaces, whose"
+        words = "Band: 80 % of further surfaces lie inside, at each load by itself; 3 surfaces,"
         assert words in said(path)
         blocks = read(path)
         behaviour = blocks[TABLE]
