@@ -28,7 +28,7 @@ from gen.draft.proposal import (
 )
 from gen.generators.scans import MOST_PATTERNS
 from gen.maps.library import map_files
-from gen.maps.read import in_words
+from gen.maps.read import spacing_text
 from gen.maps.settings import Reading, as_option
 from gen.material import Bodies
 from gen.runtime.errors import InputError
@@ -99,7 +99,7 @@ def scene_of_windows(
         tiles < FEW_TILES
     )
     steps = [look.spacing for look in proposal.used]
-    spacing = f"# All maps have a node every {in_words(steps[0])} um, and keep it."
+    spacing = f"# All maps have a node every {spacing_text(steps[0])} um, and keep it."
     if proposal.spacing is not None:
         apart = [step for each in steps for step in each]
         spacing = f"""\
@@ -107,7 +107,9 @@ def scene_of_windows(
 # detail, coarser ones cannot gain it.
 spacing = {float(proposal.spacing)!r}"""
     given = [
-        (name, value) for name, value in proposal.reading.of("reading").items() if value
+        (name, value)
+        for name, value in proposal.reading.values_of("reading").items()
+        if value
     ]
     keys = "\n".join(f"{name} = {quoted(value)}" for name, value in given)
     reading = (

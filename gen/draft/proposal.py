@@ -18,7 +18,7 @@ from gen.maps.filters import MOST_HOLES, fitted_polynomial, is_same, resampled
 from gen.maps.library import Tiling
 from gen.maps.outliers import local_medians, refuse_beyond_numbers, with_codes_named
 from gen.maps.prepare import FLAT, MANY_SPIKES, least_squares, prepare
-from gen.maps.read import Sides, Topography, in_words, read
+from gen.maps.read import Sides, Topography, read, spacing_text
 from gen.maps.settings import SPIKE, Reading, in_scene_words
 from gen.maps.texture import (
     SelfAffineFit,
@@ -198,7 +198,7 @@ def print_looks(looks: Sequence[MapSurvey]) -> None:
     for look in looks:
         known = {
             "nodes": f"{look.shape[0]} x {look.shape[1]}",
-            "spacing um": in_words(look.spacing, 4),
+            "spacing um": spacing_text(look.spacing, 4),
             "unit": look.unit or "um?",
             "holes %": f"{100 * look.missing / max(1, math.prod(look.shape)):.2g}",
             "spikes": str(look.spikes.number) if look.spikes else "-",

@@ -239,7 +239,7 @@ def solve_loads(
     from bem.problem import pose
 
     heights, sides = topography.heights, topography.sides
-    settings |= {"boundary": topography.boundary, "spacing": topography.apart}
+    settings |= {"boundary": topography.boundary, "spacing": topography.exact_spacing}
     loads: dict[str, Any] = {f"{load}s": values}
     solved = 0
     try:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
-from gen.maps.read import Topography
+from gen.maps.read import Remedy, Topography
 from gen.maps.scan import UNITS, unit_of
 from gen.maps.settings import SPIKE
 from gen.runtime.errors import InputError
@@ -407,15 +407,15 @@ def with_codes_named(topography: Topography) -> Topography:
 
 
 OTHER_REMEDIES = (
-    (f"despike {SPIKE:g}", "replaces it by what is around"),
-    ("crop", "leaves this part out"),
+    Remedy(f"despike {SPIKE:g}", "replaces it by what is around"),
+    Remedy("crop", "leaves this part out"),
 )
 
 
-def _mask_advice(bounds: str, pronoun: str) -> tuple[str, str]:
+def _mask_advice(bounds: str, pronoun: str) -> Remedy:
     """Return a mask and what it does to nodes outside its bounds."""
     hole = "a hole" if pronoun == "it" else "holes"
-    return f"mask {bounds}", f"makes {hole} of {pronoun}, which --fill closes"
+    return Remedy(f"mask {bounds}", f"makes {hole} of {pronoun}, which --fill closes")
 
 
 def _code_between(topography: Topography, code: Code) -> str:

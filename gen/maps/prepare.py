@@ -23,7 +23,15 @@ from gen.maps.outliers import (
     with_codes_named,
     with_single_named,
 )
-from gen.maps.read import BEYOND_INSTRUMENTS, NEAREST, WIDEST, Sides, Topography, read
+from gen.maps.read import (
+    BEYOND_INSTRUMENTS,
+    NEAREST,
+    WIDEST,
+    Remedy,
+    Sides,
+    Topography,
+    read,
+)
 from gen.maps.settings import KEYS, SPIKE, Reading, as_option, numbers_in
 from gen.runtime.errors import InputError
 from gen.statistics import rms_slope
@@ -66,7 +74,7 @@ def prepare(topography: Topography, settings: Reading) -> Topography:
         fault = (
             f"{topography.missing} of {topography.heights.size} heights are missing (NaN)"
         )
-        remedies = ("fill", "closes holes"), ("crop", "leaves them out")
+        remedies = (Remedy("fill", "closes holes"), Remedy("crop", "leaves them out"))
         raise InputError(f"{topography.name}: {topography.advised(fault, *remedies)}")
     topography = with_single_named(topography, measured, _without_tilt(topography))
     topography = _taken(topography, settings, "filter", "downsample")
@@ -112,7 +120,7 @@ def _with_tilt_named(topography: Topography) -> Topography:
     _, (x, y) = least_squares(replace(topography, heights=heights))
     fault = f"tilted by {x:.2g} along x and {y:.2g} along y, more than it is rough, so one edge"
     fault += " carries the load"  # as the map lay under its instrument
-    warning = topography.advised(fault, ("level plane", "takes the tilt out"))
+    warning = topography.advised(fault, Remedy("level plane", "takes the tilt out"))
     return replace(topography, warnings=(*topography.warnings, warning))
 
 
@@ -285,7 +293,7 @@ def surface_warnings(topography: Topography) -> list[str]:
     ):  # else their distance is wrong, which `read` says
         fault = f"rms slope {slope:.2g} between nodes {apart:.3g} um apart: flatter than a mirror;"
         fault += " are the heights in metres"
-        warnings.append(topography.advised(fault, ("unit m", "reads them so")))
+        warnings.append(topography.advised(fault, Remedy("unit m", "reads them so")))
     if topography.boundary == "periodic" and not is_tilted(topography):
         borders = heights[-1] - heights[0], heights[:, -1] - heights[:, 0]
         step, rms = (
@@ -296,7 +304,7 @@ def surface_warnings(topography: Topography) -> list[str]:
             fault = f"opposite borders differ by {step:.4g} um (rms), more than the rms height,"
             fault += f" {rms:.4g} um: the map is not periodic"
             warnings.append(
-                topography.advised(fault, ("boundary mirror", "takes it as it is"))
+                topography.advised(fault, Remedy("boundary mirror", "takes it as it is"))
             )
     return warnings
 
