@@ -20,20 +20,18 @@ from gen.runtime import command_line
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
 COMMANDS = (
-    *(
-        run,
-        info,
-        contact,
-        law,
-        describe,
-        plot,
-        columns,
-        check,
-        merge,
-        export,
-        estimate,
-        scene,
-    ),
+    run,
+    info,
+    contact,
+    law,
+    describe,
+    plot,
+    columns,
+    check,
+    merge,
+    export,
+    estimate,
+    scene,
 )
 """In the order of the help."""
 

@@ -244,7 +244,10 @@ def print_spectrum(fit: SelfAffineFit | str, nodes: float) -> None:
 
 ONE_ONLY = {
     *(quantity.in_tables for quantity in QUANTITIES.values() if quantity.single),
-    *("modulus_MPa", "boundary", "hardness_MPa", "residual"),
+    "modulus_MPa",
+    "boundary",
+    "hardness_MPa",
+    "residual",
 }
 """Columns that a table of several loads has in its file alone."""
 
@@ -286,19 +289,20 @@ def print_contacts(
 
 
 MAIN = (
-    *(
-        "nodes_x",
-        "nodes_y",
-        "side_x_um",
-        "side_y_um",
-        "Sq",
-        "Ssk",
-        "Sku",
-        "Sdq",
-        "Sal",
-        "Str",
-    ),
-    *("hurst", "roll_off", "cut_off", "nodes_a_wave"),
+    "nodes_x",
+    "nodes_y",
+    "side_x_um",
+    "side_y_um",
+    "Sq",
+    "Ssk",
+    "Sku",
+    "Sdq",
+    "Sal",
+    "Str",
+    "hurst",
+    "roll_off",
+    "cut_off",
+    "nodes_a_wave",
 )
 """Columns that `print_looks` shows of each map."""
 
@@ -309,8 +313,11 @@ def print_looks(rows: Sequence[Row], units: Mapping[str, str]) -> None:
     `rows` are those of the maps and of `gen.maps.several.summary`, `units` those of the columns.
     """
     titles = ["surface", *MAIN]
-    print_columns([[_title(row), *(_shown(row[name]) for name in MAIN)] for row in rows],
-                  titles, right=MAIN)  # fmt: skip
+    print_columns(
+        [[_title(row), *(_shown(row[name]) for name in MAIN)] for row in rows],
+        titles,
+        right=MAIN,
+    )
     mean, deviation = rows[-2:]
     lines = [
         (name, _shown(mean[name]), _shown(deviation[name]), units[name])

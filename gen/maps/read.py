@@ -354,8 +354,25 @@ def _of_text_or_instrument(path: Path, content: bytes, reading: Reading) -> Scan
 
 # suffixes of files that stand in folders of maps and hold none
 OTHERS = {
-    *(".toml", ".md", ".rst", ".pdf", ".html", ".json", ".yaml", ".yml", ".log", ".lock"),
-    *(".png", ".jpg", ".jpeg", ".svg", ".py", ".xlsx", ".docx", ".surrogate", ".maps"),
+    ".toml",
+    ".md",
+    ".rst",
+    ".pdf",
+    ".html",
+    ".json",
+    ".yaml",
+    ".yml",
+    ".log",
+    ".lock",
+    ".png",
+    ".jpg",
+    ".jpeg",
+    ".svg",
+    ".py",
+    ".xlsx",
+    ".docx",
+    ".surrogate",
+    ".maps",
 }
 
 

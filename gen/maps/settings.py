@@ -64,34 +64,43 @@ class Key(NamedTuple):
 KEYS = {
     "side": Key(
         "Scan length in um for a file without lengths; two for an oblong patch: 1000,500.",
-        *("UM", READ, "the scan length in um, or two as [1000, 500] or '1000,500'"),
+        "UM",
+        READ,
+        "the scan length in um, or two as [1000, 500] or '1000,500'",
     ),
     "unit": Key("Unit of a file that names none, as um, nm or inch.", "UNIT", READ),
     "channel": Key("Name or index of a channel of the file.", "NAME", READ),
     "override_scale": Key("Let --side and --unit overrule the file's own."),
     "crop": Key(
         "Keep only this part, in um from the first node, as 100:900,0:500.",
-        *("X0:X1,Y0:Y1", PREPARED),
+        "X0:X1,Y0:Y1",
+        PREPARED,
     ),
     "invert": Key("Turn upside down: heights point into the material.", "", PREPARED),
     "mask": Key(
         "Heights outside these, in um, become holes, as -5:3.",
-        *("BELOW:ABOVE", PREPARED),
+        "BELOW:ABOVE",
+        PREPARED,
         words="the lowest and the highest height to keep in um, as -5:3, :3 or -5:",
     ),
     "despike": Key(
         "Replace nodes further from the local median than this times the scatter, as 7, by it.",
-        *("THRESHOLD", PREPARED, "a number above 0, as 7"),
+        "THRESHOLD",
+        PREPARED,
+        "a number above 0, as 7",
         suits=lambda threshold: 0 < threshold < math.inf,
     ),
     "level": Key(
         "Subtract the mean, plane or quadratic fit over the measured nodes.",
-        *("HOW", PREPARED, "one of 'mean', 'plane', 'quadratic'"),
+        "HOW",
+        PREPARED,
+        "one of 'mean', 'plane', 'quadratic'",
         suits=("mean", "plane", "quadratic").__contains__,
     ),
     "form": Key(
         f"Subtract the fitted polynomial of total degree N, 1 to {HIGHEST_DEGREE}.",
-        *("N", PREPARED),
+        "N",
+        PREPARED,
         words=f"the degree of a polynomial, a whole number from 1 to {HIGHEST_DEGREE}",
         suits=lambda degree: 1 <= degree <= HIGHEST_DEGREE,
     ),
@@ -104,12 +113,15 @@ KEYS = {
     "filter": Key(
         "Gaussian filter (ISO 16610-61): cut-offs of the S- and L-filter in um, as 2.5:80; one"
         " may be left out.",
-        *("S:L", PREPARED),
+        "S:L",
+        PREPARED,
         words="the cut-offs of the S-filter and the L-filter in um, as 2.5:80, 2.5: or :80",
     ),
     "downsample": Key(
         "Take the means of N x N nodes as nodes.",
-        *("N", PREPARED, "a whole number of 2 or more"),
+        "N",
+        PREPARED,
+        "a whole number of 2 or more",
         suits=lambda nodes: nodes >= 2,
     ),
 }

@@ -177,8 +177,12 @@ def test_surfaces_without_a_roll_off_are_not_called_tilted():
 
 
 STEPS: list[dict[str, Any]] = [
-    *({}, {"despike": 7.0}, {"despike": 20.0}, {"crop": "10:35,10:35"}),
-    *({"level": "plane"}, {"form": 2}),
+    {},
+    {"despike": 7.0},
+    {"despike": 20.0},
+    {"crop": "10:35,10:35"},
+    {"level": "plane"},
+    {"form": 2},
 ]
 
 
