@@ -42,5 +42,5 @@ app.callback(
     help="Generate databases of rough-surface contact, inspect them, and solve single problems."
 )(command_line.take_version)
 
-main = partial(command_line.main, app, name="gen", together=["run"])
+main = partial(command_line.main, app, name="gen", collective=["run"])
 """Run one command line, a sequence of words, under a `name`; return its exit code."""

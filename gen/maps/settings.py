@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal, NamedTuple
 
 from gen.runtime.errors import InputError
-from gen.runtime.terminal import shown
+from gen.runtime.terminal import quoted
 
 Asked = Literal[
     "option", "key"
@@ -172,7 +172,7 @@ class Reading(FileReading):
         )
         if len(parts) != 2 or not given or not rising:
             advice = f"give {KEYS[key].allowed}, the first below the second"
-            raise InputError(f"{said(key, self.asked)} {shown(text)}: {advice}")
+            raise InputError(f"{said(key, self.asked)} {quoted(text)}: {advice}")
         low, high = (float(part) if part else None for part in parts)
         return low, high
 
