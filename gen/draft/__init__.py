@@ -29,7 +29,7 @@ from gen.draft.proposal import (
 from gen.generators.scans import MOST_PATTERNS
 from gen.maps.library import map_files
 from gen.maps.read import in_words
-from gen.maps.settings import Reading, said
+from gen.maps.settings import Reading, as_option
 from gen.material import Bodies
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, atomic, check_outputs
@@ -217,7 +217,7 @@ def scene_like(likeness: Likeness, bodies: Bodies, command: str, output: Path) -
     name, steps = likeness.look.path.name, likeness.reading
     taken = [f"despike {steps.despike:g}"] if steps.despike is not None else []
     taken += [f"level {steps.level}"] + ["fill"] * steps.fill
-    prepared = " ".join(said(each, "option") for each in taken)
+    prepared = " ".join(as_option(each) for each in taken)
     fit, spectrum, (height, slope) = likeness.fit, likeness.spectrum, likeness.windows
     remarked = f"\n# The fit says: {'; '.join(fit.remarks)}." if fit.remarks else ""
     hurst = max(0.0, spectrum.hurst - EXPONENTS), min(1.0, spectrum.hurst + EXPONENTS)

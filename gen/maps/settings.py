@@ -8,16 +8,14 @@ would delay the help of every command: the tables of scenes are made where scene
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Any, ClassVar, Literal, NamedTuple
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, NamedTuple
 
 from gen.runtime.errors import InputError
-from gen.runtime.terminal import quoted
 
-Asked = Literal[
-    "option", "key"
-]  # who asks, for the words of messages: a command line, or a scene
 # height of the highest node above the median of its neighbours from which it is called a spike, in
 # robust standard deviations of this quantity over all nodes; self-affine surfaces stay below 5
 SPIKE = 7.0
@@ -26,10 +24,46 @@ HIGHEST_DEGREE = 20
 READ, PREPARED = "reading", "preparation"  # tables of `[surface]` in a scene
 
 
-def said(phrase: str, asked: Asked) -> str:
-    """Write a key, alone or with its value, in the words of who asks."""
-    name, blank, value = phrase.partition(" ")
-    return f"--{name.replace('_', '-')}{blank}{value}" if asked == "option" else phrase
+def as_option(setting: str) -> str:
+    """Write a key of `Reading`, alone or with its value, as an option of a command.
+
+    Parameters
+    ----------
+    setting : str
+        The key, or the key, a blank and its value, as "despike 7".
+
+    Returns
+    -------
+    str
+        The option, as "--despike 7".
+    """
+    key, blank, value = setting.partition(" ")
+    return f"--{key.replace('_', '-')}{blank}{value}"
+
+
+def in_scene_words(message: str, path: Path) -> str:
+    """Name the keys of `Reading` in a message about a map as a scene does: `side`, not `--side`.
+
+    Everything that reads and prepares maps names options. Scenes have the same keys, without
+    dashes, and pass messages on in these words.
+
+    Parameters
+    ----------
+    message : str
+        An error or a warning.
+    path : Path
+        The file of the map. Its name stays as it is, whatever it contains.
+
+    Returns
+    -------
+    str
+        The message for the author of a scene.
+    """
+    parts = message.split(str(path))
+    reworded = [
+        OPTION.sub(lambda match: match[1].replace("-", "_"), part) for part in parts
+    ]
+    return str(path).join(reworded)
 
 
 def numbers_in(text: str, separator: str = ",") -> list[float]:
@@ -127,6 +161,9 @@ KEYS = {
 }
 """The keys; those of the preparation in the order of their steps, which is a metrologist's."""
 
+# the option of a key in a message
+OPTION = re.compile(rf"(?<![\w-])--({'|'.join(KEYS).replace('_', '-')})(?![\w-])")
+
 
 @dataclass(frozen=True)
 class FileReading:
@@ -141,7 +178,6 @@ class FileReading:
         ""  # of the heights, and of the lengths of the file; .npy and text are in um
     )
     channel: str = ""  # the first one with heights by default
-    asked: Asked = field(default="option", kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -172,7 +208,7 @@ class Reading(FileReading):
         )
         if len(parts) != 2 or not given or not rising:
             advice = f"give {KEYS[key].allowed}, the first below the second"
-            raise InputError(f"{said(key, self.asked)} {quoted(text)}: {advice}")
+            raise InputError(f"--{key} {shown(text)}: {advice}")
         low, high = (float(part) if part else None for part in parts)
         return low, high
 
