@@ -208,7 +208,7 @@ class Reading(FileReading):
         )
         if len(parts) != 2 or not given or not rising:
             advice = f"give {KEYS[key].allowed}, the first below the second"
-            raise InputError(f"--{key} {shown(text)}: {advice}")
+            raise InputError(f"--{key} {quoted(text)}: {advice}")
         low, high = (float(part) if part else None for part in parts)
         return low, high
 
