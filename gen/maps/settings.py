@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 from gen.runtime.errors import InputError
+from gen.runtime.terminal import quoted
 
 # height of the highest node above the median of its neighbours from which it is called a spike, in
 # robust standard deviations of this quantity over all nodes; self-affine surfaces stay below 5
