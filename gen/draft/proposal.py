@@ -19,7 +19,7 @@ from gen.maps.library import Tiling
 from gen.maps.outliers import local_medians, refuse_beyond_numbers, with_codes_named
 from gen.maps.prepare import FLAT, MANY_SPIKES, least_squares, prepare
 from gen.maps.read import Sides, Topography, in_words, read
-from gen.maps.settings import SPIKE, Reading
+from gen.maps.settings import SPIKE, Reading, in_scene_words
 from gen.maps.texture import (
     SelfAffineFit,
     areal_parameters,
@@ -89,8 +89,8 @@ def survey(
 def _look(look: MapSurvey, topography: Topography) -> None:
     """Note what a file holds."""
     refuse_beyond_numbers(topography)
-    as_in_scenes = replace(topography, warnings=(), asked="key")
-    look.warnings = with_codes_named(as_in_scenes).warnings
+    codes = with_codes_named(replace(topography, warnings=())).warnings
+    look.warnings = tuple(in_scene_words(warning, look.path) for warning in codes)
     heights, missing = topography.heights, topography.missing
     nx, ny = look.shape = heights.shape[0], heights.shape[1]
     look.spacing, look.unit, look.missing = topography.spacing, topography.unit, missing

@@ -25,7 +25,7 @@ from gen.quantities import (
     Quantity,
 )
 from gen.runtime.errors import InputError
-from gen.runtime.terminal import shown
+from gen.runtime.terminal import quoted
 
 Load = Literal["delta", "pressure"]
 """Kind of the loads of a law: displacements Delta [um] or nominal pressures [MPa]."""
@@ -165,5 +165,5 @@ def require_also(names: Sequence[str]) -> tuple[str, ...]:
     stripped = [name.strip() for text in names for name in text.split(",")]
     for name in stripped:
         if name not in ALSO:
-            raise InputError(f"--also {shown(name)}: give one of {', '.join(ALSO)}")
+            raise InputError(f"--also {quoted(name)}: give one of {', '.join(ALSO)}")
     return tuple(dict.fromkeys(stripped))
