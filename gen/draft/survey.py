@@ -15,7 +15,7 @@ from gen.maps.filters import MOST_HOLES, fitted_polynomial, resampled
 from gen.maps.outliers import local_medians, refuse_beyond_numbers, with_codes_named
 from gen.maps.prepare import FLAT, MANY_SPIKES, least_squares, prepare
 from gen.maps.read import Sides, Topography, in_words, read
-from gen.maps.settings import SPIKE, Reading
+from gen.maps.settings import SPIKE, Reading, in_scene_words
 from gen.maps.texture import areal_parameters
 from gen.runtime.errors import InputError
 from gen.runtime.files import digest
@@ -121,8 +121,8 @@ def survey(
 def _survey_of(path: Path, topography: Topography) -> MapSurvey:
     """Return the survey of a map as its file has it; refuse heights beyond what numbers hold."""
     refuse_beyond_numbers(topography)
-    in_words_of_scenes = replace(topography, warnings=(), asked="key")
     heights = topography.heights
+    codes = with_codes_named(replace(topography, warnings=())).warnings
     content = MapSurvey(
         path,
         fault=_fault_of(topography),
@@ -130,7 +130,7 @@ def _survey_of(path: Path, topography: Topography) -> MapSurvey:
         spacing=topography.spacing,
         unit=topography.unit,
         missing=topography.missing,
-        warnings=with_codes_named(in_words_of_scenes).warnings,
+        warnings=tuple(in_scene_words(warning, path) for warning in codes),
     )
     if content.fault:
         return content

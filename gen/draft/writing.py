@@ -20,7 +20,7 @@ from gen.maps.settings import Reading
 from gen.material import Bodies
 from gen.runtime.errors import InputError
 from gen.runtime.files import atomic
-from gen.runtime.terminal import printable, to_type
+from gen.runtime.terminal import command_to_type, printable
 from gen.scene import Scene
 
 SURFACES = 600  # number of self-affine surfaces
@@ -184,8 +184,8 @@ def _beginning(title: str, output: Path, command: str, surfaces: int) -> dict[st
     return {
         "title": title,
         "command": printable(command),
-        "estimate": f"{to_type('gen estimate')} {scene}",
-        "run": f"{to_type('gen run')} {scene} -o {database}",
+        "estimate": f"{command_to_type('gen estimate')} {scene}",
+        "run": f"{command_to_type('gen run')} {scene} -o {database}",
         "quoted_title": quoted(title),
         "surfaces": str(surfaces),
         "loads_per_surface": str(LOADS_PER_SURFACE),
@@ -195,7 +195,7 @@ def _beginning(title: str, output: Path, command: str, surfaces: int) -> dict[st
 
 def _fit_command(output: Path) -> str:
     """Return the command that fits a surrogate to the database of a scene."""
-    fit = to_type("learn fit")
+    fit = command_to_type("learn fit")
     return f"{fit} {_beside(output, '.h5')} --features hybrid -o {_beside(output, '.surrogate')}"
 
 

@@ -48,7 +48,7 @@ from gen.quantities import (
     Quantity,
 )
 from gen.runtime.errors import InputError
-from gen.runtime.terminal import RunProgress, shortened, shown
+from gen.runtime.terminal import RunProgress, quoted, shortened
 
 ARGUMENTS: dict[Load, str] = {"delta": DELTA.in_laws, "pressure": PRESSURE.in_laws}
 """Quantity of the arguments of a table by the kind of load."""
@@ -189,7 +189,7 @@ def require_also(names: Sequence[str]) -> tuple[str, ...]:
     chosen = [name.strip() for text in names for name in text.split(",")]
     for name in chosen:
         if name not in ALSO:
-            raise InputError(f"--also {shown(name)}: give one of {', '.join(ALSO)}")
+            raise InputError(f"--also {quoted(name)}: give one of {', '.join(ALSO)}")
     return tuple(dict.fromkeys(chosen))
 
 

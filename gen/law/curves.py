@@ -79,7 +79,8 @@ class Points:
         """Put first touch, Delta = 0 with these values (others are 0), before these loads."""
         points = self.changed(
             lambda name, each: np.append(rest.get(name, 0.0), each),
-            *("", *self.reasons),
+            "",
+            *self.reasons,
         )
         return replace(points, grid=("", *self.grid) if self.grid else ())
 

@@ -237,7 +237,10 @@ def test_one_surface_has_neither_deviation_nor_columns_of_surfaces(surfaces, run
     names = Path("law.csv").read_text().splitlines()[0].split(",")
     assert not [name for name in names if name.endswith("_std") or "_surface_" in name]
     assert {*json_of("law.json")["tables"][1]["curves"]["closure_um"]} == {
-        *("value", "low", "high", "slope")
+        "value",
+        "low",
+        "high",
+        "slope",
     }
 
 
@@ -554,8 +557,17 @@ def test_further_quantities_are_in_a_law_where_they_are_asked_for(surfaces, run)
     """In the table and the C header; without the option the files are the same but for that."""
     loads = ["many/s0.npy", "--pressure", "1,10,100"]
     run(*loads, "-o", "plain")
-    run(*loads, "--also", "largest_spot_area,perimeter", "--also", "yielded_percent",
-        "--hardness", "2000", "-o", "further")  # fmt: skip
+    run(
+        *loads,
+        "--also",
+        "largest_spot_area,perimeter",
+        "--also",
+        "yielded_percent",
+        "--hardness",
+        "2000",
+        "-o",
+        "further",
+    )
     run(*loads, "--hardness", "2000", "-o", "bare")
     rows, bare = table("further.csv"), table("bare.csv")
     further = ["largest_spot_um2", "perimeter_um", "yielded_percent"]
