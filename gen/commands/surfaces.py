@@ -167,8 +167,8 @@ def law(
     is the interface's alone: what a mesh adds to the bodies' own deformation.
     """
     from gen.law import Order, by_solver
-    from gen.law.contact_law import require_also
     from gen.law.files import show, write_files
+    from gen.law.order import require_also
     from gen.law.surfaces import files_read
     from gen.maps.contacts import require_conductivities
 
