@@ -103,8 +103,8 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "gen/scene/tables.py": (("self.modulus / (1 - self.poisson**2)", "self.modulus"),),
     "gen/statistics.py": (
-        ("peaks[1].kurtosis - 3.0,", "peaks[1].kurtosis,"),
-        ("(pair[0] / pair[1]) ** 2", "pair[0] / pair[1]"),
+        ("peaks.curvatures.kurtosis - 3.0,", "peaks.curvatures.kurtosis,"),
+        ("(dx / dy) ** 2", "dx / dy"),
     ),
     "gen/surface.py": (("2.0 ** (-hurst / 2.0)", "2.0 ** (-hurst)"),),
     "gen/spectral.py": (("(-1 - self.hurst)", "(-0.5 - self.hurst)"),),
