@@ -35,8 +35,8 @@ from gen.database.writer import HeldFile, disk_trouble, write_rows
 from gen.runtime.errors import InputError
 from gen.runtime.files import Present, lock, place_of, unfinished
 from gen.runtime.installation import git_commit, versions
-from gen.runtime.memory import size
-from gen.runtime.terminal import to_type
+from gen.runtime.memory import format_bytes
+from gen.runtime.terminal import command_to_type
 from gen.scene import Scene, differences, stored_columns
 from gen.scene.faults import shown
 from gen.schema import CHECKSUM, PART, PHYSICS, RUNTIME, SCHEMA, STATUS, Column, Status
@@ -383,7 +383,7 @@ def _conflict(row: int, column: Column, first: Path, second: Path) -> InputError
     for path in (first, second):
         with Reader(path) as reader:
             if reader.damaged_rows(row, row + 1).size:
-                repair = to_type(f"gen check {path} --repair")
+                repair = command_to_type(f"gen check {path} --repair")
                 return InputError(
                     f"{differs}, and is damaged in {path}: {repair} makes it pending"
                 )
@@ -435,8 +435,8 @@ def _require_room(path: Path, folder: Path, rows: int, row_bytes: int) -> None:
     free = shutil.disk_usage(folder).free
     if needed > free:
         raise InputError(
-            f"{path}: {rows} samples need {size(needed)}, {size(free)} are free; make room, or"
-            " ask for less"
+            f"{path}: {rows} samples need {format_bytes(needed)}, {format_bytes(free)} are"
+            " free; make room, or ask for less"
         )
 
 

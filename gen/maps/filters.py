@@ -10,7 +10,6 @@ import numpy as np
 
 from gen.arrays import Heights, Values
 from gen.maps.read import Sides, Topography, in_words
-from gen.maps.settings import said
 from gen.runtime.errors import InputError
 
 if TYPE_CHECKING:
@@ -55,7 +54,7 @@ def without_form(topography: Topography, degree: int) -> Topography:
     heights, terms = topography.heights, (degree + 1) * (degree + 2) // 2
     (nx, ny), measured = heights.shape, heights.size - topography.missing
     if degree >= min(nx, ny) or measured <= terms:
-        named = said(f"form {degree}", topography.asked)
+        named = f"--form {degree}"
         raise InputError(
             f"{topography.name}: {named} has {terms} coefficients, too many for {measured} heights"
             f" on {nx} x {ny} nodes"
@@ -119,7 +118,7 @@ def filtered(
     for name, cutoff in given.items():
         if not finest * (1 - ROUNDING) <= cutoff <= side * (1 + ROUNDING):
             raise InputError(
-                f"{topography.name}: {said('filter', topography.asked)}: the {name}'s cut-off,"
+                f"{topography.name}: --filter: the {name}'s cut-off,"
                 f" {cutoff:g} um, is outside {finest:.6g} to {side:.6g} um, four spacings to the"
                 " shorter side"
             )
@@ -177,10 +176,9 @@ def filled(topography: Topography, *, insisted: bool) -> Topography:
     missing, size = topography.missing, topography.heights.size
     share = f"{100 * missing / size:.3g} %"
     if missing > MOST_HOLES * size and not insisted:
-        fill, insist = (said(key, topography.asked) for key in ("fill", "fill_most"))
         raise InputError(
-            f"{topography.name}: {missing} of {size} heights are missing ({share}): {fill} would"
-            f" make up more than was measured; crop, measure again, or insist by {insist}"
+            f"{topography.name}: {missing} of {size} heights are missing ({share}): --fill would"
+            f" make up more than was measured; crop, measure again, or insist by --fill-most"
         )
     periodic = topography.boundary == "periodic"
     heights = filled_harmonically(

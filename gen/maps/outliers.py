@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gen.arrays import Heights, Values
 from gen.maps.read import Topography
 from gen.maps.scan import UNITS, unit_of
-from gen.maps.settings import SPIKE, said
+from gen.maps.settings import SPIKE
 from gen.runtime.errors import InputError
 
 HIGHEST = (
@@ -374,8 +374,7 @@ def refuse_beyond_numbers(topography: Topography) -> None:
     fault += (
         f", the first at the node ({row}, {column}), which may stand for missing heights"
     )
-    mask, fill = (said(key, topography.asked) for key in (f"mask {bounds}", "fill"))
-    raise InputError(f"{fault}: {mask} makes holes of them, which {fill} closes")
+    raise InputError(f"{fault}: --mask {bounds} makes holes of them, which --fill closes")
 
 
 def with_codes_named(topography: Topography) -> Topography:
@@ -396,13 +395,13 @@ def with_codes_named(topography: Topography) -> Topography:
         row, column = code.first
         if code.number >= FEWEST_SHARED:
             fault = f"{_shared(topography, code)}, {apart}; they may stand for missing heights"
-            remedies = [_mask_advice(topography, bounds, "them")]
+            remedies = [_mask_advice(bounds, "them")]
         else:
             end = "highest" if code.value > kept.max() else "lowest"
             kind = "spike from whose tip Delta counts" if end == "highest" else "pit"
             fault = f"the {end} node ({row}, {column}) is a {kind}, or stands for a missing height,"
             fault += f" at {_in_file(topography, code.value)}, {apart}"
-            remedies = [_mask_advice(topography, bounds, "it"), *OTHER_REMEDIES]
+            remedies = [_mask_advice(bounds, "it"), *OTHER_REMEDIES]
         warnings.append(topography.advised(fault, *remedies))
     return replace(topography, warnings=tuple(warnings), doubtful=doubtful)
 
@@ -413,11 +412,10 @@ OTHER_REMEDIES = (
 )
 
 
-def _mask_advice(topography: Topography, bounds: str, pronoun: str) -> tuple[str, str]:
+def _mask_advice(bounds: str, pronoun: str) -> tuple[str, str]:
     """Return a mask and what it does to nodes outside its bounds."""
     hole = "a hole" if pronoun == "it" else "holes"
-    fill = said("fill", topography.asked)
-    return f"mask {bounds}", f"makes {hole} of {pronoun}, which {fill} closes"
+    return f"mask {bounds}", f"makes {hole} of {pronoun}, which --fill closes"
 
 
 def _code_between(topography: Topography, code: Code) -> str:
@@ -478,7 +476,7 @@ def with_single_named(
     for sign, single in singles.items():
         remedies = [*OTHER_REMEDIES]
         if bounds and not _within(float(measured[single.node]), bounds):
-            remedies.insert(0, _mask_advice(topography, bounds, "it"))
+            remedies.insert(0, _mask_advice(bounds, "it"))
         fault = _single_in_words(single, sign, topography.heights)
         warnings.append(topography.advised(fault, *remedies))
     return replace(topography, warnings=tuple(warnings), doubtful=left_out)

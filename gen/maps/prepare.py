@@ -23,8 +23,8 @@ from gen.maps.outliers import (
     with_codes_named,
     with_single_named,
 )
-from gen.maps.read import NEAREST, WIDEST, Sides, Topography, beyond_instruments, read
-from gen.maps.settings import KEYS, SPIKE, Reading, numbers_in, said
+from gen.maps.read import BEYOND_INSTRUMENTS, NEAREST, WIDEST, Sides, Topography, read
+from gen.maps.settings import KEYS, SPIKE, Reading, as_option, numbers_in
 from gen.runtime.errors import InputError
 from gen.statistics import rms_slope
 
@@ -46,17 +46,16 @@ def prepare(topography: Topography, settings: Reading) -> Topography:
     waves that they would fold back. Raises InputError if a setting does not suit the map.
     """
     if settings.level and settings.form is not None:
-        words = f"level {settings.level}", f"form {settings.form}"
-        both = " and ".join(said(each, settings.asked) for each in words)
         raise InputError(
-            f"{both} given: give one; forms of degree 1 and 2 are levels too"
+            f"--level {settings.level} and --form {settings.form} given: give one; forms of"
+            " degree 1 and 2 are levels too"
         )
     followed = {key for key in STEPS if getattr(settings, key)} - {"level", "despike"}
     followed |= {f"level {settings.level}"} if settings.level else set()
     # a threshold of spikes counts as the one that is advised if it takes out as many
     followed |= {f"despike {SPIKE:g}"} if (settings.despike or np.inf) <= SPIKE else set()
     followed |= topography.followed
-    topography = replace(topography, followed=frozenset(followed), asked=settings.asked)
+    topography = replace(topography, followed=frozenset(followed))
     topography = _taken(topography, settings, "crop", "invert", "mask")
     refuse_beyond_numbers(topography)
     topography = _taken(topography, settings, "despike")
@@ -86,8 +85,8 @@ def _taken(topography: Topography, settings: Reading, *keys: str) -> Topography:
         ):
             continue
         if not KEYS[key].suits(value):
-            named = said(f"{key} {value!r}", settings.asked)
-            raise InputError(f"{named}: give {KEYS[key].allowed}")
+            option = as_option(f"{key} {value!r}")
+            raise InputError(f"{option}: give {KEYS[key].allowed}")
         topography = STEPS[key](topography, settings)
     return topography
 
@@ -98,7 +97,7 @@ def _with_span_named(topography: Topography) -> Topography:
     span = float(np.nanmax(heights) - np.nanmin(heights))
     if not span or NEAREST <= span <= WIDEST:
         return topography
-    warning = f"its heights span {span:.3g} um, {beyond_instruments(topography.asked)}"
+    warning = f"its heights span {span:.3g} um, {BEYOND_INSTRUMENTS}"
     return replace(topography, warnings=(*topography.warnings, warning))
 
 
@@ -156,7 +155,8 @@ STEPS: Mapping[str, Callable[[Topography, Any], Topography]] = {
 
 def cropped(topography: Topography, text: str) -> Topography:
     """Cut out the nodes within "x0:x1,y0:y1" [um]."""
-    named, spacing = said(f"crop {text!r}", topography.asked), topography.spacing
+    named = f"--crop {text!r}"
+    spacing = topography.spacing
     limits = [numbers_in(part, ":") for part in text.split(",")]
     if [len(ends) for ends in limits] != [2, 2]:
         raise InputError(f"{named}: give x0:x1,y0:y1 in um, as 100:900,0:500")
@@ -181,10 +181,9 @@ def masked(topography: Topography, kept: tuple[float | None, float | None]) -> T
     outside = (heights < below) | (heights > above)
     left = np.where(outside, np.nan, heights)
     if np.isnan(left).all():
-        named = said(f"mask {below:g}:{above:g}", topography.asked)
         raise InputError(
-            f"{topography.name}: {named} leaves no height, they are {np.nanmin(heights):.6g} to"
-            f" {np.nanmax(heights):.6g} um"
+            f"{topography.name}: --mask {below:g}:{above:g} leaves no height, they are"
+            f" {np.nanmin(heights):.6g} to {np.nanmax(heights):.6g} um"
         )
     step = f"masked {_share(outside)} outside {below:g} to {above:g} um"
     return topography.changed(left, step)
@@ -201,10 +200,7 @@ def despiked(topography: Topography, threshold: float) -> Topography:
     clean = topography.changed(np.where(spikes, medians, heights), step)
     if spikes.mean() <= MANY_SPIKES:
         return clean
-    named = said("despike", topography.asked)
-    warning = (
-        f"{taken} were taken out as spikes: probably a part of the surface; raise {named}"
-    )
+    warning = f"{taken} were taken out as spikes: probably a part of the surface; raise --despike"
     return replace(clean, warnings=(*clean.warnings, warning))
 
 
@@ -247,7 +243,7 @@ def downsampled(topography: Topography, nodes: int) -> Topography:
     heights = topography.heights
     nx, ny = (length // nodes for length in heights.shape)
     if min(nx, ny) < 2:
-        named = f"{topography.name}: {said(f'downsample {nodes}', topography.asked)}"
+        named = f"{topography.name}: --downsample {nodes}"
         of = " x ".join(map(str, heights.shape))
         raise InputError(f"{named} leaves fewer than 2 x 2 of {of} nodes")
     means = (
