@@ -16,7 +16,12 @@ from gen.arrays import Heights, Values
 from gen.doubts import STEEP
 from gen.maps.filters import MOST_HOLES, fitted_polynomial, is_same, resampled
 from gen.maps.library import Tiling
-from gen.maps.outliers import local_medians, refuse_beyond_numbers, with_codes_named
+from gen.maps.outliers import (
+    local_medians,
+    refuse_overflowing_heights,
+    scatter_of,
+    with_code_warnings,
+)
 from gen.maps.prepare import FLAT, MANY_SPIKES, least_squares, prepare
 from gen.maps.read import Sides, Topography, in_words, read
 from gen.maps.settings import SPIKE, Reading
@@ -88,9 +93,9 @@ def survey(
 
 def _look(look: MapSurvey, topography: Topography) -> None:
     """Note what a file holds."""
-    refuse_beyond_numbers(topography)
+    refuse_overflowing_heights(topography)
     as_in_scenes = replace(topography, warnings=(), asked="key")
-    look.warnings = with_codes_named(as_in_scenes).warnings
+    look.warnings = with_code_warnings(as_in_scenes).warnings
     heights, missing = topography.heights, topography.missing
     nx, ny = look.shape = heights.shape[0], heights.shape[1]
     look.spacing, look.unit, look.missing = topography.spacing, topography.unit, missing
@@ -106,7 +111,9 @@ def _look(look: MapSurvey, topography: Topography) -> None:
             for degree in (1, 2)
         )
         look.form = 1.0 - quadratic / plane if plane else 0.0
-        look.spikes, (_, look.tilt) = find_spikes(heights), least_squares(topography)
+        look.spikes = find_spikes(heights)
+        tilt = least_squares(topography).tilt
+        look.tilt = tilt.x, tilt.y
 
 
 def _without_name(error: InputError, path: Path) -> str:
@@ -162,8 +169,8 @@ class Spikes(NamedTuple):
 
 def find_spikes(heights: Heights) -> Spikes:
     """Part the spikes of a map from its surface at the largest gap between their distances."""
-    medians, scatter = local_medians(heights)
-    distances = np.abs((heights - medians) / scatter)
+    signed = heights - local_medians(heights)
+    distances = np.abs(signed / scatter_of(signed, heights))
     high = np.maximum(np.sort(distances[~np.isnan(distances)])[::-1], SPIKE)
     number = _before_gap(high, MANY_SPIKES, GAP)
     if not number and high[0] > APART * high[int(FEW * high.size)]:

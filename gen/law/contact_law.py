@@ -629,9 +629,10 @@ def _contacts(
 ) -> Iterator[tuple[dict[str, float], float, str, str, Pressed | None]]:
     """Yield quantities, the error of the grid, two faults, and what warnings take at each load."""
     settings = {"modulus": bodies.e_star, "hardness": bodies.hardness, **surface.settings}
-    for contact, fault in solve_loads(surface, load, loads.tolist(), **settings):
+    for solution in solve_loads(surface, load, loads.tolist(), **settings):
+        contact = solution.contact
         if contact is None:
-            yield {}, np.nan, fault, "", None
+            yield {}, np.nan, solution.fault, "", None
             continue
         try:
             row = {
