@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 from gen.runtime.errors import InputError
-from gen.runtime.terminal import shown
+from gen.runtime.terminal import quoted
 
 if TYPE_CHECKING:
     from gen.arrays import Heights
@@ -76,12 +76,12 @@ def loads_from(load: str, text: str, advice: str = "") -> list[float]:
         try:
             ends = [float(start), float(stop)]
         except ValueError:
-            raise InputError(f"--{load} {shown(text)}: {allowed}") from None
+            raise InputError(f"--{load} {quoted(text)}: {allowed}") from None
         finite = all(map(math.isfinite, ends)) and (not log or min(ends) > 0)
         if series and not (finite and int(count) > 1):
-            raise InputError(f"--{load} {shown(text)}: {allowed}")
+            raise InputError(f"--{load} {quoted(text)}: {allowed}")
         if len(values) + int(count) > MOST:
-            raise InputError(f"--{load} {shown(text)}: give {MOST:,} values at most")
+            raise InputError(f"--{load} {quoted(text)}: give {MOST:,} values at most")
         if not series:
             values.append(ends[0])
             continue
@@ -99,7 +99,7 @@ def loads_from(load: str, text: str, advice: str = "") -> list[float]:
         if beyond:
             raise InputError(f"--{load} {beyond[0]:g}: must be below {LARGEST:g}")
     elif not (within and any(values)):
-        raise InputError(f"--{load} {shown(text)}: {allowed}")
+        raise InputError(f"--{load} {quoted(text)}: {allowed}")
     return values
 
 

@@ -154,20 +154,27 @@ def describe(heights: Values, spacing: float | tuple[float, float]) -> Descripti
     )
     per_length = unit / pair[0] / pair[0]
     values = (
-        *(
-            peaks[0].mean * unit,
-            peaks[0].rms * unit,
-            peaks[0].kurtosis,
-            peaks[0].skewness,
-        ),
-        *(peaks[0].number / (2 * nodes.size), peaks[1].mean * per_length),
-        *(peaks[1].kurtosis - 3.0, peaks[1].skewness),
+        peaks[0].mean * unit,
+        peaks[0].rms * unit,
+        peaks[0].kurtosis,
+        peaks[0].skewness,
+        peaks[0].number / (2 * nodes.size),
+        peaks[1].mean * per_length,
+        peaks[1].kurtosis - 3.0,
+        peaks[1].skewness,
         *bandwidths,
-        *(asperities[0].mean * unit, asperities[0].rms * unit),
-        *(asperities[0].kurtosis - 3.0, asperities[0].skewness),
-        *(asperities[0].number / nodes.size, asperities[1].mean * per_length),
-        *(asperities[1].rms * per_length, asperities[1].kurtosis, asperities[1].skewness),
-        *(whole.mean * unit, (highest - lowest) * unit, whole.rms * unit),
+        asperities[0].mean * unit,
+        asperities[0].rms * unit,
+        asperities[0].kurtosis - 3.0,
+        asperities[0].skewness,
+        asperities[0].number / nodes.size,
+        asperities[1].mean * per_length,
+        asperities[1].rms * per_length,
+        asperities[1].kurtosis,
+        asperities[1].skewness,
+        whole.mean * unit,
+        (highest - lowest) * unit,
+        whole.rms * unit,
     )
     if per_length < np.finfo(np.float64).tiny or any(map(math.isinf, values)):
         raise InputError(

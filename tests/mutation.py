@@ -261,5 +261,5 @@ def mutation(
 
 if __name__ == "__main__":
     with farm.process():
-        code = command_line.main(app, sys.argv[1:], "mutation", alone=True)
+        code = command_line.main(app, sys.argv[1:], "mutation", single_process=True)
     sys.exit(code)

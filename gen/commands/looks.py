@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from gen.runtime.documents import Row, write_csv
 from gen.runtime.errors import InputError
-from gen.runtime.figure import empty_figure
+from gen.runtime.figure import figure_for
 
 if TYPE_CHECKING:  # each command imports no more than it needs
     from pathlib import Path
@@ -120,7 +120,7 @@ def look_at_one(looking: Looking, surface: Path, files: LookFiles) -> None:
     from gen.commands import printer
     from gen.maps import pictures, several, texture
 
-    figure = empty_figure(files.picture, 10.5, 8.6)
+    figure = figure_for(files.picture, 10.5, 8.6)
     look = looking.at(surface)
     printer.print_preparation(look.topography, look.warnings)
     printer.print_statistics(look.topography, look.description, look.areal)

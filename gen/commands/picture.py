@@ -14,7 +14,7 @@ from gen.maps.pictures import DECADES, LETTERS, contact_maps, load_text, plot_ma
 from gen.material import Bodies
 from gen.quantities import AREA, DELTA, FORCE, PRESSURE, USUAL, typographic
 from gen.runtime.errors import InputError
-from gen.runtime.figure import empty_figure, log_axis, save
+from gen.runtime.figure import figure_for, log_axis, save
 from gen.runtime.terminal import shortened
 from gen.scene import Scene, columns_for, parameter_columns
 from gen.schema import Status
@@ -24,7 +24,7 @@ WIDTH = 11.0  # width of the picture [inches]
 
 def draw_database(file: Path, picture: Path) -> None:
     """Draw the heights and the pressure of the row with the median area, all areas, all times."""
-    figure = empty_figure(picture, WIDTH, WIDTH)
+    figure = figure_for(picture, WIDTH, WIDTH)
     with Reader(file) as reader:
         done = np.flatnonzero(reader.column("status") == Status.DONE)
         if not done.size:

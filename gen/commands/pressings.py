@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gen.runtime.documents import Row, write_csv
 from gen.runtime.errors import InputError
-from gen.runtime.figure import empty_figure
+from gen.runtime.figure import figure_for
 from gen.runtime.files import atomic
 from gen.runtime.terminal import RunProgress, echo
 
@@ -140,7 +140,7 @@ def press_one(pressing: Pressing, surface: Path, files: ContactFiles) -> None:
     from gen.maps import contacts, several
     from gen.maps.bodies import read_surface
 
-    figure = empty_figure(files.picture, 11, 8.2)
+    figure = figure_for(files.picture, 11, 8.2)
     bodies, load = pressing.bodies, pressing.load
     topography, doubts = read_surface(
         surface, pressing.reading, pressing.boundary, pressing.body

@@ -32,8 +32,8 @@ from gen.database.writer import HeldFile, disk_trouble, write_rows
 from gen.runtime.errors import InputError
 from gen.runtime.files import lock, place_of, unfinished
 from gen.runtime.installation import git_commit, versions
-from gen.runtime.memory import size
-from gen.runtime.terminal import to_type
+from gen.runtime.memory import format_bytes
+from gen.runtime.terminal import command_to_type
 from gen.scene import Scene, differences, stored_columns
 from gen.scene.faults import shown
 from gen.schema import CHECKSUM, PART, PHYSICS, RUNTIME, SCHEMA, STATUS, Column, Status
@@ -248,7 +248,7 @@ def _conflict(row: int, column: Column, one: Path, other: Path) -> InputError:
     for path in (one, other):
         with Reader(path) as reader:
             if reader.damaged_rows(row, row + 1).size:
-                repair = to_type(f"gen check {path} --repair")
+                repair = command_to_type(f"gen check {path} --repair")
                 return InputError(
                     f"{differs}, and is damaged in {path}: {repair} makes it pending"
                 )
@@ -275,8 +275,8 @@ def _assemble(
     needed, free = len(rows) * sum(sizes), shutil.disk_usage(real.parent).free
     if needed > free:  # quotas show only on writing
         raise InputError(
-            f"{path}: {len(rows)} samples need {size(needed)}, {size(free)} are free; make room, or"
-            " ask for less"
+            f"{path}: {len(rows)} samples need {format_bytes(needed)}, {format_bytes(free)} are"
+            " free; make room, or ask for less"
         )
     trouble = disk_trouble(path, lambda: "nothing was changed")
     with (

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from gen.arrays import Indices
 from gen.runtime.errors import InputError, errno_of
 from gen.runtime.files import kind_of, require_file
-from gen.runtime.terminal import to_type
+from gen.runtime.terminal import command_to_type
 from gen.scene import Scene, columns_for, differences, stored_columns
 from gen.schema import (
     CHECKSUM,
@@ -279,7 +279,7 @@ def checked(
         except InputError as error:
             raise InputError(
                 f"{error}: this version makes no such scene; change it, and make the database anew:"
-                f" {to_type('gen run SCENE -o NEW.h5')}"
+                f" {command_to_type('gen run SCENE -o NEW.h5')}"
             ) from None
         own = (attributes["scene_hash"], attributes["samples"])
         if own != (scene.fingerprint(), scene.samples):
@@ -298,7 +298,7 @@ def checked(
         raise InputError(
             f"{path} holds results of physics {physics}, this version computes physics {PHYSICS}; "
             f"give another name to make it anew, or have rows of both in one file by"
-            f" {to_type('gen run')} --force"
+            f" {command_to_type('gen run')} --force"
         )
     return scene
 
@@ -513,7 +513,11 @@ class Reader(ExitStack):
         which = f"row {rows[0]} has"
         if rows.size > 1:
             which = f"row {rows[0]} and {rows.size - 1} more rows have"
-        remedy = f"{to_type(f'gen check {self.path} --repair')} makes them pending"
+        remedy = (
+            f"{command_to_type(f'gen check {self.path} --repair')} makes them pending"
+        )
         if made_by_another(int(self.attributes["physics"])):
-            remedy = f"{to_type('gen run SCENE -o NEW.h5')} makes the database anew"
+            remedy = (
+                f"{command_to_type('gen run SCENE -o NEW.h5')} makes the database anew"
+            )
         return f"{which} other bytes than were written: {remedy}"

@@ -29,11 +29,11 @@ from gen.draft.proposal import (
 from gen.generators.scans import MOST_PATTERNS
 from gen.maps.library import map_files
 from gen.maps.read import in_words
-from gen.maps.settings import Reading, said
+from gen.maps.settings import Reading, as_option
 from gen.material import Bodies
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, atomic, check_outputs
-from gen.runtime.terminal import RunProgress, echo, printable, to_type
+from gen.runtime.terminal import RunProgress, command_to_type, echo, printable
 from gen.scene import Scene
 
 FEW_TILES = (
@@ -116,7 +116,7 @@ spacing = {float(proposal.spacing)!r}"""
     database, surrogate = (
         printable(str(output.with_suffix(suffix))) for suffix in (".h5", ".surrogate")
     )
-    fit = f"{to_type('learn fit')} {database} --features hybrid -o {surrogate}"
+    fit = f"{command_to_type('learn fit')} {database} --features hybrid -o {surrogate}"
     title = f"Windows of {len(steps)} measured map{'s' * (len(steps) != 1)}"
     return f"""\
 # {title}. Written by
@@ -150,8 +150,8 @@ def _head(title: str, output: Path, surfaces: int, then: str = "") -> str:
         printable(str(each)) for each in (output, output.with_suffix(".h5"))
     )
     return f"""\
-#     {to_type("gen estimate")} {scene}
-#     {to_type("gen run")} {scene} -o {database}
+#     {command_to_type("gen estimate")} {scene}
+#     {command_to_type("gen run")} {scene} -o {database}
 {then}
 title = {quoted(title)}
 
@@ -217,7 +217,7 @@ def scene_like(likeness: Likeness, bodies: Bodies, command: str, output: Path) -
     name, steps = likeness.look.path.name, likeness.reading
     taken = [f"despike {steps.despike:g}"] if steps.despike is not None else []
     taken += [f"level {steps.level}"] + ["fill"] * steps.fill
-    prepared = " ".join(said(each, "option") for each in taken)
+    prepared = " ".join(as_option(each) for each in taken)
     fit, spectrum, (height, slope) = likeness.fit, likeness.spectrum, likeness.windows
     remarked = f"\n# The fit says: {'; '.join(fit.remarks)}." if fit.remarks else ""
     hurst = max(0.0, spectrum.hurst - EXPONENTS), min(1.0, spectrum.hurst + EXPONENTS)

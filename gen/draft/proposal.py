@@ -24,7 +24,7 @@ from gen.maps.outliers import (
 )
 from gen.maps.prepare import FLAT, MANY_SPIKES, least_squares, prepare
 from gen.maps.read import Sides, Topography, in_words, read
-from gen.maps.settings import SPIKE, Reading
+from gen.maps.settings import SPIKE, Reading, in_scene_words
 from gen.maps.texture import (
     SelfAffineFit,
     areal_parameters,
@@ -94,8 +94,8 @@ def survey(
 def _look(look: MapSurvey, topography: Topography) -> None:
     """Note what a file holds."""
     refuse_overflowing_heights(topography)
-    as_in_scenes = replace(topography, warnings=(), asked="key")
-    look.warnings = with_code_warnings(as_in_scenes).warnings
+    codes = with_code_warnings(replace(topography, warnings=())).warnings
+    look.warnings = tuple(in_scene_words(warning, look.path) for warning in codes)
     heights, missing = topography.heights, topography.missing
     nx, ny = look.shape = heights.shape[0], heights.shape[1]
     look.spacing, look.unit, look.missing = topography.spacing, topography.unit, missing

@@ -288,7 +288,7 @@ class ScanSurface(GeneratedSurface):
         spacing = None if self.spacing is None else pair(self.spacing)
         given = {**self.reading.model_dump(), **self.preparation.model_dump()}
         given = {name: value for name, value in given.items() if value is not None}
-        return library.Wanted(pair(self.nodes), spacing, Reading(**given, asked="key"))
+        return library.Wanted(pair(self.nodes), spacing, Reading(**given))
 
     def remarks(self) -> list[str]:
         """Return lines about the maps for the user of a run: numbers, place and warnings."""

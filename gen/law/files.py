@@ -29,11 +29,11 @@ from gen.quantities import (
     STIFFNESS,
 )
 from gen.runtime import VERSION
-from gen.runtime.documents import Row, text_of, write_csv
+from gen.runtime.documents import Row, json_text, write_csv
 from gen.runtime.figure import save
 from gen.runtime.files import write
 from gen.runtime.installation import git_commit
-from gen.runtime.terminal import brief, echo, print_columns
+from gen.runtime.terminal import echo, first_reason, print_columns
 
 PARTS = ("value", "low", "high", "slope", "std")
 ENDS = (
@@ -91,7 +91,7 @@ def show(law: Law) -> None:
                 band = f" ({low:.4g} to {high:.4g})" if low < high else band
                 cells.append("-" if np.isnan(value) else f"{value:.4g}{band}")
             reason = curves.reasons[place]
-            rows.append([*cells, brief(reason) if reason else ""])
+            rows.append([*cells, first_reason(reason) if reason else ""])
         titles = [curves.against, *names, "reason" if any(curves.reasons) else ""]
         print_columns(rows, titles, right=titles[:-1])
 
@@ -190,7 +190,7 @@ def write_json(path: Path, law: Law) -> list[Path]:
         "conductivities_W_per_m_K": law.order.conductivities,
         **dict(zip(GAS_KEYS, law.order.gas or (), strict=False)),
         "boundary": law.boundary,
-        "surfaces": list(law.origins),
+        "surfaces": list(law.descriptions),
         "sources": [asdict(source) for source in law.sources],
         "surface_names": list(law.names),
         "band": law.band,
@@ -214,7 +214,7 @@ def write_json(path: Path, law: Law) -> list[Path]:
             for curves in (law.over_delta, law.over_pressure)
         ],
     }
-    write(path, text_of(content))
+    write(path, json_text(content))
     return [path]
 
 

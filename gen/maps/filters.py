@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
 from gen.maps.read import Sides, Topography, in_words
-from gen.maps.settings import said
 from gen.runtime.errors import InputError
 
 if TYPE_CHECKING:
@@ -92,10 +91,9 @@ def without_form(topography: Topography, degree: int) -> Topography:
     coefficients = (degree + 1) * (degree + 2) // 2
     measured = heights.size - topography.missing
     if degree >= min(nx, ny) or measured <= coefficients:
-        named = said(f"form {degree}", topography.asked)
         raise InputError(
-            f"{topography.name}: {named} has {coefficients} coefficients, too many for {measured}"
-            f" heights on {nx} x {ny} nodes"
+            f"{topography.name}: --form {degree} has {coefficients} coefficients, too many for"
+            f" {measured} heights on {nx} x {ny} nodes"
         )
     fit = fitted_polynomial(heights, degree)
     span = np.ptp(fit[~np.isnan(heights)])
@@ -213,7 +211,7 @@ def _check_cutoff(topography: Topography, name: str, cutoff: float) -> None:
     side = min(topography.sides)
     if not finest * (1 - ROUNDING) <= cutoff <= side * (1 + ROUNDING):
         raise InputError(
-            f"{topography.name}: {said('filter', topography.asked)}: the {name}'s cut-off,"
+            f"{topography.name}: --filter: the {name}'s cut-off,"
             f" {cutoff:g} um, is outside {finest:.6g} to {side:.6g} um, four spacings to the"
             " shorter side"
         )
@@ -327,11 +325,9 @@ def filled(topography: Topography, *, insisted: bool) -> Topography:
     nodes = topography.heights.size
     share = f"{100 * missing / nodes:.3g} %"
     if missing > MOST_HOLES * nodes and not insisted:
-        fill = said("fill", topography.asked)
-        fill_most = said("fill_most", topography.asked)
         raise InputError(
-            f"{topography.name}: {missing} of {nodes} heights are missing ({share}): {fill} would"
-            f" make up more than was measured; crop, measure again, or insist by {fill_most}"
+            f"{topography.name}: {missing} of {nodes} heights are missing ({share}): --fill would"
+            " make up more than was measured; crop, measure again, or insist by --fill-most"
         )
     heights = filled_harmonically(
         topography.heights,

@@ -33,7 +33,7 @@ from gen.arrays import Heights
 from gen.maps.filters import is_same, resampled
 from gen.maps.prepare import prepare
 from gen.maps.read import Sides, files_in, in_words, read
-from gen.maps.settings import Reading
+from gen.maps.settings import Reading, in_scene_words
 from gen.runtime.errors import InputError
 from gen.runtime.files import MAPS, atomic, digest
 from gen.runtime.installation import versions
@@ -196,10 +196,12 @@ def _each(paths: Sequence[Path], wanted: Wanted) -> Iterator[tuple[PreparedMap, 
     spacing, first = wanted.spacing, None
     for path in paths:
         try:
-            topography = prepare(read(path, wanted.reading), wanted.reading)
+            topography = read(path, wanted.reading, for_windows=True)
+            topography = prepare(topography, wanted.reading)
         except InputError as error:
-            named = "" if str(path) in str(error) else f"{path}: "
-            raise InputError(f"{named}{error}") from None
+            message = in_scene_words(str(error), path)
+            named = "" if str(path) in message else f"{path}: "
+            raise InputError(f"{named}{message}") from None
         if wanted.spacing is not None:
             topography = resampled(topography, wanted.spacing)
         elif spacing is None or first is None:
@@ -210,8 +212,9 @@ def _each(paths: Sequence[Path], wanted: Wanted) -> Iterator[tuple[PreparedMap, 
                 f" {in_words(spacing)} um: give spacing, to which all are resampled, or downsample"
             )
         _require_window(path, topography.heights.shape, wanted.window)
+        remarks = tuple(in_scene_words(line, path) for line in topography.warnings)
         yield (
-            PreparedMap(topography.heights, topography.warnings),
+            PreparedMap(topography.heights, remarks),
             _square(spacing or (1.0, 1.0)),
         )
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from gen.arrays import Heights, Values
 from gen.maps.read import Topography
 from gen.maps.scan import UNITS, unit_of
-from gen.maps.settings import SPIKE, said
+from gen.maps.settings import SPIKE
 from gen.runtime.errors import InputError
 
 # largest heights that are used [um]: those of files in a wrong unit are beyond, and squares of
@@ -508,11 +508,9 @@ def refuse_overflowing_heights(topography: Topography) -> None:
     if not bounds:
         raise InputError(f"{fault}; check their unit")
     row, column = np.argwhere(overflowing)[0].tolist()
-    mask = said(f"mask {bounds}", topography.asked)
-    fill = said("fill", topography.asked)
     raise InputError(
         f"{fault}, the first at the node ({row}, {column}), which may stand for missing heights:"
-        f" {mask} makes holes of them, which {fill} closes"
+        f" --mask {bounds} makes holes of them, which --fill closes"
     )
 
 
@@ -573,11 +571,10 @@ OTHER_REMEDIES: tuple[Remedy, ...] = (
 """Remedies of a pit or spike that need no mask."""
 
 
-def _mask_remedy(topography: Topography, bounds: str, *, plural: bool) -> Remedy:
+def _mask_remedy(bounds: str, *, plural: bool) -> Remedy:
     """Return the mask with the given bounds and what it does to one node or several."""
     holes = "holes of them" if plural else "a hole of it"
-    fill = said("fill", topography.asked)
-    return f"mask {bounds}", f"makes {holes}, which {fill} closes"
+    return f"mask {bounds}", f"makes {holes}, which --fill closes"
 
 
 def _code_at_end(topography: Topography, code: Code, kept: Values, bounds: str) -> str:
@@ -591,13 +588,13 @@ def _code_at_end(topography: Topography, code: Code, kept: Values, bounds: str) 
             f"{_shared(topography, code)}, apart from the others, {span}; they may stand for"
             " missing heights"
         )
-        return topography.advised(fault, _mask_remedy(topography, bounds, plural=True))
+        return topography.advised(fault, _mask_remedy(bounds, plural=True))
     words = SPIKES_IN_WORDS if code.value > kept.max() else PITS_IN_WORDS
     fault = (
         f"the {words.node} {code.first} is a {words.kind}{words.consequence}, or stands for a"
         f" missing height, at {_in_file(topography, code.value)}, apart from the others, {span}"
     )
-    mask = _mask_remedy(topography, bounds, plural=False)
+    mask = _mask_remedy(bounds, plural=False)
     return topography.advised(fault, mask, *OTHER_REMEDIES)
 
 
@@ -669,7 +666,7 @@ def with_outlier_warnings(
             continue
         remedies = list(OTHER_REMEDIES)
         if bounds and not _is_kept(float(measured[outliers.node]), bounds):
-            remedies.insert(0, _mask_remedy(topography, bounds, plural=False))
+            remedies.insert(0, _mask_remedy(bounds, plural=False))
         fault = _outliers_in_words(outliers, words, topography.heights)
         warnings.append(topography.advised(fault, *remedies))
     return replace(topography, warnings=tuple(warnings), doubtful=doubtful)

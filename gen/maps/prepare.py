@@ -23,8 +23,8 @@ from gen.maps.outliers import (
     with_code_warnings,
     with_outlier_warnings,
 )
-from gen.maps.read import NEAREST, WIDEST, Topography, beyond_instruments
-from gen.maps.settings import KEYS, SPIKE, Reading, numbers_in, said
+from gen.maps.read import BEYOND_INSTRUMENTS, NEAREST, WIDEST, Topography
+from gen.maps.settings import KEYS, SPIKE, Reading, as_option, numbers_in
 from gen.runtime.errors import InputError
 from gen.statistics import rms_slope
 
@@ -62,11 +62,8 @@ def prepare(topography: Topography, settings: Reading) -> Topography:
         them.
     """
     _refuse_two_forms(settings)
-    topography = replace(
-        topography,
-        followed=topography.followed | _followed_steps(settings),
-        asked=settings.asked,
-    )
+    followed = topography.followed | _followed_steps(settings)
+    topography = replace(topography, followed=followed)
     topography = _with_steps(topography, settings, "crop", "invert", "mask")
     refuse_overflowing_heights(topography)
     topography = _with_steps(topography, settings, "despike")
@@ -84,10 +81,9 @@ def prepare(topography: Topography, settings: Reading) -> Topography:
 def _refuse_two_forms(settings: Reading) -> None:
     """Raise InputError if both a level and a form are to be subtracted."""
     if settings.level and settings.form is not None:
-        level = said(f"level {settings.level}", settings.asked)
-        form = said(f"form {settings.form}", settings.asked)
         raise InputError(
-            f"{level} and {form} given: give one; forms of degree 1 and 2 are levels too"
+            f"--level {settings.level} and --form {settings.form} given: give one; forms of"
+            " degree 1 and 2 are levels too"
         )
 
 
@@ -116,8 +112,8 @@ def _with_steps(topography: Topography, settings: Reading, *keys: str) -> Topogr
         if key in {"fill", "fill_most"} and not topography.missing:
             continue
         if not KEYS[key].suits(value):
-            named = said(f"{key} {value!r}", settings.asked)
-            raise InputError(f"{named}: give {KEYS[key].allowed}")
+            option = as_option(f"{key} {value!r}")
+            raise InputError(f"{option}: give {KEYS[key].allowed}")
         topography = STEPS[key](topography, settings)
     return topography
 
@@ -143,7 +139,7 @@ def _with_span_warning(topography: Topography) -> Topography:
     span = float(np.nanmax(heights) - np.nanmin(heights))
     if span == 0 or NEAREST <= span <= WIDEST:
         return topography
-    warning = f"its heights span {span:.3g} um, {beyond_instruments(topography.asked)}"
+    warning = f"its heights span {span:.3g} um, {BEYOND_INSTRUMENTS}"
     return _with_warning(topography, warning)
 
 
@@ -223,7 +219,7 @@ def cropped(topography: Topography, text: str) -> Topography:
     InputError
         If the text is not of this form, or the part has fewer than 2 x 2 nodes or no height.
     """
-    named = said(f"crop {text!r}", topography.asked)
+    named = f"--crop {text!r}"
     limits = [numbers_in(part, ":") for part in text.split(",")]
     if [len(ends) for ends in limits] != [2, 2]:
         raise InputError(f"{named}: give x0:x1,y0:y1 in um, as 100:900,0:500")
@@ -286,10 +282,9 @@ def masked(
     outside = (heights < below) | (heights > above)
     inside = np.where(outside, np.nan, heights)
     if np.isnan(inside).all():
-        named = said(f"mask {below:g}:{above:g}", topography.asked)
         raise InputError(
-            f"{topography.name}: {named} leaves no height, they are {np.nanmin(heights):.6g} to"
-            f" {np.nanmax(heights):.6g} um"
+            f"{topography.name}: --mask {below:g}:{above:g} leaves no height, they are"
+            f" {np.nanmin(heights):.6g} to {np.nanmax(heights):.6g} um"
         )
     step = f"masked {_share(outside)} outside {below:g} to {above:g} um"
     return topography.changed(inside, step)
@@ -325,10 +320,9 @@ def despiked(topography: Topography, threshold: float) -> Topography:
     clean = topography.changed(np.where(spikes, medians, heights), step)
     if spikes.mean() <= MANY_SPIKES:
         return clean
-    named = said("despike", topography.asked)
     return _with_warning(
         clean,
-        f"{replaced} were taken out as spikes: probably a part of the surface; raise {named}",
+        f"{replaced} were taken out as spikes: probably a part of the surface; raise --despike",
     )
 
 
@@ -431,10 +425,9 @@ def downsampled(topography: Topography, nodes: int) -> Topography:
     nx = heights.shape[0] // nodes
     ny = heights.shape[1] // nodes
     if min(nx, ny) < 2:
-        named = said(f"downsample {nodes}", topography.asked)
         raise InputError(
-            f"{topography.name}: {named} leaves fewer than 2 x 2 of {heights.shape[0]} x"
-            f" {heights.shape[1]} nodes"
+            f"{topography.name}: --downsample {nodes} leaves fewer than 2 x 2 of"
+            f" {heights.shape[0]} x {heights.shape[1]} nodes"
         )
     squares = heights[: nx * nodes, : ny * nodes].reshape(nx, nodes, ny, nodes)
     step = f"downsampled to {nx} x {ny} means of {nodes} x {nodes} nodes"

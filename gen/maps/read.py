@@ -25,7 +25,7 @@ from gen.maps.scan import (
     factor_of,
     unit_of,
 )
-from gen.maps.settings import Asked, Reading, said
+from gen.maps.settings import Reading, as_option
 from gen.material import LARGEST, SMALLEST
 from gen.runtime.errors import InputError
 from gen.runtime.files import require_file
@@ -37,6 +37,11 @@ Sides = tuple[float, float]
 
 # spacings of the nodes of a measured map, at least and at most [um]: 1 pm and 1 cm
 NEAREST, WIDEST = 1e-6, 1e4
+# what warnings say of a length that is out of this range
+BEYOND_INSTRUMENTS = (
+    "which no instrument measures; compare with the instrument's own display, and overrule the file"
+    " by --side or --unit with --override-scale"
+)
 # suffixes of files that need no SurfaceTopography
 OWN_SUFFIXES = {".npy", ".txt", ".dat", ".csv", ".asc", ""}
 
@@ -56,7 +61,6 @@ class Topography:
     unit: str = ""  # unit of the heights in the file, "" if it names none and they are taken as um
     # steps of the preparation, which no warning advises again: "crop", "level plane"
     followed: frozenset[str] = frozenset()
-    asked: Asked = "option"  # who asks, for the words of messages
     apart: Sides | None = (
         None  # distance of the nodes [um], where it is not that of the sides
     )
@@ -101,9 +105,7 @@ class Topography:
         followed = {*self.followed, f"boundary {self.boundary}"}
         followed |= {"unit m"} if self.unit else set()
         left = [
-            f"{said(step, self.asked)} {does}"
-            for step, does in remedies
-            if step not in followed
+            f"{as_option(step)} {does}" for step, does in remedies if step not in followed
         ]
         return f"{fault}: {', '.join(left)}" if left else fault
 
@@ -114,14 +116,20 @@ def in_words(spacing: Sides, digits: int = 6) -> str:
     return x if x == y else f"{x} x {y}"
 
 
-def read(path: Path, reading: Reading, boundary: Boundary = "free") -> Topography:
+def read(
+    path: Path,
+    reading: Reading,
+    boundary: Boundary = "free",
+    *,
+    for_windows: bool = False,
+) -> Topography:
     """Read a surface from a file.
 
     Lengths and unit are to be given if the file lacks them; otherwise they are refused. Raises
     InputError if the file cannot be read or holds no map of heights, its channel is unknown, or
     a length or unit is missing, wrong, or given although the file has it.
     """
-    asked, overruled, scan = reading.asked, list[str](), _scan(path, reading)
+    overruled, scan = list[str](), _scan(path, reading)
     unit = _agreed_unit(path, scan, reading, overruled)
     sides = _agreed_sides(path, scan, unit, reading, boundary, overruled)
     with np.errstate(
@@ -143,24 +151,19 @@ def read(path: Path, reading: Reading, boundary: Boundary = "free") -> Topograph
     steps = [
         f"read {nx} x {ny} nodes{scan.origin}, {units}, {holes} missing ({share:.3g} %)"
     ]
-    steps += [
-        f"OVERRULED by {said('override_scale', asked)}: {each}" for each in overruled
-    ]
-    found = Topography(
-        str(path), heights, sides, tuple(steps), (), boundary, unit, asked=asked
-    )
+    steps += [f"OVERRULED by --override-scale: {each}" for each in overruled]
+    found = Topography(str(path), heights, sides, tuple(steps), (), boundary, unit)
     doubts = [f"the file's own scale is overruled: {each}" for each in overruled]
     doubts += [
-        f"the file says {remark!r}, which is not read: check {said('side', asked)} and"
-        f" {said('unit', asked)} against it"
+        f"the file says {remark!r}, which is not read: check --side and --unit against it"
         for remark in scan.remarks
     ]
     doubts += [
-        f"its nodes are {step:.3g} um apart, {beyond_instruments(asked)}"
+        f"its nodes are {step:.3g} um apart, {BEYOND_INSTRUMENTS}"
         for step in dict.fromkeys(found.spacing)
         if not NEAREST <= step <= WIDEST
     ]
-    if scan.repeats and boundary != "periodic" and asked == "option" and not reading.crop:
+    if scan.repeats and boundary != "periodic" and not for_windows and not reading.crop:
         doubts.append(
             f"the file says that its map is periodic, and it is taken as a {boundary} patch:"
             " --boundary periodic of gen describe, contact and law follows the file"
@@ -168,30 +171,17 @@ def read(path: Path, reading: Reading, boundary: Boundary = "free") -> Topograph
     return replace(found, warnings=tuple(doubts))
 
 
-def beyond_instruments(asked: Asked) -> str:
-    """Return what is said of a length that no instrument measures."""
-    return (
-        "which no instrument measures; compare with the instrument's own display, and overrule the"
-        f" file by {said('side', asked)} or {said('unit', asked)} with"
-        f" {said('override_scale', asked)}"
-    )
-
-
 def _agreed_unit(path: Path, scan: Scan, reading: Reading, overruled: list[str]) -> str:
     """Return the unit of the heights, from the file or the user; "" if it is um by default."""
-    own, given, asked = scan.unit, reading.unit, reading.asked
+    own, given = scan.unit, reading.unit
     if reading.override_scale and not (reading.side or given):
-        overrule, side, unit = (
-            said(key, asked) for key in ("override_scale", "side", "unit")
-        )
         raise InputError(
-            f"{overrule}: give {side}, {unit} or both, to overrule the file's"
+            "--override-scale: give --side, --unit or both, to overrule the file's"
         )
-    factor = factor_of(given, said("unit", asked)) if given else None
+    factor = factor_of(given, "--unit") if given else None
     if not own:
         if not given and (scan.widths is not None or own is None):
-            named = f"{said('unit', asked)}, one of {NAMED_UNITS}"
-            raise InputError(f"{path}: names no unit; give {named}")
+            raise InputError(f"{path}: names no unit; give --unit, one of {NAMED_UNITS}")
         return given
     if not given or factor == UNITS.get(unit_of(own)):
         factor_of(own, f"{path}: unit")
@@ -199,8 +189,8 @@ def _agreed_unit(path: Path, scan: Scan, reading: Reading, overruled: list[str])
     if not reading.override_scale:
         raise InputError(
             f"{path}: its {'lengths' if scan.length_unit is None else 'heights'} are in {own},"
-            f" {said('unit', asked)} says {given}; leave that out, or overrule the file by"
-            f" {said('override_scale', asked)}"
+            f" --unit says {given}; leave that out, or overrule the file by"
+            f" --override-scale"
         )
     overruled.append(f"unit {own}, taken as {given}")
     return given
@@ -215,14 +205,14 @@ def _agreed_sides(
     overruled: list[str],
 ) -> Sides:
     """Return the lengths of the patch [um], from the file or the user."""
-    side, asked, nodes, own_scale = reading.side, reading.asked, scan.heights.shape, ""
+    side, nodes, own_scale = reading.side, scan.heights.shape, ""
     lengths = [nodes[axis] - (boundary == "free") for axis in (0, 1)]  # in spacings
     between = ""
     if scan.widths is not None:
         length_unit = scan.length_unit or unit or "um"
         own_scale = f"lengths in {length_unit}"
         if not side or not reading.override_scale or unit_of(length_unit) in UNITS:
-            advice = f"give {said('side', asked)} with {said('override_scale', asked)}, or lengths in"
+            advice = "give --side with --override-scale, or lengths in"
             factor = factor_of(length_unit, f"{path}: unit of lengths", advice)
             x, y = (
                 w * n / of for w, n, of in zip(scan.widths, lengths, nodes, strict=True)
@@ -231,27 +221,26 @@ def _agreed_sides(
             whole = tuple(width * factor for width in scan.widths)
             known = [own] if reading.override_scale else [own, whole]
             if not side or any(
-                np.allclose(sides_from(side, asked), each, 1e-3) for each in known
+                np.allclose(sides_from(side), each, 1e-3) for each in known
             ):
                 return own
             own_scale = f"{own[0]:.6g} x {own[1]:.6g} um"
             between = " between its outer nodes" if boundary == "free" else ""
         if not reading.override_scale:
             raise InputError(
-                f"{path}: is {own_scale}{between}, {said('side', asked)} says {side}; leave that"
-                f" out, or overrule the file by {said('override_scale', asked)}"
+                f"{path}: is {own_scale}{between}, --side says {side}; leave that"
+                f" out, or overrule the file by --override-scale"
             )
     if not side:
         hint = "".join(f" (it says {remark!r})" for remark in scan.remarks[:1])
-        named = said("side", asked)
         raise InputError(
-            f"{path}: holds no lengths; give {named}, the scan length in um{hint}"
+            f"{path}: holds no lengths; give --side, the scan length in um{hint}"
         )
-    given = sides_from(side, asked)
+    given = sides_from(side)
     if nodes[0] != nodes[1] and "," not in side:
         square = given[0] / lengths[0] * lengths[1]
         raise InputError(
-            f"{path}: has {nodes[0]} x {nodes[1]} nodes; give {said('side', asked)} two lengths,"
+            f"{path}: has {nodes[0]} x {nodes[1]} nodes; give --side two lengths,"
             f" {given[0]:g},{square:g} for square cells or {given[0]:g},{given[0]:g} for a square"
             " patch"
         )
@@ -260,7 +249,7 @@ def _agreed_sides(
     return given
 
 
-def sides_from(text: str, asked: Asked = "option") -> Sides:
+def sides_from(text: str) -> Sides:
     """Return the scan lengths along x and y [um] from "1000" or "1000,500".
 
     Raises InputError if the text is anything else, or a length is below `SMALLEST` or above
@@ -271,7 +260,7 @@ def sides_from(text: str, asked: Asked = "option") -> Sides:
         if len(lengths) in {1, 2} and all(SMALLEST < each < LARGEST for each in lengths):
             return lengths[0], lengths[-1]
     raise InputError(
-        f"{said('side', asked)} {text!r}: give the scan length in um, a number from"
+        f"--side {text!r}: give the scan length in um, a number from"
         f" {SMALLEST:g} to {LARGEST:g}, or two as 1000,500"
     )
 
@@ -354,8 +343,25 @@ def _of_text_or_instrument(path: Path, content: bytes, reading: Reading) -> Scan
 
 # suffixes of files that stand in folders of maps and hold none
 OTHERS = {
-    *(".toml", ".md", ".rst", ".pdf", ".html", ".json", ".yaml", ".yml", ".log", ".lock"),
-    *(".png", ".jpg", ".jpeg", ".svg", ".py", ".xlsx", ".docx", ".surrogate", ".maps"),
+    ".toml",
+    ".md",
+    ".rst",
+    ".pdf",
+    ".html",
+    ".json",
+    ".yaml",
+    ".yml",
+    ".log",
+    ".lock",
+    ".png",
+    ".jpg",
+    ".jpeg",
+    ".svg",
+    ".py",
+    ".xlsx",
+    ".docx",
+    ".surrogate",
+    ".maps",
 }
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
-from gen.maps.settings import Reading, said
+from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 
 METRIC = {
@@ -97,7 +97,8 @@ def choose_channel(
     path: Path, channels: Sequence[Channel], reading: Reading
 ) -> tuple[int, str]:
     """Return the index of the channel asked for, or the first with heights, and words on it."""
-    wanted, named = reading.channel, said(f"channel {reading.channel!r}", reading.asked)
+    wanted = reading.channel
+    named = f"--channel {wanted!r}"
     labels = ", ".join(channel.label for channel in channels)
     if wanted:
         matches = [channel for channel in channels if channel.name == wanted]

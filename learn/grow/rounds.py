@@ -22,7 +22,7 @@ from gen.generation.trial import doubts_before
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.figure import draw_parity, log_axis, parity_axes
-from gen.runtime.terminal import RunProgress, echo, print_columns, to_type
+from gen.runtime.terminal import RunProgress, command_to_type, echo, print_columns
 from gen.scene import Scene, differences
 from gen.schema import Status
 from learn import dataset
@@ -81,7 +81,9 @@ def stock(path: Path) -> tuple[int, int, float]:
         return 0, 0, 0.0
     with Reader(path) as reader:
         if reader.rows != range(reader.scene.samples):
-            raise InputError(f"{path}: is a part: {to_type('gen merge')} makes it whole")
+            raise InputError(
+                f"{path}: is a part: {command_to_type('gen merge')} makes it whole"
+            )
         status = reader.column("status")
         seconds = reader.column("solve_seconds") + reader.column("surface_seconds")
     pending = np.flatnonzero(status == Status.PENDING)

@@ -374,8 +374,11 @@ class Crests(GeneratedSurface):
 
 
 def test_generators_share_a_parameter_whose_words_differ():
-    (column,) = [each for each in columns_of_generators([*GENERATORS, Ripples])
-                 if each.name == "hurst"]  # fmt: skip
+    (column,) = [
+        each
+        for each in columns_of_generators([*GENERATORS, Ripples])
+        if each.name == "hurst"
+    ]
     assert column.long_name == "Hurst exponent of the surface"
     assert column.optional.endswith("and `ripples`")
 

@@ -29,7 +29,7 @@ from gen.maps.library import (
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 
-CLEAN = Reading(asked="key", despike=7.0, level="plane", fill=True)
+CLEAN = Reading(despike=7.0, level="plane", fill=True)
 SMALL = (
     MadeMap("honed", 0, (40, 30), 0.5, 10.0, faults=Faults(spikes=2, holes=2)),
     MadeMap(
