@@ -118,7 +118,7 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
             "(heights < below) & (heights > above)",
         ),
     ),
-    "gen/maps/outliers.py": (("scatter = 1.4826 *", "scatter = 1.0 *"),),
+    "gen/maps/outliers.py": (("scatter = TO_DEVIATION *", "scatter = 1.0 *"),),
     "gen/maps/library.py": (("patch = patch.T if symmetry & TRANSPOSED else patch", ""),),
     "gen/maps/read.py": (
         (
