@@ -84,9 +84,12 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
         ("fcntl.LOCK_EX | fcntl.LOCK_NB", "fcntl.LOCK_SH | fcntl.LOCK_NB"),
     ),
     "gen/database/writer.py": (
-        ("self._held.sync()\n        for rows in waiting:", "for rows in waiting:"),
-        ("chunk[wanted - start] = Status.PENDING", "chunk[wanted - start] = Status.DONE"),
-        ("(chunk == Status.DONE) | (chunk == Status.FAILED)", "chunk == Status.DONE"),
+        ("self._held.sync()\n        for rows in unsynced:", "for rows in unsynced:"),
+        (
+            "status[inside - start] = Status.PENDING",
+            "status[inside - start] = Status.DONE",
+        ),
+        ("(status == Status.DONE) | (status == Status.FAILED)", "status == Status.DONE"),
         (
             "        self.confirm()\n        status = arrays.pop",
             "        status = arrays.pop",
@@ -115,7 +118,7 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
             "(heights < below) & (heights > above)",
         ),
     ),
-    "gen/maps/outliers.py": (("scatter = 1.4826 *", "scatter = 1.0 *"),),
+    "gen/maps/outliers.py": (("scatter = TO_DEVIATION *", "scatter = 1.0 *"),),
     "gen/maps/library.py": (("patch = patch.T if symmetry & TRANSPOSED else patch", ""),),
     "gen/maps/read.py": (
         (

@@ -12,7 +12,12 @@ import numpy as np
 from gen.arrays import Heights, Values
 from gen.doubts import STEEP
 from gen.maps.filters import MOST_HOLES, fitted_polynomial, resampled
-from gen.maps.outliers import local_medians, refuse_beyond_numbers, with_codes_named
+from gen.maps.outliers import (
+    local_medians,
+    refuse_overflowing_heights,
+    scatter_of,
+    with_code_warnings,
+)
 from gen.maps.prepare import FLAT, MANY_SPIKES, least_squares, prepare
 from gen.maps.read import Sides, Topography, in_words, read
 from gen.maps.settings import SPIKE, Reading, in_scene_words
@@ -120,9 +125,9 @@ def survey(
 
 def _survey_of(path: Path, topography: Topography) -> MapSurvey:
     """Return the survey of a map as its file has it; refuse heights beyond what numbers hold."""
-    refuse_beyond_numbers(topography)
+    refuse_overflowing_heights(topography)
     heights = topography.heights
-    codes = with_codes_named(replace(topography, warnings=())).warnings
+    codes = with_code_warnings(replace(topography, warnings=())).warnings
     content = MapSurvey(
         path,
         fault=_fault_of(topography),
@@ -134,9 +139,12 @@ def _survey_of(path: Path, topography: Topography) -> MapSurvey:
     )
     if content.fault:
         return content
-    _, tilt = least_squares(topography)
+    tilt = least_squares(topography).tilt
     return replace(
-        content, form=_share_of_form(heights), spikes=find_spikes(heights), tilt=tilt
+        content,
+        form=_share_of_form(heights),
+        spikes=find_spikes(heights),
+        tilt=(tilt.x, tilt.y),
     )
 
 
@@ -291,8 +299,8 @@ def find_spikes(heights: Heights) -> Spikes:
     Spikes
         The number of spikes, and the distances on both sides of the gap.
     """
-    medians, scatter = local_medians(heights)
-    distances = np.abs((heights - medians) / scatter)
+    from_medians = heights - local_medians(heights)
+    distances = np.abs(from_medians / scatter_of(from_medians, heights))
     measured = distances[~np.isnan(distances)]
     falling = np.maximum(np.sort(measured)[::-1], SPIKE)
     number = _number_beyond_gap(falling, MANY_SPIKES, GAP)
