@@ -190,7 +190,7 @@ def write_json(path: Path, law: Law) -> list[Path]:
         "conductivities_W_per_m_K": law.order.conductivities,
         **dict(zip(GAS_KEYS, law.order.gas or (), strict=False)),
         "boundary": law.boundary,
-        "surfaces": list(law.origins),
+        "surfaces": list(law.descriptions),
         "sources": [asdict(source) for source in law.sources],
         "surface_names": list(law.names),
         "band": law.band,

@@ -16,7 +16,7 @@ from launch import python
 
 from bem.problem import BOUNDARIES, MAX_ITERATIONS, RTOL, node_spacing
 from gen import cli
-from gen.generation.run import planned_loads
+from gen.generation.forecast import planned_loads
 from gen.generators import GENERATORS, TAGS
 from gen.quantities import stored_quantities
 from gen.runtime.errors import InputError
