@@ -122,7 +122,7 @@ def contact(
         body=facing.second_body(reading),
         load=load,
         values=values,
-        wanted=contacts.Wanted(grid_error, spots, flow, stiffness, pair),
+        wanted=contacts.AnswerOptions(grid_error, spots, flow, stiffness, pair),
         bodies=bodies,
         settings=settings,
     )

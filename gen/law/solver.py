@@ -210,9 +210,10 @@ class LawSolver:
             "hardness": self.bodies.hardness,
             **surface.settings,
         }
-        for contact, fault in solve_loads(surface, load, loads.tolist(), **settings):
+        for solution in solve_loads(surface, load, loads.tolist(), **settings):
+            contact = solution.contact
             if contact is None:
-                yield SolvedContact({}, fault)
+                yield SolvedContact({}, solution.fault)
                 continue
             try:
                 quantities = {

@@ -10,8 +10,7 @@ from bem.problem import Boundary, Problem, pose
 from gen.doubts import MOST, STEEP_ROW, steep_slopes
 from gen.generators.scans import ScanSurface
 from gen.law.order import Order
-from gen.maps.bodies import Opposite
-from gen.maps.prepare import read_surface
+from gen.maps.bodies import Opposite, read_surface
 from gen.maps.read import Topography, files_in
 from gen.quantities import BODIES_ALONE, MEAN_GAP, Media, Quantity, patch_compliance
 from gen.runtime.errors import InputError
