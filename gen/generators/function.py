@@ -12,8 +12,8 @@ from gen.distribution import AnyNumber, Distribution
 from gen.runtime.errors import InputError, SourceError
 from gen.runtime.user_code import (
     TRUSTED,
-    faults_of,
     load_function,
+    source_errors,
     source_hash,
     source_of,
 )
@@ -74,7 +74,7 @@ class PythonSurface(GridSurface):
         """Call the function; see `GeneratedSurface.heights`."""
         place = f"{self.function}, surface {surface}"
         function = load_function(self.function, self.source)
-        with faults_of(place):
+        with source_errors(place):
             made = function(grid.shape, grid.spacing, random, **parameters)
             heights = np.asarray(made)
             if heights.dtype.kind not in "fiub":

@@ -23,7 +23,7 @@ from gen.maps.scan import Channel, Scan, choose_channel
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 from gen.runtime.files import LARGEST
-from gen.runtime.memory import size
+from gen.runtime.memory import format_bytes
 from gen.runtime.terminal import printable
 
 # spacing of the nodes above which a NanoFocus file was read in the wrong unit [um]
@@ -122,8 +122,8 @@ def _check_members(path: Path) -> None:
             if is_text and member.file_size > LONGEST_TEXT:
                 name = printable(member.filename)
                 raise InputError(
-                    f"{path}: its text {name} has {size(member.file_size)}; at most"
-                    f" {size(LONGEST_TEXT)} are read"
+                    f"{path}: its text {name} has {format_bytes(member.file_size)}; at most"
+                    f" {format_bytes(LONGEST_TEXT)} are read"
                 )
         _check_size(path, sum(member.file_size for member in members))
 
@@ -134,7 +134,7 @@ def _check_size(path: Path, unpacked: int) -> None:
     allowed = max(LARGEST, PACKED * packed)
     if unpacked > allowed:
         raise InputError(
-            f"{path}: holds {size(unpacked)} in a file of {size(packed)}; at most {size(allowed)}"
+            f"{path}: holds {format_bytes(unpacked)} in a file of {format_bytes(packed)}; at most {format_bytes(allowed)}"
             " are read of it"
         )
 

@@ -529,8 +529,25 @@ def _may_be_coordinates(scan: Scan) -> bool:
 
 # suffixes of files in folders of maps that hold no map
 NO_MAPS = {
-    *(".toml", ".md", ".rst", ".pdf", ".html", ".json", ".yaml", ".yml", ".log", ".lock"),
-    *(".png", ".jpg", ".jpeg", ".svg", ".py", ".xlsx", ".docx", ".surrogate", ".maps"),
+    ".toml",
+    ".md",
+    ".rst",
+    ".pdf",
+    ".html",
+    ".json",
+    ".yaml",
+    ".yml",
+    ".log",
+    ".lock",
+    ".png",
+    ".jpg",
+    ".jpeg",
+    ".svg",
+    ".py",
+    ".xlsx",
+    ".docx",
+    ".surrogate",
+    ".maps",
 }
 
 

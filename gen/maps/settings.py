@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from gen.runtime.errors import InputError
-from gen.runtime.terminal import shown
+from gen.runtime.terminal import quoted
 
 # height of the highest node above the median of its neighbours from which it is called a spike, in
 # robust standard deviations of this quantity over all nodes; self-affine surfaces stay below 5
@@ -258,7 +258,7 @@ class Reading(FileReading):
         inside = all(lowest < number < math.inf for number in numbers)
         if len(parts) != 2 or not numbers or not rising or not inside:
             advice = f"give {KEYS[key].allowed}, the first below the second"
-            raise InputError(f"{as_option(key)} {shown(text)}: {advice}")
+            raise InputError(f"{as_option(key)} {quoted(text)}: {advice}")
         low = float(parts[0]) if parts[0] else None
         high = float(parts[1]) if parts[1] else None
         return low, high

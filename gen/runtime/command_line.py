@@ -20,7 +20,7 @@ import typer
 
 from gen.runtime import VERSION, farm, memory
 from gen.runtime.errors import InputError, errno_of, file_of
-from gen.runtime.terminal import LOST, drop, echo, put, to_type
+from gen.runtime.terminal import LOST, command_to_type, drop, echo, put
 
 CommandLineError: Any = typer.BadParameter.__mro__[2]
 """Base class of typer's errors about a command line; typer has moved it twice."""
@@ -125,9 +125,9 @@ def _options(group: Any) -> list[Parameter]:
     ]
 
 
-def typed(context: typer.Context, program: str) -> str:
+def recorded_command_line(context: typer.Context, program: str) -> str:
     """Return the command line of a program's command, for the record, without the defaults."""
-    words = [*to_type(program).split(), str(context.info_name)]
+    words = [*command_to_type(program).split(), str(context.info_name)]
     for parameter in context.command.params:
         name = str(parameter.name)
         source = context.get_parameter_source(name)
@@ -149,29 +149,29 @@ def main(
     arguments: Sequence[str],
     name: str,
     *,
-    together: Collection[str] = (),
-    alone: bool = False,
+    collective: Collection[str] = (),
+    single_process: bool = False,
 ) -> int:
     """Run a command on all its processes and return the same exit code on all of them.
 
     If the command ends on the master (bad input, a full disk, a missing package), it ends on the
     workers too, wherever they wait, and the master alone prints why. A bug ends all processes at
-    once with its traceback. The workers take part in the commands named in `together`; with `alone`
-    more than one process is refused, for programs that measure times. Commands that are not named
-    there need no MPI: where it does not start, the first process works alone. Codes are those of
-    docs/compatibility.md.
+    once with its traceback. The workers take part in the commands named in `collective`; with
+    `single_process` more than one process is refused, for programs that measure times.
+    Commands that are not named there need no MPI: where it does not start, the first process works
+    alone. Codes are those of docs/compatibility.md.
     """
     world = farm.World()
     LOST.clear()
     try:
         code, message = 0, ""
         details: tuple[str, ...] = ()
-        with _interruptible(alone):
+        with _interruptible(single_process):
             try:
                 first = arguments[0] if arguments else ""
-                joins = first in together and "--help" not in arguments
+                joins = first in collective and "--help" not in arguments
                 world = _world(needed=joins)
-                _refuse(arguments, world.size if alone else 1)
+                _refuse(arguments, world.size if single_process else 1)
                 code = _ended(app, arguments, name, world, joins=joins)
             except (Exception, SystemExit, KeyboardInterrupt) as error:
                 code, message = _end_after(error, name)
@@ -292,13 +292,13 @@ def _refusal(error: BaseException, name: str) -> str:
             return str(error.args[0])
         case CommandLineError():
             context = getattr(error, "ctx", None)
-            path = to_type(context.command_path if context else name)
+            path = command_to_type(context.command_path if context else name)
             return f"{error.format_message()} (see {path} --help)"
         case _ if memory.is_shortage(error):
             last = text.splitlines()[-1] if text else "no more is given"
             return (
                 f"this needs more memory than there is: {last};"
-                f" {memory.size(memory.allowed())} are allowed here, shared with all else"
+                f" {memory.format_bytes(memory.allowed())} are allowed here, shared with all else"
             )
         case _ if number := errno_of(error):  # a full device, a folder without rights
             place = file_of(error)

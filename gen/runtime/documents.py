@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from gen.runtime.errors import InputError
 from gen.runtime.files import read_bytes, write
-from gen.runtime.terminal import shown
+from gen.runtime.terminal import quoted
 
 if TYPE_CHECKING:
     from gen.arrays import Values
@@ -54,7 +54,7 @@ def write_csv(path: Path, rows: Sequence[Row]) -> None:
     write(path, text.getvalue())
 
 
-def text_of(content: dict[str, Any]) -> str:
+def json_text(content: dict[str, Any]) -> str:
     """Return a JSON document with its keys and values, all of whose numbers must be finite."""
     text = json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False)
     return text.encode(errors="replace").decode() + "\n"
@@ -66,10 +66,10 @@ def read(path: Path, kind: type[Document]) -> dict[str, Any] | None:
         content = read_bytes(path)
     except FileNotFoundError:
         return None
-    return checked(path, content, kind)
+    return parse(path, content, kind)
 
 
-def checked(path: Path | str, content: bytes, kind: type[Document]) -> dict[str, Any]:
+def parse(path: Path | str, content: bytes, kind: type[Document]) -> dict[str, Any]:
     """Parse a JSON object of a kind; an InputError has the document's name, the key, its fault."""
     try:
         return kind.model_validate_json(content).model_dump(exclude_unset=True)
@@ -115,7 +115,7 @@ def read_columns(path: Path | str, *names: str) -> "Values":
     missing = [name for name in names if name not in present]
     if missing:
         raise InputError(
-            f"{path}: has no column {', '.join(missing)}; it has {shown(', '.join(present))}"
+            f"{path}: has no column {', '.join(missing)}; it has {quoted(', '.join(present))}"
         )
     rows = []
     for row in reader:

@@ -24,7 +24,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from gen.runtime.errors import InputError
-from gen.runtime.figure import keep_own_settings
+from gen.runtime.figure import use_shipped_settings
 from gen.runtime.memory import is_shortage
 
 if TYPE_CHECKING:  # slow to import, and few commands need it
@@ -232,7 +232,7 @@ def process() -> Iterator[None]:
         sys.stdout.reconfigure(
             errors="replace"
         )  # characters that the encoding lacks, in a title
-    keep_own_settings()
+    use_shipped_settings()
     try:
         yield
     except Exception:
@@ -383,7 +383,7 @@ class Interruption(ExitStack):
 
 
 @contextmanager
-def unheard() -> Iterator[None]:
+def signals_blocked() -> Iterator[None]:
     """Let the block start processes that the signals of a terminal or a batch job never reach.
 
     A process that computes for this one inherits the blocked signals, and is ended by a kill. What
@@ -404,7 +404,7 @@ class Overtime(Exception):
 
 
 @contextmanager
-def at_most(seconds: float | None) -> Iterator[None]:
+def time_limit(seconds: float | None) -> Iterator[None]:
     """Raise Overtime once a block on the main thread has taken so long [s], if there is a bound."""
     if seconds is None:
         yield

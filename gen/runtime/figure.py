@@ -18,7 +18,7 @@ SETTINGS = Path(
 )  # the file of the current folder that matplotlib reads first
 
 
-def keep_own_settings() -> None:
+def use_shipped_settings() -> None:
     """Let this process and those that it starts draw with the settings that matplotlib ships.
 
     Matplotlib takes settings from the environment, the user's home, and the current folder, which
@@ -46,7 +46,7 @@ def new_figure(width: float, height: float, *, dpi: float | None = None) -> Any:
     return Figure(figsize=(width, height), dpi=dpi, layout="constrained")
 
 
-def empty_figure(picture: Path | None, width: float, height: float) -> Any:
+def figure_for(picture: Path | None, width: float, height: float) -> Any:
     """Make the figure [inches] of a picture, None without one, before anything is computed."""
     if picture is None:
         return None

@@ -114,7 +114,7 @@ def require_blas() -> None:
         mmap.mmap(-1, HEADROOM).close()
     except OSError:
         raise MemoryError(
-            f"{size(HEADROOM)} are wanted besides NumPy and SciPy"
+            f"{format_bytes(HEADROOM)} are wanted besides NumPy and SciPy"
         ) from None
 
 
@@ -133,12 +133,12 @@ def too_little_for_solve(shape: tuple[int, ...]) -> InputError:
     needed = shape[0] * shape[1] * SOLVE_BYTES
     return InputError(
         f"a contact of {shape[0]} x {shape[1]} nodes does not fit into memory: it needs about"
-        f" {size(needed)}, {size(allowed())} are allowed here, shared with all else; take fewer"
-        " nodes, or more memory for each process"
+        f" {format_bytes(needed)}, {format_bytes(allowed())} are allowed here, shared with all"
+        " else; take fewer nodes, or more memory for each process"
     )
 
 
-def size(count: float) -> str:
+def format_bytes(count: float) -> str:
     """Format a number of bytes with a suitable unit, as "330 bytes" or "1.5 GB"."""
     for unit, bytes_of_one in (("TB", 1e12), ("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
         if abs(count) >= bytes_of_one:

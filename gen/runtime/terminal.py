@@ -107,7 +107,7 @@ def shortened(name: str) -> str:
     )
 
 
-def shown(text: str, most: int = 60) -> str:
+def quoted(text: str, most: int = 60) -> str:
     """Quote a text of the user's, shortened if it is too long to be typed by hand."""
     return (
         repr(text)
@@ -116,13 +116,13 @@ def shown(text: str, most: int = 60) -> str:
     )
 
 
-def brief(reasons: str) -> str:
+def first_reason(reasons: str) -> str:
     """Shorten reasons to the first one and the number of the others, for a narrow column."""
     first, _, others = reasons.partition("; ")
     return f"{first}; and {others.count('; ') + 1} more" if others else first
 
 
-def to_type(words: str) -> str:
+def command_to_type(words: str) -> str:
     """Return a command, as "gen info FILE" or "asperity gen info FILE", as the user can type it."""
     started = Path(sys.argv[0])
     if words.partition(" ")[0] == COMMAND:

@@ -31,7 +31,7 @@ _compiled: dict[str, ModuleType] = {}  # modules that were compiled here, by the
 
 def source_hash(name: str) -> str:
     """Compute the SHA-256 of the source of a function's module, which `source_of` finds."""
-    with faults_of(name):
+    with source_errors(name):
         return hashlib.sha256(source_of(name).read_bytes()).hexdigest()
 
 
@@ -40,7 +40,7 @@ def load_function(name: str, source: str | None) -> Function:
     """Import a user's function "module:function" of a source with this SHA-256, or say why not."""
     if source is None:  # only a file that no run has made lacks it
         raise SourceError(f"{name}: the scene lacks the hash of its source")
-    with faults_of(name):
+    with source_errors(name):
         path = source_of(name)
         content = path.read_bytes()
     if hashlib.sha256(content).hexdigest() != source:
@@ -53,7 +53,7 @@ def load_function(name: str, source: str | None) -> Function:
 
 
 @contextmanager
-def faults_of(
+def source_errors(
     place: str, passing: tuple[type[Exception], ...] = (ArithmeticError,)
 ) -> Iterator[None]:
     """Turn what a user's code raises, but for `passing` and a bound on time, into a SourceError.
@@ -67,7 +67,7 @@ def faults_of(
         raise
     except MemoryError as error:
         words = " ".join(str(error).split())[:200]
-        allowed = memory.size(memory.allowed())
+        allowed = memory.format_bytes(memory.allowed())
         raise SourceError(
             f"{place}: this code of your own has run out of memory{': ' if words else ''}{words};"
             f" {allowed} are allowed here, shared with all else"
@@ -91,7 +91,7 @@ def source_of(name: str) -> Path:
     if folder not in sys.path and "" not in sys.path:
         sys.path.insert(0, folder)
     importlib.invalidate_caches()
-    with faults_of(name):
+    with source_errors(name):
         # Not `importlib.util.find_spec`, which imports the packages of a dotted name.
         specs = (finder.find_spec(first, None) for finder in sys.meta_path)
         spec = next((spec for spec in specs if spec is not None), None)
@@ -119,7 +119,7 @@ def _imported(name: str, module: str, path: Path, content: bytes) -> ModuleType:
     made = importlib.util.module_from_spec(spec)
     sys.modules[module] = _compiled[module] = made
     try:
-        with faults_of(f"{name}: importing {module} failed", passing=()):
+        with source_errors(f"{name}: importing {module} failed", passing=()):
             if made.__package__ not in {"", module}:
                 importlib.import_module(str(made.__package__))
             exec(compile(content, str(path), "exec"), made.__dict__)

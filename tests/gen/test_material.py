@@ -30,8 +30,17 @@ def test_values_are_those_of_linspace():
 @pytest.mark.parametrize(
     "text",
     [
-        *("", "1:2", "1:2:1", "1:inf:3", "1,", ":" * 3000, "1:2:1_0", "1:2:٣"),
-        *("0:1:3:log", "1:log", f"1:2:{HUGE}"),
+        "",
+        "1:2",
+        "1:2:1",
+        "1:inf:3",
+        "1,",
+        ":" * 3000,
+        "1:2:1_0",
+        "1:2:٣",
+        "0:1:3:log",
+        "1:log",
+        f"1:2:{HUGE}",
     ],
 )
 def test_what_is_no_value_is_refused(text):
