@@ -19,7 +19,7 @@ from gen.maps.outliers import (
     with_code_warnings,
 )
 from gen.maps.prepare import FLAT, MANY_SPIKES, least_squares, prepare
-from gen.maps.read import Sides, Topography, spacing_text, read
+from gen.maps.read import Sides, Topography, read, spacing_text
 from gen.maps.settings import SPIKE, Reading, in_scene_words
 from gen.maps.texture import areal_parameters
 from gen.runtime.errors import InputError

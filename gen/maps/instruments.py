@@ -134,8 +134,8 @@ def _check_size(path: Path, unpacked: int) -> None:
     allowed = max(LARGEST, PACKED * packed)
     if unpacked > allowed:
         raise InputError(
-            f"{path}: holds {format_bytes(unpacked)} in a file of {format_bytes(packed)}; at most {format_bytes(allowed)}"
-            " are read of it"
+            f"{path}: holds {format_bytes(unpacked)} in a file of {format_bytes(packed)}; at most"
+            f" {format_bytes(allowed)} are read of it"
         )
 
 
