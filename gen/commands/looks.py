@@ -64,7 +64,7 @@ class Looking:
         """Read and describe a map; InputError is raised if that cannot be done."""
         from gen import statistics
         from gen.maps import texture
-        from gen.maps.prepare import read_surface
+        from gen.maps.bodies import read_surface
 
         topography, warnings = read_surface(file, self.reading, self.boundary, self.body)
         areal = texture.areal_parameters(topography, self.depth)
@@ -139,7 +139,7 @@ def look_at_one(looking: Looking, surface: Path, files: LookFiles) -> None:
     if files.spectrum is not None:
         write_csv(files.spectrum, look.radial.rows())
     if files.picture is not None:
-        pictures.draw_surface(
+        pictures.plot_surface(
             figure,
             look.topography,
             look.radial,

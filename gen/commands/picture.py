@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gen.database import Reader
 from gen.generation.plan import parameters
 from gen.generation.sample import load_of, solve_contact, surface_of
-from gen.maps.pictures import DECADES, LETTERS, contact_maps, draw_map, load_text
+from gen.maps.pictures import DECADES, LETTERS, contact_maps, load_text, plot_map
 from gen.material import Bodies
 from gen.quantities import AREA, DELTA, FORCE, PRESSURE, USUAL, typographic
 from gen.runtime.errors import InputError
@@ -77,7 +77,7 @@ def _draw_sample(axes: NDArray[Any], scene: Scene, row: int) -> None:
     for axis, surface_map in zip(
         axes, contact_maps(contact, surface, pressure), strict=True
     ):
-        draw_map(axis, surface_map, letters=letters)
+        plot_map(axis, surface_map, letters=letters)
 
 
 def _draw_areas(

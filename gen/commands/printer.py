@@ -107,7 +107,7 @@ def _print_ranges(reader: Reader) -> None:
 def print_plan(scene: Scene, path: Path | None = None) -> None:
     """Print samples, surfaces, nodes and loads of a completed scene, and its database's size."""
     from gen.database import file_bytes
-    from gen.generation.run import planned_loads
+    from gen.generation.forecast import planned_loads
     from gen.generation.trial import doubts_before
 
     contact, (nx, ny) = scene.contact, scene.grid.shape
@@ -180,9 +180,8 @@ def print_statistics(
         f" {spacing[1]:.6g} um, heights {heights.min():.6g} to {heights.max():.6g} um"
     )
     if not topography.followed & {"level plane", "level quadratic", "form"}:
-        said += ", tilt {:.4g} along x, {:.4g} along y".format(
-            *least_squares(topography)[1]
-        )
+        tilt = least_squares(topography).tilt
+        said += f", tilt {tilt.x:.4g} along x, {tilt.y:.4g} along y"
     echo(said)
     own = [(each.name, each.unit, each.long_name) for each in TABLE_1]
     for title, known, names in (

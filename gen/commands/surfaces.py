@@ -122,7 +122,7 @@ def contact(
         body=facing.second_body(reading),
         load=load,
         values=values,
-        wanted=contacts.Wanted(grid_error, spots, flow, stiffness, pair),
+        wanted=contacts.AnswerOptions(grid_error, spots, flow, stiffness, pair),
         bodies=bodies,
         settings=settings,
     )
@@ -167,8 +167,8 @@ def law(
     is the interface's alone: what a mesh adds to the bodies' own deformation.
     """
     from gen.law import Order, by_solver
-    from gen.law.contact_law import require_also
     from gen.law.files import show, write_files
+    from gen.law.order import require_also
     from gen.law.surfaces import files_read
     from gen.maps.contacts import require_conductivities
 

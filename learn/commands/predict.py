@@ -241,8 +241,8 @@ def law(
     it from the slope of the force, for elastic bodies only.
     """
     from gen.law import Order, by_solver
-    from gen.law.contact_law import require_also
     from gen.law.files import show, write_files
+    from gen.law.order import require_also
     from gen.law.surfaces import files_read, scene_of
     from gen.maps.contacts import require_conductivities
     from learn.features.scene import SCENE

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gen.arrays import Values
-from gen.maps.prepare import read_surface
+from gen.maps.bodies import read_surface
 from gen.maps.read import files_in, sides_from
 from gen.maps.settings import Reading
 from gen.maps.several import OF_MAP

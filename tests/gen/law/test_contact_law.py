@@ -14,7 +14,7 @@ import bem
 from bem.contact import mean_conductivity
 from bem.derived.stiffness import patch_stiffness
 from gen import cli
-from gen.law import contact_law
+from gen.law import solver
 from gen.law.bands import further_surface
 from gen.maps.settings import Reading
 from gen.material import Gas
@@ -278,7 +278,7 @@ def test_a_scene_is_solved_without_edges_unless_told_otherwise(surfaces, capsys)
 def test_a_long_law_shows_progress(surfaces, run, monkeypatch, capsys):
     run("many/s0.npy", "--pressure", "1,10")
     assert "contacts (" not in capsys.readouterr().err
-    monkeypatch.setattr(contact_law, "LONG", 6 * 20**2)
+    monkeypatch.setattr(solver, "LONG", 6 * 20**2)
     run("many", "--pressure", "1,10")
     told = capsys.readouterr().err
     for name in ("pressure", "Delta"):  # the table asked for, and the other one
@@ -333,16 +333,12 @@ def test_loads_that_are_not_solved_are_named_and_cost_no_others(
 ):
     """Of one surface and of a population; the other numbers are those of these loads alone."""
     with monkeypatch.context() as few:
-        few.setattr(
-            contact_law, "solve_loads", partial(contact_law.solve_loads, max_iterations=3)
-        )
+        few.setattr(solver, "solve_loads", partial(solver.solve_loads, max_iterations=3))
         run(name, "--pressure", "1:3000:9:log", "--csv", "few.csv")
         lines = [
             line for line in capsys.readouterr().out.splitlines() if "not solved" in line
         ]
-        few.setattr(
-            contact_law, "solve_loads", partial(contact_law.solve_loads, max_iterations=1)
-        )
+        few.setattr(solver, "solve_loads", partial(solver.solve_loads, max_iterations=1))
         run(name, "--pressure", "500:600:3", ends=2)
         assert re.search(r"s0.npy: 600 MPa: residual .* after", capsys.readouterr().err)
     one = table("few.csv")

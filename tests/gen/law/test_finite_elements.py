@@ -16,7 +16,7 @@ from strict import json_of, rows_of
 import bem
 from bench.calculix import QUANTITIES, pressed
 from gen import cli
-from gen.law import contact_law, finite_elements
+from gen.law import finite_elements, solver
 from gen.law.curves import slopes
 from gen.law.finite_elements import outwards, short_name
 from gen.maps.settings import Reading
@@ -538,13 +538,13 @@ def test_without_the_check_no_contact_is_solved_between_the_loads(rough, monkeyp
     """Nor where no file joins the points of a table."""
     folder, _ = rough
     solved = []
-    solve_loads = contact_law.solve_loads
+    solve_loads = solver.solve_loads
 
     def counted(surface, load, loads, **settings):
         solved.extend(loads)
         return solve_loads(surface, load, loads, **settings)
 
-    monkeypatch.setattr(contact_law, "solve_loads", counted)
+    monkeypatch.setattr(solver, "solve_loads", counted)
     ask = ["law", f"{folder}/s.npy", "--side", "100", "--e-star", "230e3"]
     ask += ["--pressure", "100:1600:5:log"]
     for files in (

@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter
 from bench.made_maps import KINDS, MadeMap, surface
 from gen import cli
 from gen.maps.bodies import composite
-from gen.maps.outliers import find_codes, find_single
+from gen.maps.outliers import find_codes, find_outliers
 from gen.maps.prepare import prepare, surface_warnings
 from gen.maps.read import Topography
 from gen.maps.settings import Reading
@@ -252,8 +252,8 @@ NATURAL = {
 def test_natural_and_made_surfaces_have_nothing_apart(name):
     for heights in (NATURAL[name], -NATURAL[name]):
         assert not find_codes(heights)
-        assert find_single(heights, 1) is None
-        assert find_single(heights, -1) is None
+        assert find_outliers(heights, 1) is None
+        assert find_outliers(heights, -1) is None
 
 
 COMMANDS = {

@@ -87,7 +87,7 @@ REFUSED = [
 @pytest.mark.parametrize(("program", "arguments", "word"), REFUSED)
 def test_refused_before_any_work(folder, refused, monkeypatch, program, arguments, word):
     failing = mock.Mock(side_effect=AssertionError("worked before the refusal"))
-    monkeypatch.setattr("gen.maps.prepare.read", failing)
+    monkeypatch.setattr("gen.maps.bodies.read", failing)
     before = contents(folder)
     assert word.lower() in refused(program, *arguments).lower()
     assert contents(folder) == before
