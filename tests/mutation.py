@@ -78,9 +78,9 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     "gen/runtime/files.py": (
         ("        os.fsync(descriptor)\n", ""),
         ("if any(_is_same(path, file) for file in read):", "if path in read:"),
-        ("if _is_same(path, other):", "if path == other:"),
+        ("_is_same(path, other.path):", "path == other.path:"),
         ('if present not in {kind, ""}:', 'if present == "database":'),
-        ("os.fchmod(descriptor, stat.S_IMODE(old.st_mode))", "pass"),
+        ("os.fchmod(descriptor, stat.S_IMODE(replaced.st_mode))", "pass"),
         ("fcntl.LOCK_EX | fcntl.LOCK_NB", "fcntl.LOCK_SH | fcntl.LOCK_NB"),
     ),
     "gen/database/writer.py": (
