@@ -161,7 +161,7 @@ def look_at_several(looking: Looking, inputs: Sequence[Path], files: LookFiles) 
         printer.tell_preparation(look.topography, look.warnings)
         return [looking.row(look)]
 
-    found = several.collected(several.files_of(inputs), rows_of)
+    found = several.collect_rows(several.files_of(inputs), rows_of)
     rows = [*found.rows, *several.summary(found.rows)]
     units = units_of_looks()
     printer.print_looks(rows, units)

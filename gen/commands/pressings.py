@@ -199,7 +199,7 @@ def press_several(
     several.require_one(inputs, {"--plot": files.picture, "--flattened": files.flattened})
     maps = several.files_of(inputs)
     with RunProgress(len(maps) * len(pressing.values), "contacts") as progress:
-        found = several.collected(maps, lambda file: pressing.rows(file, progress))
+        found = several.collect_rows(maps, lambda file: pressing.rows(file, progress))
     rows = [*found.rows, *pressing.summaries(found.rows)]
     printer.print_pressed_maps(rows, pressing.column, pressing.bodies)
     if files.table is not None:
