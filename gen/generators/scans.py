@@ -185,7 +185,7 @@ class ScanSurface(GeneratedSurface):
     def patch(self, boundary: str, *, cells: bool) -> Patch:
         """Return nodes and sides of a window; the maps have to be known."""
         (x, y), (nx, ny) = self.known().spacing, pair(self.nodes)
-        return (nx, ny), (x * (nx - (not cells)), y * (ny - (not cells)))
+        return Patch((nx, ny), (x * (nx - (not cells)), y * (ny - (not cells))))
 
     def known(self) -> Found:
         """Return the maps that a run has found; unknown before a run."""
