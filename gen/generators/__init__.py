@@ -15,8 +15,10 @@ GENERATORS: tuple[type[GeneratedSurface], ...] = (
     ScanSurface,
     PythonSurface,
 )
-"""Classes of the table `[surface]`; a new generator is a file of this folder and a line here. A scene
-that names no generator has the first one, the paper's. Columns of parameters stand in this order."""
+"""Classes of the table `[surface]`. A new generator is a file of this folder and a line here.
+
+A scene that names no generator has the first one, the paper's. Columns of parameters stand in this
+order."""
 
 TAGS = {name: table for table in GENERATORS for name in table.NAMES}
 """Classes by the names of their generators, which pydantic puts into the locations of errors."""

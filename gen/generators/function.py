@@ -92,7 +92,7 @@ class PythonSurface(GridSurface):
         """Call the function; see `GeneratedSurface.heights`."""
         place = f"{self.function}, surface {surface}"
         function = load_function(self.function, self.source)
-        with faults_of(place):
+        with source_errors(place):
             heights = _heights_of(
                 function(grid.shape, grid.spacing, random, **parameters), place
             )
