@@ -479,6 +479,6 @@ def _population(scene: Scene, text: str, number: int) -> Iterator[LawSurface]:
             surface_numbered(scene, surface),
             scene.grid.sides,
             boundary=contact.boundary,
-            apart=scene.grid.spacing,
+            exact_spacing=scene.grid.spacing,
             settings=settings,
         )

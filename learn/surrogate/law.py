@@ -150,7 +150,7 @@ def of_parameters(
         np.zeros(scene.grid.shape),
         scene.grid.sides,
         boundary=surrogate.boundary,
-        apart=scene.grid.spacing,
+        exact_spacing=scene.grid.spacing,
         settings=settings,
     )
     unit = patch.nominal if load == "force" else 1.0
