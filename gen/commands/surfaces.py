@@ -233,7 +233,7 @@ def law(
     figure = figure_for(files.picture, 12.0, 7.0)
     bodies = Bodies.of(*material)
     # A ratio alone is a material too: a modulus of 1 MPa.
-    states_modulus = bodies.known or material.poisson
+    states_modulus = bodies.has_modulus or material.poisson
     gas = None
     if gas_conductivity is not None or jump_distance is not None:
         gas = Gas.of_options(gas_conductivity, jump_distance)
