@@ -119,7 +119,7 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
         ),
     ),
     "gen/maps/outliers.py": (("scatter = TO_DEVIATION *", "scatter = 1.0 *"),),
-    "gen/maps/library.py": (("patch = patch.T if symmetry & TRANSPOSED else patch", ""),),
+    "gen/maps/library.py": (("if window.symmetry & TRANSPOSED:", "if False:"),),
     "gen/maps/read.py": (
         (
             "self.sides[0] / nx, self.sides[1] / ny",
