@@ -404,7 +404,7 @@ def _contact(bodies: Bodies) -> str:
     """Return the keys of the contact, the boundary first."""
     modulus, poisson = bodies.only or (bodies.e_star, 0.0)
     no_modulus = ""
-    if not bodies.known:
+    if not bodies.has_modulus:
         no_modulus = "# None was given: areas of elastic bodies hold for any."
     hardness = "# Metals yield: hardness = 2000.0 (MPa, steel) with loads as pressures."
     if bodies.hardness is not None:

@@ -164,7 +164,7 @@ def of_parameters(
     hardness = numbers.get("hardness")
     if (limits := surrogate.hardness_limits) is not None and hardness is None:
         hardness = numbers.get("hardness_ratio", limits[0]) * surrogate.modulus
-    bodies = Bodies(surrogate.modulus, hardness, known=True)
+    bodies = Bodies(surrogate.modulus, hardness, has_modulus=True)
     points = _points_at(answer, kind, at, patch, bodies, also=order.also)
     tables = _learnt_tables([patch], [points], kind, order, bodies)
     tables = replace(tables, remarks=[*level_notes, *tables.remarks])
