@@ -247,9 +247,9 @@ def export(
 
     with Reader(file) as reader:
         about = About.of(reader, title, creator, licence, doi)
-        rows, rest, count = export_to(reader, output, about)
+        exported = export_to(reader, output, about)
         damage = reader.damage()
-    left_out = f"; {rest} failed or pending" if rest else ""
-    echo(f"{output}: {rows} rows{left_out}, {format_bytes(count)}")
+    left_out = f"; {exported.left_out} failed or pending" if exported.left_out else ""
+    echo(f"{output}: {exported.rows} rows{left_out}, {format_bytes(exported.size)}")
     if damage:
         echo(f"warning: {file}: {damage}", err=True)
