@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gen.database import Reader
 from gen.generation.plan import parameters
-from gen.generation.sample import load_of, solve_contact, surface_of
+from gen.generation.sample import absolute_load, solve_contact, surface_of
 from gen.maps.pictures import DECADES, LETTERS, contact_maps, load_text, plot_map
 from gen.material import Bodies
 from gen.quantities import AREA, DELTA, FORCE, PRESSURE, USUAL, typographic
@@ -54,8 +54,8 @@ def _draw_sample(axes: NDArray[Any], scene: Scene, row: int) -> None:
     plan = parameters(scene, row, row + 1)
     heights, hardness = surface_of(scene, plan, 0), plan.hardness_of(0)
     boundary = scene.contact.boundary
-    load = load_of(scene, heights, float(plan.load[0]))
-    contact = solve_contact(scene, heights, hardness=hardness, **load)
+    load = absolute_load(scene, heights, float(plan.load[0]))
+    contact = solve_contact(scene, heights, hardness=hardness, **{load.kind: load.value})
     columns = parameter_columns(scene)
     units = {column.name: typographic(column.unit) for column in columns_for(scene)}
     drawn = ", ".join(
