@@ -188,7 +188,7 @@ def _union(rows: Sequence[Indices]) -> Indices:
 
 
 def _faults_of(violation: _Violation, start: int) -> Iterator[Fault]:
-    """Yield one fault for all rows of a violation, if there are any; `start` is the chunk's first."""
+    """Yield one fault for all rows of a violation, if there are any, in a chunk from `start` on."""
     rows = start + np.flatnonzero(violation.rows)
     if rows.size:
         yield Fault(rows, violation.words)
