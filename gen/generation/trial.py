@@ -93,7 +93,7 @@ def _doubts(scene: Scene, tally: Tally, noun: str) -> list[str]:
     contact = scene.contact
     if contact.doubts:
         return contact.doubts  # the rows would repeat what the material does to them
-    bodies = Bodies(contact.e_star, known=contact.has_modulus)
+    bodies = Bodies(contact.e_star, has_modulus=contact.has_modulus)
     return rows_doubts(tally, bodies, scene.quantity, max(scene.grid.spacing), noun)
 
 

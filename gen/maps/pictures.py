@@ -367,7 +367,7 @@ def plot_contacts(
     problem, pressed = last.problem, last.force / nominal_area(last)
     title = f"last of {len(rows)} loads: " if law else ""
     title += f"Δ = {last.delta:.4g} µm, force {last.force:.4g} µN, mean pressure {pressed:.4g} MPa"
-    material = bodies.text + ", no material given" * (not bodies.known)
+    material = bodies.text + ", no material given" * (not bodies.has_modulus)
     material += "" if problem.boundary == "free" else f"; {problem.boundary} boundary"
     figure.suptitle(
         "\n".join((shortened(name), title, material)), fontsize=11, parse_math=False

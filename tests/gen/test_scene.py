@@ -21,7 +21,7 @@ from gen.generators import GENERATORS, TAGS
 from gen.quantities import stored_quantities
 from gen.runtime.errors import InputError
 from gen.scene import Piece, Scene, Store, differences, load
-from gen.scene.scene import columns_of_generators
+from gen.scene.columns import columns_of_generators
 from gen.scene.tables import Contact, Delta, Load
 from gen.surface import Drawn, GeneratedSurface
 

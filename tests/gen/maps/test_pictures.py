@@ -89,7 +89,7 @@ PATCHES = {
 def drawn(contacts, **changes):
     """A figure as it would be written, without the work of drawing its pixels."""
     figure = new_figure(11, 8.2, dpi=110)
-    bodies = Bodies(E_STAR, contacts[0].problem.hardness, known=True)
+    bodies = Bodies(E_STAR, contacts[0].problem.hardness, has_modulus=True)
     subject = {"name": NAME, "load": "delta", "bodies": bodies, "warnings": (), **changes}
     subject = {"options": AnswerOptions(), **subject}
     rows = [
