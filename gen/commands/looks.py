@@ -63,25 +63,25 @@ class Looking:
     def at(self, file: Path) -> Look:
         """Read and describe a map; InputError is raised if that cannot be done."""
         from gen import statistics
-        from gen.maps import texture
+        from gen.maps import areal, texture
         from gen.maps.bodies import read_surface
 
         topography, warnings = read_surface(file, self.reading, self.boundary, self.body)
-        areal = texture.areal_parameters(topography, self.depth)
+        parameters = areal.areal_parameters(topography, self.depth)
         radial = texture.radial_spectrum(topography)
         return Look(
             topography=topography,
             warnings=warnings,
             description=statistics.describe(topography.heights, topography.spacing),
-            areal=areal,
+            areal=parameters,
             radial=radial,
-            fit=texture.fit_self_affine(topography, radial, areal.values["Str"]),
+            fit=texture.fit_self_affine(topography, radial, parameters.values["Str"]),
             nodes=texture.nodes_a_wave(radial, topography.spacing),
         )
 
     def row(self, look: Look) -> Row:
         """Return all numbers of a map as a row of a table, with their units."""
-        from gen.maps.texture import LAW
+        from gen.maps.texture import LAW_UNITS
 
         topography, fit = look.topography, look.fit
         edgeless = (
@@ -96,7 +96,7 @@ class Looking:
             "warnings": "; ".join(look.warnings),
             **look.areal.values,
             **({} if self.depth is None else {"Smr_depth": self.depth}),
-            **(dict.fromkeys(LAW, "") if isinstance(fit, str) else fit.values),
+            **(dict.fromkeys(LAW_UNITS, "") if isinstance(fit, str) else fit.values),
             "law": f"none: {fit}" if isinstance(fit, str) else "; ".join(fit.remarks),
             "nodes_a_wave": look.nodes,
         }
@@ -107,11 +107,13 @@ class Looking:
 
 def units_of_looks() -> dict[str, str]:
     """Return the units of the columns of `Looking.row` by their names."""
-    from gen.maps.texture import LAW, PARAMETERS
+    from gen.maps.areal import PARAMETERS
+    from gen.maps.texture import LAW_UNITS
     from gen.schema import TABLE_1
 
     units = {column.name: column.unit for column in TABLE_1}
-    units |= {name: unit for name, unit, _ in PARAMETERS} | LAW
+    units |= {parameter.name: parameter.unit for parameter in PARAMETERS}
+    units |= LAW_UNITS
     return units | {"Smr_depth": "um", "nodes_a_wave": "1"}
 
 

@@ -171,8 +171,8 @@ def print_statistics(
     topography: Topography, found: Description, areal: Description
 ) -> None:
     """Print the 22 statistics of a surface and its areal parameters, and its tilt unless level."""
+    from gen.maps.areal import PARAMETERS
     from gen.maps.prepare import least_squares
-    from gen.maps.texture import PARAMETERS
 
     heights, spacing = topography.heights, topography.spacing
     said = (
