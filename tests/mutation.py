@@ -84,9 +84,12 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
         ("fcntl.LOCK_EX | fcntl.LOCK_NB", "fcntl.LOCK_SH | fcntl.LOCK_NB"),
     ),
     "gen/database/writer.py": (
-        ("self._held.sync()\n        for rows in waiting:", "for rows in waiting:"),
-        ("chunk[wanted - start] = Status.PENDING", "chunk[wanted - start] = Status.DONE"),
-        ("(chunk == Status.DONE) | (chunk == Status.FAILED)", "chunk == Status.DONE"),
+        ("self._held.sync()\n        for rows in unsynced:", "for rows in unsynced:"),
+        (
+            "status[inside - start] = Status.PENDING",
+            "status[inside - start] = Status.DONE",
+        ),
+        ("(status == Status.DONE) | (status == Status.FAILED)", "status == Status.DONE"),
         (
             "        self.confirm()\n        status = arrays.pop",
             "        status = arrays.pop",
@@ -103,8 +106,8 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "gen/scene/tables.py": (("self.modulus / (1 - self.poisson**2)", "self.modulus"),),
     "gen/statistics.py": (
-        ("peaks[1].kurtosis - 3.0,", "peaks[1].kurtosis,"),
-        ("(pair[0] / pair[1]) ** 2", "pair[0] / pair[1]"),
+        ("peaks.curvatures.kurtosis - 3.0,", "peaks.curvatures.kurtosis,"),
+        ("(dx / dy) ** 2", "dx / dy"),
     ),
     "gen/surface.py": (("2.0 ** (-hurst / 2.0)", "2.0 ** (-hurst)"),),
     "gen/spectral.py": (("(-1 - self.hurst)", "(-0.5 - self.hurst)"),),

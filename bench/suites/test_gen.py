@@ -35,7 +35,7 @@ SPECS = {"smoke": Spec(32, 33, 1), "paper": Spec(256, 129, 1), "large": Spec(32,
 def test_write_by_one(benchmark: Any, tmp_path: Path, size: str) -> None:
     """Rows with their pressure fields, to the disk; creating the file is not timed."""
     spec, path = SPECS[size], tmp_path / "rows.h5"
-    blocks = list(blocks_of(spec.scene, [(0, spec.rows)], World().workers))
+    blocks = list(blocks_of(spec.scene, [range(spec.rows)], World().workers))
     template = template_of(spec.scene, blocks)
     arguments = (path, spec.scene, blocks, template, World())
 

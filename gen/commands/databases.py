@@ -58,11 +58,11 @@ def run(
         scene,
         output,
         world,
-        rows=(int(ends[1]), int(ends[2])) if ends else None,
+        rows=range(int(ends[1]), int(ends[2])) if ends else None,
         retry_failed=retry_failed,
         force=force,
         limit=sample_limit,
-        choice=writer,
+        writer=writer,
     )
     if world.is_master:
         pending, done, failed = result.counts
@@ -90,7 +90,7 @@ def estimate(
     """Measure a few samples and predict time, memory and disk space of a run."""
     from gen.commands import printer
     from gen.generation.completion import completed
-    from gen.generation.run import measured_time
+    from gen.generation.forecast import measured_time
     from gen.runtime.memory import format_bytes
     from gen.scene import load
 

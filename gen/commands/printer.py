@@ -107,7 +107,7 @@ def _print_ranges(reader: Reader) -> None:
 def print_plan(scene: Scene, path: Path | None = None) -> None:
     """Print samples, surfaces, nodes and loads of a completed scene, and its database's size."""
     from gen.database import file_bytes
-    from gen.generation.run import planned_loads
+    from gen.generation.forecast import planned_loads
     from gen.generation.trial import doubts_before
 
     contact, (nx, ny) = scene.contact, scene.grid.shape

@@ -31,7 +31,7 @@ from gen.quantities import LOADS, PRESSURE, PURE, Powers
 from gen.runtime.errors import InputError, SourceError
 from gen.runtime.farm import Overtime, time_limit
 from gen.runtime.user_code import load_function, source_hash
-from gen.scene import Scene, require_own_names
+from gen.scene import Scene, require_distinct_names
 
 TRIED_ROWS = (
     16  # rows, of which the first one with a solution shows the outputs of a function
@@ -135,7 +135,7 @@ def completed(
         If the scene names what is missing, or its outputs cannot be known. SourceError, an
         InputError, if a function of the user's fails or is not trusted.
     """
-    require_own_names(scene)
+    require_distinct_names(scene)
     scene = scene.resolved(home)
     function = scene.store.function
     if isinstance(scene.surface, PythonSurface):
@@ -151,7 +151,7 @@ def completed(
     if scene.store.outputs is not None and not rehearsed:
         return scene
     scene = _with_outputs(scene, str(function), limit)
-    require_own_names(scene)
+    require_distinct_names(scene)
     if rehearsed:
         scene = _storing(scene, powers=measured_powers(scene, limit) or None)
     return scene

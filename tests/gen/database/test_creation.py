@@ -47,7 +47,7 @@ def test_more_samples_extend_the_file(path):
     more = small(15, store=Store(heights=True))
     assert open_or_create(path, more) == "extended"
     with Writer(path, more) as writer:
-        assert writer.pending() == [(0, 2), (5, 7), (8, 15)]
+        assert writer.pending() == [range(2), range(5, 7), range(8, 15)]
     wanted = block(scene, 2, 5)
     with Reader(path) as reader:
         assert reader.scene == more
@@ -137,7 +137,7 @@ def test_merge_takes_the_best_of_every_row(tmp_path, monkeypatch):
             np.testing.assert_array_equal(reader.column(name)[known], wanted[name][known])
         assert not reader.damaged_rows().size
     with Writer(target, scene) as writer:
-        assert writer.pending() == [(9, 14)]
+        assert writer.pending() == [range(9, 14)]
     assert sorted(tmp_path.iterdir()) == sorted([one, two, target])
 
 
