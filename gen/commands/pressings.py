@@ -174,19 +174,16 @@ def press_one(pressing: Pressing, surface: Path, files: ContactFiles) -> None:
         with atomic(files.flattened, "heights") as file:
             np.save(file, last.flattened)
     if files.picture is not None:
-        from gen.maps.pictures import plot_contacts
+        from gen.maps.pictures import ContactCaptions, plot_contacts
 
-        plot_contacts(
-            figure,
-            last,
-            rows,
-            files.picture,
+        captions = ContactCaptions(
             name=topography.name,
             load=load,
             bodies=bodies,
             warnings=warnings,
             options=pressing.wanted,
         )
+        plot_contacts(figure, last, rows, files.picture, captions)
 
 
 def press_several(

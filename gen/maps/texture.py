@@ -352,9 +352,9 @@ def fit_self_affine(
     fit = _fit_of(law, topography, spectrum)
     if fit.decades < LEAST_DECADES:
         return (
-            f"the spectrum follows a power law over {fit.decades:.3g} decades of wavelengths,"
-            f" {fit.spectrum.roll_off:.4g} to {fit.spectrum.cut_off:.4g} um; a Hurst exponent"
-            f" needs {LEAST_DECADES:g} or more"
+            f"the spectrum follows a power law over {fit.decades:.3g} decades of"
+            f" wavelengths, {fit.spectrum.roll_off:.4g} to {fit.spectrum.cut_off:.4g} um;"
+            f" a Hurst exponent needs {LEAST_DECADES:g} or more"
         )
     if law.fall <= FLATTEST:
         return "the spectrum is flatter than any Hurst exponent's, as of noise"

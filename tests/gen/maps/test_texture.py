@@ -79,9 +79,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_what_cannot_be_described_is_refused_in_one_line(
-    case, wide, refused, monkeypatch
-):
+def test_what_cannot_be_described_is_one_line(case, wide, capsys, monkeypatch):
     monkeypatch.chdir(wide.parent)
     np.save("few.npy", np.random.default_rng(0).normal(size=(4, 4)))
     arguments, message = REFUSED[case]
