@@ -47,7 +47,7 @@ STEEP_ROW = 1.0
 """Rms slope above which a row of a database is too steep; wide populations exceed `STEEP` on
 purpose."""
 
-MOST = 0.5
+DOUBTED_SHARE = 0.5
 """Share of a database's rows above which a doubt about them is told."""
 
 OPTIONS = "--young or --e-star"
@@ -174,7 +174,7 @@ def material_doubts(bodies: Bodies) -> list[str]:
     ratio = bodies.hardness_ratio
     if ratio is not None and not _is_of_a_solid(ratio):
         question = "is the modulus left out"
-        if bodies.known:
+        if bodies.has_modulus:
             question = _likely_slip(ratio)
         bounds = f"solids have {LEAST_HARDNESS:g} to {GREATEST_HARDNESS:g}"
         units = f"Both count in MPa, and E* is {bodies.e_star:.4g} MPa (steel: 2.3e5)"
@@ -214,7 +214,7 @@ def modulus_in_words(bodies: Bodies, given_by: str = OPTIONS) -> str:
         Part of a sentence.
     """
     modulus = f"E* is {bodies.e_star:.4g} MPa"
-    if bodies.known or bodies.e_star != 1.0:
+    if bodies.has_modulus or bodies.e_star != 1.0:
         return modulus
     return f"{modulus}, the default without a modulus ({given_by})"
 
@@ -279,7 +279,7 @@ def contact_doubts(
     doubts: list[str] = []
     largest = max(contact.largest_pressure for contact in solved)
     # Without a material, a force or a pressure scales with an E* that the user did not give.
-    unscaled = load != "delta" and not bodies.known
+    unscaled = load != "delta" and not bodies.has_modulus
     full = [contact.delta for contact in solved if contact.contact_nodes == heights.size]
     if full:
         advice = modulus_in_words(bodies) if unscaled else CHECK_LOAD
@@ -288,7 +288,7 @@ def contact_doubts(
         doubts.append(
             f"the largest pressure is {largest:.4g} MPa: {modulus_in_words(bodies)}"
         )
-    if bodies.known and bodies.hardness is None:
+    if bodies.has_modulus and bodies.hardness is None:
         doubts += _yielding_doubts(bodies, solved, largest)
     return doubts
 
@@ -343,12 +343,14 @@ def rows_doubts(
     """
     doubts: list[str] = []
     share = f"of {tally.rows} {noun}"
-    half = MOST * tally.rows
+    half = DOUBTED_SHARE * tally.rows
     scales_with_modulus = load in {"pressure", "force"}
     modulus = modulus_in_words(bodies, KEYS)
     advice = CHECK_LOAD
-    if scales_with_modulus:
-        advice = f"{modulus}; {CHECK_LOAD}" if bodies.known else modulus
+    if scales_with_modulus and bodies.has_modulus:
+        advice = f"{modulus}; {CHECK_LOAD}"
+    elif scales_with_modulus:
+        advice = modulus
     if tally.steep > half:
         where = f", above {STEEP_ROW:g} in {tally.steep} {share}"
         doubts.append(steep_slopes(tally.steepest, apart, where))

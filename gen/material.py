@@ -22,7 +22,7 @@ LARGEST = 1e38
 single precision, in which the solver takes its steps and models see their inputs. The upper bound
 is `bem.checks.LARGEST`, which is not imported here so that --help does not wait for NumPy."""
 
-MOST = 100_000
+MOST_VALUES = 100_000
 """Largest number of values of one option."""
 
 DIGITS = 18
@@ -143,7 +143,9 @@ class Series:
             )
         except ValueError:
             return None
-        return series if series._has_steps() else None
+        if not series._has_steps():
+            return None
+        return series
 
     def _has_steps(self) -> bool:
         """Return whether there are two numbers or more between finite ends that allow a ratio."""
@@ -159,8 +161,11 @@ class Series:
             return [self.start]
         import numpy as np  # here, so that --help does not wait for it
 
-        spaced = np.geomspace if self.even_ratio else np.linspace
-        return list(spaced(self.start, self.stop, self.count).tolist())
+        if self.even_ratio:
+            numbers = np.geomspace(self.start, self.stop, self.count)
+        else:
+            numbers = np.linspace(self.start, self.stop, self.count)
+        return list(numbers.tolist())
 
 
 def loads_from(load: str, text: str, advice: str = "") -> list[float]:
@@ -185,8 +190,8 @@ def loads_from(load: str, text: str, advice: str = "") -> list[float]:
     Raises
     ------
     InputError
-        If the text is no such list, has more than `MOST` numbers, numbers beyond `LARGEST`, or
-        loads that are not allowed.
+        If the text is no such list, has more than `MOST_VALUES` numbers or numbers beyond
+        `LARGEST`, or has loads that are not allowed.
     """
     allowed = advice or LOADS[load]
     refusal = f"--{load} {quoted(text)}: {allowed}"
@@ -195,8 +200,10 @@ def loads_from(load: str, text: str, advice: str = "") -> list[float]:
         series = Series.of(part)
         if series is None:
             raise InputError(refusal)
-        if len(values) + series.count > MOST:
-            raise InputError(f"--{load} {quoted(text)}: give {MOST:,} values at most")
+        if len(values) + series.count > MOST_VALUES:
+            raise InputError(
+                f"--{load} {quoted(text)}: give {MOST_VALUES:,} values at most"
+            )
         values += series.numbers()
     if advice:
         _refuse_beyond_largest(load, values)
@@ -248,10 +255,10 @@ def require_within(option: str, value: float, unit: str, what: str = "") -> floa
     """
     if SMALLEST < value < LARGEST:
         return value
-    subject = f"{what} must" if what else "must"
-    raise InputError(
-        f"{option} {value:g}: {subject} be between {SMALLEST:g} and {LARGEST:g} {unit}"
-    )
+    rule = f"must be between {SMALLEST:g} and {LARGEST:g} {unit}"
+    if what:
+        rule = f"{what} {rule}"
+    raise InputError(f"{option} {value:g}: {rule}")
 
 
 class ElasticBody(NamedTuple):
@@ -267,7 +274,7 @@ class Bodies(NamedTuple):
     e_star: float
     hardness: float | None = None  # None for elastic bodies
     # Whether the user gave E*, so that warnings about pressures apply.
-    known: bool = False
+    has_modulus: bool = False
     # The elastic body if the user gave one Young's modulus; None otherwise.
     only: ElasticBody | None = None
 
@@ -303,19 +310,21 @@ class Bodies(NamedTuple):
             If a number is not allowed, the numbers of moduli and ratios do not match, or a
             hardness comes without a modulus.
         """
-        known = bool(young) or e_star is not None
+        has_modulus = bool(young) or e_star is not None
         if hardness is not None:
             require_within("--hardness", hardness, "MPa", "the hardness")
-        if hardness is not None and not known:
+        if hardness is not None and not has_modulus:
             raise InputError(
                 f"--hardness {hardness:g}: give the modulus too (--young or --e-star), which is 1"
                 " MPa without these options"
             )
-        combined = combined_modulus(young, poisson, e_star)
+        modulus = combined_modulus(young, poisson, e_star)
+        if modulus is None:
+            modulus = 1.0
         only: ElasticBody | None = None
         if young and len(young) == 1:
             only = ElasticBody(young[0], poisson[0] if poisson else 0.0)
-        return cls(1.0 if combined is None else combined, hardness, known, only)
+        return cls(modulus, hardness, has_modulus, only)
 
     @property
     def hardness_ratio(self) -> float | None:

@@ -78,9 +78,9 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     "gen/runtime/files.py": (
         ("        os.fsync(descriptor)\n", ""),
         ("if any(_is_same(path, file) for file in read):", "if path in read:"),
-        ("if _is_same(path, other):", "if path == other:"),
+        ("_is_same(path, other.path):", "path == other.path:"),
         ('if present not in {kind, ""}:', 'if present == "database":'),
-        ("os.fchmod(descriptor, stat.S_IMODE(old.st_mode))", "pass"),
+        ("os.fchmod(descriptor, stat.S_IMODE(replaced.st_mode))", "pass"),
         ("fcntl.LOCK_EX | fcntl.LOCK_NB", "fcntl.LOCK_SH | fcntl.LOCK_NB"),
     ),
     "gen/database/writer.py": (
@@ -119,7 +119,7 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
         ),
     ),
     "gen/maps/outliers.py": (("scatter = TO_DEVIATION *", "scatter = 1.0 *"),),
-    "gen/maps/library.py": (("patch = patch.T if symmetry & TRANSPOSED else patch", ""),),
+    "gen/maps/library.py": (("if window.symmetry & TRANSPOSED:", "if False:"),),
     "gen/maps/read.py": (
         (
             "self.sides[0] / nx, self.sides[1] / ny",

@@ -186,7 +186,7 @@ def law(
         pressure=pressure,
         surfaces=surfaces,
         level=band,
-        e_star=bodies.e_star if bodies.known or material.poisson else None,
+        e_star=bodies.e_star if bodies.has_modulus or material.poisson else None,
         hardness=bodies.hardness,
         boundary=boundary,
         conductivities=require_conductivities(conductivity) if conductivity else None,

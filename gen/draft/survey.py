@@ -20,7 +20,7 @@ from gen.maps.outliers import (
     with_code_warnings,
 )
 from gen.maps.prepare import FLAT, MANY_SPIKES, least_squares, prepare
-from gen.maps.read import Sides, Topography, in_words, read
+from gen.maps.read import Sides, Topography, read, spacing_text
 from gen.maps.settings import SPIKE, Reading, in_scene_words
 from gen.runtime.errors import InputError
 from gen.runtime.files import digest
@@ -376,7 +376,7 @@ def _cells(content: MapSurvey) -> dict[str, str]:
         spikes = str(content.spikes.number)
     properties = {
         "nodes": f"{nx} x {ny}",
-        "spacing um": in_words(content.spacing, 4),
+        "spacing um": spacing_text(content.spacing, 4),
         "unit": content.unit or "um?",
         "holes %": f"{100 * content.missing / max(1, nx * ny):.2g}",
         "spikes": spikes,

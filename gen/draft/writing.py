@@ -15,7 +15,7 @@ from gen.draft.likeness import NODES, Likeness, rounded
 from gen.draft.proposal import LOADS_PER_SURFACE, Proposal
 from gen.draft.survey import MapSurvey, remarks
 from gen.generators.scans import MOST_PATTERNS
-from gen.maps.read import in_words
+from gen.maps.read import spacing_text
 from gen.maps.settings import Reading
 from gen.material import Bodies
 from gen.runtime.errors import InputError
@@ -233,7 +233,7 @@ def _spacing(proposal: Proposal) -> str:
     """Return the key `spacing`, or a comment if all maps keep theirs."""
     used = proposal.used
     if proposal.spacing is None:
-        return filled(templates.SAME_SPACING, {"spacing": in_words(used[0].spacing)})
+        return filled(templates.SAME_SPACING, {"spacing": spacing_text(used[0].spacing)})
     distances = [distance for content in used for distance in content.spacing]
     return filled(
         templates.SPACING,
@@ -294,7 +294,7 @@ def _reading(reading: Reading) -> str:
     """Return the table of what files do not say; nothing if they say all."""
     keys = [
         f"{name} = {quoted(value)}"
-        for name, value in reading.of("reading").items()
+        for name, value in reading.values_of("reading").items()
         if value
     ]
     return _if_any(templates.READING, "keys", "\n".join(keys))
@@ -404,7 +404,7 @@ def _contact(bodies: Bodies) -> str:
     """Return the keys of the contact, the boundary first."""
     modulus, poisson = bodies.only or (bodies.e_star, 0.0)
     no_modulus = ""
-    if not bodies.known:
+    if not bodies.has_modulus:
         no_modulus = "# None was given: areas of elastic bodies hold for any."
     hardness = "# Metals yield: hardness = 2000.0 (MPa, steel) with loads as pressures."
     if bodies.hardness is not None:

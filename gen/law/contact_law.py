@@ -7,6 +7,7 @@ displacement of a free patch as a whole belongs to the mesh of a finite-element 
 interface.
 """
 
+import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -70,7 +71,7 @@ class Law:
     notes: tuple[str, ...]  # remarks about the making of the law, one line each
     title: str  # names of the surfaces, with those of the second bodies, on one line
     nodes: int  # of the smallest surface
-    names: tuple[str, ...]  # of the surfaces one by one, in the order of `Curve.surfaces`
+    surface_names: tuple[str, ...]  # in the order of `Curve.surfaces`
     sources: tuple[Source, ...] = ()  # files of its surfaces and their preparation
     # Contacts between the points of `over_delta` and of `over_pressure`; None without any.
     between_deltas: Curves | None = None
@@ -121,7 +122,7 @@ def _bodies(order: Order, subjects: LawSurfaces) -> Bodies:
         ratio = subjects.hardness_ratio()
         if ratio is not None:
             hardness = ratio * e_star
-    return Bodies(e_star, hardness, known=order.e_star is not None)
+    return Bodies(e_star, hardness, has_modulus=order.e_star is not None)
 
 
 def _band_of_one_surface(tables: Tables) -> str:
@@ -162,7 +163,8 @@ def law_of(
     Raises
     ------
     InputError
-        If nothing but first touch lies below full contact in a requested table.
+        If nothing but first touch lies below full contact in a requested table, or nothing at all
+        in the other table.
     """
     pressures = tables.over_pressure.below_full_contact(
         bodies, required="pressure" in order.requested
@@ -195,7 +197,7 @@ def law_of(
         title=shortened("; ".join(subjects.descriptions)),
         nodes=nodes,
         sources=tuple(subjects.sources),
-        names=tuple(surface.name for surface in subjects.surfaces),
+        surface_names=tuple(surface.name for surface in subjects.surfaces),
     )
 
 
@@ -227,12 +229,12 @@ def _few_nodes(over_pressure: Curves, nodes: int) -> str:
     )
 
 
-def mean_at_rest(rests: Sequence[Mapping[str, float]]) -> dict[str, float]:
+def mean_at_rest(at_rest: Sequence[Mapping[str, float]]) -> dict[str, float]:
     """Take the mean of quantities at first touch over the surfaces of a law.
 
     Parameters
     ----------
-    rests : sequence of mapping
+    at_rest : sequence of mapping
         Values of the same quantities by names in laws, for each surface.
 
     Returns
@@ -240,7 +242,9 @@ def mean_at_rest(rests: Sequence[Mapping[str, float]]) -> dict[str, float]:
     dict
         Their means by names in laws.
     """
-    return {name: float(np.mean([rest[name] for rest in rests])) for name in rests[0]}
+    return {
+        name: float(np.mean([values[name] for values in at_rest])) for name in at_rest[0]
+    }
 
 
 def _tables(solver: LawSolver, solved: Mapping[Load, SolvedLoads]) -> Tables:
@@ -255,14 +259,14 @@ def _tables(solver: LawSolver, solved: Mapping[Load, SolvedLoads]) -> Tables:
         if load not in solved:
             (other,) = solved.values()
             contacts[load] = _contacts_for_other_table(load, other, solver)
-    rests = [
+    at_rest = [
         surface.at_rest(order.quantities, order.media) for surface in solver.surfaces
     ]
     tables: dict[Load, Curves] = {}
     for load in ARGUMENTS:
         # Pressures that the user gave stay without first touch.
         from_rest = load == "delta" or load not in solved
-        tables[load] = _table(load, contacts[load], rests, order, from_rest=from_rest)
+        tables[load] = _table(load, contacts[load], at_rest, order, from_rest=from_rest)
     remarks = [line for answers in solved.values() for line in answers.warnings]
     remarks += [line for answers in contacts.values() for line in answers.remarks]
     return Tables(tables["delta"], tables["pressure"], list(dict.fromkeys(remarks)))
@@ -271,22 +275,25 @@ def _tables(solver: LawSolver, solved: Mapping[Load, SolvedLoads]) -> Tables:
 def _table(
     load: Load,
     contacts: SolvedLoads,
-    rests: Sequence[Mapping[str, float]],
+    at_rest: Sequence[Mapping[str, float]],
     order: Order,
     *,
     from_rest: bool,
 ) -> Curves:
     """Tabulate contacts against their loads; `from_rest` puts first touch before them.
 
-    Values that turn back are replaced, which they do only within the tolerance of the solver.
+    Values that turn back, which they do only within the tolerance of the solver, are replaced.
     """
     loads = contacts.loads
     parts = contacts.points
     if from_rest:
         loads = np.append(0.0, loads)
-        parts = [part.from_rest(rest) for part, rest in zip(parts, rests, strict=True)]
+        pairs = zip(parts, at_rest, strict=True)
+        parts = [part.from_rest(first_touch) for part, first_touch in pairs]
     parts = [_held(part) for part in parts]
-    table = tabulated(ARGUMENTS[load], loads, parts, order.coverage, mean_at_rest(rests))
+    table = tabulated(
+        ARGUMENTS[load], loads, parts, order.coverage, mean_at_rest(at_rest)
+    )
     return replace(table, grid=parts[0].grid)
 
 
@@ -438,23 +445,24 @@ class SolverBetween:
 
     def same_over_delta(self) -> Curves | None:
         """Return the remembered contacts of one surface against Delta; None without any."""
-        table: Curves | None = None
+        tables: list[Curves] = []
         for contacts in self.contacts_at_pressures:
             same = _same_contacts(contacts.points[0], "delta")
-            further = self._tabulated(self.law.over_delta, same)
-            table = further if table is None else merged(table, further)
-        return table
+            tables.append(self._tabulated(self.law.over_delta, same))
+        if not tables:
+            return None
+        return functools.reduce(merged, tables)
 
     def _tabulated(self, table: Curves, contacts: SolvedLoads) -> Curves:
         """Tabulate contacts below full contact as those of a table of the law."""
         if not contacts.loads.size:
             return table.chosen(np.zeros(table.at.size, dtype=bool))
         order = self.solver.order
-        further = tabulated(
-            table.against, contacts.loads, contacts.points, order.coverage, table.rest
+        between = tabulated(
+            table.against, contacts.loads, contacts.points, order.coverage, table.at_rest
         )
-        further = _with_conductance(further, order, self.law.bodies)
-        below = further.curves[AREA.in_laws].value < 100
-        for curve in further.curves.values():
+        between = _with_conductance(between, order, self.law.bodies)
+        below = between.curves[AREA.in_laws].value < 100
+        for curve in between.curves.values():
             below &= np.isfinite(curve.value)
-        return further.chosen(below)
+        return between.chosen(below)

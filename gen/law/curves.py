@@ -30,7 +30,7 @@ from gen.quantities import (
 )
 from gen.runtime.errors import InputError
 
-MOST = 0.5
+OUTSIDE_SHARE = 0.5
 """Share of surfaces outside the training above which a row tells nothing about an interface."""
 
 APART = 1e-9
@@ -107,12 +107,12 @@ class Points:
             return points
         return replace(points, grid=texts_at(self.grid, places))
 
-    def from_rest(self, rest: Mapping[str, float]) -> Points:
+    def from_rest(self, at_rest: Mapping[str, float]) -> Points:
         """Put first touch, Delta = 0, before all loads.
 
         Parameters
         ----------
-        rest : mapping
+        at_rest : mapping
             Values at first touch by names in laws; those left out are 0.
 
         Returns
@@ -121,7 +121,7 @@ class Points:
             Points under k + 1 loads, without `endless`.
         """
         points = self.changed(
-            lambda name, array: np.append(rest.get(name, 0.0), array),
+            lambda name, array: np.append(at_rest.get(name, 0.0), array),
             ("", *self.reasons),
         )
         if not self.grid:
@@ -184,7 +184,7 @@ class Curves:
     # For each argument, why there is no band, or what lies outside the training; else "".
     reasons: tuple[str, ...]
     # Values at first touch, where the curves begin, by names in laws; those left out are 0.
-    rest: Mapping[str, float]
+    at_rest: Mapping[str, float]
     # True where most surfaces are outside a surrogate's training, (k,).
     flagged: NDArray[np.bool_]
     # Why the area is that of the grid, of a population on its first surface; "" where the grid
@@ -194,7 +194,9 @@ class Curves:
     @property
     def resolved(self) -> NDArray[np.bool_] | None:
         """True where the grid resolves the contact, (k,); None if that was not judged."""
-        return np.array(self.grid) == "" if self.grid else None
+        if not self.grid:
+            return None
+        return np.array([not reason for reason in self.grid])
 
     @property
     def resolved_somewhere(self) -> bool:
@@ -234,15 +236,20 @@ class Curves:
             differ from the slopes of this table.
         """
         at = self.at[places]
+        grid = self.grid
+        if grid:
+            grid = texts_at(grid, places)
         curves: dict[str, Curve] = {}
         for name, curve in self.curves.items():
             value = curve.value[places]
-            surfaces = None if curve.surfaces is None else curve.surfaces[:, places]
+            surfaces = curve.surfaces
+            if surfaces is not None:
+                surfaces = surfaces[:, places]
             curves[name] = Curve(
                 value=value,
                 low=curve.low[places],
                 high=curve.high[places],
-                slope=slopes(at, value, self.rest.get(name, 0.0)),
+                slope=slopes(at, value, self.at_rest.get(name, 0.0)),
                 surfaces=surfaces,
             )
         return replace(
@@ -252,7 +259,7 @@ class Curves:
             outside=self.outside[places],
             reasons=texts_at(self.reasons, places),
             flagged=self.flagged[places],
-            grid=texts_at(self.grid, places) if self.grid else (),
+            grid=grid,
         )
 
     def below_full_contact(self, bodies: Bodies, *, required: bool) -> BelowFullContact:
@@ -340,15 +347,17 @@ def tabulated(
     at: Values,
     parts: Sequence[Points],
     level: float,
-    rest: Mapping[str, float],
+    at_rest: Mapping[str, float],
 ) -> Curves:
     """Put the points of one surface or of many into one table.
 
     The values and intervals of one surface are those of its points. Those of a population are the
     mean over the surfaces at the same argument, and the band of a further surface
-    (`gen.law.bands`). There is no band outside the surrogate's training: for one surface at points
-    with a reason, for a population where more surfaces are outside than the band leaves out on
-    each side. Where more than a share `MOST` of them is outside, derived quantities, such as the
+    (`gen.law.bands`).
+
+    There is no band outside a surrogate's training: for one surface at points with a reason, for a
+    population where more surfaces are outside than the band leaves out on each side. Where more
+    than a share `OUTSIDE_SHARE` of the surfaces is outside, derived quantities, such as the
     stiffness and the conductance, are NaN.
 
     Parameters
@@ -361,7 +370,7 @@ def tabulated(
         Points of each surface at these arguments. Each load has an entry in `reasons`.
     level : float
         Chance that a further surface lies inside the band, between 0 and 1.
-    rest : mapping
+    at_rest : mapping
         Values at first touch by names in laws; those left out are 0.
 
     Returns
@@ -387,11 +396,11 @@ def tabulated(
     for name in LAW_COLUMNS[against]:
         if not all(name in part.values for part in parts):
             continue
-        curve = _curve(name, at, parts, level, rest.get(name, 0.0))
+        curve = _curve(name, at, parts, level, at_rest.get(name, 0.0))
         curve = _without_band(curve, withheld)
         if _is_derived(name):
             # It misses by more than the predicted quantities that it follows from.
-            curve = _without_value(curve, outside > MOST)
+            curve = _without_value(curve, outside > OUTSIDE_SHARE)
         curves[name] = curve
     return Curves(
         against=against,
@@ -399,8 +408,8 @@ def tabulated(
         curves=curves,
         outside=outside,
         reasons=tuple(reasons),
-        rest=rest,
-        flagged=outside > MOST,
+        at_rest=at_rest,
+        flagged=outside > OUTSIDE_SHARE,
     )
 
 
@@ -426,11 +435,11 @@ def _reasons_of_population(parts: Sequence[Points]) -> list[str]:
 
 
 def _curve(
-    name: str, at: Values, parts: Sequence[Points], level: float, rest: float
+    name: str, at: Values, parts: Sequence[Points], level: float, first_touch: float
 ) -> Curve:
     """Return the curve of a quantity at arguments, (k,), with its band where it has both ends.
 
-    The band contains the value. `rest` is the value at first touch.
+    The band contains the value. `first_touch` is the value at first touch.
     """
     of_surfaces = np.stack([part.values[name] for part in parts])
     value = of_surfaces.mean(axis=0)
@@ -449,7 +458,7 @@ def _curve(
         value=value,
         low=low,
         high=high,
-        slope=slopes(at, value, rest),
+        slope=slopes(at, value, first_touch),
         surfaces=surfaces,
     )
     return _without_band(curve, ~np.isfinite(low + high))
@@ -513,7 +522,9 @@ def trend(name: str) -> Trend:
         The trend; a quantity that turns may do both.
     """
     law = IN_LAWS[name].law
-    return "turns" if law is None else law.trend
+    if law is None:
+        return "turns"
+    return law.trend
 
 
 @dataclass(frozen=True, eq=False)
@@ -561,14 +572,14 @@ def monotone(points: Points) -> Monotone:
     return Monotone(replace(smoothed, low=low, high=high), corrections)
 
 
-def continued(points: Points, further: Points) -> Points:
+def continued(points: Points, larger: Points) -> Points:
     """Append points at larger Delta, with values and ends that do not turn back.
 
     Parameters
     ----------
     points : Points
         Points of one surface, under k loads.
-    further : Points
+    larger : Points
         Points of the same surface and quantities, under m larger loads.
 
     Returns
@@ -578,18 +589,18 @@ def continued(points: Points, further: Points) -> Points:
     """
 
     def appended(
-        arrays: dict[str, Values], others: dict[str, Values]
+        arrays: dict[str, Values], at_larger: dict[str, Values]
     ) -> dict[str, Values]:
         return {
-            name: held(name, np.append(array, others[name]))
+            name: held(name, np.append(array, at_larger[name]))
             for name, array in arrays.items()
         }
 
     return Points(
-        values=appended(points.values, further.values),
-        low=appended(points.low, further.low),
-        high=appended(points.high, further.high),
-        reasons=points.reasons + further.reasons,
+        values=appended(points.values, larger.values),
+        low=appended(points.low, larger.low),
+        high=appended(points.high, larger.high),
+        reasons=points.reasons + larger.reasons,
     )
 
 
@@ -641,7 +652,7 @@ def risen(values: Values, apart: float = APART) -> NDArray[np.bool_]:
     return rising
 
 
-def slopes(at: Values, values: Values, rest: float) -> Values:
+def slopes(at: Values, values: Values, first_touch: float) -> Values:
     """Compute the slopes of the monotone cubic through values (scipy's PCHIP).
 
     Parameters
@@ -650,7 +661,7 @@ def slopes(at: Values, values: Values, rest: float) -> Values:
         Ascending arguments, 0 or more.
     values : ndarray, shape (k,)
         Values at these arguments.
-    rest : float
+    first_touch : float
         Value at the argument 0, where the curve begins if 0 is not among the arguments.
 
     Returns
@@ -664,7 +675,7 @@ def slopes(at: Values, values: Values, rest: float) -> Values:
     starts_later = at.size > 0 and at[0] > 0
     if starts_later:
         at = np.append(0.0, at)
-        values = np.append(rest, values)
+        values = np.append(first_touch, values)
     slope = np.full(at.size, np.nan)
     edges = np.flatnonzero(np.diff(np.isfinite(values), prepend=False, append=False))
     for first, end in zip(edges[::2], edges[1::2], strict=True):

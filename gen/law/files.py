@@ -17,7 +17,6 @@ from gen.law import finite_elements
 from gen.law.contact_law import Law
 from gen.law.curves import Curve, Curves
 from gen.law.surfaces import Source
-from gen.material import Gas
 from gen.options import LawOutputs, Units
 from gen.quantities import (
     AREA,
@@ -111,10 +110,10 @@ def _show_table(law: Law, table: Curves) -> None:
         withheld = bool(reason) and not banded[place]
         line = [f"{row[table.against]:.5g}"]
         line += [_text_of_cell(row, name, withheld=withheld) for name in names]
-        line.append(first_reason(reason) if reason else "")
+        line.append(first_reason(reason))
         lines.append(line)
-    titles = [table.against, *names, "reason" if any(table.reasons) else ""]
-    print_columns(lines, titles, right=titles[:-1])
+    last = "reason" if any(table.reasons) else ""
+    print_columns(lines, [table.against, *names, last], right=[table.against, *names])
 
 
 def _columns_shown(table: Curves) -> list[str]:
@@ -201,14 +200,16 @@ def _rows(law: Law, table: Curves) -> list[Row]:
     quantities = [DELTA.in_laws, *law.over_delta.curves]
     columns = [f"{name}{end}" for name in quantities for end in PARTS]
     rows: list[Row] = []
+    sources = law.sources
     for place, numbers in enumerate(cells(table)):
         row = _about_the_load(law, table, place)
         row |= {column: numbers.get(column, "") for column in columns}
         row["resolved"] = _resolved(table, place)
         row["reason"] = table.reasons[place]
-        row |= _record_of_the_files(law.sources if place == 0 else ())
+        row |= _record_of_the_files(sources)
         row |= _of_each_surface(law, table, place)
         rows.append(row)
+        sources = ()  # only the first row has them
     return rows
 
 
@@ -226,7 +227,9 @@ def _of_each_surface(law: Law, table: Curves, place: int) -> Row:
     """Return the cells of a row that have a quantity of one surface of a population each."""
     row: Row = {}
     for name in (DELTA.in_laws, *law.over_delta.curves):
-        columns = [f"{name}_surface_{number}" for number in range(1, len(law.names) + 1)]
+        columns = [
+            f"{name}_surface_{number}" for number in range(1, len(law.surface_names) + 1)
+        ]
         row |= dict.fromkeys(columns, "")
         curve = table.curves.get(name)
         if curve is not None and curve.surfaces is not None:
@@ -274,17 +277,20 @@ def write_json(path: Path, law: Law) -> list[Path]:
     list of Path
         The file.
     """
+    gas: dict[str, float] = {}
+    if law.order.gas is not None:
+        gas = law.order.gas.by_keys
     document: dict[str, Any] = {
         "format": "asperity contact law",
         "version": FORMAT_VERSION,
         "e_star_MPa": law.bodies.e_star,
         "hardness_MPa": law.bodies.hardness,
         "conductivities_W_per_m_K": law.order.conductivities,
-        **_gas_in_json(law.order.gas),
+        **gas,
         "boundary": law.boundary,
         "surfaces": list(law.descriptions),
         "sources": [asdict(source) for source in law.sources],
-        "surface_names": list(law.names),
+        "surface_names": list(law.surface_names),
         "band": law.band,
         "notes": list(law.notes),
         "command": law.order.command,
@@ -300,18 +306,13 @@ def write_json(path: Path, law: Law) -> list[Path]:
     return [path]
 
 
-def _gas_in_json(gas: Gas | None) -> dict[str, float]:
-    """Return the numbers of a gas for JSON, none without a gas."""
-    return {} if gas is None else gas.by_keys
-
-
 def _table_in_json(table: Curves) -> dict[str, Any]:
     """Return a table of a law for JSON."""
     curves = {name: _curve_in_json(curve) for name, curve in table.curves.items()}
     return {
         "against": table.against,
         "at": table.at.tolist(),
-        "gap_at_rest_um": table.rest[MEAN_GAP.in_laws],
+        "gap_at_rest_um": table.at_rest[MEAN_GAP.in_laws],
         "share_of_surfaces_outside_the_training": table.outside.tolist(),
         "reasons": list(table.reasons),
         "grid": list(table.grid),

@@ -69,7 +69,9 @@ class Order:
     @property
     def coverage(self) -> float:
         """Coverage of the band, between 0 and 1."""
-        return USUAL_LEVEL if self.level is None else self.level
+        if self.level is None:
+            return USUAL_LEVEL
+        return self.level
 
     @property
     def requested(self) -> tuple[Load, ...]:

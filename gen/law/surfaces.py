@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from bem.problem import Boundary, Problem, pose
-from gen.doubts import MOST, STEEP_ROW, steep_slopes
+from gen.doubts import DOUBTED_SHARE, STEEP_ROW, steep_slopes
 from gen.generators.scans import ScanSurface
 from gen.law.order import Order
 from gen.maps.bodies import Opposite, read_surface
@@ -217,7 +217,9 @@ class LawSurfaces:
     def _scenes_alone(self) -> list[Scene]:
         """Return the scenes if all inputs are scenes, else none."""
         scenes = [about.scene for about in self.inputs if about.scene is not None]
-        return scenes if len(scenes) == len(self.inputs) else []
+        if len(scenes) < len(self.inputs):
+            return []
+        return scenes
 
 
 def read_law_surfaces(order: Order, only: Boundary | None = None) -> LawSurfaces:
@@ -363,8 +365,10 @@ def _sources_of_scene(scene: Scene, text: str) -> list[Source]:
 
     The list is empty if there is neither.
     """
-    files = [_source_file(Path(text))] if Path(text).is_file() else []
+    files: list[SourceFile] = []
     steps: list[str] = []
+    if Path(text).is_file():
+        files.append(_source_file(Path(text)))
     surface = scene.surface
     if isinstance(surface, ScanSurface):
         files += _maps_of_scans(surface)
@@ -457,7 +461,7 @@ def _slope_doubts(population: Sequence[LawSurface]) -> list[str]:
     """Return a line that doubts the surfaces of a scene if most are too steep for the theory."""
     slopes = [rms_slope(surface.heights, surface.spacing) for surface in population]
     steep = [slope for slope in slopes if slope > STEEP_ROW]
-    if len(steep) <= MOST * len(slopes):
+    if len(steep) <= DOUBTED_SHARE * len(slopes):
         return []
     where = f", above {STEEP_ROW:g} in {len(steep)} of {len(slopes)} surfaces"
     return [steep_slopes(max(steep), max(population[0].spacing), where)]
@@ -475,6 +479,6 @@ def _population(scene: Scene, text: str, number: int) -> Iterator[LawSurface]:
             surface_numbered(scene, surface),
             scene.grid.sides,
             boundary=contact.boundary,
-            apart=scene.grid.spacing,
+            exact_spacing=scene.grid.spacing,
             settings=settings,
         )

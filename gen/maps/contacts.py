@@ -347,7 +347,7 @@ def solve_loads(
         If a number is not allowed, there is no equilibrium, no load converges, or memory is
         too short.
     """
-    settings |= {"boundary": topography.boundary, "spacing": topography.apart}
+    settings |= {"boundary": topography.boundary, "spacing": topography.exact_spacing}
     try:
         if len(values) > 1:
             _check_load(topography, load, max(values), settings)

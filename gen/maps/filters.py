@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
-from gen.maps.read import Sides, Topography, in_words
+from gen.maps.read import Sides, Topography, spacing_text
 from gen.runtime.errors import InputError
 
 if TYPE_CHECKING:
@@ -405,12 +405,13 @@ def resampled(topography: Topography, spacing: Sides) -> Topography:
     if heights is topography.heights:
         return topography.changed(heights, "", spacing)
     nx, ny = heights.shape
+    every = spacing_text(spacing)
     if min(nx, ny) < 2:
         raise InputError(
-            f"{topography.name}: a spacing of {in_words(spacing)} um leaves {nx} x {ny}"
-            " nodes, give one that leaves 2 x 2 or more"
+            f"{topography.name}: a spacing of {every} um leaves {nx} x {ny} nodes, give"
+            " one that leaves 2 x 2 or more"
         )
-    step = f"resampled to {nx} x {ny} nodes every {in_words(spacing)} um by cubic splines"
+    step = f"resampled to {nx} x {ny} nodes every {every} um by cubic splines"
     return topography.changed(heights, step, spacing)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
-from gen.maps.read import Topography
+from gen.maps.read import Remedy, Topography
 from gen.maps.scan import UNITS, unit_of
 from gen.maps.settings import SPIKE
 from gen.runtime.errors import InputError
@@ -560,13 +560,9 @@ SPIKES_IN_WORDS = OutlierWords(
 PITS_IN_WORDS = OutlierWords(-1, "lowest node", "pit", "", "below")
 
 
-Remedy = tuple[
-    str, str
-]  # a step of the preparation, and what it does; see Topography.advised
-
 OTHER_REMEDIES: tuple[Remedy, ...] = (
-    (f"despike {SPIKE:g}", "replaces it by what is around"),
-    ("crop", "leaves this part out"),
+    Remedy(f"despike {SPIKE:g}", "replaces it by what is around"),
+    Remedy("crop", "leaves this part out"),
 )
 """Remedies of a pit or spike that need no mask."""
 
@@ -574,7 +570,7 @@ OTHER_REMEDIES: tuple[Remedy, ...] = (
 def _mask_remedy(bounds: str, *, plural: bool) -> Remedy:
     """Return the mask with the given bounds and what it does to one node or several."""
     holes = "holes of them" if plural else "a hole of it"
-    return f"mask {bounds}", f"makes {holes}, which --fill closes"
+    return Remedy(f"mask {bounds}", f"makes {holes}, which --fill closes")
 
 
 def _code_at_end(topography: Topography, code: Code, kept: Values, bounds: str) -> str:

@@ -650,7 +650,7 @@ def _contact_title(last: Contact, loads: int, captions: ContactCaptions) -> str:
     if loads > 1:
         load = f"last of {loads} loads: {load}"
     bodies = captions.bodies.text
-    if not captions.bodies.known:
+    if not captions.bodies.has_modulus:
         bodies += ", no material given"
     if last.problem.boundary != "free":
         bodies += f"; {last.problem.boundary} boundary"

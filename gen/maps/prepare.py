@@ -23,7 +23,7 @@ from gen.maps.outliers import (
     with_code_warnings,
     with_outlier_warnings,
 )
-from gen.maps.read import BEYOND_INSTRUMENTS, NEAREST, WIDEST, Topography
+from gen.maps.read import BEYOND_INSTRUMENTS, NEAREST, WIDEST, Remedy, Topography
 from gen.maps.settings import KEYS, SPIKE, Reading, as_option, numbers_in
 from gen.runtime.errors import InputError
 from gen.statistics import rms_slope
@@ -123,8 +123,8 @@ def _refuse_holes(topography: Topography) -> None:
     if not topography.missing:
         return
     fault = f"{topography.missing} of {topography.heights.size} heights are missing (NaN)"
-    fill = ("fill", "closes holes")
-    crop = ("crop", "leaves them out")
+    fill = Remedy("fill", "closes holes")
+    crop = Remedy("crop", "leaves them out")
     raise InputError(f"{topography.name}: {topography.advised(fault, fill, crop)}")
 
 
@@ -154,7 +154,7 @@ def _with_tilt_warning(topography: Topography) -> Topography:
         f"tilted by {tilt.x:.2g} along x and {tilt.y:.2g} along y, more than it is rough,"
         " so one edge carries the load"
     )
-    warning = topography.advised(fault, ("level plane", "takes the tilt out"))
+    warning = topography.advised(fault, Remedy("level plane", "takes the tilt out"))
     return _with_warning(topography, warning)
 
 
@@ -481,7 +481,7 @@ def surface_warnings(topography: Topography) -> list[str]:
             f"rms slope {slope:.2g} between nodes {apart:.3g} um apart: flatter than a"
             " mirror; are the heights in metres"
         )
-        warnings.append(topography.advised(fault, ("unit m", "reads them so")))
+        warnings.append(topography.advised(fault, Remedy("unit m", "reads them so")))
     if topography.boundary == "periodic" and not is_tilted(topography):
         warnings += _border_warnings(topography)
     return warnings
@@ -500,7 +500,7 @@ def _border_warnings(topography: Topography) -> list[str]:
         f"opposite borders differ by {step:.4g} um (rms), more than the rms height,"
         f" {rms_height:.4g} um: the map is not periodic"
     )
-    return [topography.advised(fault, ("boundary mirror", "takes it as it is"))]
+    return [topography.advised(fault, Remedy("boundary mirror", "takes it as it is"))]
 
 
 def _rms(values: Values) -> float:

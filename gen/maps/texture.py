@@ -141,7 +141,7 @@ def radial_spectrum(topography: Topography) -> RadialSpectrum:
     waves = _waves(topography).between(ends[0], ends[-1])
     places = np.searchsorted(ends, waves.wavenumbers, side="right") - 1
     bins = ends.size - 1
-    numbers = np.bincount(places, waves.numbers, bins)
+    numbers = np.bincount(places, waves.numbers, bins).astype(np.float64)
     powers = np.bincount(places, waves.numbers * waves.densities, bins)
     logarithms = np.bincount(places, waves.numbers * np.log(waves.wavenumbers), bins)
     full = numbers > 0
@@ -189,7 +189,7 @@ def _waves(topography: Topography) -> _Waves:
     heights = topography.heights
     nx, ny = heights.shape
     dx, dy = topography.spacing
-    window = np.ones(heights.shape)
+    window: Values = np.ones(heights.shape)
     if topography.boundary != "periodic":
         window = np.outer(_hann(nx), _hann(ny))
     with np.errstate(over="ignore", invalid="ignore"):  # heights of 1e300 um

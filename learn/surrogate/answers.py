@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from gen.arrays import Values
 from gen.maps.bodies import read_surface
-from gen.maps.read import files_in, sides_from
+from gen.maps.read import files_in, parse_sides
 from gen.maps.settings import Reading
 from gen.maps.several import OF_MAP
 from gen.material import Bodies
@@ -179,7 +179,7 @@ def rows_of_table(
     wanted = STATISTICS, ("side_x_um", "side_y_um")
     statistics, sides = (_numbers(path, cells, names) for names in wanted)
     if side:
-        given = sides_from(side)
+        given = parse_sides(side)
         if not np.allclose(sides[~np.isnan(sides[:, 0])], given, rtol=1e-3):
             raise InputError(
                 f"{path}: names other sides than --side {side}: leave that out"

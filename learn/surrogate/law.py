@@ -150,7 +150,7 @@ def of_parameters(
         np.zeros(scene.grid.shape),
         scene.grid.sides,
         boundary=surrogate.boundary,
-        apart=scene.grid.spacing,
+        exact_spacing=scene.grid.spacing,
         settings=settings,
     )
     unit = patch.nominal if load == "force" else 1.0
@@ -164,7 +164,7 @@ def of_parameters(
     hardness = numbers.get("hardness")
     if (limits := surrogate.hardness_limits) is not None and hardness is None:
         hardness = numbers.get("hardness_ratio", limits[0]) * surrogate.modulus
-    bodies = Bodies(surrogate.modulus, hardness, known=True)
+    bodies = Bodies(surrogate.modulus, hardness, has_modulus=True)
     points = _points_at(answer, kind, at, patch, bodies, also=order.also)
     tables = _learnt_tables([patch], [points], kind, order, bodies)
     tables = replace(tables, remarks=[*level_notes, *tables.remarks])

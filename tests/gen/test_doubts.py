@@ -104,7 +104,9 @@ def test_a_pressure_that_meets_the_default_modulus_is_told_and_a_normalised_one_
         ]
         (line,) = doubts(solved([NODES], pressure=2.0), load)
         assert line.endswith(default)
-        (line,) = doubts(solved([NODES], pressure=20.0), load, Bodies(2.3e5, known=True))
+        (line,) = doubts(
+            solved([NODES], pressure=20.0), load, Bodies(2.3e5, has_modulus=True)
+        )
         assert line.endswith(f"E* is 2.3e+05 MPa; {CHECK_LOAD}")
     for load in ("delta", "delta/height_rms", "pressure/(E* slope_rms)"):
         assert doubts(solved([30], pressure=2.0), load) == []
@@ -137,5 +139,5 @@ def test_a_modulus_that_is_known_is_no_default():
     assert modulus_in_words(Bodies(1.0)).endswith(
         "without a modulus (--young or --e-star)"
     )
-    for bodies in (Bodies(1.0, known=True), Bodies(2.0)):
+    for bodies in (Bodies(1.0, has_modulus=True), Bodies(2.0)):
         assert modulus_in_words(bodies) == f"E* is {bodies.e_star:g} MPa"

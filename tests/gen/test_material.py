@@ -5,7 +5,7 @@ import pytest
 
 from bem.checks import LARGEST as LARGEST_COMPUTED
 from gen.maps.contacts import require_conductivities
-from gen.material import LARGEST, MOST, Bodies, combined_modulus, loads_from
+from gen.material import LARGEST, MOST_VALUES, Bodies, combined_modulus, loads_from
 from gen.runtime.errors import InputError
 
 HUGE = "9" * 5000
@@ -49,7 +49,7 @@ def test_what_is_no_value_is_refused(text):
 
 
 @pytest.mark.parametrize(
-    "text", ["1:2:2000000000", f"1:2:{MOST},1:2:3", "1," * MOST + "1"]
+    "text", ["1:2:2000000000", f"1:2:{MOST_VALUES},1:2:3", "1," * MOST_VALUES + "1"]
 )
 def test_more_values_than_any_use_are_refused_before_they_take_memory(text):
     with pytest.raises(InputError, match="give 100,000 values at most"):

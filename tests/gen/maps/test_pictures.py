@@ -93,7 +93,7 @@ def drawn(contacts, **changes):
     captions = ContactCaptions(
         name=NAME,
         load="delta",
-        bodies=Bodies(E_STAR, contacts[0].problem.hardness, known=True),
+        bodies=Bodies(E_STAR, contacts[0].problem.hardness, has_modulus=True),
         warnings=(),
         options=AnswerOptions(),
     )

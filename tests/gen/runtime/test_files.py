@@ -152,7 +152,7 @@ def test_a_file_that_appears_meanwhile_is_replaced_only_if_it_may_be(
     target = tmp_path / "rows.h5"
 
     def make():
-        with files.unfinished(target, present, ".part") as made:
+        with files.unfinished(target, present, b"signature") as made:
             assert made.parent == tmp_path
             made.write_text("ours")
             target.write_text("theirs")
