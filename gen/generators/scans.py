@@ -194,8 +194,8 @@ class ScanSurface(GeneratedSurface):
         dx, dy = self.recorded_maps().spacing
         nx, ny = pair(self.nodes)
         if cells:
-            return (nx, ny), (dx * nx, dy * ny)
-        return (nx, ny), (dx * (nx - 1), dy * (ny - 1))
+            return Patch((nx, ny), (dx * nx, dy * ny))
+        return Patch((nx, ny), (dx * (nx - 1), dy * (ny - 1)))
 
     def recorded_maps(self) -> RecordedMaps:
         """Return the maps of the first body that the run has found.
