@@ -240,12 +240,12 @@ def _repair(file: Path, faults: "list[Fault]", other_solver: str) -> int:
             f"{file}: {_rows_are(repaired.pending.size)} pending now; the same {run_command}"
             " computes them again"
         )
-    if not repaired.left.size:
+    if not repaired.unchanged.size:
         return 0
     reason = "the bytes are those that were written, perhaps by another machine"
     if other_solver:
         reason = other_solver
-    echo(f"{file}: {_rows_are(repaired.left.size)} left as before: {reason}")
+    echo(f"{file}: {_rows_are(repaired.unchanged.size)} left as before: {reason}")
     return 1
 
 

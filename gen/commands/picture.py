@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bem import Contact
 from gen.database import Reader
 from gen.generation.plan import parameters
-from gen.generation.sample import load_of, solve_contact, surface_of
+from gen.generation.sample import absolute_load, solve_contact, surface_of
 from gen.maps.pictures import DECADES, LETTERS, contact_maps, load_text, plot_map
 from gen.material import Bodies
 from gen.quantities import AREA, DELTA, FORCE, PRESSURE, USUAL, typographic
@@ -90,8 +90,9 @@ def _plot_row(axes: NDArray[Any], scene: Scene, row: int) -> None:
     """Make the surface of one row again, solve its contact, and draw both side by side."""
     plan = parameters(scene, row, row + 1)
     heights = surface_of(scene, plan, 0)
-    load = load_of(scene, heights, float(plan.load[0]))
-    contact = solve_contact(scene, heights, hardness=plan.hardness_of(0), **load)
+    load = absolute_load(scene, heights, float(plan.load[0]))
+    hardness = plan.hardness_of(0)
+    contact = solve_contact(scene, heights, hardness=hardness, **{load.kind: load.value})
     surface = _title_of_surface(scene, row, plan.parameters_of(0))
     pressure = _title_of_contact(scene, contact)
     # A narrow map is centred in its half, so that fewer letters fit into a line above it.
