@@ -258,19 +258,16 @@ def press_one(order: PressingOrder, surface: Path, files: ContactFiles) -> None:
     if files.flattened is not None:
         _write_flattened(files.flattened, solved)
     if files.picture is not None:
-        from gen.maps.pictures import plot_contacts
+        from gen.maps.pictures import ContactCaptions, plot_contacts
 
-        plot_contacts(
-            figure,
-            solved.last,
-            rows,
-            files.picture,
+        captions = ContactCaptions(
             name=topography.name,
             load=order.load,
             bodies=order.bodies,
             warnings=warnings,
             options=order.options,
         )
+        plot_contacts(figure, solved.last, rows, files.picture, captions)
 
 
 def _write_one(surface: Path, rows: Sequence[Row], files: ContactFiles) -> None:
