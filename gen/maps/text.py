@@ -327,8 +327,8 @@ def _refuse_profile(line: str, place: str) -> None:
     if "x" in axes and 2 <= len(columns) <= 3:
         names = ", ".join(column.text for column in columns)[:40]
         raise InputError(
-            f"{place}: {names}: looks like the columns of a profile or of a list of points; give"
-            " a map of heights, or points in columns x, y and z"
+            f"{place}: {names}: looks like the columns of a profile or of a list of"
+            " points; give a map of heights, or points in columns x, y and z"
         )
 
 
@@ -423,8 +423,8 @@ def _split_line(number: int, line: str, path: Path) -> _Line:
     fields = _fields(text)
     if "," in text and _are_split(fields):
         raise InputError(
-            f"{path}, line {number}: {text[:20]!r}: its commas look like decimal commas as well as"
-            " separators; separate the numbers by ';', tabs or blanks"
+            f"{path}, line {number}: {text[:20]!r}: its commas look like decimal commas"
+            " as well as separators; separate the numbers by ';', tabs or blanks"
         )
     return _Line(number, comment.strip(), fields)
 
@@ -448,8 +448,8 @@ def _matrix(path: Path, block: _Block) -> Scan:
     _require_counts(path, entries, numbers.shape, has_lengths=extent.widths is not None)
     if entries.get("to be scaled", "").lower() in {"yes", "1", "true"}:
         raise InputError(
-            f"{path}: its header says that its numbers are to be scaled (DataScaleNeeded), which is"
-            " not read; give heights in units of length"
+            f"{path}: its header says that its numbers are to be scaled"
+            " (DataScaleNeeded), which is not read; give heights in units of length"
         )
     scale = _scale(path, entries)
     names: tuple[str, ...] = ()
@@ -484,8 +484,8 @@ def _require_counts(
             return
     raise InputError(
         f"{path}: its header states {_count_text(stated_lines)} lines of"
-        f" {_count_text(stated_columns)} numbers, it holds {shape[0]} of {shape[1]}; give the whole"
-        " file"
+        f" {_count_text(stated_columns)} numbers, it holds {shape[0]} of {shape[1]}; give"
+        " the whole file"
     )
 
 
@@ -502,8 +502,8 @@ def _scale(path: Path, entries: dict[str, str]) -> _Quantity:
         factor = conversion.number
         if unit_of(data_unit) in UNITS and factor != 1.0:
             raise InputError(
-                f"{path}: its header states numbers in {data_unit} as well as a height conversion"
-                f" factor of {factor:g}; delete the line that does not hold"
+                f"{path}: its header states numbers in {data_unit} as well as a height"
+                f" conversion factor of {factor:g}; delete the line that does not hold"
             )
         return _Quantity(factor or 1.0, conversion.unit)
     if "value unit" in entries:
@@ -574,8 +574,9 @@ def _fault_of_row(line: _Line, path: Path, *, is_first: bool) -> InputError:
     text = " ".join(line.fields)
     if is_first and word == line.fields[0] and ENTRY.fullmatch(text):
         return InputError(
-            f"{path}, line {line.number}: {text[:40]!r} belongs to a header that is not known; put"
-            " # before the lines of the header, and state lengths and units as options"
+            f"{path}, line {line.number}: {text[:40]!r} belongs to a header that is not"
+            " known; put # before the lines of the header, and state lengths and units as"
+            " options"
         )
     return _no_number(word, path, line.number)
 
@@ -626,6 +627,6 @@ def _is_number(field: str) -> bool:
 def _no_number(field: str, path: Path, line: int) -> InputError:
     """Return the error for a field that is not a number."""
     return InputError(
-        f"{path}, line {line}: {repr(field.strip())[:40]} is not a number; give numbers separated"
-        " by whitespace, commas or ';', and nan for a missing height"
+        f"{path}, line {line}: {repr(field.strip())[:40]} is not a number; give numbers"
+        " separated by whitespace, commas or ';', and nan for a missing height"
     )
