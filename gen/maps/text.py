@@ -49,9 +49,9 @@ LABELS = {
     "to be scaled": "datascaleneeded",
     "format": "file format",
 }
-# quantity of each label
+# quantity of `LABELS` for each label
 MEANINGS = {
-    word: meaning for meaning, words in LABELS.items() for word in words.split("|")
+    label: meaning for meaning, labels in LABELS.items() for label in labels.split("|")
 }
 
 ENTRY = re.compile(r"(?P<label>[^:=：]{1,40}?)\s*[:=：]\s*(?P<value>.*)")
@@ -77,7 +77,7 @@ WITH_COMMA = re.compile(r"[-+]?\d+(,\d+)?([eE][-+]?\d+)?")  # number with a deci
 # both parts of such a number, split at its comma
 WHOLE = re.compile(r"[-+]?(0|[1-9]\d*)")
 DECIMALS = re.compile(r"\d+([eE][-+]?\d+)?")
-# beginning of decimals, as 05 or 5e3, that whole numbers do not have: the comma is a decimal one
+# beginning of decimals, as 05 or 5e3, that no whole number has: their comma is a decimal one
 PLAIN_DECIMALS = re.compile(r"0\d|\d+[eE]")
 # first line of files whose header has no `#` in front
 BARE = re.compile(r"\s*(File Format\s*=|WSxM file)", re.IGNORECASE)
@@ -187,7 +187,9 @@ def read_matrices(content: bytes, path: Path) -> list[Scan]:
 
 
 def choose_matrix(path: Path, matrices: list[Scan], reading: Reading) -> Scan:
-    """Choose the matrix of a channel, and turn its x from the lines to axis 0 if it has a header.
+    """Choose the matrix of a channel, and transpose it if its header states lengths.
+
+    In such texts x runs along the lines, in maps along axis 0.
 
     Parameters
     ----------
@@ -202,7 +204,7 @@ def choose_matrix(path: Path, matrices: list[Scan], reading: Reading) -> Scan:
     Returns
     -------
     Scan
-        The matrix, with both lengths in the unit of the one along x.
+        The matrix, with both lengths in the unit of the length along x.
 
     Raises
     ------
@@ -246,7 +248,10 @@ def _channel(index: int, scan: Scan, *, overruled: bool) -> Channel:
 
 
 def _decoded(content: bytes) -> str | None:
-    """Decode UTF-8 and UTF-16, or the ASCII letters of other encodings; None if it is no text."""
+    """Decode a text in UTF-8, UTF-16 or an encoding that extends ASCII; None if it is no text.
+
+    Letters that are not ASCII become U+FFFD in encodings other than UTF-8 and UTF-16.
+    """
     encoding = "utf-8-sig"
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         encoding = "utf-16"
@@ -369,14 +374,17 @@ def _marked_lines(lines: list[str], path: Path) -> Iterator[_Line]:
 
 
 def _is_title(text: str, fields: list[str]) -> bool:
-    """Tell whether a text is made of words, none of which is a number, and no header's entry."""
+    """Tell whether a line is a title: no entry of a header, and no field begins as numbers do."""
     if ENTRY.fullmatch(text):
         return False
     return not any(BEGINS.match(word) for word in fields)
 
 
 def _bare_lines(lines: list[str], path: Path) -> Iterator[_Line]:
-    """Yield the lines of a text whose header has no # in front: all lines with words are its."""
+    """Yield the lines of a text with a header that has no # in front.
+
+    A line with a field that is no number belongs to the header.
+    """
     for number, text in enumerate(lines, start=1):
         line = _split_line(number, text, path)
         if not _are_numbers(line.fields):
@@ -417,7 +425,10 @@ def _koala_entries(line: str) -> list[str]:
 
 
 def _split_line(number: int, line: str, path: Path) -> _Line:
-    """Split a line into fields and a comment; refuse commas that both separate and are decimal."""
+    """Split a line into fields and a comment.
+
+    Fields that commas separate although their decimals have commas, too, are refused.
+    """
     text, _, comment = line.partition("#")
     text = text.strip()
     fields = _fields(text)
