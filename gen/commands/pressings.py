@@ -281,19 +281,16 @@ def press_one(order: PressingOrder, surface: Path, files: ContactFiles) -> None:
     if files.flattened is not None:
         _write_flattened(files.flattened, solved)
     if files.picture is not None:
-        from gen.maps.pictures import plot_contacts
+        from gen.maps.pictures import ContactCaptions, plot_contacts
 
-        plot_contacts(
-            figure,
-            solved.last,
-            rows,
-            files.picture,
+        captions = ContactCaptions(
             name=topography.name,
             load=order.load,
             bodies=order.bodies,
             warnings=warnings,
             options=order.options,
         )
+        plot_contacts(figure, solved.last, rows, files.picture, captions)
 
 
 def _write_one(surface: Path, rows: Sequence[Row], files: ContactFiles) -> None:
@@ -344,7 +341,7 @@ def press_several(
     several.require_one(inputs, {"--plot": files.picture, "--flattened": files.flattened})
     maps = several.files_of(inputs)
     with RunProgress(len(maps) * len(order.values), "contacts") as progress:
-        collected = several.collected(maps, lambda file: order.rows(file, progress))
+        collected = several.collect_rows(maps, lambda file: order.rows(file, progress))
     rows = [*collected.rows, *order.summaries(collected.rows)]
     printer.print_pressed_maps(rows, order.column, order.bodies)
     if files.table is not None:
