@@ -298,9 +298,9 @@ def export(
 
     with Reader(file) as reader:
         about = About.of(reader, title, creator, licence, doi)
-        rows, left_out, size = export_to(reader, output, about)
+        exported = export_to(reader, output, about)
         damage = reader.damage()
-    remark = f"; {left_out} failed or pending" if left_out else ""
-    echo(f"{output}: {rows} rows{remark}, {format_bytes(size)}")
+    remark = f"; {exported.left_out} failed or pending" if exported.left_out else ""
+    echo(f"{output}: {exported.rows} rows{remark}, {format_bytes(exported.size)}")
     if damage:
         echo(f"warning: {file}: {damage}", err=True)
