@@ -186,13 +186,13 @@ def check(
     The exit code is 0 if the database has no fault or all faults have been repaired, otherwise 1.
     """
     from gen.database import Reader, lock
-    from gen.schema import made_by_another
+    from gen.schema import made_by_other_solver
 
     with ExitStack() as stack:
         if repair:
             stack.enter_context(lock(file))
         with Reader(file) as reader:
-            other_solver = made_by_another(int(reader.attributes["physics"]))
+            other_solver = made_by_other_solver(int(reader.attributes["physics"]))
             counts = reader.counts()
         if repair:
             require_writable(file)

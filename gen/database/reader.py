@@ -41,7 +41,7 @@ from gen.schema import (
     Column,
     Reason,
     Status,
-    made_by_another,
+    made_by_other_solver,
 )
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"  # first bytes of HDF5 files
@@ -735,7 +735,7 @@ class Reader(ExitStack):
         remedy = (
             f"{command_to_type(f'gen check {self.path} --repair')} makes them pending"
         )
-        if made_by_another(int(self.attributes["physics"])):
+        if made_by_other_solver(int(self.attributes["physics"])):
             remedy = (
                 f"{command_to_type('gen run SCENE -o NEW.h5')} makes the database anew"
             )
