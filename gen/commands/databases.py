@@ -102,7 +102,7 @@ def _print_result(result: "RunResult", output: Path) -> None:
     if result.overdue:
         echo(
             f"warning: {result.overdue} rows took longer than --sample-limit and are pending;"
-            " the same command with a larger one, or without, goes on with them"
+            " the same command with a larger limit, or without one, computes them"
         )
     if counts.pending and result.signal:
         name = signal.Signals(result.signal).name
