@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from gen.runtime.documents import Row, write_csv
 from gen.runtime.errors import InputError
 from gen.runtime.figure import figure_for
-from gen.runtime.files import atomic
+from gen.runtime.files import Output, atomic, check_outputs
 from gen.runtime.terminal import RunProgress, echo
 
 if TYPE_CHECKING:  # each command imports no more than it needs
@@ -39,6 +39,29 @@ class ContactFiles:
     picture: Path | None
     flattened: Path | None
     command: str  # the command line, for the record
+
+    def check(self, inputs: Iterable[Path | str]) -> None:
+        """Refuse files that cannot be written, before anything is computed.
+
+        Parameters
+        ----------
+        inputs : iterable of Path or str
+            Files and folders that the command reads, which are not replaced.
+
+        Raises
+        ------
+        InputError
+            If a file cannot be written, or is an input or another output.
+        """
+        check_outputs(
+            [
+                Output(self.table, "--csv"),
+                Output(self.json, "--json"),
+                Output(self.picture, "--plot", "picture"),
+                Output(self.flattened, "--flattened", "heights"),
+            ],
+            inputs,
+        )
 
 
 @dataclass(frozen=True, eq=False)
