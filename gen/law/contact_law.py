@@ -17,7 +17,14 @@ from bem.problem import Boundary
 from gen.arrays import Values
 from gen.doubts import Pressed, contact_doubts, material_doubts
 from gen.law.bands import assumption, described
-from gen.law.between import check_loads, merged, solve_between
+from gen.law.between import (
+    LINE_ROUNDS,
+    ROUNDS,
+    check_loads,
+    merged,
+    solve_beside_lines,
+    solve_between,
+)
 from gen.law.curves import (
     APART,
     Curves,
@@ -540,15 +547,14 @@ def _with_contacts_between(law: Law, solver: Solver) -> Law:
     between = SolverBetween(
         law, replace(solver, order=order, judges=False, passes=BETWEEN)
     )
-    law = replace(
-        law,
-        between_pressures=solve_between(
-            law.over_pressure, law.nodes, between.at_pressures
-        ),
-    )
-    if order.straight and law.between_pressures is not None:
-        checks = between.at_pressures(check_loads(law.over_pressure), judging=True)
+    table = law.over_pressure
+    rounds = LINE_ROUNDS if order.straight and table.conducting else ROUNDS
+    contacts = solve_between(table, law.nodes, between.at_pressures, rounds)
+    if order.straight and contacts is not None:
+        contacts = solve_beside_lines(table, contacts, law.nodes, between.at_pressures)
+        checks = between.at_pressures(check_loads(table), judging=True)
         law = replace(law, checks=checks)
+    law = replace(law, between_pressures=contacts)
     if not both:
         return law
     if len(solver.surfaces) > 1:

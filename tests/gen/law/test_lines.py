@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gen.law.between import Column
+from gen.law.lines import Column
 
 
 def column(at, values, own=None):
