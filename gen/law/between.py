@@ -138,20 +138,17 @@ def _halves(low: Values, middles: Values, high: Values) -> tuple[Values, Values]
     return np.sort(lower), np.sort(upper)
 
 
-def solve_beside_lines(
-    table: Curves, between: Curves, nodes: int, solve: Solve
-) -> Curves:
-    """Solve contacts where lines of the conductance with the room of CalculiX may be far off.
+def solve_for_lines(table: Curves, nodes: int, solve: Solve) -> Curves | None:
+    """Solve contacts between the loads of a table whose points are joined by straight lines.
 
-    Between two contacts the conductance lies between its values there. Where lines may thus be
-    further off than `POSSIBLE`, the interval is halved, and lines are laid anew.
+    Between two contacts the conductance lies between its values there. Where lines with the room of
+    CalculiX may thus be further off than `POSSIBLE`, the interval is halved, and lines are laid
+    anew. A table without a conductance is solved by `solve_between` alone.
 
     Parameters
     ----------
     table : Curves
-        Table of a law against pressure.
-    between : Curves
-        Contacts that were solved between its loads.
+        Table of a law against pressure, (k,).
     nodes : int
         Number of nodes of its smallest surface.
     solve : callable
@@ -159,15 +156,19 @@ def solve_beside_lines(
 
     Returns
     -------
-    Curves
-        All contacts between the loads of the table, at most `MOST_CONTACTS` if not given more.
+    Curves or None
+        The further contacts; None without any.
     """
     if not table.conducting:
-        return between
+        return solve_between(table, nodes, solve)
+    between = solve_between(table, nodes, solve, LINE_ROUNDS)
+    if between is None:
+        return None
     for _ in range(IMPROVEMENTS):
         known = merged(_usable(table), between)
         middles = _doubtful(known, np.isin(known.at, table.at), nodes)
-        middles = np.sort(middles[: max(MOST_CONTACTS - between.at.size, 0)])
+        contacts_left = max(MOST_CONTACTS - between.at.size, 0)
+        middles = np.sort(middles[:contacts_left])
         if not middles.size:
             break
         contacts = solve(middles)
@@ -185,7 +186,7 @@ def _doubtful(known: Curves, asked: NDArray[np.bool_], nodes: int) -> Values:
     pressures = known.at
     conductances = known.curves[known.conducting].value
     close = in_range(known, nodes)
-    rest = known.rest.get(known.conducting, 0.0)
+    rest = known.at_rest.get(known.conducting, 0.0)
     line = Column.through(
         np.append(0.0, pressures),
         np.append(rest, conductances),
@@ -269,7 +270,7 @@ def merged(first: Curves, second: Curves) -> Curves:
     curves: dict[str, Curve] = {}
     for name, curve in first.curves.items():
         if name in second.curves:
-            rest = first.rest.get(name, 0.0)
+            rest = first.at_rest.get(name, 0.0)
             curves[name] = _joined(name, curve, second.curves[name], at, order, rest)
     reasons = np.array([*first.reasons, *second.reasons], dtype=object)
     return replace(
