@@ -34,7 +34,7 @@ FORESEEN = 0.01
 ROUNDS = 5
 """Number of times that an interval between two loads is halved at most."""
 
-LINE_ROUNDS = 3
+LINE_ROUNDS = 2
 """The same number where straight lines are improved afterwards."""
 
 NEAR = 1.5
@@ -204,7 +204,8 @@ def _doubtful(known: Curves, asked: NDArray[np.bool_], nodes: int) -> Values:
     doubtful = (close[:-1] | close[1:]) & (possible > POSSIBLE)
     doubtful &= pressures[1:] > CLOSEST * pressures[:-1]
     middles = np.sqrt(pressures[:-1] * pressures[1:])[doubtful]
-    return middles[np.argsort(-possible[doubtful], kind="stable")]
+    furthest_first = np.argsort(-possible[doubtful], kind="stable")
+    return np.asarray(middles[furthest_first])
 
 
 def check_loads(table: Curves) -> Values:
@@ -225,7 +226,7 @@ def check_loads(table: Curves) -> Values:
         return np.empty(0)
     between = at[:-1] * (at[1:] / at[:-1]) ** CHECK_AT
     places = np.linspace(0, between.size - 1, CHECKS).round().astype(int)
-    return between[np.unique(places)]
+    return np.asarray(between[np.unique(places)])
 
 
 def _usable(table: Curves) -> Curves:

@@ -23,8 +23,8 @@ FINE = 16
 GOOD = 0.01
 """Relative distance from the law up to which lines of a table without a bound are long."""
 
-TOLERABLE = 0.015
-"""Relative distance up to which a table with little room keeps the points that were asked for."""
+TOLERABLE = 0.04
+"""Relative distance up to which lines with little room go through the points asked for."""
 
 FAR_WEIGHT = 0.25
 """Weight of a distance where few or nearly all nodes touch; it is 1 elsewhere."""
@@ -34,6 +34,9 @@ ANY = 1e6
 
 HALVINGS = 7
 """Number of halvings by which the least distance is searched for."""
+
+MOST_WIDTH = 10.0
+"""Half width of a corridor, as a share of the law, in which a path is looked for at most."""
 
 MOST_PLACES = 300
 """Number of places among which the vertices of a path are chosen, unless more points are known."""
@@ -155,13 +158,16 @@ class Column:
         curve[FINE:] = curve_through(at[1:], values[1:], powers=powers)(fine[FINE:])
         fine[::FINE] = at
         curve[::FINE] = values
+        close = inside.copy()  # with the intervals that lead there
+        close[:-1] |= inside[1:]
+        close[1:] |= inside[:-1]
         before = np.floor(steps).astype(int)
         behind = np.ceil(steps).astype(int)
         return cls(
             at=fine,
             curve=curve,
             asked=FINE * np.flatnonzero(asked),
-            inside=inside[before] | inside[behind],
+            inside=close[before] & close[behind],
         )
 
     @property
@@ -204,8 +210,9 @@ class Column:
     def laid(self, room: int | None = None, *, filled: bool = False) -> Line:
         """Lay points so that straight lines follow the law best.
 
-        The points lie on the law, those that were asked for among them, unless the table has no
-        room for that or lines were off by more than `TOLERABLE`. Then they lie beside the law.
+        Without a bound the points lie on the law. With room for few they lie beside it, and the
+        lines go through the points that were asked for unless they were off by more than
+        `TOLERABLE`.
 
         Parameters
         ----------
@@ -222,40 +229,41 @@ class Column:
         if room is None:
             return self._on_law(self._within(GOOD, self.asked))
         if self.asked.size <= room:
-            places = self._nearest(room, self.asked)
-            if filled:
-                places = self._with_further(places, room)
-            line = self._on_law(places)
+            line = self._beside_law(room, self.asked, filled=filled)
             if not self.deviation(line).inside > TOLERABLE:
                 return line
-        return self._beside_law(room, filled=filled)
+        ends = np.unique(self.asked[[0, min(1, self.asked.size - 1), -1]])
+        return self._beside_law(room, ends, filled=filled)
 
     def _on_law(self, places: Indices) -> Line:
         """Return the straight lines between some places on the law."""
         return Line(self.at[places], self.curve[places])
 
-    def _beside_law(self, room: int, *, filled: bool) -> Line:
-        """Lay points beside the law where a path of few lines stays nearest to it."""
-        places = self._path_within_room(room)
+    def _beside_law(self, room: int, kept: Indices, *, filled: bool) -> Line:
+        """Lay points where a path of few lines through the kept places stays nearest to the law."""
+        places = self._path_within_room(room, kept)
         if places is None:
-            ends = np.unique(self.asked[[0, min(1, self.asked.size - 1), -1]])
-            places = self._nearest(room, ends)
+            return self._on_law(self._nearest(room, kept))
         if filled:
             places = self._with_further(places, room)
-        return self._balanced(places)
+        return self._balanced(places, kept)
 
-    def _path_within_room(self, room: int) -> Indices | None:
+    def _path_within_room(self, room: int, kept: Indices) -> Indices | None:
         """Return the places of the nearest path to the law of at most `room` points, or None."""
         high = GOOD
-        while (path := self._path(high)) is None or path.size > room:
+        path = self._path(high, kept)
+        while path is None or path.size > room:
             high *= 2
-            if high > ANY:
+            if high > MOST_WIDTH:
                 return None
-        low = high / 2 if high > GOOD else GOOD / 4
+            path = self._path(high, kept)
         best = path
+        low = high / 2
+        if high == GOOD:
+            low = GOOD / 4
         for _ in range(HALVINGS):
             middle = float(np.sqrt(low * high))
-            path = self._path(middle)
+            path = self._path(middle, kept)
             if path is not None and path.size <= room:
                 best = path
                 high = middle
@@ -263,7 +271,7 @@ class Column:
                 low = middle
         return best
 
-    def _path(self, allowed: float) -> Indices | None:
+    def _path(self, allowed: float, kept: Indices) -> Indices | None:
         """Return the places of the fewest points whose lines are off by what is allowed at most."""
         known = (self.at.size - 1) // FINE
         stride = FINE
@@ -272,50 +280,61 @@ class Column:
         places = np.arange(FINE, self.at.size, stride)
         curve = self.curve[places]
         width = allowed * curve / self.weights[places]
-        width[[0, -1]] = 0.0
+        width[np.isin(places, kept)] = 0.0
         path = shortest_path(self.at[places], curve, width)
         return None if path is None else np.append(0, places[path])
 
-    def _balanced(self, places: Indices) -> Line:
-        """Move points between the ends of the law up or down, until lines are off least.
+    def _balanced(self, places: Indices, kept: Indices) -> Line:
+        """Return the lines between some places that are off least and go through the kept places.
 
-        This is a linear program in the values at these places and the weighted distance. Values do
-        not fall where those on the law do not.
+        The values at the places, and the weighted distance, are the unknowns of a linear program.
         """
         from scipy.optimize import linprog
 
-        points = places.size
         fine = np.arange(FINE, self.at.size)
         fine = fine[self.curve[fine] > 0]
-        right = np.clip(np.searchsorted(places, fine), 1, points - 1)
-        share = self.at[fine] - self.at[places[right - 1]]
-        share /= self.at[places[right]] - self.at[places[right - 1]]
-        lines = np.zeros((fine.size, points + 1))
-        rows = np.arange(fine.size)
-        lines[rows, right - 1] = (1 - share) / self.curve[fine]
-        lines[rows, right] = share / self.curve[fine]
-        distance = np.zeros_like(lines)
-        distance[:, -1] = 1 / self.weights[fine]
-        rises = np.zeros((points - 1, points + 1))
-        steps = np.arange(points - 1)
-        rises[steps, steps] = 1.0
-        rises[steps, steps + 1] = -1.0
-        on_law = self.curve[places]
-        least_rises = LEAST_RISE * np.maximum(np.diff(on_law), 0)
-        rising = np.diff(on_law) >= -LEVEL * on_law[1:]
-        bounds: list[tuple[float, float | None]] = [(0.0, None)] * (points + 1)
-        for end in (0, int(np.searchsorted(places, FINE)), points - 1):
-            bounds[end] = (float(on_law[end]), float(on_law[end]))
+        lines = self._shares(places, fine) / self.curve[fine, None]
         one = np.ones(fine.size)
+        distance = -1 / self.weights[fine, None]
+        falls, least_falls = self._falls(places)
+        no_distance = np.zeros((falls.shape[0], 1))
+        through = self._shares(places, kept)
         program = linprog(
-            np.append(np.zeros(points), 1.0),
-            A_ub=np.vstack([lines - distance, -lines - distance, rises[rising]]),
-            b_ub=np.concatenate([one, -one, -least_rises[rising]]),
-            bounds=bounds,
+            np.append(np.zeros(places.size), 1.0),
+            A_ub=np.block([[lines, distance], [-lines, distance], [falls, no_distance]]),
+            b_ub=np.concatenate([one, -one, least_falls]),
+            A_eq=np.column_stack([through, np.zeros(kept.size)]),
+            b_eq=self.curve[kept],
         )
         if program.x is None:
             return self._on_law(places)
-        return Line(self.at[places], program.x[:points])
+        return Line(self.at[places], program.x[:-1])
+
+    def _shares(self, places: Indices, fine: Indices) -> Values:
+        """Return the shares of values at m places in lines at k fine arguments, (k, m)."""
+        right = np.clip(np.searchsorted(places, fine), 1, places.size - 1)
+        left = right - 1
+        start = self.at[places[left]]
+        share = (self.at[fine] - start) / (self.at[places[right]] - start)
+        shares = np.zeros((fine.size, places.size))
+        rows = np.arange(fine.size)
+        shares[rows, left] = 1 - share
+        shares[rows, right] = share
+        return shares
+
+    def _falls(self, places: Indices) -> tuple[Values, Values]:
+        """Return what values at m places fall by, as rows of m shares, and the most they may fall.
+
+        Where the law rises from one place to the next, values rise by `LEAST_RISE` of it at least.
+        """
+        on_law = self.curve[places]
+        rises = np.diff(on_law)
+        steps = np.flatnonzero(rises >= -LEVEL * on_law[1:])
+        falls = np.zeros((steps.size, places.size))
+        rows = np.arange(steps.size)
+        falls[rows, steps] = 1.0
+        falls[rows, steps + 1] = -1.0
+        return falls, -LEAST_RISE * np.maximum(rises[steps], 0)
 
     def _with_further(self, places: Indices, room: int) -> Indices:
         """Add places, each where the straight lines are furthest off, until there is no room."""
