@@ -49,7 +49,7 @@ POSSIBLE = 0.05
 IMPROVEMENTS = 6
 """Number of times that contacts are solved beside lines, which are laid anew each time."""
 
-MOST_CONTACTS = 400
+MOST_CONTACTS = 500
 """Number of contacts between the loads of a law up to which lines are improved."""
 
 CLOSEST = 1.003
