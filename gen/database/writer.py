@@ -22,15 +22,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gen.arrays import Columns, Indices
-from gen.database.reader import (
-    Reader,
-    checksums_of,
-    chunks,
-    first_line,
-    open_file,
-    require_scene,
-    stored_path,
-)
+from gen.database.opening import first_line, open_file, require_scene, stored_path
+from gen.database.reader import Reader, checksums_of, chunks
 from gen.runtime.errors import InputError, errno_of
 from gen.runtime.files import require_writable
 from gen.scene import Scene
