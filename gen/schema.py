@@ -310,7 +310,7 @@ COLUMNS: tuple[Column, ...] = (
 surfaces' generator, which stand behind `surface`."""
 
 
-def made_by_another(physics: int) -> str:
+def made_by_other_solver(physics: int) -> str:
     """Say that results of a physics number are those of an earlier or a later solver.
 
     Parameters

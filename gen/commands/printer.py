@@ -11,7 +11,14 @@ import numpy as np
 from gen.quantities import QUANTITIES
 from gen.runtime.memory import format_bytes
 from gen.runtime.terminal import echo, print_columns
-from gen.schema import PHYSICS_CHANGES, REASONS, RUNTIME, TABLE_1, Status, made_by_another
+from gen.schema import (
+    PHYSICS_CHANGES,
+    REASONS,
+    RUNTIME,
+    TABLE_1,
+    Status,
+    made_by_other_solver,
+)
 
 if TYPE_CHECKING:  # each command imports no more than it needs
     from collections.abc import Mapping, Sequence
@@ -85,7 +92,7 @@ def _print_origin(reader: Reader) -> None:
         f" layout {attributes['schema']}, physics {attributes['physics']}"
     )
     physics = int(attributes["physics"])
-    other_solver = made_by_another(physics)
+    other_solver = made_by_other_solver(physics)
     if other_solver:
         echo(f"            {other_solver}")
         for number, change in PHYSICS_CHANGES.items():

@@ -36,7 +36,7 @@ from gen.schema import (
     Column,
     Reason,
     Status,
-    made_by_another,
+    made_by_other_solver,
 )
 
 CHUNK_BYTES = 8 * 2**20  # most bytes of a column that are in memory at once
@@ -333,7 +333,7 @@ class Reader(ExitStack):
         remedy = (
             f"{command_to_type(f'gen check {self.path} --repair')} makes them pending"
         )
-        if made_by_another(int(self.attributes["physics"])):
+        if made_by_other_solver(int(self.attributes["physics"])):
             remedy = (
                 f"{command_to_type('gen run SCENE -o NEW.h5')} makes the database anew"
             )

@@ -29,7 +29,7 @@ from gen.schema import (
     Column,
     Reason,
     Status,
-    made_by_another,
+    made_by_other_solver,
 )
 
 Mask = NDArray[np.bool_]  # one truth value for each row of a chunk
@@ -171,7 +171,7 @@ def repair(path: Path, faults: Sequence[Fault]) -> Repair:
     """
     with Reader(path) as reader:
         scene = reader.scene
-        other_physics = made_by_another(int(reader.attributes["physics"]))
+        other_physics = made_by_other_solver(int(reader.attributes["physics"]))
     faulty = _union([fault.rows for fault in faults])
     pending = _union([])
     if not other_physics:
@@ -318,7 +318,7 @@ def _compared_columns(reader: Reader) -> list[Column]:
         for column in reader.columns()
         if column.deterministic and column != CHECKSUM
     ]
-    if not made_by_another(int(reader.attributes["physics"])):
+    if not made_by_other_solver(int(reader.attributes["physics"])):
         return columns
     of_surfaces = {"surface", "heights", *(column.name for column in TABLE_1)}
     return [column for column in columns if column.name in of_surfaces]
