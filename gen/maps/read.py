@@ -42,8 +42,8 @@ NEAREST = 1e-6
 WIDEST = 1e4
 # what warnings say of a length that is out of this range
 BEYOND_INSTRUMENTS = (
-    "which no instrument measures; compare with the instrument's own display, and overrule the file"
-    " by --side or --unit with --override-scale"
+    "which no instrument measures; compare with the instrument's own display, and"
+    " overrule the file by --side or --unit with --override-scale"
 )
 # relative difference up to which the lengths of a file and those of `--side` agree
 AGREEING = 1e-3
@@ -299,8 +299,9 @@ def read(
     ignores_period = scan.repeats and boundary != "periodic"
     if ignores_period and not for_windows and not reading.crop:
         warnings.append(
-            f"the file says that its map is periodic, and it is taken as a {boundary} patch:"
-            " --boundary periodic of gen describe, contact and law follows the file"
+            f"the file says that its map is periodic, and it is taken as a {boundary}"
+            " patch: --boundary periodic of gen describe, contact and law follows the"
+            " file"
         )
     return replace(topography, warnings=tuple(warnings))
 
@@ -369,8 +370,8 @@ def _agreed_unit(path: Path, scan: Scan, reading: Reading) -> _AgreedUnit:
     if not reading.override_scale:
         numbers = "lengths" if scan.length_unit is None else "heights"
         raise InputError(
-            f"{path}: its {numbers} are in {scan.unit}, --unit says {reading.unit}; leave that"
-            " out, or overrule the file by --override-scale"
+            f"{path}: its {numbers} are in {scan.unit}, --unit says {reading.unit}; leave"
+            " that out, or overrule the file by --override-scale"
         )
     return _AgreedUnit(reading.unit, f"unit {scan.unit}, taken as {reading.unit}")
 
@@ -420,8 +421,8 @@ def _contradicted_sides(
     if boundary == "free":
         scale += " between its outer nodes"
     return InputError(
-        f"{path}: is {scale}, --side says {reading.side}; leave that out, or overrule the file by"
-        " --override-scale"
+        f"{path}: is {scale}, --side says {reading.side}; leave that out, or overrule the"
+        " file by --override-scale"
     )
 
 
@@ -438,8 +439,8 @@ def _sides_of_user(path: Path, scan: Scan, reading: Reading, boundary: Boundary)
         along_x, along_y = spacings_along(scan.heights.shape, boundary)
         square = x / along_x * along_y
         raise InputError(
-            f"{path}: has {nx} x {ny} nodes; give --side two lengths, {x:g},{square:g} for square"
-            f" cells or {x:g},{x:g} for a square patch"
+            f"{path}: has {nx} x {ny} nodes; give --side two lengths, {x:g},{square:g}"
+            f" for square cells or {x:g},{x:g} for a square patch"
         )
     return x, y
 
@@ -468,8 +469,8 @@ def parse_sides(text: str) -> Sides:
         if len(lengths) in {1, 2} and inside:
             return lengths[0], lengths[-1]
     raise InputError(
-        f"--side {text!r}: give the scan length in um, a number from {SMALLEST:g} to {LARGEST:g},"
-        " or two as 1000,500"
+        f"--side {text!r}: give the scan length in um, a number from {SMALLEST:g} to"
+        f" {LARGEST:g}, or two as 1000,500"
     )
 
 
@@ -540,7 +541,8 @@ def _require_map(path: Path, heights: Heights) -> None:
     infinite = int(np.count_nonzero(np.isinf(heights)))
     if infinite:
         raise InputError(
-            f"{path}: {infinite} of {heights.size} heights are infinite; give finite heights"
+            f"{path}: {infinite} of {heights.size} heights are infinite; give finite"
+            " heights"
         )
 
 
