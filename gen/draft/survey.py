@@ -12,13 +12,9 @@ import numpy as np
 from gen.arrays import Heights, Values
 from gen.doubts import STEEP
 from gen.maps.areal import areal_parameters
+from gen.maps.codes import refuse_overflowing_heights, with_code_warnings
 from gen.maps.filters import MOST_HOLES, fitted_polynomial, resampled
-from gen.maps.outliers import (
-    local_medians,
-    refuse_overflowing_heights,
-    scatter_of,
-    with_code_warnings,
-)
+from gen.maps.outliers import local_medians, scatter_of
 from gen.maps.prepare import FLAT, MANY_SPIKES, least_squares, prepare
 from gen.maps.read import Sides, Topography, read, spacing_text
 from gen.maps.settings import SPIKE, Reading, in_scene_words
