@@ -180,7 +180,7 @@ def fitted(
     )
     values = baseline(name, features.name)
     if way == "tuned":
-        values = space_of(name, features.name)[2] | FEWER.get(name, {})
+        values = space_of(name, features.name).default | FEWER.get(name, {})
     wanted = Settings({**values, **(settings or {})}, way == "tuned", way)
     plan, folds = planned(name, train, calibration), np.zeros(train.size, np.int8)
     fit = fit_target(request, train, plan, folds, settings=wanted, other=calibration)

@@ -142,7 +142,7 @@ def with_conditions(request: Request, choice: Any) -> Request:
     conditions = {
         "features": "paper",
         "load": request.load,
-        **folder.record()["conditions"],
+        **folder.record().conditions.content(),
     }
     for part in (folder, *others):
         _tuned(part, request.models[0])
