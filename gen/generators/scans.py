@@ -79,7 +79,9 @@ FILES = "a file, a folder or a pattern as 'scans/*.x3p', or a list of these"
 
 def _another_or_files(value: object, info: ValidationInfo) -> str | tuple[str, ...]:
     """Accept "another", or what `_files` accepts."""
-    return ANOTHER if value == ANOTHER else _files(value, info)
+    if value == ANOTHER:
+        return ANOTHER
+    return _files(value, info)
 
 
 AnotherOrFiles = Annotated[str | tuple[str, ...], PlainValidator(_another_or_files)]
@@ -304,9 +306,9 @@ class ScanSurface(GeneratedSurface):
         shapes = tuple(scanned.nodes for scanned in recorded.maps)
         if maps.shapes != shapes or maps.spacing != recorded.spacing:
             raise SourceError(
-                "the maps are read with other nodes or another spacing than when the database was"
-                f" made: {maps.shapes} every {maps.spacing} um, {shapes} every {recorded.spacing}"
-                " um then"
+                "the maps are read with other nodes or another spacing than when the"
+                f" database was made: {maps.shapes} every {maps.spacing} um, {shapes}"
+                f" every {recorded.spacing} um then"
             )
         _OPEN[body] = maps
 
@@ -335,13 +337,12 @@ class ScanSurface(GeneratedSurface):
 
     def _recipe(self) -> library.Recipe:
         """Return how the files are to be read and prepared."""
+        spacing = None
+        if self.spacing is not None:
+            spacing = pair(self.spacing)
         settings = {**self.reading.model_dump(), **self.preparation.model_dump()}
         stated = {name: value for name, value in settings.items() if value is not None}
-        return library.Recipe(
-            window=pair(self.nodes),
-            spacing=None if self.spacing is None else pair(self.spacing),
-            reading=Reading(**stated),
-        )
+        return library.Recipe(pair(self.nodes), spacing, Reading(**stated))
 
     def remarks(self) -> list[str]:
         """Return lines about the maps for the user of a run: numbers, place and warnings."""
@@ -440,14 +441,14 @@ def _require_company(first: RecordedMaps, second: RecordedMaps) -> None:
             f"{maps.spacing[0]:g} x {maps.spacing[1]:g}" for maps in (first, second)
         )
         raise InputError(
-            f"the maps of both bodies have a node every {spacings} um: give surface.spacing, to"
-            " which all are resampled"
+            f"the maps of both bodies have a node every {spacings} um: give"
+            " surface.spacing, to which all are resampled"
         )
     of_first = {scanned.sha256 for scanned in first.maps}
     for scanned in second.maps:
         if scanned.sha256 in of_first:
             raise InputError(
-                f"{scanned.file}: is one of files and of against: against = 'another' takes a"
-                " second window of the same map, otherwise a surrogate would be tested on nodes"
-                " that it was trained on"
+                f"{scanned.file}: is one of files and of against: against = 'another'"
+                " takes a second window of the same map, otherwise a surrogate would be"
+                " tested on nodes that it was trained on"
             )

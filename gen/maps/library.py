@@ -90,7 +90,9 @@ def _files_of_pattern(pattern: str, folder: Path) -> list[Path]:
     path = folder / name
     if path.is_file() or path.is_dir():
         return files_in(path)
-    start = Path(name.anchor) if name.anchor else folder
+    start = folder
+    if name.anchor:
+        start = Path(name.anchor)
     matches = start.glob(str(name.relative_to(name.anchor)))
     return sorted(match for match in matches if match.is_file())
 
@@ -118,8 +120,8 @@ def digests(paths: Iterable[Path]) -> list[str]:
         sha256 = digest(path)
         if sha256 in files:
             raise InputError(
-                f"{path} and {files[sha256]} are the same map: leave one out, or a surrogate would"
-                " be tested on nodes that it was trained on"
+                f"{path} and {files[sha256]} are the same map: leave one out, or a"
+                " surrogate would be tested on nodes that it was trained on"
             )
         files[sha256] = path
     return list(files)
@@ -160,12 +162,12 @@ def locate_map(recorded: Path, sha256: str, folder: Path | None) -> Path:
             f" {sha256[:12]}...; a changed map is another scene"
         )
     raise InputError(
-        f"{recorded}: the map is gone that the database was made of; put it back there or beside"
-        f" the database (SHA-256 {sha256[:12]}...)"
+        f"{recorded}: the map is gone that the database was made of; put it back there or"
+        f" beside the database (SHA-256 {sha256[:12]}...)"
     )
 
 
-# number of this way to read and prepare: raised whenever the code gives other heights or warnings
+# number of this way to read and prepare maps: raised whenever heights or warnings change
 READER = 3
 
 
@@ -281,8 +283,8 @@ def _new_library(
         home = _temporary_folder(make=True)
     if home is None:
         raise InputError(
-            f"there is no folder for prepared maps: {folder or tempfile.gettempdir()} cannot be"
-            " written to; set TMPDIR to a folder of yours"
+            f"there is no folder for prepared maps: {folder or tempfile.gettempdir()}"
+            " cannot be written to; set TMPDIR to a folder of yours"
         )
     path = _file_of_key(home, key)
     damaged = path.exists()
@@ -335,7 +337,9 @@ def _rounded(spacing: Sides) -> Sides:
     """Round two spacings to 12 digits, and make them equal if they nearly are."""
     x = float(f"{spacing[0]:.12g}")
     y = float(f"{spacing[1]:.12g}")
-    return (x, x) if is_same(x, y) else (x, y)
+    if is_same(x, y):
+        return x, x
+    return x, y
 
 
 def _prepared_one_by_one(paths: Sequence[Path], recipe: Recipe) -> Iterator[PreparedMap]:
@@ -372,7 +376,8 @@ def _require_spacing(path: Path, spacing: Sides, first: Path, expected: Sides) -
     if not same_x or not same_y:
         raise InputError(
             f"{path} has a node every {spacing_text(spacing)} um, {first} every"
-            f" {spacing_text(expected)} um: give spacing, to which all are resampled, or downsample"
+            f" {spacing_text(expected)} um: give spacing, to which all are resampled, or"
+            " downsample"
         )
 
 
@@ -380,8 +385,9 @@ def _require_window(path: Path, shape: Shape, window: Shape) -> None:
     """Refuse a map that is smaller than the window."""
     if shape[0] < window[0] or shape[1] < window[1]:
         raise InputError(
-            f"{path}: has {shape[0]} x {shape[1]} nodes after its preparation, less than the window"
-            f" of {window[0]} x {window[1]}: give fewer nodes, or leave the map out"
+            f"{path}: has {shape[0]} x {shape[1]} nodes after its preparation, less than"
+            f" the window of {window[0]} x {window[1]}: give fewer nodes, or leave the"
+            " map out"
         )
 
 
@@ -496,8 +502,11 @@ def _table_of(file: BinaryIO) -> Any:
     place, length, sha256 = file.readline(LONGEST_START).decode().split()
     file.seek(int(place))
     text = file.read(int(length) + 1)
-    whole = len(text) == int(length) and hashlib.sha256(text).hexdigest() == sha256
-    return json.loads(text) if start == MAPS and whole else None
+    if start != MAPS or len(text) != int(length):
+        return None
+    if hashlib.sha256(text).hexdigest() != sha256:
+        return None
+    return json.loads(text)
 
 
 def _mapped(path: Path, entry: dict[str, Any]) -> NDArray[np.float64]:
@@ -508,9 +517,9 @@ def _mapped(path: Path, entry: dict[str, Any]) -> NDArray[np.float64]:
     )
 
 
-# side of a tile over that of the window, at least, where the map is large enough
+# smallest side of a tile over that of the window, where the map is large enough
 WIDE = 2
-# tiles along an axis that a map has at least, where it holds that many windows side by side
+# smallest number of tiles along an axis of a map that holds as many windows side by side
 FEWEST = 2
 
 

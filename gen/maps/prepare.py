@@ -15,14 +15,9 @@ from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
 from gen.doubts import STEEP, steep_slopes
+from gen.maps.codes import refuse_overflowing_heights, with_code_warnings
 from gen.maps.filters import filled, filtered, without_form
-from gen.maps.outliers import (
-    local_medians,
-    refuse_overflowing_heights,
-    scatter_of,
-    with_code_warnings,
-    with_outlier_warnings,
-)
+from gen.maps.outliers import local_medians, scatter_of, with_outlier_warnings
 from gen.maps.read import BEYOND_INSTRUMENTS, NEAREST, WIDEST, Remedy, Topography
 from gen.maps.settings import KEYS, SPIKE, Reading, as_option, numbers_in
 from gen.runtime.errors import InputError
@@ -36,11 +31,11 @@ MANY_SPIKES = 0.01
 def prepare(topography: Topography, settings: Reading) -> Topography:
     """Crop, invert, mask, despike, level, fill, filter and downsample a map, in this order.
 
-    The order is a metrologist's. The mask comes before the spikes, so that heights out of range
-    are no part of any median. The spikes come before the level, because they would bend a fit, and
-    before the holes, which are filled from their rims. A filter needs all nodes, and no slope at
-    the borders. Means of nodes come last, when the S-filter has removed the waves that they would
-    fold back.
+    Metrologists take the steps in this order. The mask comes before the spikes, so that heights out
+    of range are no part of any median. The spikes come before the level, because they would bend a
+    fit, and before the holes, which are filled from their rims. A filter needs all nodes, and no
+    slope at the borders. Means of nodes come last, when the S-filter has removed the waves that
+    they would fold back.
 
     Parameters
     ----------
@@ -82,8 +77,8 @@ def _refuse_two_forms(settings: Reading) -> None:
     """Raise InputError if both a level and a form are to be subtracted."""
     if settings.level and settings.form is not None:
         raise InputError(
-            f"--level {settings.level} and --form {settings.form} given: give one; forms of"
-            " degree 1 and 2 are levels too"
+            f"--level {settings.level} and --form {settings.form} given: give one; forms"
+            " of degree 1 and 2 are levels too"
         )
 
 
@@ -151,8 +146,8 @@ def _with_tilt_warning(topography: Topography) -> Topography:
         return topography
     tilt = least_squares(replace(topography, heights=heights)).tilt
     fault = (
-        f"tilted by {tilt.x:.2g} along x and {tilt.y:.2g} along y, more than it is rough, so one"
-        " edge carries the load"
+        f"tilted by {tilt.x:.2g} along x and {tilt.y:.2g} along y, more than it is rough,"
+        " so one edge carries the load"
     )
     warning = topography.advised(fault, Remedy("level plane", "takes the tilt out"))
     return _with_warning(topography, warning)
@@ -239,7 +234,7 @@ def cropped(topography: Topography, text: str) -> Topography:
 
 
 def inverted(topography: Topography) -> Topography:
-    """Turn a map upside down, of heights that point into the material.
+    """Turn a map upside down, because its heights point into the material.
 
     Parameters
     ----------
@@ -314,8 +309,8 @@ def despiked(topography: Topography, threshold: float) -> Topography:
         spikes = np.abs(distances) > threshold * scatter
     replaced = _share(spikes)
     step = (
-        f"despiked: {replaced} further than {threshold:g} times the scatter from their local"
-        " median"
+        f"despiked: {replaced} further than {threshold:g} times the scatter from their"
+        " local median"
     )
     clean = topography.changed(np.where(spikes, medians, heights), step)
     if spikes.mean() <= MANY_SPIKES:
@@ -478,8 +473,8 @@ def surface_warnings(topography: Topography) -> list[str]:
     # Reading a map warns of nodes that are too far apart, which makes slopes small, too.
     if 0 < slope < FLAT and apart <= WIDEST:
         fault = (
-            f"rms slope {slope:.2g} between nodes {apart:.3g} um apart: flatter than a mirror; are"
-            " the heights in metres"
+            f"rms slope {slope:.2g} between nodes {apart:.3g} um apart: flatter than a"
+            " mirror; are the heights in metres"
         )
         warnings.append(topography.advised(fault, Remedy("unit m", "reads them so")))
     if topography.boundary == "periodic" and not is_tilted(topography):
