@@ -197,10 +197,12 @@ def _surface_moments(surface: ScaledHeights, ratio: float) -> SurfaceMoments:
     # Table 1 has no skewness and kurtosis of all heights: an infinite noise leaves them out.
     heights = _moments(nodes.ravel(), surface.lowest, noise=math.inf)
     peaks = _peaks(nodes.ravel(), along_x, along_y, ratio)
+    peak_moments = _point_moments(peaks, surface, ratio)
+    del peaks  # which may take as much memory as the heights
     asperities = _asperities(nodes.ravel(), along_x, along_y, ratio)
     return SurfaceMoments(
         heights=heights,
-        peaks=_point_moments(peaks, surface, ratio),
+        peaks=peak_moments,
         asperities=_point_moments(asperities, surface, ratio),
         bandwidth_x=_bandwidth(along_x, heights.variance, surface.noise),
         bandwidth_y=_bandwidth(along_y, heights.variance, surface.noise),

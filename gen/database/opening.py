@@ -71,7 +71,7 @@ def rows_of(attributes: Mapping[str, str | int]) -> range:
     first, count = (int(attributes[name]) for name in PART_NUMBERS)
     if not (0 <= first < samples and 1 <= count <= samples - first):
         raise ValueError(
-            f"it is said to hold {count} rows from row {first} on, of {samples}"
+            f"it claims {count} rows from row {first} on, of a scene of {samples} rows"
         )
     return range(first, first + count)
 

@@ -79,21 +79,22 @@ def propose_like(path: Path, reading: Reading) -> Likeness:
     """
     [survey] = require_usable(survey_maps([path], reading))
     reading = with_steps(reading, [survey])
-    measured = measure(survey, reading)
-    topography = measured.topography
+    prepared = measure(survey, reading)
+    topography = prepared.topography
     if topography is None:
-        raise InputError(f"no map can be used: {path}: {measured.survey.fault}")
+        raise InputError(f"no map can be used: {path}: {prepared.survey.fault}")
     stretch = _stretch(topography)
     fit = _fitted(path, topography, stretch)
     step = float(f"{min(topography.spacing):.6g}")
     spectrum = _for_generator(fit.spectrum, stretch, step)
     windows = _roughness(_windows(topography.heights), topography.spacing)
     unscaled = _roughness(_generated(spectrum, step), (step, step))
-    # Heights and both slopes are proportional: this one gives the windows' slope between nodes.
+    # The waves of these surfaces have an rms slope of 1. Heights and slopes between nodes are
+    # proportional to it: with this one the surfaces are as steep as windows of the map.
     slope = windows.rms_slope / unscaled.rms_slope
     height = unscaled.rms_height * slope
     return Likeness(
-        survey=measured.survey,
+        survey=prepared.survey,
         reading=reading,
         fit=fit,
         spectrum=spectrum,

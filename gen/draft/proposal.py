@@ -134,7 +134,10 @@ def _unless_narrow(survey: MapSurvey, nodes: int) -> MapSurvey:
 
 
 def _nodes_for(used: Sequence[MapSurvey], spacing: float | None) -> int:
-    """Choose the nodes along each side of the windows of maps; refuse maps that are too small."""
+    """Choose the nodes a side of windows; without a spacing [um] maps keep the one that they share.
+
+    Raise InputError if all maps are too small.
+    """
     step = spacing or max(used[0].spacing)
     lengths = [survey.length for survey in used if not math.isnan(survey.length)]
     length = math.nan
@@ -168,7 +171,8 @@ def with_steps(reading: Reading, surveys: Sequence[MapSurvey]) -> Reading:
     Returns
     -------
     Reading
-        The same reading with the keys despike, level and fill.
+        The same reading with the keys `despike`, which is None if no map has spikes, `level`, a
+        quadratic if a map is curved, and `fill`, for maps with holes.
     """
     spikes = [survey.spikes for survey in surveys if survey.spikes is not None]
     is_curved = any(survey.is_curved for survey in surveys)

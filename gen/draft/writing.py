@@ -349,9 +349,9 @@ class _Loads:
 
 
 def _load(bodies: Bodies, slopes: Sequence[float], nodes: int) -> str:
-    """Return the table of loads for bodies, by rms slopes of surfaces and the nodes of a surface.
+    """Return the table of loads on bodies, from first contacts to a large part of the surface.
 
-    The range is from first contacts that the grid resolves to a large part of the surface.
+    `slopes` are the rms slopes of surfaces [1], `nodes` the number of all nodes of a surface.
     """
     smallest_area = min(FEWEST_NODES / nodes, LARGEST_AREA / 10)
     if bodies.hardness is None:
@@ -371,7 +371,7 @@ def _load(bodies: Bodies, slopes: Sequence[float], nodes: int) -> str:
 
 
 def _elastic_loads(smallest_area: float) -> _Loads:
-    """Return loads over E* rms slope, the smallest of which brings this share into contact.
+    """Return loads over E* rms slope; the smallest brings this share of a patch into contact.
 
     The contact area of elastic bodies under a mean pressure p is about KAPPA p / (E* rms slope).
     """
@@ -386,7 +386,7 @@ def _elastic_loads(smallest_area: float) -> _Loads:
 
 
 def _yielding_loads(smallest_area: float, elastic: float, hardness: float) -> _Loads:
-    """Return loads [MPa], the smallest of which brings this share of a patch into contact.
+    """Return loads [MPa]; the smallest brings this share of a patch into contact.
 
     The contact area under a mean pressure p is about p / `elastic`, where `elastic` is E* rms slope
     / KAPPA [MPa], and at least p / `hardness`. It has two scales, so loads are pressures.

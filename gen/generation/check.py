@@ -43,7 +43,7 @@ class Fault:
 
     rows: Indices  # (k,), numbers of the rows
     words: str
-    # Whether the file's bytes are at fault. Other last bits of another machine are not.
+    # False if the file has the bytes that were written, and this machine computes other last bits.
     damaged: bool = True
 
     def __str__(self) -> str:

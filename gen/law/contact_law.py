@@ -18,7 +18,7 @@ from bem.problem import Boundary
 from gen.arrays import Values
 from gen.doubts import material_doubts
 from gen.law.bands import assumption, described
-from gen.law.between import check_loads, merged, solve_between
+from gen.law.between import check_loads, merged, solve_between, solve_for_lines
 from gen.law.curves import APART, Curves, Points, held, risen, tabulated
 from gen.law.order import ARGUMENTS, Load, Order
 from gen.law.solver import LawSolver, SolvedLoads, ends_below
@@ -363,7 +363,8 @@ def _with_contacts_between(law: Law, solver: LawSolver) -> Law:
         order = replace(order, grid_error=False, flow=False)
     solver = replace(solver, order=order, judges=False, passes=BETWEEN)
     between = SolverBetween(law, solver)
-    pressures = solve_between(law.over_pressure, law.nodes, between.at_pressures)
+    solve_pressures = solve_for_lines if order.straight else solve_between
+    pressures = solve_pressures(law.over_pressure, law.nodes, between.at_pressures)
     checks: Curves | None = None
     if order.straight and pressures is not None:
         checks = between.at_checks(check_loads(law.over_pressure))
