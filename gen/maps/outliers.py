@@ -37,8 +37,8 @@ class LocalLevels:
     """Planes through the heights around each of k nodes, fitted by medians."""
 
     medians: Values  # height of each plane at its node [um], shape (k,)
-    # change of height of each plane from one node to the next along x, and along y [um], both of
-    # shape (k, 1, 1)
+    # change of height of each plane from one node to the next along x, and along y [um]; the shape
+    # is (k, 1, 1)
     along_x: Values
     along_y: Values
 
