@@ -167,7 +167,7 @@ def locate_map(recorded: Path, sha256: str, folder: Path | None) -> Path:
     )
 
 
-# number of this way to read and prepare: raised whenever the code gives other heights or warnings
+# number of this way to read and prepare maps: raised whenever heights or warnings change
 READER = 3
 
 
@@ -517,9 +517,9 @@ def _mapped(path: Path, entry: dict[str, Any]) -> NDArray[np.float64]:
     )
 
 
-# side of a tile over that of the window, at least, where the map is large enough
+# smallest side of a tile over that of the window, where the map is large enough
 WIDE = 2
-# tiles along an axis that a map has at least, where it holds that many windows side by side
+# smallest number of tiles along an axis of a map that holds as many windows side by side
 FEWEST = 2
 
 

@@ -218,7 +218,8 @@ class _FileLengths:
     def agree_with(self, reading: Reading) -> bool:
         """Tell whether the lengths are those of `--side` but for their last digits.
 
-        Users may give the lengths of all pixels instead, unless they overrule the file.
+        Users may give the lengths of all pixels instead, unless they overrule the file. InputError
+        if `--side` holds no lengths.
         """
         sides = parse_sides(reading.side)
         if np.allclose(sides, self.patch, rtol=AGREEING):
@@ -259,7 +260,8 @@ def read(
         The file: .npy, text, or an instrument's.
     reading : Reading
         The settings, of which `side`, `unit`, `channel` and `override_scale` count. Side and unit
-        are needed if the file lacks them, and refused if it has others.
+        are needed if the file lacks them, and refused if they differ from those of the file and do
+        not overrule it.
     boundary : {"free", "periodic", "mirror"}
         Boundary of the patch.
     for_windows : bool
@@ -275,7 +277,7 @@ def read(
     ------
     InputError
         If the file cannot be read or holds no map of heights, its channel is unknown, or a length
-        or unit is missing, wrong, or given although the file has another one.
+        or unit is missing, wrong, or contradicts the file.
     """
     scan = _read_scan(path, reading)
     unit = _agreed_unit(path, scan, reading)
@@ -363,7 +365,7 @@ def _agreed_unit(path: Path, scan: Scan, reading: Reading) -> _AgreedUnit:
             raise InputError(f"{path}: names no unit; give --unit, one of {NAMED_UNITS}")
         return _AgreedUnit(reading.unit)
     if not reading.unit:
-        factor_of(scan.unit, f"{path}: unit")
+        factor_of(scan.unit, f"{path}: unit")  # refuses an unknown unit
         return _AgreedUnit(scan.unit)
     if UNITS.get(unit_of(scan.unit)) == UNITS[unit_of(reading.unit)]:
         return _AgreedUnit(reading.unit)
