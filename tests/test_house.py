@@ -165,7 +165,7 @@ def files_in_circles(package: str) -> set[frozenset[str]]:
     for middle, beyond in leads.items():  # Warshall's closure
         for targets in leads.values():
             if middle in targets:
-                targets |= beyond
+                targets.update(beyond)
     inside = {module for module in leads if module in leads[module]}
     return {
         frozenset(
