@@ -185,9 +185,10 @@ def test_a_population_has_a_soft_and_a_stiff_side(tmp_path, program, capsys):
     for side, closure, conductance in (("soft", "high", "low"), ("stiff", "low", "high")):
         path = tmp_path / f"joint-{side}.inp"
         assert f"wrote {path}" in wrote
-        ends = f"The {side} side of the band: its {closure} closures and {conductance} conductances"
+        columns = f"its {closure} closures and {conductance} conductances"
+        ends = f"The {side} side of the band: {columns}"
         assert ends in said(path)
-        words = "Band: 80 % of further surfaces lie inside, at each load by itself; 3 surfaces, whose"
+        words = "Band: 80 % of further surfaces lie inside, at each load by itself; 3 surfaces,"
         assert words in said(path)
         blocks = read(path)
         behaviour = blocks[TABLE]
