@@ -222,7 +222,8 @@ def _agreed_sides(
         length_unit = scan.length_unit or unit or "um"
         own_scale = f"lengths in {length_unit}"
         if not side or not reading.override_scale or unit_of(length_unit) in UNITS:
-            advice = f"give {said('side', asked)} with {said('override_scale', asked)}, or lengths in"
+            override = said("override_scale", asked)
+            advice = f"give {said('side', asked)} with {override}, or lengths in"
             factor = factor_of(length_unit, f"{path}: unit of lengths", advice)
             x, y = (
                 w * n / of for w, n, of in zip(scan.widths, lengths, nodes, strict=True)
