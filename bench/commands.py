@@ -50,7 +50,7 @@ def describe_program(*, version: command_line.Version = False) -> None:
 
 def main(arguments: Sequence[str], name: str = "bench") -> int:
     """Run one command line; return its exit code."""
-    return command_line.main(app, arguments, name, alone=True)
+    return command_line.main(app, arguments, name, single_process=True)
 
 
 @app.command()

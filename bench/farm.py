@@ -33,8 +33,9 @@ from bench.files import Row
 from bench.report import remark
 from gen import database
 from gen.arrays import Columns
-from gen.generation.run import Block, blocks_of, generate_database, opened
+from gen.generation.run import blocks_of, generate_database
 from gen.generation.sample import compute_rows
+from gen.generation.sinks import open_sink
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.installation import command_for
@@ -216,7 +217,7 @@ def time_writers(spec: Spec, path: Path, world: farm.World) -> Seconds:
     """Write files with each writer in turn; every process of the world has to call it."""
     writers = ["single", "parallel"] if database.parallel_hdf5() else ["single"]
     seconds: Seconds = {writer: [] for writer in writers}
-    blocks = list(blocks_of(spec.scene, [(0, spec.rows)], world.workers))
+    blocks = list(blocks_of(spec.scene, [range(spec.rows)], world.workers))
     template = template_of(spec.scene, blocks)
     for number in range(spec.rounds):
         for writer in writers[:: (-1) ** number]:  # A B B A: drifts cancel
@@ -236,7 +237,7 @@ def time_writers(spec: Spec, path: Path, world: farm.World) -> Seconds:
 def write(
     path: Path,
     scene: Scene,
-    blocks: Sequence[Block],
+    blocks: Sequence[range],
     template: Columns,
     world: farm.World,
     *,
@@ -246,29 +247,21 @@ def write(
 
     Return the time from the first task to the closed file [s].
     """
-    with opened(path, scene, world, parallel=parallel) as writer:
+    with open_sink(path, scene, world, parallel=parallel) as sink:
 
-        def work(block: Block) -> Any:
-            rows = {
-                name: values[: block[1] - block[0]] for name, values in template.items()
-            }
-            if writer is not None and parallel:
-                writer.write_block(*block, rows)
-            return rows["status"] if parallel else rows
-
-        def take(block: Block, result: Any) -> None:
-            if writer is not None and not parallel:
-                writer.write_block(*block, result)
+        def work(block: range) -> Columns:
+            rows = {name: values[: len(block)] for name, values in template.items()}
+            return sink.deliver(block, rows)
 
         world.broadcast(None)
         began = time.perf_counter()
-        farm.run(work, iter(blocks), take, world)
+        farm.run(work, iter(blocks), sink.receive, world)
     return time.perf_counter() - began
 
 
-def template_of(scene: Scene, blocks: Sequence[Block]) -> Columns:
+def template_of(scene: Scene, blocks: Sequence[range]) -> Columns:
     """Return rows for the largest block; the fields are random, as zeros could be cheaper."""
-    count = max(stop - start for start, stop in blocks)
+    count = max(map(len, blocks))
     rows = {
         column.name: np.full(column.shape(count, scene.shape), column.fill, column.dtype)
         for column in columns_for(scene)
@@ -278,15 +271,16 @@ def template_of(scene: Scene, blocks: Sequence[Block]) -> Columns:
     return rows
 
 
-def require_rows(path: Path, blocks: Sequence[Block], template: Columns) -> None:
+def require_rows(path: Path, blocks: Sequence[range], template: Columns) -> None:
     """Raise ValueError unless all rows have arrived, each in its place."""
     with database.Reader(path) as reader:
         if reader.counts().done != len(reader.column("status")):
             raise ValueError(f"rows are missing: {reader.counts()}")
-        for start, stop in blocks:
-            (last,) = reader.column("pressure", stop - 1, stop)
-            if not np.array_equal(last, template["pressure"][stop - 1 - start]):
-                raise ValueError(f"row {stop - 1} is not what was written")
+        for block in blocks:
+            row = block[-1]
+            (last,) = reader.column("pressure", row, row + 1)
+            if not np.array_equal(last, template["pressure"][len(block) - 1]):
+                raise ValueError(f"row {row} is not what was written")
 
 
 def main(program: str, specification: str) -> None:

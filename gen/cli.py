@@ -20,20 +20,18 @@ from gen.runtime import command_line
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
 COMMANDS = (
-    *(
-        run,
-        info,
-        contact,
-        law,
-        describe,
-        plot,
-        columns,
-        check,
-        merge,
-        export,
-        estimate,
-        scene,
-    ),
+    run,
+    info,
+    contact,
+    law,
+    describe,
+    plot,
+    columns,
+    check,
+    merge,
+    export,
+    estimate,
+    scene,
 )
 """In the order of the help."""
 
@@ -44,5 +42,5 @@ app.callback(
     help="Generate databases of rough-surface contact, inspect them, and solve single problems."
 )(command_line.take_version)
 
-main = partial(command_line.main, app, name="gen", together=["run"])
+main = partial(command_line.main, app, name="gen", collective=["run"])
 """Run one command line, a sequence of words, under a `name`; return its exit code."""

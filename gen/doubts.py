@@ -1,10 +1,9 @@
 """Reasons to distrust a contact problem, in one wording for all commands.
 
-A problem is doubted for what a slip of a unit or a missing modulus does to it: a material that no
-solid has, surfaces that are too steep for the theory, loads that press every node into contact or
-no more than one, and pressures that real bodies would not bear. A single problem is doubted for
-any of its contacts. Of a database, where single rows may be extreme on purpose, the same is said
-if it holds for most rows.
+A slip of a unit or a missing modulus gives a material that no solid has, surfaces that are too
+steep for the theory, loads that press every node into contact or one at most, or pressures at which
+real bodies yield. Each of these is a reason. A single problem is doubted if one of its contacts
+gives a reason. A database may have extreme rows on purpose: it is doubted if most of its rows do.
 """
 
 from __future__ import annotations
@@ -12,47 +11,57 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
 from gen.material import Bodies
 
-HARDNESSES = (1e-4, 0.2)
-"""Hardness over E* of solids: soft metals have some 1e-3, glasses and polymers up to 0.1."""
+LEAST_HARDNESS = 1e-4
+GREATEST_HARDNESS = 0.2
+"""Bounds of hardness over E* of solids: soft metals have 1e-3, glasses and polymers up to 0.1."""
 
 STIFFEST = 2e6
 """E* above which there is no solid; diamond has 1.2e6 [MPa]."""
 
-SLIPS = (
-    (1e-3, "is the modulus in GPa"),
-    (1e3, "is the hardness in GPa"),
-    (1e-6, "is the hardness in Pa"),
-    (1e6, "is the modulus in Pa"),
-)
-"""Likely slips of a unit: the factor that corrects hardness over E*, and the question to ask."""
+SLIPS = {
+    1e-3: "is the modulus in GPa",
+    1e3: "is the hardness in GPa",
+    1e-6: "is the hardness in Pa",
+    1e6: "is the modulus in Pa",
+}
+"""Question about a likely slip of a unit, by the factor that corrects hardness over E*. The first
+question that applies is asked."""
 
-# E* over the pressure from which a warning is due: the hardness of steel is 2 GPa at 230 GPa, and
-# only glasses, ceramics and rubber bear more than a hundredth of E*
 YIELDING = 100
+"""E* over the pressure above which a warning is due: the hardness of steel is 2 GPa at an E* of
+230 GPa, and only glasses, ceramics and rubber bear more than a hundredth of E*."""
 
-# rms slope above which half-space theory, made for small slopes, is in doubt; the paper's rough
-# surfaces have 0.10 to 0.44
 STEEP = 0.3
-# rms slope above which a row of a database is too steep; wide populations exceed STEEP on purpose
+"""Rms slope above which the theory of the half-space, made for small slopes, is in doubt; the
+paper's rough surfaces have 0.10 to 0.44."""
+
 STEEP_ROW = 1.0
+"""Rms slope above which a row of a database is too steep; wide populations exceed `STEEP` on
+purpose."""
 
-MOST = 0.5  # share of a database's rows above which a doubt about them is told
+DOUBTED_SHARE = 0.5
+"""Share of a database's rows above which a doubt about them is told."""
 
-OPTIONS = "--young or --e-star"  # what gives the modulus of a command
-KEYS = "modulus in [contact]"  # and of a scene
+OPTIONS = "--young or --e-star"
+"""Options of commands that give the modulus."""
+
+KEYS = "modulus in [contact]"
+"""Key of scenes that gives the modulus."""
 
 CHECK_LOAD = "check the load and the unit of the heights"
 
 
 @dataclass(frozen=True)
 class Pressed:
-    """What doubts about one solved contact need."""
+    """The numbers of one solved contact that doubts are about."""
 
     delta: float  # far-field displacement [um]
     largest_pressure: float  # [MPa]
@@ -61,7 +70,7 @@ class Pressed:
 
 @dataclass(frozen=True, eq=False)
 class SolvedRows:
-    """What doubts about solved rows of a database need: arrays of shape (rows,)."""
+    """The numbers of solved rows of a database that doubts are about: arrays of shape (rows,)."""
 
     delta: Values  # far-field displacement [um]
     span: Values  # difference of the highest and the lowest node [um]
@@ -70,23 +79,28 @@ class SolvedRows:
     pressure: Values  # nominal pressure [MPa]
 
 
+class DeltaOnSurface(NamedTuple):
+    """A displacement, and the span of the heights of the surface that it is applied to."""
+
+    delta: float  # [um]
+    span: float  # difference of the highest and the lowest node [um]
+
+
+NO_FULL_CONTACT = DeltaOnSurface(math.inf, math.nan)
+NO_SINGLE_NODE = DeltaOnSurface(-math.inf, math.nan)
+
+
 @dataclass(frozen=True)
 class Tally:
     """Counts and extremes of the rows of a database, which add up over its parts."""
 
     rows: int = 0
     full: int = 0  # rows in which every node touches
-    full_from: tuple[float, float] = (
-        math.inf,
-        math.nan,
-    )  # least Delta of these, and its span [um]
+    full_from: DeltaOnSurface = NO_FULL_CONTACT  # smallest Delta of these rows
     single: int = 0  # rows in which one node touches, or none
-    single_to: tuple[float, float] = (
-        -math.inf,
-        math.nan,
-    )  # largest Delta of these, and its span
+    single_to: DeltaOnSurface = NO_SINGLE_NODE  # largest Delta of these rows
     steep: int = 0  # rows whose rms slope is above STEEP_ROW
-    steepest: float = 0.0  # largest rms slope
+    steepest: float = 0.0  # largest rms slope of these rows
     pressure: float = 0.0  # largest nominal pressure [MPa]
 
     @classmethod
@@ -107,16 +121,15 @@ class Tally:
         """
         if not rows.delta.size:
             return cls()
-        full = np.flatnonzero(rows.contact_nodes == nodes)
-        single = np.flatnonzero(rows.contact_nodes <= 1)
+        full = rows.contact_nodes == nodes
+        single = rows.contact_nodes <= 1
         steep = rows.slope > STEEP_ROW  # false where the slope is not known
-        pairs = list(zip(rows.delta.tolist(), rows.span.tolist(), strict=True))
         return cls(
             rows=rows.delta.size,
-            full=full.size,
-            full_from=min((pairs[row] for row in full), default=cls.full_from),
-            single=single.size,
-            single_to=max((pairs[row] for row in single), default=cls.single_to),
+            full=int(np.count_nonzero(full)),
+            full_from=min(_deltas(rows, full), default=NO_FULL_CONTACT),
+            single=int(np.count_nonzero(single)),
+            single_to=max(_deltas(rows, single), default=NO_SINGLE_NODE),
             steep=int(np.count_nonzero(steep)),
             steepest=float(rows.slope.max(where=steep, initial=0.0)),
             pressure=float(rows.pressure.max()),
@@ -136,6 +149,15 @@ class Tally:
         )
 
 
+def _deltas(rows: SolvedRows, places: NDArray[np.bool_]) -> list[DeltaOnSurface]:
+    """Return the displacements of some of the rows, with the spans of their surfaces."""
+    deltas = rows.delta[places].tolist()
+    spans = rows.span[places].tolist()
+    return [
+        DeltaOnSurface(delta, span) for delta, span in zip(deltas, spans, strict=True)
+    ]
+
+
 def material_doubts(bodies: Bodies) -> list[str]:
     """Doubt numbers that no solid has, and ask for the likely slip of a unit.
 
@@ -149,26 +171,35 @@ def material_doubts(bodies: Bodies) -> list[str]:
     list of str
         One line, or none.
     """
-    low, high = HARDNESSES
-    ratio = low if bodies.hardness is None else bodies.hardness / bodies.e_star
-    if not low <= ratio <= high:
-        slips = [words for factor, words in SLIPS if low <= ratio * factor <= high]
-        slip = (
-            [*slips, "are the units right"][0]
-            if bodies.known
-            else "is the modulus left out"
-        )
-        numbers = f"hardness over E* is {ratio:.3g}, solids have {low:g} to {high:g}"
+    ratio = bodies.hardness_ratio
+    if ratio is not None and not _is_of_a_solid(ratio):
+        question = "is the modulus left out"
+        if bodies.has_modulus:
+            question = _likely_slip(ratio)
+        bounds = f"solids have {LEAST_HARDNESS:g} to {GREATEST_HARDNESS:g}"
         units = f"Both count in MPa, and E* is {bodies.e_star:.4g} MPa (steel: 2.3e5)"
-        return [f"{numbers}: {slip}? {units}"]
+        return [f"hardness over E* is {ratio:.3g}, {bounds}: {question}? {units}"]
     if bodies.e_star > STIFFEST:
-        numbers = f"E* is {bodies.e_star:.3g} MPa, diamond has 1.2e6"
-        return [f"{numbers}: is the modulus in Pa? It counts in MPa (steel: 210e3)"]
+        modulus = f"E* is {bodies.e_star:.3g} MPa, diamond has 1.2e6"
+        return [f"{modulus}: is the modulus in Pa? It counts in MPa (steel: 210e3)"]
     return []
 
 
+def _is_of_a_solid(ratio: float) -> bool:
+    """Return whether there are solids with this hardness over E*."""
+    return LEAST_HARDNESS <= ratio <= GREATEST_HARDNESS
+
+
+def _likely_slip(ratio: float) -> str:
+    """Return the question about the slip of a unit that explains a hardness over E*."""
+    for factor, question in SLIPS.items():
+        if _is_of_a_solid(ratio * factor):
+            return question
+    return "are the units right"
+
+
 def modulus_in_words(bodies: Bodies, given_by: str = OPTIONS) -> str:
-    """Say what E* is, and what gives it if nothing does.
+    """Say what E* is, and which option or key gives it if it is the default.
 
     Parameters
     ----------
@@ -183,7 +214,7 @@ def modulus_in_words(bodies: Bodies, given_by: str = OPTIONS) -> str:
         Part of a sentence.
     """
     modulus = f"E* is {bodies.e_star:.4g} MPa"
-    if bodies.known or bodies.e_star != 1.0:
+    if bodies.has_modulus or bodies.e_star != 1.0:
         return modulus
     return f"{modulus}, the default without a modulus ({given_by})"
 
@@ -196,9 +227,10 @@ def steep_slopes(slope: float, apart: float, where: str = "") -> str:
     slope : float
         Rms slope between neighbouring nodes [1].
     apart : float
-        Distance of these nodes [um].
+        Distance of neighbouring nodes [um].
     where : str
-        Part of the sentence that says for which rows this holds.
+        Part of the sentence that says for which rows this holds, with what separates it from the
+        words before; "" for a single surface.
 
     Returns
     -------
@@ -213,7 +245,10 @@ def steep_slopes(slope: float, apart: float, where: str = "") -> str:
 
 
 def _full_contact(delta: float, span: float, advice: str, where: str = "") -> str:
-    """Doubt loads under which every node touches, from a displacement [um] on."""
+    """Return a line that doubts loads under which every node touches, from a Delta [um] on.
+
+    The heights have this span [um]. `where` says for which rows this holds.
+    """
     return (
         f"from Delta = {delta:.4g} um on every node touches{where}, the heights span"
         f" {span:.4g} um: {advice}"
@@ -243,11 +278,9 @@ def contact_doubts(
     """
     doubts: list[str] = []
     largest = max(contact.largest_pressure for contact in solved)
-    limit = bodies.e_star / YIELDING
-    # without a material, a force or a pressure scales with an E* that nobody gave
-    unscaled = load != "delta" and not bodies.known
+    # Without a material, a force or a pressure scales with an E* that the user did not give.
+    unscaled = load != "delta" and not bodies.has_modulus
     full = [contact.delta for contact in solved if contact.contact_nodes == heights.size]
-    beyond = [contact.delta for contact in solved if contact.largest_pressure > limit]
     if full:
         advice = modulus_in_words(bodies) if unscaled else CHECK_LOAD
         doubts.append(_full_contact(min(full), float(np.ptp(heights)), advice))
@@ -255,19 +288,31 @@ def contact_doubts(
         doubts.append(
             f"the largest pressure is {largest:.4g} MPa: {modulus_in_words(bodies)}"
         )
-    if beyond and bodies.known and bodies.hardness is None:
-        start = f"from Delta = {min(beyond):.4g} um on, " if len(solved) > 1 else ""
-        units = (
-            ", and check E*: moduli count in MPa (210e3)"
-            if largest > bodies.e_star
-            else ""
-        )
-        doubts.append(
-            f"{start}the largest pressure ({largest:.4g} MPa) is above E*/{YIELDING:g} ="
-            f" {limit:.4g} MPa: real metals and polymers would have yielded, and their contact area"
-            f" is larger than this elastic one; give --hardness{units}"
-        )
+    if bodies.has_modulus and bodies.hardness is None:
+        doubts += _yielding_doubts(bodies, solved, largest)
     return doubts
+
+
+def _yielding_doubts(
+    bodies: Bodies, solved: Sequence[Pressed], largest: float
+) -> list[str]:
+    """Return a line if real bodies yield at the largest pressure [MPa] of elastic contacts."""
+    limit = bodies.e_star / YIELDING
+    beyond = [contact.delta for contact in solved if contact.largest_pressure > limit]
+    if not beyond:
+        return []
+    start = ""
+    if len(solved) > 1:
+        start = f"from Delta = {min(beyond):.4g} um on, "
+    units = ""
+    if largest > bodies.e_star:
+        units = ", and check E*: moduli count in MPa (210e3)"
+    line = (
+        f"{start}the largest pressure ({largest:.4g} MPa) is above E*/{YIELDING:g} ="
+        f" {limit:.4g} MPa: real metals and polymers would have yielded, and their contact area"
+        f" is larger than this elastic one; give --hardness{units}"
+    )
+    return [line]
 
 
 def rows_doubts(
@@ -275,7 +320,8 @@ def rows_doubts(
 ) -> list[str]:
     """Doubt a database by its rows, or by rows that were tried before it is made.
 
-    One slip has one line: what follows from steep surfaces is not told beside them.
+    One slip has one line: loads that are too large or too small for steep surfaces are not told in
+    a line of their own.
 
     Parameters
     ----------
@@ -296,26 +342,29 @@ def rows_doubts(
         One line for each doubt.
     """
     doubts: list[str] = []
-    of_all = f"of {tally.rows} {noun}"
-    many = MOST * tally.rows
-    in_units = load in {"pressure", "force"}  # which E* scales; other loads follow it
+    share = f"of {tally.rows} {noun}"
+    half = DOUBTED_SHARE * tally.rows
+    scales_with_modulus = load in {"pressure", "force"}
     modulus = modulus_in_words(bodies, KEYS)
     advice = CHECK_LOAD
-    if in_units:
-        advice = f"{modulus}; {CHECK_LOAD}" if bodies.known else modulus
-    if tally.steep > many:  # then full and light contacts follow from the slopes
-        where = f", above {STEEP_ROW:g} in {tally.steep} {of_all}"
+    if scales_with_modulus and bodies.has_modulus:
+        advice = f"{modulus}; {CHECK_LOAD}"
+    elif scales_with_modulus:
+        advice = modulus
+    if tally.steep > half:
+        where = f", above {STEEP_ROW:g} in {tally.steep} {share}"
         doubts.append(steep_slopes(tally.steepest, apart, where))
-    elif tally.full > many:
-        where = f" in {tally.full} {of_all}"
-        return [_full_contact(*tally.full_from, advice, where)]
-    elif tally.single > many:
-        delta, span = tally.single_to
+    elif tally.full > half:
+        start = tally.full_from
+        where = f" in {tally.full} {share}"
+        return [_full_contact(start.delta, start.span, advice, where)]
+    elif tally.single > half:
+        end = tally.single_to
         doubts.append(
-            f"up to Delta = {delta:.4g} um one node touches at most in {tally.single} {of_all},"
-            f" the heights span {span:.4g} um: {advice}"
+            f"up to Delta = {end.delta:.4g} um one node touches at most in {tally.single} {share},"
+            f" the heights span {end.span:.4g} um: {advice}"
         )
-    if in_units and tally.pressure > bodies.e_star:
+    if scales_with_modulus and tally.pressure > bodies.e_star:
         doubts.append(
             f"the largest nominal pressure is {tally.pressure:.4g} MPa: {modulus}"
         )

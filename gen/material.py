@@ -1,27 +1,33 @@
-"""What users give to a contact by numbers: its loads, and the material of the bodies.
+"""Numbers that users give to a contact: its loads, the material of the bodies, a gas in the gap.
 
-Loads are typed as numbers or series of them; the material is E* of one body or of two, and the
-hardness; a gas may fill the gap. The same numbers are refused everywhere.
+Loads are typed as numbers or series of numbers. The material is E* of one elastic body or of two,
+and the hardness of the softer one. All commands refuse the same numbers.
 """
 
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 from gen.runtime.errors import InputError
-from gen.runtime.terminal import shown
+from gen.runtime.terminal import quoted
 
 if TYPE_CHECKING:
     from gen.arrays import Heights
 
-SMALLEST, LARGEST = 1e-38, 1e38
-"""Ends of lengths [um], loads, moduli, hardnesses [MPa] and conductivities [W/(m K)]: those of
-single precision, in which the solver takes its steps and models see their inputs. The end above is
-`bem.checks.LARGEST`, which is not imported here so that --help does not wait for NumPy."""
+SMALLEST = 1e-38
+LARGEST = 1e38
+"""Bounds of lengths [um], loads, moduli, hardnesses [MPa] and conductivities [W/(m K)]: those of
+single precision, in which the solver takes its steps and models see their inputs. The upper bound
+is `bem.checks.LARGEST`, which is not imported here so that --help does not wait for NumPy."""
 
-MOST = 100_000  # most values of one option
-DIGITS = 18  # most digits of a whole number: enough for 2^59, and few enough for 64 bits
+MOST_VALUES = 100_000
+"""Largest number of values of one option."""
+
+DIGITS = 18
+"""Largest number of digits of a whole number: enough for 2^59, and few enough for 64 bits."""
+
 SERIES = re.compile(rf"([^:]+):([^:]+):\s*([0-9]{{1,{DIGITS}}})\s*(:\s*log\s*)?")
 """Start, stop and count of a series, and perhaps the mark of an even ratio."""
 
@@ -36,25 +42,58 @@ class Gas(NamedTuple):
     """A gas that fills the gap and conducts heat."""
 
     conductivity: float  # [W/(m K)]
-    # Jump distance [um]: what the gap is wider by for a gas whose molecules fly as far as it is.
+    # Jump distance [um], by which the gap conducts as if it were wider: molecules of the gas fly
+    # about as far between two collisions as the gap is wide.
     jump_distance: float
 
     @classmethod
     def of_options(cls, conductivity: float | None, jump_distance: float | None) -> "Gas":
-        """Return the gas of the options of `gen law`, which needs both."""
-        given = {"--gas-conductivity": conductivity, "--jump-distance": jump_distance}
-        for (option, value), unit in zip(given.items(), ("W/(m K)", "um"), strict=True):
-            if value is None:
-                raise InputError(
-                    f"a gas needs {' and '.join(given)}: {option} is missing"
-                )
-            require_within(option, value, unit)
-        return cls(conductivity, jump_distance)  # type: ignore[arg-type]
+        """Return the gas of the options of `gen law`.
+
+        Parameters
+        ----------
+        conductivity : float or None
+            Conductivity [W/(m K)]; None if the option is left out.
+        jump_distance : float or None
+            Jump distance [um]; None if the option is left out.
+
+        Returns
+        -------
+        Gas
+            The gas.
+
+        Raises
+        ------
+        InputError
+            If an option is left out, or its number is beyond `SMALLEST` and `LARGEST`.
+        """
+        return cls(
+            _required_of_gas("--gas-conductivity", conductivity, "W/(m K)"),
+            _required_of_gas("--jump-distance", jump_distance, "um"),
+        )
+
+    @property
+    def by_keys(self) -> dict[str, float]:
+        """Both numbers by the keys that documents have for them, with units."""
+        return {
+            "gas_conductivity_W_per_m_K": self.conductivity,
+            "gas_jump_distance_um": self.jump_distance,
+        }
 
     def conductance(self, gap: "Heights") -> float:
-        """Return the mean over all nodes, where a gap [um] is open, of k / (gap + M) [W/(mm2 K)].
+        """Compute the conductance of the gas, k / (gap + M), as a mean over all nodes.
 
-        Where bodies touch, the gap is 0 and the heat that passes is that of the spots.
+        Where bodies touch, the gap is 0 and conducts nothing: heat passes through the spots.
+
+        Parameters
+        ----------
+        gap : ndarray, shape (nx, ny)
+            Gap between the bodies [um].
+
+        Returns
+        -------
+        float
+            Conductance per nominal area [W/(mm2 K)].
         """
         import numpy as np
 
@@ -62,65 +101,152 @@ class Gas(NamedTuple):
         return float(np.where(gap > 0, conducting, 0.0).mean())
 
 
+def _required_of_gas(option: str, value: float | None, unit: str) -> float:
+    """Return the number of an option of a gas, or refuse one that is missing or too large."""
+    if value is None:
+        raise InputError(
+            f"a gas needs --gas-conductivity and --jump-distance: {option} is missing"
+        )
+    return require_within(option, value, unit)
+
+
+@dataclass(frozen=True)
+class Series:
+    """A part of the text of loads: start:stop:count, perhaps with :log, or a single number."""
+
+    start: float
+    stop: float
+    count: int  # 1 for a single number
+    even_ratio: bool  # whether neighbours have the same ratio, not the same difference
+
+    @classmethod
+    def of(cls, text: str) -> Self | None:
+        """Parse a part of the text of loads.
+
+        Parameters
+        ----------
+        text : str
+            Text without a comma.
+
+        Returns
+        -------
+        Series or None
+            The series; None if the text is none, or its ends do not allow its steps.
+        """
+        match = SERIES.fullmatch(text)
+        try:
+            if match is None:
+                return cls(float(text), float(text), 1, even_ratio=False)
+            start, stop, count, log = match.groups()
+            series = cls(
+                float(start), float(stop), int(count), even_ratio=log is not None
+            )
+        except ValueError:
+            return None
+        if not series._has_steps():
+            return None
+        return series
+
+    def _has_steps(self) -> bool:
+        """Return whether there are two numbers or more between finite ends that allow a ratio."""
+        if not (math.isfinite(self.start) and math.isfinite(self.stop)):
+            return False
+        if self.even_ratio and min(self.start, self.stop) <= 0:
+            return False
+        return self.count > 1
+
+    def numbers(self) -> list[float]:
+        """Return the numbers from start to stop."""
+        if self.count == 1:
+            return [self.start]
+        import numpy as np  # here, so that --help does not wait for it
+
+        if self.even_ratio:
+            numbers = np.geomspace(self.start, self.stop, self.count)
+        else:
+            numbers = np.linspace(self.start, self.stop, self.count)
+        return list(numbers.tolist())
+
+
 def loads_from(load: str, text: str, advice: str = "") -> list[float]:
     """Parse loads: numbers, start:stop:count, or start:stop:count:log, with commas between them.
 
-    They are displacements above 0 [um], or nominal pressures of 0 or more, not all 0 [MPa]; or
-    numbers of either sign, where the caller has other `advice` for messages. Raise InputError for
-    anything else, numbers beyond `LARGEST`, or more than `MOST` numbers.
-    """
-    allowed, values = advice or LOADS[load], list[float]()
-    for part in text.split(","):
-        series = SERIES.fullmatch(part)
-        start, stop, count, log = series.groups() if series else (part, part, "1", None)
-        try:
-            ends = [float(start), float(stop)]
-        except ValueError:
-            raise InputError(f"--{load} {shown(text)}: {allowed}") from None
-        finite = all(map(math.isfinite, ends)) and (not log or min(ends) > 0)
-        if series and not (finite and int(count) > 1):
-            raise InputError(f"--{load} {shown(text)}: {allowed}")
-        if len(values) + int(count) > MOST:
-            raise InputError(f"--{load} {shown(text)}: give {MOST:,} values at most")
-        if not series:
-            values.append(ends[0])
-            continue
-        import numpy as np  # here, so that --help does not wait for it
+    Parameters
+    ----------
+    load : {"delta", "pressure", "force"}
+        Kind of the loads, the name of the option that gives them.
+    text : str
+        The loads.
+    advice : str
+        What a message tells the user to give. With advice, numbers of either sign are parsed, and
+        the caller decides which loads are allowed. Without it, displacements have to be above 0,
+        and pressures 0 or more and not all 0.
 
-        values += (np.geomspace if log else np.linspace)(
-            ends[0], ends[1], int(count)
-        ).tolist()
-    zero = load == "pressure"  # whether 0 is allowed
-    within = all(SMALLEST < value < LARGEST or (zero and value == 0) for value in values)
-    if (
-        advice
-    ):  # the solver says which of them it takes; it also names those that are not finite
-        beyond = [value for value in values if LARGEST <= abs(value) < math.inf]
-        if beyond:
-            raise InputError(f"--{load} {beyond[0]:g}: must be below {LARGEST:g}")
-    elif not (within and any(values)):
-        raise InputError(f"--{load} {shown(text)}: {allowed}")
+    Returns
+    -------
+    list of float
+        Loads in the order of the text [um, MPa or uN].
+
+    Raises
+    ------
+    InputError
+        If the text is no such list, has more than `MOST_VALUES` numbers or numbers beyond
+        `LARGEST`, or has loads that are not allowed.
+    """
+    allowed = advice or LOADS[load]
+    refusal = f"--{load} {quoted(text)}: {allowed}"
+    values: list[float] = []
+    for part in text.split(","):
+        series = Series.of(part)
+        if series is None:
+            raise InputError(refusal)
+        if len(values) + series.count > MOST_VALUES:
+            raise InputError(
+                f"--{load} {quoted(text)}: give {MOST_VALUES:,} values at most"
+            )
+        values += series.numbers()
+    if advice:
+        _refuse_beyond_largest(load, values)
+    elif not _are_loads(load, values):
+        raise InputError(refusal)
     return values
 
 
+def _refuse_beyond_largest(load: str, values: Sequence[float]) -> None:
+    """Refuse finite numbers beyond `LARGEST`; the solver names those that are not finite."""
+    for value in values:
+        if LARGEST <= abs(value) < math.inf:
+            raise InputError(f"--{load} {value:g}: must be below {LARGEST:g}")
+
+
+def _are_loads(load: str, values: Sequence[float]) -> bool:
+    """Return whether numbers are loads of a law: above 0, or pressures of 0 and others above."""
+    if not any(values):
+        return False
+    positive = [value for value in values if value != 0]
+    if len(positive) < len(values) and load != "pressure":
+        return False
+    return all(SMALLEST < value < LARGEST for value in positive)
+
+
 def require_within(option: str, value: float, unit: str, what: str = "") -> float:
-    """Return a number that a user gave, or refuse it beyond `SMALLEST` and `LARGEST`.
+    """Refuse a number that is not between `SMALLEST` and `LARGEST`.
 
     Parameters
     ----------
     option : str
-        The option, as "--hardness".
+        Option that gave the number, as "--hardness".
     value : float
         The number.
     unit : str
         Its unit.
     what : str
-        What it is, as "the hardness", where the option does not say so.
+        Name of the quantity, as "the hardness", if the option does not say it; else "".
 
     Returns
     -------
     float
-        The number.
+        The same number.
 
     Raises
     ------
@@ -129,22 +255,28 @@ def require_within(option: str, value: float, unit: str, what: str = "") -> floa
     """
     if SMALLEST < value < LARGEST:
         return value
-    must = f"{what} must" if what else "must"
-    raise InputError(
-        f"{option} {value:g}: {must} be between {SMALLEST:g} and {LARGEST:g} {unit}"
-    )
+    rule = f"must be between {SMALLEST:g} and {LARGEST:g} {unit}"
+    if what:
+        rule = f"{what} {rule}"
+    raise InputError(f"{option} {value:g}: {rule}")
+
+
+class ElasticBody(NamedTuple):
+    """The only elastic body of a contact whose other body is rigid."""
+
+    young: float  # Young's modulus [MPa]
+    poisson: float  # Poisson's ratio
 
 
 class Bodies(NamedTuple):
-    """Material of the bodies in contact: E* and the softer one's hardness [MPa]."""
+    """Material of the bodies in contact: E* and the hardness of the softer one [MPa]."""
 
     e_star: float
     hardness: float | None = None  # None for elastic bodies
-    known: bool = (
-        False  # whether the user gave E*, so that warnings about pressures apply
-    )
-    # Young's modulus [MPa] and Poisson's ratio of the only elastic body, if that was given
-    only: tuple[float, float] | None = None
+    # Whether the user gave E*, so that warnings about pressures apply.
+    has_modulus: bool = False
+    # The elastic body if the user gave one Young's modulus; None otherwise.
+    only: ElasticBody | None = None
 
     @classmethod
     def of(
@@ -154,22 +286,45 @@ class Bodies(NamedTuple):
         e_star: float | None,
         hardness: float | None,
     ) -> Self:
-        """Return the bodies of the options, with an E* of 1 MPa without any."""
-        known = bool(young) or e_star is not None
+        """Return the bodies of the options, with an E* of 1 MPa if there is no modulus.
+
+        Parameters
+        ----------
+        young : sequence of float or None
+            Young's moduli of one elastic body or of two [MPa].
+        poisson : sequence of float or None
+            Poisson's ratio of each elastic body; None or empty for 0.
+        e_star : float or None
+            E*, in place of moduli and ratios [MPa].
+        hardness : float or None
+            Hardness of the softer body [MPa]; None for elastic bodies.
+
+        Returns
+        -------
+        Bodies
+            The bodies.
+
+        Raises
+        ------
+        InputError
+            If a number is not allowed, the numbers of moduli and ratios do not match, or a
+            hardness comes without a modulus.
+        """
+        has_modulus = bool(young) or e_star is not None
         if hardness is not None:
             require_within("--hardness", hardness, "MPa", "the hardness")
-        if hardness is not None and not known:
+        if hardness is not None and not has_modulus:
             raise InputError(
                 f"--hardness {hardness:g}: give the modulus too (--young or --e-star), which is 1"
                 " MPa without these options"
             )
-        combined = combined_modulus(young, poisson, e_star)
-        only = (
-            (young[0], poisson[0] if poisson else 0.0)
-            if young and len(young) == 1
-            else None
-        )
-        return cls(1.0 if combined is None else combined, hardness, known, only)
+        modulus = combined_modulus(young, poisson, e_star)
+        if modulus is None:
+            modulus = 1.0
+        only: ElasticBody | None = None
+        if young and len(young) == 1:
+            only = ElasticBody(young[0], poisson[0] if poisson else 0.0)
+        return cls(modulus, hardness, has_modulus, only)
 
     @property
     def hardness_ratio(self) -> float | None:
@@ -179,10 +334,10 @@ class Bodies(NamedTuple):
     @property
     def text(self) -> str:
         """Description for titles and records."""
-        hardness = (
-            "" if self.hardness is None else f", hardness = {self.hardness:.6g} MPa"
-        )
-        return f"E* = {self.e_star:.6g} MPa{hardness}"
+        modulus = f"E* = {self.e_star:.6g} MPa"
+        if self.hardness is None:
+            return modulus
+        return f"{modulus}, hardness = {self.hardness:.6g} MPa"
 
 
 def combined_modulus(
@@ -190,12 +345,31 @@ def combined_modulus(
     poisson: Sequence[float] | None,
     e_star: float | None = None,
 ) -> float | None:
-    """Compute E* of a contact [MPa], 1/E* = 1/E1* + 1/E2*, or 1/E1* if one body is rigid.
+    """Compute E* of a contact, 1/E* = 1/E1* + 1/E2*, or 1/E1* if one body is rigid.
 
-    That of a body is its plane-strain modulus, E1* = E1 / (1 - nu1^2). Without numbers it is None;
-    `e_star` stands in place of moduli and ratios.
+    E1* = E1 / (1 - nu1^2) is the plane-strain modulus of a body (K. L. Johnson, Contact Mechanics,
+    1985, section 4.2).
+
+    Parameters
+    ----------
+    young : sequence of float or None
+        Young's moduli of one elastic body or of two [MPa]; 1 MPa if there are ratios alone.
+    poisson : sequence of float or None
+        Poisson's ratio of each elastic body; None or empty for 0.
+    e_star : float or None
+        E*, in place of moduli and ratios [MPa].
+
+    Returns
+    -------
+    float or None
+        E* [MPa]; None without any number.
+
+    Raises
+    ------
+    InputError
+        If a number is not allowed, E* comes with moduli or ratios, or the numbers of moduli and
+        ratios do not match.
     """
-    young, poisson = young or (), poisson or ()
     if e_star is not None:
         if young or poisson:
             raise InputError(
@@ -204,12 +378,12 @@ def combined_modulus(
         return require_within("--e-star", e_star, "MPa", "the modulus")
     if not (young or poisson):
         return None
-    moduli = list(young) or [1.0]
-    ratios = list(poisson) or [0.0] * len(moduli)
+    moduli = list(young or [1.0])
+    ratios = list(poisson or [0.0] * len(moduli))
     if len(moduli) > 2 or len(ratios) != len(moduli):
         raise InputError(
-            f"--young was given {len(young)} times, --poisson {len(poisson)} times: give each once,"
-            " or twice for two elastic bodies"
+            f"--young was given {len(young or ())} times, --poisson {len(poisson or ())} times:"
+            " give each once, or twice for two elastic bodies"
         )
     for modulus, ratio in zip(moduli, ratios, strict=True):
         require_within("--young", modulus, "MPa", "the modulus")

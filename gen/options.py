@@ -15,7 +15,7 @@ from gen.maps.settings import Reading, numbers_in
 from gen.runtime import command_line
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, check_outputs
-from gen.runtime.terminal import shown
+from gen.runtime.terminal import quoted
 
 if TYPE_CHECKING:
     from gen.maps.bodies import Opposite
@@ -264,7 +264,7 @@ class Against(NamedTuple):
         ),
     ] = ""
 
-    def body(self, first: Reading) -> "Opposite | None":
+    def second_body(self, first: Reading) -> "Opposite | None":
         """Return the second body, if any, read as the first unless it has options of its own."""
         path, text, turned, shift = self
         if path is None:
@@ -279,16 +279,16 @@ class Against(NamedTuple):
         from gen.maps.bodies import TURNS, Opposite
 
         if (turned := turned or TURNS[0]) not in TURNS:
-            raise InputError(f"--turned {shown(turned)}: give one of {', '.join(TURNS)}")
+            raise InputError(f"--turned {quoted(turned)}: give one of {', '.join(TURNS)}")
         distances = numbers_in(shift or "0,0")
         if len(distances) != 2 or not all(map(math.isfinite, distances)):
             raise InputError(
-                f"--shift {shown(shift)}: give the distances along x and y in um: 5,0"
+                f"--shift {quoted(shift)}: give the distances along x and y in um: 5,0"
             )
         laid = Opposite(path, first, turned, (distances[0], distances[1]))
         if text is None:
             return laid
-        named = f"--against-options {shown(text)}"
+        named = f"--against-options {quoted(text)}"
         alone = typer.Typer(add_completion=False, rich_markup_mode=None)
         alone.command()(command_line.grouped(_one_body))
         try:
@@ -356,20 +356,20 @@ class LawOutputs(NamedTuple):
     ] = True
 
     @property
-    def joined(self) -> tuple[Literal["delta", "pressure"], ...]:
+    def refined_tables(self) -> tuple[Literal["delta", "pressure"], ...]:
         """Tables between whose loads contacts are to be solved, for programs that join points."""
         if not self.check:
             return ()
         if self.header is not None:
             return ("delta", "pressure")
-        return ("pressure",) if self.straight or self.for_4c else ()
+        return ("pressure",) if self.straight_lines or self.for_4c else ()
 
     @property
-    def straight(self) -> bool:
+    def straight_lines(self) -> bool:
         """Whether programs that join the points by straight lines have files, which are judged."""
         return self.check and bool(self.calculix or self.abaqus)
 
-    def ready(self, stem: Path | None, inputs: Iterable[Path | str]) -> "LawOutputs":
+    def resolved(self, stem: Path | None, inputs: Iterable[Path | str]) -> "LawOutputs":
         """Return the files, those that `--output` names among them, once they can be written."""
         if stem is not None:
             if stem.name in {"", ".."}:

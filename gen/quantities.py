@@ -111,8 +111,8 @@ class Quantity:
     early : bool
         Whether scenes write the key of `[store]` also where it is off, as the first keys did.
     option : str
-        What shows it in `gen contact`: "always", a field of `gen.maps.contacts.Wanted`, or "" if
-        nothing does.
+        What shows it in `gen contact`: "always", a field of `gen.maps.contacts.AnswerOptions`, or
+        "" if nothing does.
     cost : str
         What is computed for it beside the contact; "" for nothing.
     needs_hardness : bool

@@ -7,18 +7,19 @@ Lengths are in um, pressures in MPa, forces in uN.
 import math
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import partial
 from typing import Literal
 
 from gen.quantities import DELTA, Powers, Quantity, stored_quantities
 
-SCHEMA = 1  # number of the file layout: a file of another layout is refused
+SCHEMA = 1
+"""Number of the file layout. A file of another layout is refused."""
 
 PART = 2
-"""Number of the layout of parts, which add the attributes `first_row` and `rows`. It differs from
-`SCHEMA` so that versions that know whole databases only refuse parts."""
+"""Number of the layout of parts of a database, which add the attributes `first_row` and `rows`. It
+differs from `SCHEMA`, so that older versions, which know no parts, refuse them."""
 
-PHYSICS = 13  # number of the results, raised whenever a deterministic column changes
+PHYSICS = 13
+"""Number of the results, which is raised whenever a deterministic column changes."""
 
 PHYSICS_CHANGES: dict[int, str] = {
     11: "one active set on masks solves all contacts: areas differ by single nodes, forces within"
@@ -28,12 +29,11 @@ PHYSICS_CHANGES: dict[int, str] = {
     13: "contacts take longer first steps, and full contact is the start under high loads at any"
     " size: forces differ within the tolerance, and iterations and convolutions are counted anew",
 }
-"""For each physics number since the solver is one, how it changed the results, in one sentence.
-Earlier numbers, up to 4 for all scenes and up to 10 for some, are those of earlier solvers."""
+"""How each physics number changed the results, in one sentence, since one solver solves all
+contacts. Numbers up to 4 for all scenes, and up to 10 for some, are those of earlier solvers."""
 
-RUNTIME = (
-    "runtime"  # group of the columns that differ from run to run: times, ranks, hosts
-)
+RUNTIME = "runtime"
+"""Group of the columns that differ from run to run: times, ranks and hosts."""
 
 
 class Status(IntEnum):
@@ -69,41 +69,65 @@ REASONS: dict[int, str] = {
 }
 """Texts of the reasons by their codes."""
 
-DONE_REASONS = (Reason.NONE, Reason.NO_STATISTICS)  # the contact is solved
+DONE_REASONS = (Reason.NONE, Reason.NO_STATISTICS)
+"""Reasons of rows whose contact is solved."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """One quantity that a database holds for every sample."""
+    """One quantity that a database holds for every sample.
+
+    Attributes
+    ----------
+    name : str
+        Name of the column, without its group.
+    dtype : str
+        Type of one value, in numpy's notation.
+    unit : str
+        Unit of a value; "1" for pure numbers, "" for texts.
+    long_name : str
+        Meaning of the column, in words.
+    group : str
+        Group inside the file: "" for results, `RUNTIME` for times, ranks and hosts.
+    deterministic : bool
+        Whether the scene alone decides the bytes.
+    paper_range : tuple of two float or None
+        Range in the paper's Table 1; None for a column that is not there.
+    shape_of : {"", "nodes"}
+        "nodes" for a field of shape (rows, nx, ny), "" for one value a row.
+    optional : str
+        What has the column, mostly a key of the scene, in Markdown; "" if every database has it.
+    bounds : tuple of two float
+        Least and largest value that is possible.
+    powers : Powers or None
+        Powers of heights, lengths and E* that the column scales with; None if there are none, or
+        if they are not known.
+    measured : bool
+        Whether the powers are measured, as those of a user's output, and recorded in the file.
+    cost : str
+        What is computed for the column beside the contact; "" for nothing.
+    """
 
     name: str
-    dtype: str  # of one value, in numpy's notation
-    unit: str  # "1" for pure numbers, "" for texts
+    dtype: str
+    unit: str
     long_name: str
-    group: str = (
-        ""  # inside the file: "" for results, `RUNTIME` for times, ranks and hosts
-    )
-    deterministic: bool = True  # whether the scene alone decides the bytes
-    paper_range: tuple[float, float] | None = (
-        None  # in the paper's Table 1, if it is there
-    )
-    shape_of: Literal["", "nodes"] = ""  # "nodes" for a field of shape (rows, nx, ny)
-    optional: str = ""  # what has the column, mostly a key of the scene, in Markdown
-    bounds: tuple[float, float] = (
-        -math.inf,
-        math.inf,
-    )  # least and most that a value can be
-    # Of heights, lengths and E* that a result scales with; None for none, or none that is known.
+    group: str = ""
+    deterministic: bool = True
+    paper_range: tuple[float, float] | None = None
+    shape_of: Literal["", "nodes"] = ""
+    optional: str = ""
+    bounds: tuple[float, float] = (-math.inf, math.inf)
     powers: Powers | None = None
-    measured: bool = (
-        False  # whether the powers are those of a user's output, which files record
-    )
-    cost: str = ""  # what is computed for it beside the contact, "" for nothing
+    measured: bool = False
+    cost: str = ""
 
     @property
     def path(self) -> str:
         """Name inside the file, with the group in front."""
-        return f"{self.group}/{self.name}" if self.group else self.name
+        if not self.group:
+            return self.name
+        return f"{self.group}/{self.name}"
 
     @property
     def fill(self) -> float | int | bytes:
@@ -112,65 +136,113 @@ class Column:
         return fills.get(self.dtype[0], 0)
 
     def shape(self, rows: int, grid: tuple[int, int]) -> tuple[int, ...]:
-        """Return the shape of the values of `rows` samples on a grid of nx x ny nodes."""
-        return (rows, *grid) if self.shape_of else (rows,)
+        """Return the shape of the values of several samples.
+
+        Parameters
+        ----------
+        rows : int
+            Number of samples.
+        grid : tuple of two int
+            Nodes along x and y.
+
+        Returns
+        -------
+        tuple of int
+            (rows,), or (rows, nx, ny) for a field.
+        """
+        if self.shape_of == "nodes":
+            return (rows, *grid)
+        return (rows,)
 
     def row_bytes(self, grid: tuple[int, int]) -> int:
-        """Return the size of one sample's value on a grid of nx x ny nodes [bytes]."""
+        """Return the size of the value of one sample.
+
+        Parameters
+        ----------
+        grid : tuple of two int
+            Nodes along x and y.
+
+        Returns
+        -------
+        int
+            Size of a number, of a text or of a whole field [bytes].
+        """
         return int(self.dtype[1:]) * math.prod(self.shape(1, grid))
 
 
-# The 22 statistics in the paper's order. Which kurtosis is Pearson's (normal: 3) and which is the
-# excess (normal: 0) is what the table's ranges show; the names say it, as the paper does not.
-_STATISTICS = (
-    ("peak_mean", "um", "mean height of profile peaks", 8.20, 47.51),
-    ("peak_rms", "um", "standard deviation of profile peak heights", 2.54, 15.49),
-    ("peak_kurtosis_pearson", "1", "Pearson kurtosis of peak heights", 1.56, 7.13),
-    ("peak_skewness", "1", "skewness of profile peak heights", -1.34, 1.36),
-    ("peak_density", "1", "profile peaks per node and direction", 0.19, 0.27),
-    ("peak_curvature_mean", "um-1", "mean curvature of profile peaks", 0.015, 0.066),
-    (
+def _statistic(
+    name: str, unit: str, long_name: str, paper_range: tuple[float, float]
+) -> Column:
+    """Make the column of a roughness statistic, with its range in the paper's Table 1."""
+    return Column(name, "f8", unit, long_name, paper_range=paper_range)
+
+
+TABLE_1 = (
+    _statistic("peak_mean", "um", "mean height of profile peaks", (8.20, 47.51)),
+    _statistic(
+        "peak_rms", "um", "standard deviation of profile peak heights", (2.54, 15.49)
+    ),
+    _statistic(
+        "peak_kurtosis_pearson", "1", "Pearson kurtosis of peak heights", (1.56, 7.13)
+    ),
+    _statistic("peak_skewness", "1", "skewness of profile peak heights", (-1.34, 1.36)),
+    _statistic("peak_density", "1", "profile peaks per node and direction", (0.19, 0.27)),
+    _statistic(
+        "peak_curvature_mean", "um-1", "mean curvature of profile peaks", (0.015, 0.066)
+    ),
+    _statistic(
         "peak_curvature_kurtosis_excess",
         "1",
         "excess kurtosis of peak curvatures",
-        -0.07,
-        5.35,
+        (-0.07, 5.35),
     ),
-    ("peak_curvature_skewness", "1", "skewness of peak curvatures", 0.55, 1.15),
-    ("bandwidth_x", "1", "Nayak's bandwidth parameter along x", 4.06, 46.19),
-    ("bandwidth_y", "1", "Nayak's bandwidth parameter along y", 4.19, 48.52),
-    ("asperity_mean", "um", "mean height of asperities", 8.54, 48.18),
-    ("asperity_rms", "um", "standard deviation of asperity heights", 2.56, 15.60),
-    ("asperity_kurtosis_excess", "1", "excess kurtosis of asperity heights", -1.45, 4.26),
-    ("asperity_skewness", "1", "skewness of asperity heights", -1.34, 1.48),
-    ("asperity_density", "1", "asperities per node", 0.08, 0.13),
-    ("asperity_curvature_mean", "um-1", "mean curvature of asperities", 0.017, 0.072),
-    (
+    _statistic(
+        "peak_curvature_skewness", "1", "skewness of peak curvatures", (0.55, 1.15)
+    ),
+    _statistic("bandwidth_x", "1", "Nayak's bandwidth parameter along x", (4.06, 46.19)),
+    _statistic("bandwidth_y", "1", "Nayak's bandwidth parameter along y", (4.19, 48.52)),
+    _statistic("asperity_mean", "um", "mean height of asperities", (8.54, 48.18)),
+    _statistic(
+        "asperity_rms", "um", "standard deviation of asperity heights", (2.56, 15.60)
+    ),
+    _statistic(
+        "asperity_kurtosis_excess",
+        "1",
+        "excess kurtosis of asperity heights",
+        (-1.45, 4.26),
+    ),
+    _statistic("asperity_skewness", "1", "skewness of asperity heights", (-1.34, 1.48)),
+    _statistic("asperity_density", "1", "asperities per node", (0.08, 0.13)),
+    _statistic(
+        "asperity_curvature_mean", "um-1", "mean curvature of asperities", (0.017, 0.072)
+    ),
+    _statistic(
         "asperity_curvature_rms",
         "um-1",
         "standard deviation of asperity curvatures",
-        0.007,
-        0.031,
+        (0.007, 0.031),
     ),
-    (
+    _statistic(
         "asperity_curvature_kurtosis_pearson",
         "1",
         "Pearson kurtosis of asperity curvatures",
-        2.81,
-        15.14,
+        (2.81, 15.14),
     ),
-    ("asperity_curvature_skewness", "1", "skewness of asperity curvatures", 0.41, 1.6),
-    ("height_mean", "um", "mean height of the surface", 7.71, 45.36),
-    ("height_max", "um", "largest height of the surface", 16.36, 79.25),
-    ("height_rms", "um", "standard deviation of the surface's heights", 2.62, 15.55),
+    _statistic(
+        "asperity_curvature_skewness", "1", "skewness of asperity curvatures", (0.41, 1.6)
+    ),
+    _statistic("height_mean", "um", "mean height of the surface", (7.71, 45.36)),
+    _statistic("height_max", "um", "largest height of the surface", (16.36, 79.25)),
+    _statistic(
+        "height_rms", "um", "standard deviation of the surface's heights", (2.62, 15.55)
+    ),
 )
-TABLE_1 = tuple(
-    Column(name, "f8", unit, long_name, paper_range=(low, high))
-    for name, unit, long_name, low, high in _STATISTICS
-)
+"""Columns of the 22 statistics in the paper's order. The paper does not say which kurtosis is
+Pearson's (3 for a normal distribution) and which is the excess (0). The ranges of its table show
+it, and the names of the columns say it."""
 
 DRAWN_NAMES = {"rms_height": "drawn_rms_height", "rms_slope": "drawn_rms_slope"}
-"""Parameters whose names could be taken for measured statistics, and the names of their columns.
+"""Names of the columns of parameters whose own names could be taken for measured statistics.
 Files made before 1.0.0 have these columns under the names of the parameters."""
 
 STATUS = Column("status", "u1", "1", "0 pending, 1 done, 2 failed; written last")
@@ -185,7 +257,7 @@ CHECKSUM = Column(
 
 
 _OPTIONAL = {"always": "", "hardness": "`contact.hardness`", "asked": "`store.{}`"}
-"""Keys of the scene that add the column of a quantity, by when databases have it."""
+"""Keys of the scene that add the column of a quantity, by the quantity's `stored`."""
 
 
 def _column(quantity: Quantity) -> Column:
@@ -204,9 +276,11 @@ def _column(quantity: Quantity) -> Column:
     )
 
 
-_runtime = partial(
-    Column, group=RUNTIME, deterministic=False
-)  # a column of every run's own
+def _runtime(name: str, dtype: str, unit: str, long_name: str) -> Column:
+    """Make a column that differs from run to run."""
+    return Column(name, dtype, unit, long_name, group=RUNTIME, deterministic=False)
+
+
 _LOAD = "load in the unit of the scene's quantity"
 _HARDNESS = "hardness of the softer body"
 _RESULTS = [quantity for quantity in stored_quantities() if quantity is not DELTA]
@@ -231,13 +305,24 @@ COLUMNS: tuple[Column, ...] = (
     _runtime("rank", "i4", "1", "MPI rank that computed the sample"),
     _runtime("host", "S64", "", "machine that computed the sample"),
 )
-"""Every column that a database can have but for the parameters of its surfaces, in the order of the
-file. Parameters stand behind `surface`."""
+"""Every column that a database can have, in the order of the file, apart from the columns of its
+surfaces' generator, which stand behind `surface`."""
 
 
 def made_by_another(physics: int) -> str:
-    """Say that another solver made results of a number; an empty text if it was this one."""
+    """Say that results of a physics number are those of an earlier or a later solver.
+
+    Parameters
+    ----------
+    physics : int
+        Number of the results, as a database records it.
+
+    Returns
+    -------
+    str
+        Part of a sentence; "" if this version computes such results.
+    """
     if physics == PHYSICS:
         return ""
-    which = "an earlier" if physics < PHYSICS else "a later"
-    return f"made by {which} solver (physics {physics}, this version computes {PHYSICS})"
+    solver = "an earlier solver" if physics < PHYSICS else "a later solver"
+    return f"made by {solver} (physics {physics}, this version computes {PHYSICS})"

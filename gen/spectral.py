@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,12 +33,13 @@ class SelfAffineSpectrum:
     hurst : float
         Hurst exponent, from 0 to 1.
     roll_off : float
-        Longest wavelength of the power law; one beyond the surface's side leaves no flat part [um].
+        Longest wavelength of the power law [um]; with one beyond the surface's side the spectrum
+        has no flat part.
     cut_off : float
         Shortest wavelength of all [um].
     stretch : float
-        Ratio of wavelengths along x (axis 0) to those along y (axis 1), which the two wavelengths
-        above are [1].
+        Ratio of wavelengths along x (axis 0) to those along y (axis 1) [1]; roll-off and cut-off
+        are wavelengths along y.
 
     Raises
     ------
@@ -130,79 +131,122 @@ def generate_spectral(
         If the grid is too coarse for the cut-off, the sides hold no wave, or not exactly one rms
         value of 0 or more is given.
     """
-    if (rms_height is None) == (rms_slope is None):
-        raise InputError("give either an rms height or an rms slope")
-    name, rms = ("height", rms_height) if rms_slope is None else ("slope", rms_slope)
-    if rms is None or not 0.0 <= rms < math.inf:
-        raise InputError(f"rms {name} {rms}: give 0 or more")
+    rms = _only_rms(rms_height, rms_slope)
     sides = side if isinstance(side, tuple) else (side, side)
-    qx, qy = _wavevectors(shape, sides, spectrum)
-    half = spectrum.density(qx[: len(qx) // 2 + 1], qy)
-    powers = np.concatenate((half, half[:0:-1]))  # the same along -x
-    powers[len(half) :, 0] = 0.0  # opposites of the first half of the column qy = 0
-    powers[0, 0] = 0.0
-    total = float((powers if rms_slope is None else powers * (qx**2 + qy**2)).sum())
-    if not total:
+    _refuse_grid(shape, sides, spectrum)
+    waves = _waves(shape, sides, spectrum)
+    powers = _relative_powers(waves, spectrum)
+    if rms_slope is None:
+        total = float(powers.sum())
+    else:
+        total = float((powers * (waves.qx**2 + waves.qy**2)).sum())
+    if total == 0.0:
         raise InputError(
             "no wave between the cut-off and the sides: give a shorter cut-off"
         )
-    powers *= rms**2 / total  # mean square height of each wave, (2 kx + 1, ky + 1) [um^2]
+    powers *= rms**2 / total  # mean square height of each wave [um^2]
     phases = random.uniform(0.0, 2 * math.pi, powers.shape)
     return _synthesis(np.sqrt(powers / 2), phases, shape)
 
 
-def _wavevectors(
+def _only_rms(rms_height: float | None, rms_slope: float | None) -> float:
+    """Return the only rms value that is given; refuse none, two, and a value that is none."""
+    if rms_height is not None and rms_slope is None:
+        return _require_rms("height", rms_height)
+    if rms_slope is not None and rms_height is None:
+        return _require_rms("slope", rms_slope)
+    raise InputError("give either an rms height or an rms slope")
+
+
+def _require_rms(name: str, rms: float) -> float:
+    """Return an rms height [um] or slope [1]; refuse numbers below 0 and beyond numbers."""
+    if not 0.0 <= rms < math.inf:
+        raise InputError(f"rms {name} {rms}: give 0 or more")
+    return rms
+
+
+def _refuse_grid(
     shape: tuple[int, int], sides: tuple[float, float], spectrum: SelfAffineSpectrum
-) -> tuple[Values, Values]:
-    """List the wavevectors (2 kx + 1, 1), from 0 to kx and -kx to -1, and (1, ky + 1) [1/um]."""
+) -> None:
+    """Refuse nodes and sides [um] that are none, or too coarse for the cut-off of a spectrum."""
+    nx, ny = shape
     if min(shape) < 2:
-        raise InputError(
-            f"nodes {shape[0]} x {shape[1]}: give at least 2 along both axes"
-        )
+        raise InputError(f"nodes {nx} x {ny}: give at least 2 along both axes")
     for length in sides:
         if not 0.0 < length < math.inf:
             raise InputError(f"side {length}: give a length above 0 um")
-    finest = max(2 * sides[0] / shape[0] / spectrum.stretch, 2 * sides[1] / shape[1])
+    finest = max(2 * sides[0] / nx / spectrum.stretch, 2 * sides[1] / ny)
     if spectrum.cut_off * (1 + ROUNDING) < finest:
         raise InputError(
             f"cut-off {spectrum.cut_off:g}: give at least {finest:.6g} um,"
             " two nodes a wavelength along both axes, or a finer grid"
         )
-    shortest = spectrum.cut_off * spectrum.stretch, spectrum.cut_off
-    # Waves of exactly two nodes a wavelength are left out: the grid does not hold their phase.
-    kx, ky = (
-        min(math.floor(length / wavelength * (1 + ROUNDING)), (nodes - 1) // 2)
-        for nodes, length, wavelength in zip(shape, sides, shortest, strict=True)
-    )
-    qx = 2 * math.pi / sides[0] * np.fft.ifftshift(np.arange(-kx, kx + 1)).reshape(-1, 1)
-    qy = 2 * math.pi / sides[1] * np.arange(ky + 1).reshape(1, -1)
-    return np.asarray(qx, dtype=np.float64), np.asarray(qy, dtype=np.float64)
+
+
+class Waves(NamedTuple):
+    """Wavevectors of half of all waves that a period holds; the other half are their opposites."""
+
+    qx: Values  # components along x, first those from 0 on, shape (2 kx + 1, 1) [1/um]
+    qy: Values  # components along y, from 0 on, shape (1, ky + 1) [1/um]
+
+
+def _waves(
+    shape: tuple[int, int], sides: tuple[float, float], spectrum: SelfAffineSpectrum
+) -> Waves:
+    """Return the waves down to the cut-off of a spectrum that a grid with such sides [um] holds."""
+    kx = _most_periods(shape[0], sides[0], spectrum.cut_off * spectrum.stretch)
+    ky = _most_periods(shape[1], sides[1], spectrum.cut_off)
+    numbers_x = np.fft.ifftshift(np.arange(-kx, kx + 1)).reshape(-1, 1)
+    numbers_y = np.arange(ky + 1).reshape(1, -1)
+    qx = 2 * math.pi / sides[0] * numbers_x
+    qy = 2 * math.pi / sides[1] * numbers_y
+    return Waves(np.asarray(qx, dtype=np.float64), np.asarray(qy, dtype=np.float64))
+
+
+def _most_periods(nodes: int, length: float, shortest: float) -> int:
+    """Return how many periods of the shortest wave [um] a length [um] and its nodes hold.
+
+    A wave of exactly two nodes is left out: the grid does not hold its phase.
+    """
+    return min(math.floor(length / shortest * (1 + ROUNDING)), (nodes - 1) // 2)
+
+
+def _relative_powers(waves: Waves, spectrum: SelfAffineSpectrum) -> Values:
+    """Return the power of each wave (2 kx + 1, ky + 1) as a share of the flat part's [1].
+
+    The mean has none, and neither has the second of two opposite waves in the column qy = 0.
+    """
+    count = len(waves.qx) // 2 + 1  # of the waves with qx from 0 on
+    first = spectrum.density(waves.qx[:count], waves.qy)
+    powers = np.concatenate((first, first[:0:-1]))  # the same along -x
+    powers[count:, 0] = 0.0
+    powers[0, 0] = 0.0
+    return powers
 
 
 def _synthesis(amplitudes: Values, phases: Values, shape: tuple[int, int]) -> Heights:
-    """Sum waves of amplitudes and phases (2 kx + 1, ky + 1) on the grid."""
+    """Sum waves of amplitudes [um] and phases (2 kx + 1, ky + 1) on the nodes of a grid [um]."""
     # Single precision is enough for phases that are random; the moduli of the amplitudes are exact.
     angles = phases.astype(np.float32)
-    cosines, sines = (
-        function(angles).astype(np.float64) for function in (np.cos, np.sin)
-    )
+    cosines = np.cos(angles).astype(np.float64)
+    sines = np.sin(angles).astype(np.float64)
     amplitudes = amplitudes / np.sqrt(cosines**2 + sines**2)
     waves: NDArray[np.complex128] = np.empty(phases.shape, dtype=complex)
     np.multiply(amplitudes, cosines, out=waves.real)
     np.multiply(amplitudes, sines, out=waves.imag)
     waves *= math.prod(shape)
     kx = len(waves) // 2
+    columns = waves.shape[1]
     transform = np.zeros((shape[0], shape[1] // 2 + 1), dtype=complex)
-    transform[: kx + 1, : waves.shape[1]] = waves[: kx + 1]
-    if kx:
-        transform[-kx:, : waves.shape[1]] = waves[kx + 1 :]
+    transform[: kx + 1, :columns] = waves[: kx + 1]
+    if kx > 0:
+        transform[-kx:, :columns] = waves[kx + 1 :]
         transform[-kx:, 0] = np.conj(waves[kx:0:-1, 0])
     return np.fft.irfft2(transform, s=shape)
 
 
-OR_DRAWN = (
-    ", [low, high] or a distribution of these"  # end of what a drawn parameter may be
-)
+# end of what a drawn parameter may be
+OR_DRAWN = ", [low, high] or a distribution of these"
 
 
 class SpectralSurface(GridSurface):
@@ -239,53 +283,79 @@ class SpectralSurface(GridSurface):
         """Refuse surfaces without a height, or with two, and a cut-off beyond the roll-off."""
         if (self.rms_height is None) == (self.rms_slope is None):
             raise conflict("give either rms_height or rms_slope")
-        longest, shortest = limits(self.cut_off)[1], limits(self.roll_off)[0]
-        if longest > shortest:
+        cut_off = limits(self.cut_off).largest
+        roll_off = limits(self.roll_off).smallest
+        if cut_off > roll_off:
             raise conflict(
-                f"cut_off is up to {longest:g} um and roll_off from {shortest:g} um on: the cut-off"
+                f"cut_off is up to {cut_off:g} um and roll_off from {roll_off:g} um on: the cut-off"
                 " is the shorter wavelength"
             )
         return self
 
     def period_nodes(self, grid: Grid) -> tuple[int, int]:
-        """Return the nodes of a surface's period; one beyond the patch suits transforms."""
+        """Return the nodes of a surface's period; one beyond the patch suits Fourier transforms.
+
+        Parameters
+        ----------
+        grid : Grid
+            The grid of the patch.
+
+        Returns
+        -------
+        tuple of int
+            Nodes along x and y.
+        """
         from scipy.fft import next_fast_len
 
-        periods = self.period or (1.0 if grid.boundary == "periodic" else 2.0)
+        periods = self.period
+        if periods is None:
+            periods = 1.0 if grid.boundary == "periodic" else 2.0
         if periods == 1.0:
             return grid.shape
-        nx, ny = (
-            next_fast_len(math.ceil(periods * nodes), real=True) for nodes in grid.shape
+        nx, ny = grid.shape
+        return (
+            next_fast_len(math.ceil(periods * nx), real=True),
+            next_fast_len(math.ceil(periods * ny), real=True),
         )
-        return nx, ny
 
     def fault_on(self, grid: Grid) -> str:
         """Return why a wave may be too short for the grid, or too long for the period, or ""."""
-        spacing, (nx, ny) = grid.spacing, self.period_nodes(grid)
+        nx, ny = self.period_nodes(grid)
         if max(nx, ny) > MOST_PERIOD_NODES:
             return (
                 f"its period has {nx} x {ny} nodes: give a shorter period, at most"
                 f" {MOST_PERIOD_NODES} nodes"
             )
-        (shortest, longest), stretches = limits(self.cut_off), limits(self.stretch)
-        finest = max(2 * spacing[0] / stretches[0], 2 * spacing[1])
-        if shortest * (1 + ROUNDING) < finest:
-            return (
-                f"cut_off is from {shortest:g} um on; this grid holds waves of {finest:.6g} um"
-                " and more: give a longer cut_off, more nodes or a shorter"
-                " side"
-            )
-        periods = zip((nx, ny), spacing, (stretches[1], 1.0), strict=True)
-        most = max(
-            nodes * pitch / ratio if nodes > 2 else 0.0 for nodes, pitch, ratio in periods
+        return self._fault_of_short_waves(grid) or self._fault_of_long_waves(grid)
+
+    def _fault_of_short_waves(self, grid: Grid) -> str:
+        """Return why the shortest wave may have less than two nodes, or ""."""
+        dx, dy = grid.spacing
+        shortest = limits(self.cut_off).smallest
+        finest = max(2 * dx / limits(self.stretch).smallest, 2 * dy)
+        if shortest * (1 + ROUNDING) >= finest:
+            return ""
+        return (
+            f"cut_off is from {shortest:g} um on; this grid holds waves of {finest:.6g} um"
+            " and more: give a longer cut_off, more nodes or a shorter side"
         )
-        if longest > most * (1 + ROUNDING):
+
+    def _fault_of_long_waves(self, grid: Grid) -> str:
+        """Return why the cut-off may leave no wave in the period, or the roll-off be too long."""
+        nx, ny = self.period_nodes(grid)
+        dx, dy = grid.spacing
+        along_x = nx * dx / limits(self.stretch).largest if nx > 2 else 0.0
+        along_y = ny * dy if ny > 2 else 0.0
+        longest = max(along_x, along_y)
+        cut_off = limits(self.cut_off).largest
+        if cut_off > longest * (1 + ROUNDING):
             return (
-                f"cut_off is up to {longest:g} um and the longest wave of the period {most:.6g} um:"
-                " give a shorter cut_off"
+                f"cut_off is up to {cut_off:g} um and the longest wave of the period {longest:.6g}"
+                " um: give a shorter cut_off"
             )
-        if (beyond := limits(self.roll_off)[1]) > FARTHEST * most:
-            return f"roll_off is up to {beyond:g} um: give at most {FARTHEST * most:g} um"
+        roll_off = limits(self.roll_off).largest
+        if roll_off > FARTHEST * longest:
+            return f"roll_off is up to {roll_off:g} um: give at most {FARTHEST * longest:g} um"
         return ""
 
     def heights(
@@ -293,18 +363,24 @@ class SpectralSurface(GridSurface):
     ) -> Heights:
         """Add waves up; see `GeneratedSurface.heights`.
 
-        Off a periodic patch it is a window of a surface with a longer period, so that opposite
-        borders have nothing to do with each other.
+        Unless the patch is periodic, a surface is a window of one with a longer period, so that
+        opposite borders of the patch differ.
         """
-        names = ("hurst", "roll_off", "cut_off", "stretch")
-        nodes = self.period_nodes(grid)
-        whole = generate_spectral(
-            nodes,
-            (nodes[0] * grid.spacing[0], nodes[1] * grid.spacing[1]),
-            SelfAffineSpectrum(*(parameters[name] for name in names)),
+        nx, ny = self.period_nodes(grid)
+        dx, dy = grid.spacing
+        spectrum = SelfAffineSpectrum(
+            hurst=parameters["hurst"],
+            roll_off=parameters["roll_off"],
+            cut_off=parameters["cut_off"],
+            stretch=parameters["stretch"],
+        )
+        period = generate_spectral(
+            (nx, ny),
+            (nx * dx, ny * dy),
+            spectrum,
             random,
             rms_height=parameters.get("rms_height"),
             rms_slope=parameters.get("rms_slope"),
         )
-        heights = whole[: grid.shape[0], : grid.shape[1]]
+        heights = period[: grid.shape[0], : grid.shape[1]]
         return np.ascontiguousarray(heights - heights.min())

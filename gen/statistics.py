@@ -21,7 +21,7 @@ ranges decide the kurtoses and agree with every statistic but the bandwidth
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -35,10 +35,9 @@ from gen.schema import TABLE_1
 NAMES = tuple(column.name for column in TABLE_1)
 """Names of the statistics in the order of Table 1."""
 
-SPACINGS = (
-    1e-15,
-    1e15,
-)  # least and most [um], between which no power of a curvature overflows
+# smallest and largest spacing [um], between which no power of a curvature overflows
+FINEST = 1e-15
+COARSEST = 1e15
 ROUNDING = 8.0  # largest second difference by rounding, in spacings of numbers at the top
 
 LOST = 1000.0
@@ -49,9 +48,8 @@ UNDEFINED = "no asperity or one, peaks of equal height or curvature, or flat pro
 """Why statistics are NaN on a surface that is not flat."""
 
 DOT = "i,i->"  # sum of products by einsum: BLAS's last bits would depend on the number of threads
-NEARLY_EQUAL = (
-    1e-3  # spread over mean below which rounding would show in the third moment
-)
+# rms over mean below which rounding of the mean would show in the third moment
+NEARLY_EQUAL = 1e-3
 
 
 @dataclass(frozen=True)
@@ -71,7 +69,7 @@ class Description:
 
 
 class Moments(NamedTuple):
-    """Number of values and their population moments; NaN for those that they do not define."""
+    """Number of values and their population moments; a moment that they do not define is NaN."""
 
     number: int
     mean: float
@@ -91,9 +89,49 @@ class Profiles(NamedTuple):
     curvature: Values  # minus the second difference of heights, 0 at the ends of profiles
     peaks: NDArray[np.bool_]  # whether a node is above both neighbours; false at the ends
     slope_square: float  # mean of the squared first differences
-    curvature_square: (
-        float  # that of the second differences; NaN for profiles of two nodes
-    )
+    # mean of the squared second differences; NaN for profiles of two nodes
+    curvature_square: float
+
+
+class ScaledHeights(NamedTuple):
+    """Heights of a surface, divided by a power of two near their range."""
+
+    nodes: Values  # scaled heights, shape (nx, ny), row by row in memory
+    unit: float  # the power of two [um]
+    rounding: float  # distance of neighbouring numbers at the largest height, in units
+    lowest: float  # smallest scaled height
+    highest: float  # largest scaled height
+
+    @property
+    def noise(self) -> float:
+        """Largest second difference that rounding makes, in units."""
+        return ROUNDING * self.rounding
+
+
+class Points(NamedTuple):
+    """Peaks of profiles or asperities, in the units of scaled heights."""
+
+    heights: Values  # scaled heights, shape (points,)
+    # minus the second difference along x or, divided by the squared ratio of spacings, along y; of
+    # an asperity the mean of both; shape (points,)
+    curvatures: Values
+
+
+class PointMoments(NamedTuple):
+    """Moments of the heights and curvatures of peaks or asperities."""
+
+    heights: Moments  # with the mean counted from the lowest node
+    curvatures: Moments
+
+
+class SurfaceMoments(NamedTuple):
+    """What the statistics of a surface are made of, in the units of scaled heights."""
+
+    heights: Moments  # of all nodes, with the mean counted from the lowest one
+    peaks: PointMoments
+    asperities: PointMoments
+    bandwidth_x: float  # Nayak's parameter of the profiles along x [1]
+    bandwidth_y: float
 
 
 def describe(heights: Values, spacing: float | tuple[float, float]) -> Description:
@@ -119,84 +157,132 @@ def describe(heights: Values, spacing: float | tuple[float, float]) -> Descripti
     ------
     InputError
         If the heights are not a 2-D grid of 2 x 2 or more real, finite numbers, the spacing is
-        outside `SPACINGS`, or curvatures are beyond the largest number.
+        not from `FINEST` to `COARSEST`, or curvatures are beyond the largest number.
 
     References
     ----------
     Section 2.3 (sec_stat_of_top) and Table 1 (tab:list_of_params) of the paper.
     """
+    dx, dy = _spacings(spacing)
+    surface = _scaled(heights)
+    moments = _surface_moments(surface, (dx / dy) ** 2)
+    per_length = surface.unit / dx / dx
+    values = _table_1(moments, surface, per_length)
+    if per_length < np.finfo(np.float64).tiny or any(map(math.isinf, values.values())):
+        raise InputError(
+            f"heights over {values['height_max']:g} um on a spacing of {dx:g} um: their curvatures"
+            " are beyond what numbers hold; give other units"
+        )
+    if 0.0 < moments.heights.variance <= (LOST * surface.rounding) ** 2:
+        return _lost_in_rounding(values, surface)
+    return Description(values, _reason(values, surface, heights))
+
+
+def _spacings(spacing: float | tuple[float, float]) -> tuple[float, float]:
+    """Return the spacings along x and y [um]; refuse those outside `FINEST` to `COARSEST`."""
     pair = spacing if isinstance(spacing, tuple) else (spacing, spacing)
-    if len(pair) != 2 or not all(SPACINGS[0] <= value <= SPACINGS[1] for value in pair):
+    if len(pair) != 2 or not all(FINEST <= length <= COARSEST for length in pair):
         raise InputError(
-            f"spacing {np.asarray(spacing).tolist()}: give one or a pair, from {SPACINGS[0]:g} to"
-            f" {SPACINGS[1]:g} um"
+            f"spacing {np.asarray(spacing).tolist()}: give one or a pair, from {FINEST:g} to"
+            f" {COARSEST:g} um"
         )
-    nodes, unit, rounding = _normalised(heights)
-    noise, ratio = ROUNDING * rounding, (pair[0] / pair[1]) ** 2
-    along_x, along_y = _profiles(nodes, axis=0), _profiles(nodes, axis=1)
-    lowest, highest = float(nodes.min()), float(nodes.max())
-    whole = _moments(
-        nodes.ravel(), lowest, math.inf
-    )  # Table 1 has no shape of all heights
-    bandwidths = [
-        math.nan
-        if along.slope_square <= noise * noise  # flat to rounding
-        else (whole.variance / along.slope_square)
-        * (along.curvature_square / along.slope_square)
-        for along in (along_x, along_y)
-    ]
-    peaks, asperities = (
-        (
-            _moments(summits, lowest, noise),
-            _moments(curvatures, 0.0, noise * max(1.0, ratio)),
-        )
-        for summits, curvatures in _summits(nodes.ravel(), along_x, along_y, ratio)
-    )
-    per_length = unit / pair[0] / pair[0]
-    values = (
-        *(
-            peaks[0].mean * unit,
-            peaks[0].rms * unit,
-            peaks[0].kurtosis,
-            peaks[0].skewness,
-        ),
-        *(peaks[0].number / (2 * nodes.size), peaks[1].mean * per_length),
-        *(peaks[1].kurtosis - 3.0, peaks[1].skewness),
-        *bandwidths,
-        *(asperities[0].mean * unit, asperities[0].rms * unit),
-        *(asperities[0].kurtosis - 3.0, asperities[0].skewness),
-        *(asperities[0].number / nodes.size, asperities[1].mean * per_length),
-        *(asperities[1].rms * per_length, asperities[1].kurtosis, asperities[1].skewness),
-        *(whole.mean * unit, (highest - lowest) * unit, whole.rms * unit),
-    )
-    if per_length < np.finfo(np.float64).tiny or any(map(math.isinf, values)):
-        raise InputError(
-            f"heights over {values[-2]:g} um on a spacing of {pair[0]:g} um: their curvatures are"
-            " beyond what numbers hold; give other units"
-        )
-    named = dict(zip(NAMES, values, strict=True))
-    if 0.0 < whole.variance <= (LOST * rounding) ** 2:
-        kept = {name: named[name] for name in ("height_mean", "height_max", "height_rms")}
-        return Description(
-            dict.fromkeys(NAMES, math.nan) | kept,
-            f"heights lost in rounding: rms {named['height_rms']:.3g} um at an offset where numbers"
-            f" are {rounding * unit:.2g} um apart",
-        )
-    if lowest == highest:
-        return Description(named, "flat surface: no profile peak, no asperity")
-    reason = ""
-    if any(map(math.isnan, values)):
-        lower, upper = np.percentile(nodes, [25.0, 75.0])
-        lost = 0.0 < upper - lower <= LOST * rounding
-        reason = _lost_beside(heights) if lost else UNDEFINED
-    return Description(named, reason)
+    return pair
 
 
-def _lost_beside(heights: Values) -> str:
-    """Return the reason why most heights have no shape beside the largest one."""
-    lowest, highest = float(heights.min()), float(heights.max())
-    largest = highest if highest > -lowest else lowest
-    return f"most heights are lost in rounding beside one of {largest:.6g} um"
+def _surface_moments(surface: ScaledHeights, ratio: float) -> SurfaceMoments:
+    """Compute all moments of a surface; `ratio` is the square of the spacing along x over y."""
+    nodes = surface.nodes
+    along_x = _profiles(nodes, axis=0)
+    along_y = _profiles(nodes, axis=1)
+    # Table 1 has no skewness and kurtosis of all heights: an infinite noise leaves them out.
+    heights = _moments(nodes.ravel(), surface.lowest, noise=math.inf)
+    peaks = _peaks(nodes.ravel(), along_x, along_y, ratio)
+    asperities = _asperities(nodes.ravel(), along_x, along_y, ratio)
+    return SurfaceMoments(
+        heights=heights,
+        peaks=_point_moments(peaks, surface, ratio),
+        asperities=_point_moments(asperities, surface, ratio),
+        bandwidth_x=_bandwidth(along_x, heights.variance, surface.noise),
+        bandwidth_y=_bandwidth(along_y, heights.variance, surface.noise),
+    )
+
+
+def _point_moments(points: Points, surface: ScaledHeights, ratio: float) -> PointMoments:
+    """Compute the moments of peaks or asperities; those along y have `ratio` times the noise."""
+    curvature_noise = surface.noise * max(1.0, ratio)
+    return PointMoments(
+        heights=_moments(points.heights, surface.lowest, surface.noise),
+        curvatures=_moments(points.curvatures, 0.0, curvature_noise),
+    )
+
+
+def _bandwidth(profiles: Profiles, variance: float, noise: float) -> float:
+    """Compute Nayak's bandwidth parameter of an axis; NaN if profiles are flat to rounding.
+
+    The variance is that of all heights, the noise the largest difference by rounding.
+    """
+    if profiles.slope_square <= noise * noise:
+        return math.nan
+    over_slopes = variance / profiles.slope_square
+    return over_slopes * (profiles.curvature_square / profiles.slope_square)
+
+
+def _table_1(
+    moments: SurfaceMoments, surface: ScaledHeights, per_length: float
+) -> dict[str, float]:
+    """Return the statistics in um, 1/um and 1, by name; `per_length` is the curvatures' unit."""
+    heights, peaks, asperities = moments.heights, moments.peaks, moments.asperities
+    unit = surface.unit
+    nodes = surface.nodes.size
+    return {
+        "peak_mean": peaks.heights.mean * unit,
+        "peak_rms": peaks.heights.rms * unit,
+        "peak_kurtosis_pearson": peaks.heights.kurtosis,
+        "peak_skewness": peaks.heights.skewness,
+        "peak_density": peaks.heights.number / (2 * nodes),
+        "peak_curvature_mean": peaks.curvatures.mean * per_length,
+        "peak_curvature_kurtosis_excess": peaks.curvatures.kurtosis - 3.0,
+        "peak_curvature_skewness": peaks.curvatures.skewness,
+        "bandwidth_x": moments.bandwidth_x,
+        "bandwidth_y": moments.bandwidth_y,
+        "asperity_mean": asperities.heights.mean * unit,
+        "asperity_rms": asperities.heights.rms * unit,
+        "asperity_kurtosis_excess": asperities.heights.kurtosis - 3.0,
+        "asperity_skewness": asperities.heights.skewness,
+        "asperity_density": asperities.heights.number / nodes,
+        "asperity_curvature_mean": asperities.curvatures.mean * per_length,
+        "asperity_curvature_rms": asperities.curvatures.rms * per_length,
+        "asperity_curvature_kurtosis_pearson": asperities.curvatures.kurtosis,
+        "asperity_curvature_skewness": asperities.curvatures.skewness,
+        "height_mean": heights.mean * unit,
+        "height_max": (surface.highest - surface.lowest) * unit,
+        "height_rms": heights.rms * unit,
+    }
+
+
+def _lost_in_rounding(values: dict[str, float], surface: ScaledHeights) -> Description:
+    """Return only the statistics of the heights, which alone an offset of them has left."""
+    kept = {name: values[name] for name in ("height_mean", "height_max", "height_rms")}
+    return Description(
+        dict.fromkeys(NAMES, math.nan) | kept,
+        f"heights lost in rounding: rms {values['height_rms']:.3g} um at an offset where numbers"
+        f" are {surface.rounding * surface.unit:.2g} um apart",
+    )
+
+
+def _reason(values: dict[str, float], surface: ScaledHeights, heights: Values) -> str:
+    """Say why some statistics of a surface are NaN; nothing if none is. Heights are in um."""
+    if surface.lowest == surface.highest:
+        return "flat surface: no profile peak, no asperity"
+    if not any(map(math.isnan, values.values())):
+        return ""
+    lower_quartile, upper_quartile = np.percentile(surface.nodes, [25.0, 75.0])
+    if 0.0 < upper_quartile - lower_quartile <= LOST * surface.rounding:
+        lowest = float(heights.min())
+        highest = float(heights.max())
+        largest = highest if highest > -lowest else lowest
+        return f"most heights are lost in rounding beside one of {largest:.6g} um"
+    return UNDEFINED
 
 
 def rms_slope(heights: Values, spacing: tuple[float, float]) -> float:
@@ -220,11 +306,12 @@ def rms_slope(heights: Values, spacing: tuple[float, float]) -> float:
         If heights are masked in places.
     """
     refuse_masked("heights", heights)
-    squares = 0.0
+    mean_square = 0.0
     for axis, length in enumerate(spacing):
         with np.errstate(over="ignore"):
-            squares += float(np.nanmean((np.diff(heights, axis=axis) / length) ** 2))
-    return math.sqrt(squares)
+            slopes = np.diff(heights, axis=axis) / length
+            mean_square += float(np.nanmean(slopes**2))
+    return math.sqrt(mean_square)
 
 
 def rms_slope_of(
@@ -255,22 +342,58 @@ def rms_slope_of(
     93, 398-407.
     """
     change = 2.0 * (1.0 - np.cos(2.0 * math.pi * statistics["peak_density"]))
-    with np.errstate(
-        all="ignore"
-    ):  # an even slope has no curvature; files may hold any numbers
+    # An even slope has no curvature, and files may hold any numbers.
+    with np.errstate(all="ignore"):
         along_x = change / (statistics["bandwidth_x"] * spacing[0] ** 2)
         along_y = change / (statistics["bandwidth_y"] * spacing[1] ** 2)
         return np.asarray(statistics["height_rms"] * np.sqrt(along_x + along_y))
 
 
-def refuse_masked(name: str, given: Any) -> None:
-    """Refuse an array with masked entries; one with a mask of nothing is as any other."""
-    if np.ma.is_masked(given):
+def refuse_masked(name: str, array: Any) -> None:
+    """Refuse an array with masked entries; one whose mask hides nothing is as any other.
+
+    Parameters
+    ----------
+    name : str
+        What the array holds, in the plural, for the message.
+    array : array_like
+        Numbers of any shape and unit.
+
+    Raises
+    ------
+    InputError
+        If an entry is masked.
+    """
+    if np.ma.is_masked(array):
         raise InputError(f"{name} are masked in places: fill or crop them")
 
 
-def _normalised(heights: Values) -> tuple[Values, float, float]:
-    """Return heights scaled by a power of two, the unit [um], and the spacing of numbers there."""
+def _scaled(heights: Values) -> ScaledHeights:
+    """Check heights [um] and divide them by a power of two, so that no moment overflows."""
+    _refuse_all_but_heights(heights)
+    lowest = float(heights.min())
+    highest = float(heights.max())
+    if not math.isfinite(highest - lowest):
+        raise InputError(
+            "heights with NaN, infinities or an infinite range: give finite heights"
+        )
+    if lowest == highest:
+        return ScaledHeights(np.zeros(heights.shape), 1.0, 0.0, 0.0, 0.0)
+    exponent = math.frexp(highest - lowest)[1]
+    unit = 2.0 ** min(max(exponent, -1000), 1000)
+    nodes = np.multiply(heights, 1.0 / unit, order="C", dtype=np.float64)
+    largest = max(abs(lowest), abs(highest)) / unit
+    return ScaledHeights(
+        nodes,
+        unit,
+        rounding=_precision(heights) * largest,
+        lowest=float(nodes.min()),
+        highest=float(nodes.max()),
+    )
+
+
+def _refuse_all_but_heights(heights: Values) -> None:
+    """Refuse arrays that are no grid of real numbers, 2 x 2 or more, or masked in places."""
     if heights.ndim != 2 or min(heights.shape) < 2:
         raise InputError(
             f"heights of shape {heights.shape}: give 2-D heights, 2 x 2 nodes or more"
@@ -278,65 +401,69 @@ def _normalised(heights: Values) -> tuple[Values, float, float]:
     if heights.dtype.kind not in "buif":
         raise InputError(f"heights of type {heights.dtype}: give real numbers")
     refuse_masked("heights", heights)
-    lowest, highest = float(heights.min()), float(heights.max())
-    if not math.isfinite(highest - lowest):
-        raise InputError(
-            "heights with NaN, infinities or an infinite range: give finite heights"
-        )
-    if lowest == highest:
-        return np.zeros(heights.shape), 1.0, 0.0
-    exponent = math.frexp(highest - lowest)[1]
-    unit = 2.0 ** min(max(exponent, -1000), 1000)
-    nodes = np.multiply(heights, 1.0 / unit, order="C", dtype=np.float64)
-    # Heights that were given in single precision keep its number of digits.
-    single = heights.dtype.kind == "f" and heights.dtype.itemsize < 8
-    eps = float(np.finfo(heights.dtype if single else np.float64).eps)
-    return nodes, unit, eps * (max(abs(lowest), abs(highest)) / unit)
+
+
+def _precision(heights: Values) -> float:
+    """Return the relative distance of the numbers that heights are given in.
+
+    It is that of double precision, or of the single or half precision of the array.
+    """
+    is_single = heights.dtype.kind == "f" and heights.dtype.itemsize < 8
+    return float(np.finfo(heights.dtype if is_single else np.float64).eps)
 
 
 def _profiles(surface: Values, axis: int) -> Profiles:
-    """Compute the differences and peaks of all profiles along one axis."""
-    nodes, columns = surface.ravel(), surface.shape[1]
+    """Compute the differences and peaks of all profiles of scaled heights along one axis."""
+    nodes = surface.ravel()
+    columns = surface.shape[1]
     stride = columns if axis == 0 else 1
     length = surface.shape[axis]
-    profiles = surface.size // length
+    number = surface.size // length  # of profiles
     # Not of heights above the lowest: those far above it would be rounded, and neighbours tie.
     difference = nodes[stride:] - nodes[:-stride]
-    if axis == 1:
+    if axis == 1:  # from the end of a row to the next one
         difference[columns - 1 :: columns] = 0.0
     curvature = difference[:-stride] - difference[stride:]
     if axis == 1:
         curvature[columns - 2 :: columns] = 0.0
         curvature[columns - 1 :: columns] = 0.0
-    inside = profiles * (length - 2)
-    slopes, curvatures = (
-        float(np.einsum(DOT, each, each)) for each in (difference, curvature)
-    )
+    slope_square = _sum_of_squares(difference) / (number * (length - 1))
+    curvature_square = math.nan
+    if length > 2:
+        curvature_square = _sum_of_squares(curvature) / (number * (length - 2))
     return Profiles(
         stride=stride,
         curvature=curvature,
         peaks=(difference[:-stride] > 0.0) & (difference[stride:] < 0.0),
-        slope_square=slopes / (profiles * (length - 1)),
-        curvature_square=curvatures / inside if inside else math.nan,
+        slope_square=slope_square,
+        curvature_square=curvature_square,
     )
 
 
-def _summits(
+def _sum_of_squares(values: Values) -> float:
+    """Return the sum of the squares of values (count,), alike for any number of threads."""
+    return float(np.einsum(DOT, values, values))
+
+
+def _peaks(nodes: Values, along_x: Profiles, along_y: Profiles, ratio: float) -> Points:
+    """Return the peaks of the profiles along x and y of scaled heights (nx ny,)."""
+    on_x = np.flatnonzero(along_x.peaks)
+    on_y = np.flatnonzero(along_y.peaks)
+    heights = (nodes[on_x + along_x.stride], nodes[on_y + along_y.stride])
+    curvatures = (along_x.curvature[on_x], along_y.curvature[on_y] * ratio)
+    return Points(np.concatenate(heights), np.concatenate(curvatures))
+
+
+def _asperities(
     nodes: Values, along_x: Profiles, along_y: Profiles, ratio: float
-) -> Iterator[tuple[Values, Values]]:
-    """Yield heights and curvatures, in units of x, of all profiles' peaks, then of asperities."""
-    on_x, on_y = np.flatnonzero(along_x.peaks), np.flatnonzero(along_y.peaks)
-    heights = np.concatenate((nodes[on_x + along_x.stride], nodes[on_y + along_y.stride]))
-    yield (
-        heights,
-        np.concatenate((along_x.curvature[on_x], along_y.curvature[on_y] * ratio)),
-    )
+) -> Points:
+    """Return the asperities of scaled heights (nx ny,): nodes that are peaks along x and y."""
+    # The node of an entry of `along_x` has its entry of `along_y` this much later.
     shift = along_x.stride - along_y.stride
-    on_x = np.flatnonzero(
-        along_x.peaks & along_y.peaks[shift : shift + along_x.peaks.size]
-    )
-    curvatures = 0.5 * (along_x.curvature[on_x] + along_y.curvature[on_x + shift] * ratio)
-    yield nodes[on_x + along_x.stride], curvatures
+    is_peak_along_y = along_y.peaks[shift : shift + along_x.peaks.size]
+    entries = np.flatnonzero(along_x.peaks & is_peak_along_y)
+    curvatures = along_x.curvature[entries] + along_y.curvature[entries + shift] * ratio
+    return Points(nodes[entries + along_x.stride], 0.5 * curvatures)
 
 
 def _moments(values: Values, origin: float, noise: float) -> Moments:
@@ -344,20 +471,24 @@ def _moments(values: Values, origin: float, noise: float) -> Moments:
 
     There is no skewness or kurtosis if the rms is not above that of noise.
     """
-    if not values.size:
-        return Moments(0, *[math.nan] * 5)
-    mean = float(values.sum()) / values.size
+    number = values.size
+    if number == 0:
+        return Moments(0, math.nan, math.nan, math.nan, math.nan, math.nan)
+    mean = float(values.sum()) / number
     deviations = values - mean
-    variance = float(np.einsum(DOT, deviations, deviations)) / values.size
-    rest = 0.0  # of the mean, whose rounding may be too large beside the deviations
+    variance = _sum_of_squares(deviations) / number
+    correction = 0.0  # of the mean, whose rounding may be large beside the deviations
     if math.sqrt(variance) < NEARLY_EQUAL * abs(mean):
-        rest = float(deviations.sum()) / values.size
-        deviations -= rest
-        variance = float(np.einsum(DOT, deviations, deviations)) / values.size
-    mean, rms = (mean - origin) + rest, math.sqrt(variance)
+        correction = float(deviations.sum()) / number
+        deviations -= correction
+        variance = _sum_of_squares(deviations) / number
+    mean = (mean - origin) + correction
+    rms = math.sqrt(variance)
     if rms <= noise:
-        return Moments(values.size, mean, variance, rms, math.nan, math.nan)
+        return Moments(number, mean, variance, rms, math.nan, math.nan)
     squares = deviations * deviations
-    third = float(np.einsum(DOT, squares, deviations)) / values.size / (variance * rms)
-    fourth = float(np.einsum(DOT, squares, squares)) / values.size / (variance * variance)
-    return Moments(values.size, mean, variance, rms, third, fourth)
+    third = float(np.einsum(DOT, squares, deviations)) / number
+    fourth = _sum_of_squares(squares) / number
+    skewness = third / (variance * rms)
+    kurtosis = fourth / (variance * variance)
+    return Moments(number, mean, variance, rms, skewness, kurtosis)

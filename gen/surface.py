@@ -32,45 +32,69 @@ MOST_NODES = 4097  # largest number of nodes along an axis
 ANOTHER = "another"  # second rough body of the same population
 
 
-def one_or_two(kind: Any, most: float, least: float = 0.0) -> Callable[[Any], Any]:
-    """Return what reads a number for both axes or one for each, above `least` and up to `most`."""
+def one_or_two(
+    kind: type[int] | type[float], largest: float, above: float = 0.0
+) -> Callable[[Any], Any]:
+    """Return the validator of a key that takes a number for both axes or one for each.
+
+    Parameters
+    ----------
+    kind : type
+        `int` for whole numbers alone, or `float`.
+    largest : float
+        Largest number that is allowed.
+    above : float
+        Number that all have to exceed.
+
+    Returns
+    -------
+    callable
+        Function of what a scene holds. It returns a number or a pair of them, of this kind, and
+        raises PydanticCustomError for anything else.
+    """
     kinds = (int,) if kind is int else (int, float)
 
+    def is_allowed(number: Any) -> bool:
+        return type(number) in kinds and above < number <= largest
+
     def read(value: Any) -> Any:
-        several = isinstance(value, list | tuple)
-        numbers = tuple(value) if several else (value, value)
-        if len(numbers) != 2 or not all(
-            type(each) in kinds and least < each <= most for each in numbers
-        ):
+        is_pair = isinstance(value, list | tuple) and len(value) == 2
+        numbers = tuple(value) if is_pair else (value,)
+        if not all(is_allowed(number) for number in numbers):
             raise PydanticCustomError("pair", "not a number or a pair of them")
-        return tuple(map(kind, numbers)) if several else kind(value)
+        if is_pair:
+            return tuple(kind(number) for number in numbers)
+        return kind(value)
 
     return read
 
 
 Nodes = Annotated[
-    int | tuple[int, int], PlainValidator(one_or_two(int, MOST_NODES, least=1))
+    int | tuple[int, int], PlainValidator(one_or_two(int, MOST_NODES, above=1))
 ]
 Side = Annotated[float | tuple[float, float], PlainValidator(one_or_two(float, 1e300))]
 NODES = f"a whole number from 2 to {MOST_NODES}, or one for each axis, [nx, ny]"
 SIDE = "a finite number above 0, or one for each axis, [x, y] [um]"
 
-Parameters = Mapping[
-    str, float
-]  # parameters that were drawn for a surface, by their names
-Patch = tuple[
-    tuple[int, int], tuple[float, float]
-]  # nodes and lengths along x and y [um]
+Parameters = Mapping[str, float]
+"""Parameters that were drawn for a surface, by their names, each in its own unit."""
+
 Random = np.random.Generator
+
+
+class Patch(NamedTuple):
+    """Size of the patch that is solved."""
+
+    nodes: tuple[int, int]  # nodes along x and y
+    sides: tuple[float, float]  # lengths along x and y [um]
 
 
 class Grid(NamedTuple):
     """The grid that a scene's surfaces are made on."""
 
     shape: tuple[int, int]  # nodes along x and y
-    sides: tuple[
-        float, float
-    ]  # lengths of the patch: of all cells, or between outer nodes [um]
+    # lengths of the patch: of all cells, or between outer nodes [um]
+    sides: tuple[float, float]
     spacing: tuple[float, float]  # distances of neighbouring nodes along x and y [um]
     boundary: str  # "free", "periodic" or "mirror"
 
@@ -96,8 +120,8 @@ class GeneratedSurface(Table):
     """Parameters that every scene of this generator may draw, by their keys."""
 
     PLACES: ClassVar[Mapping[str, str]] = {}
-    """Columns that say where in a larger surface each one was cut out, with their meanings; such
-    pieces have no edges, and loads of their own."""
+    """Meanings, by their names, of the columns that say where in a larger surface each surface was
+    cut out; empty if surfaces are not cut out."""
 
     # Without the key the other body is flat.
     against: Literal["another"] | None = Field(
@@ -108,15 +132,14 @@ class GeneratedSurface(Table):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
-        """List the names and the parameters of a generator."""
+        """List the names and the parameters of a generator in its class."""
         cls.NAMES = get_args(cls.model_fields["generator"].annotation)
-        fields = cls.model_fields.items()
-        cls.PARAMETERS = {
-            name: each
-            for name, field in fields
-            for each in field.metadata
-            if type(each) is Drawn
-        }
+        parameters = {}
+        for name, field in cls.model_fields.items():
+            for annotation in field.metadata:
+                if type(annotation) is Drawn:
+                    parameters[name] = annotation
+        cls.PARAMETERS = parameters
 
     def drawn(self) -> dict[str, Distribution]:
         """Return the distributions of the parameters that are drawn for each surface."""
@@ -124,15 +147,53 @@ class GeneratedSurface(Table):
         return {name: value for name, value in values.items() if value is not None}
 
     def patch(self, boundary: str, *, cells: bool) -> Patch:
-        """Return the nodes and the sides of the solved patch, which hold all cells or one less."""
+        """Return the nodes and the sides of the patch that is solved.
+
+        Parameters
+        ----------
+        boundary : {"free", "periodic", "mirror"}
+            Boundary of the patch.
+        cells : bool
+            Whether the sides hold a cell for each node, rather than one less, from the first node
+            to the last one.
+
+        Returns
+        -------
+        Patch
+            Nodes and sides [um].
+
+        Raises
+        ------
+        InputError
+            If they are not known before a run has read the source of the surfaces.
+        """
         raise NotImplementedError
 
     def heights(
         self, grid: Grid, surface: int, parameters: Parameters, random: Random
     ) -> Heights:
-        """Make a surface: heights above the lowest node [um], a pure function of these arguments.
+        """Make a surface, as a pure function of these arguments and the table.
 
-        `surface` is its index, `random` a stream of its own. InputError if it cannot be made.
+        Parameters
+        ----------
+        grid : Grid
+            The grid of the scene.
+        surface : int
+            Index of the surface in the scene.
+        parameters : mapping of str to float
+            Parameters that were drawn for the surface.
+        random : numpy.random.Generator
+            The surface's stream of random numbers, which the call moves on.
+
+        Returns
+        -------
+        ndarray, shape of the grid
+            Heights above the lowest node [um].
+
+        Raises
+        ------
+        InputError
+            If the surface cannot be made.
         """
         raise NotImplementedError
 
@@ -144,32 +205,111 @@ class GeneratedSurface(Table):
         first: Random,
         random: Random,
     ) -> Heights:
-        """Make the second rough body; `first` is the surface's own stream, `random` the body's."""
+        """Make the second rough body, as a pure function of these arguments and the table.
+
+        Parameters
+        ----------
+        grid : Grid
+            The grid of the scene.
+        surface : int
+            Index of the surface in the scene.
+        parameters : mapping of str to float
+            Parameters that were drawn for the surface.
+        first : numpy.random.Generator
+            A new copy of the stream of the first body.
+        random : numpy.random.Generator
+            The second body's stream of random numbers, which the call moves on.
+
+        Returns
+        -------
+        ndarray, shape of the grid
+            Heights above the lowest node [um].
+
+        Raises
+        ------
+        InputError
+            If the surface cannot be made.
+        """
         return self.heights(grid, surface, parameters, random)
 
     def fault_on(self, grid: Grid) -> str:
-        """Return why some surfaces cannot be made on a grid, or an empty text."""
+        """Say why some surfaces cannot be made on a grid.
+
+        Parameters
+        ----------
+        grid : Grid
+            The grid of the scene.
+
+        Returns
+        -------
+        str
+            The reason, and what to change; empty if all can be made.
+        """
         return ""
 
     def relevant(self, content: dict[str, Any]) -> dict[str, Any]:
-        """Return the keys of the table that change results, given all its keys."""
+        """Return the part of the table on which results depend.
+
+        Parameters
+        ----------
+        content : dict
+            All keys of this table with their values.
+
+        Returns
+        -------
+        dict
+            The keys and values that tell databases with other results apart.
+        """
         return content
 
     def places(self, randoms: Iterable[Random]) -> dict[str, NDArray[np.int32]]:
-        """Return where surfaces are taken from, from the stream of random numbers of each."""
+        """Return where surfaces are cut out of a larger one.
+
+        Parameters
+        ----------
+        randoms : iterable of numpy.random.Generator
+            The stream of random numbers of each surface, from its beginning.
+
+        Returns
+        -------
+        dict of str to ndarray, shape (surfaces,)
+            Values of the columns in `PLACES`; empty if surfaces are not cut out.
+        """
         return {}
 
     def resolved(self, home: Path | None) -> Self:
-        """Complete the table by hashes of what its surfaces depend on; see `Scene.resolved`."""
+        """Complete the table by hashes of the files that its surfaces depend on.
+
+        Parameters
+        ----------
+        home : Path, optional
+            The database, beside which files may be kept.
+
+        Returns
+        -------
+        GeneratedSurface
+            The completed table; see `Scene.resolved`.
+        """
         return self
 
     def make_ready(
         self, home: Path | None, *, sources: bool = False, verify: bool = True
     ) -> None:
-        """Open the files that surfaces are made from; a SourceError names one that is not there.
+        """Open the files that surfaces are made from in this process.
 
-        With `sources` the original files have to be there too; the master alone looks for damage in
-        what `home` has (`verify`).
+        Parameters
+        ----------
+        home : Path, optional
+            The database, beside which files may be kept.
+        sources : bool
+            Whether the original files are needed too, not only what is kept of them.
+        verify : bool
+            Whether to look for damage in what is kept; of several processes one is to do it.
+
+        Raises
+        ------
+        SourceError
+            If a file is missing or not what it was when the database was made.
         """
 
     def sources(self) -> list[Path]:
@@ -182,19 +322,32 @@ class GeneratedSurface(Table):
 
 
 def pair(value: T | tuple[T, T]) -> tuple[T, T]:
-    """Return a value for each axis."""
-    return value if isinstance(value, tuple) else (value, value)
+    """Return a value for each axis.
+
+    Parameters
+    ----------
+    value : number or pair of number
+        One value for both axes, or the values along x and y.
+
+    Returns
+    -------
+    pair of number
+        The values along x and y.
+    """
+    if isinstance(value, tuple):
+        return value
+    return value, value
 
 
 class GridSurface(GeneratedSurface):
-    """Rules of surfaces on any rectangular grid."""
+    """A table of surfaces on any rectangular grid, whose nodes and sides the scene gives."""
 
     nodes: Nodes = Field(default=128, description=NODES)
     side: Side = Field(default=1000.0, description=SIDE)
 
     def patch(self, boundary: str, *, cells: bool) -> Patch:
-        """Return the given nodes and sides."""
-        return pair(self.nodes), pair(self.side)
+        """Return the nodes and sides of the scene."""
+        return Patch(pair(self.nodes), pair(self.side))
 
 
 GENERATORS = ("diamond-square", "midpoint")
@@ -293,44 +446,79 @@ def without_last_nodes(heights: Heights) -> Heights:
 
 
 def _displaced(
-    nodes: int, hurst: float, amplitude: float, random: Random, *, diamonds: bool
+    nodes: int, hurst: float, sigma0: float, random: Random, *, diamonds: bool
 ) -> Heights:
-    """Displace centres and edges; with `diamonds` edges to the mean of their diamonds."""
+    """Displace centres and edges, level by level, and return heights [um].
+
+    With `diamonds` edges are displaced to the means of their diamonds, otherwise of their corners;
+    see `generate`.
+    """
     decay = 2.0 ** (-hurst / 2.0) if diamonds else 2.0**-hurst
+    amplitude = sigma0
     heights = np.zeros((2, 2))
     while len(heights) < nodes:
-        squares = len(heights) - 1
-        finer = np.empty((2 * squares + 1, 2 * squares + 1))
-        finer[::2, ::2] = heights
-        pairs = heights[:-1] + heights[1:]
-        centres = amplitude * random.standard_normal((squares, squares))
-        centres += 0.25 * (pairs[:, :-1] + pairs[:, 1:])
-        finer[1::2, 1::2] = centres
-        amplitude *= decay if diamonds else 1.0
-        for axis in (0, 1):
-            corners, beside, edges = (
-                each.swapaxes(0, axis) for each in (heights, centres, finer)
-            )
-            means = corners[:-1] + corners[1:]
-            if diamonds:
-                means[:, 1:] += beside
-                means[:, :-1] += beside
-                means[:, 1:-1] *= 0.25
-                means[:, ::squares] /= 3.0  # the border's two columns
-            else:
-                means *= 0.5
-            displacements = random.standard_normal(means.swapaxes(0, axis).shape)
-            displacements *= amplitude
-            edges[1::2, ::2] = displacements.swapaxes(0, axis) + means
+        centres = _centres(heights, amplitude, random)
+        if diamonds:
+            amplitude *= decay
+        heights = _refined(heights, centres, amplitude, random, diamonds=diamonds)
         amplitude *= decay
-        heights = finer
     return heights
+
+
+def _centres(heights: Heights, amplitude: float, random: Random) -> Heights:
+    """Return the heights of the centres of all squares, displaced by an amplitude [um]."""
+    squares = len(heights) - 1
+    pairs = heights[:-1] + heights[1:]
+    centres = amplitude * random.standard_normal((squares, squares))
+    centres += 0.25 * (pairs[:, :-1] + pairs[:, 1:])
+    return centres
+
+
+def _refined(
+    heights: Heights,
+    centres: Heights,
+    amplitude: float,
+    random: Random,
+    *,
+    diamonds: bool,
+) -> Heights:
+    """Return a grid of heights, their centres, and edges displaced by an amplitude [um]."""
+    squares = len(centres)
+    finer = np.empty((2 * squares + 1, 2 * squares + 1))
+    finer[::2, ::2] = heights
+    finer[1::2, 1::2] = centres
+    for axis in (0, 1):
+        # As seen along this axis: the same code takes edges along x, then along y.
+        means = _edge_means(
+            heights.swapaxes(0, axis), centres.swapaxes(0, axis), diamonds=diamonds
+        )
+        displacements = random.standard_normal(means.swapaxes(0, axis).shape)
+        displacements *= amplitude
+        edges = finer.swapaxes(0, axis)[1::2, ::2]
+        edges[:] = displacements.swapaxes(0, axis) + means
+    return finer
+
+
+def _edge_means(heights: Heights, centres: Heights, *, diamonds: bool) -> Heights:
+    """Return the mean of the neighbours of each edge's midpoint along axis 0 [um].
+
+    The neighbours are both corners, and with `diamonds` also the centres on both sides.
+    """
+    means = heights[:-1] + heights[1:]
+    if not diamonds:
+        means *= 0.5
+        return means
+    means[:, 1:] += centres
+    means[:, :-1] += centres
+    means[:, 1:-1] *= 0.25
+    means[:, :: len(centres)] /= 3.0  # the border's two columns
+    return means
 
 
 class DisplacedSurface(GridSurface):
     """Surfaces of random midpoint displacement.
 
-    `hurst` is what the generator is asked for. The exponent of a surface's power spectrum is
+    `hurst` is the parameter of the generator. The exponent of a surface's power spectrum is
     smaller; `bench/results/hurst/hurst.csv` has it for several grids.
 
     The defaults are the paper's (section 3.2, Table 1). The paper does not give `sigma0`: its
@@ -354,13 +542,20 @@ class DisplacedSurface(GridSurface):
 
     def patch(self, boundary: str, *, cells: bool) -> Patch:
         """Return 2^k nodes a side for a patch without edges, otherwise 2^k + 1."""
-        nodes = self.nodes - (boundary != "free")
-        return (nodes, nodes), (self.side, self.side)
+        nodes = self.nodes if boundary == "free" else self.nodes - 1
+        return Patch((nodes, nodes), (self.side, self.side))
 
     def heights(
         self, grid: Grid, surface: int, parameters: Parameters, random: Random
     ) -> Heights:
         """Displace midpoints; see `GeneratedSurface.heights`."""
-        hurst, sigma0 = parameters["hurst"], parameters["sigma0"]
-        heights = generate(self.generator, self.nodes, hurst, sigma0, random)
-        return heights if grid.boundary == "free" else without_last_nodes(heights)
+        heights = generate(
+            self.generator,
+            self.nodes,
+            parameters["hurst"],
+            parameters["sigma0"],
+            random,
+        )
+        if grid.boundary == "free":
+            return heights
+        return without_last_nodes(heights)

@@ -23,7 +23,7 @@ COMMANDS = (
     show,
     importance,
 )  # as the help has them
-TOGETHER = (
+COLLECTIVE = (
     "fit",
     "grow",
     "compare",
@@ -37,5 +37,5 @@ app.callback(
     help="Surrogates of contact databases: nine models compared, tuned, and judged by their errors."
 )(command_line.take_version)
 
-main = partial(command_line.main, app, name="learn", together=TOGETHER)
+main = partial(command_line.main, app, name="learn", collective=COLLECTIVE)
 """Run one command line, a sequence of words, under a `name`; return its exit code."""

@@ -171,7 +171,9 @@ def within(
     own = {"initializer": _begin, "initargs": (os.getpid(),)}
     process = get_reusable_executor(1, timeout=None, **own)
     try:
-        with farm.unheard():  # Ctrl-C is for this process, which lets the task end
+        with (
+            farm.signals_blocked()
+        ):  # Ctrl-C is for this process, which lets the task end
             ended: Future[Result] = process.submit(work, shared, task)
         return ended.result(until - time.time())
     except TimeoutError:

@@ -142,7 +142,8 @@ def populations_of(part: Stored) -> Iterator[str]:
         yield from [str(part.path)] * part.rows.size
         return
     maps = [
-        f"{Path(each.file).name} {each.sha256[:DIGITS]}" for each in surface.known().maps
+        f"{Path(each.file).name} {each.sha256[:DIGITS]}"
+        for each in surface.recorded_maps().maps
     ]
     yield from (maps[index] for index in part.columns[MAP])
 
@@ -187,7 +188,9 @@ def _alike(part: Stored, parts: Sequence[Stored]) -> tuple[object, Indices]:
             f"{part.path}: has windows of maps of {others[0].path} in other tiles, and a second"
             " rough body: no split of both would keep their nodes apart"
         )
-    numbers = np.array([int(each.sha256[:15], 16) for each in surface.known().maps])
+    numbers = np.array(
+        [int(each.sha256[:15], 16) for each in surface.recorded_maps().maps]
+    )
     return "maps", numbers[part.columns[MAP]]
 
 
@@ -202,7 +205,7 @@ def _hashes(scene: Scene) -> set[str]:
     surface = scene.surface
     if not isinstance(surface, ScanSurface):
         return set()
-    found = [surface.known(), *filter(None, (surface.against_found,))]
+    found = [surface.recorded_maps(), *filter(None, (surface.against_found,))]
     return {each.sha256 for maps in found for each in maps.maps}
 
 

@@ -78,15 +78,18 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     "gen/runtime/files.py": (
         ("        os.fsync(descriptor)\n", ""),
         ("if any(_is_same(path, file) for file in read):", "if path in read:"),
-        ("if _is_same(path, other):", "if path == other:"),
+        ("_is_same(path, other.path):", "path == other.path:"),
         ('if present not in {kind, ""}:', 'if present == "database":'),
-        ("os.fchmod(descriptor, stat.S_IMODE(old.st_mode))", "pass"),
+        ("os.fchmod(descriptor, stat.S_IMODE(replaced.st_mode))", "pass"),
         ("fcntl.LOCK_EX | fcntl.LOCK_NB", "fcntl.LOCK_SH | fcntl.LOCK_NB"),
     ),
     "gen/database/writer.py": (
-        ("self._held.sync()\n        for rows in waiting:", "for rows in waiting:"),
-        ("chunk[wanted - start] = Status.PENDING", "chunk[wanted - start] = Status.DONE"),
-        ("(chunk == Status.DONE) | (chunk == Status.FAILED)", "chunk == Status.DONE"),
+        ("self._held.sync()\n        for rows in unsynced:", "for rows in unsynced:"),
+        (
+            "status[inside - start] = Status.PENDING",
+            "status[inside - start] = Status.DONE",
+        ),
+        ("(status == Status.DONE) | (status == Status.FAILED)", "status == Status.DONE"),
         (
             "        self.confirm()\n        status = arrays.pop",
             "        status = arrays.pop",
@@ -103,8 +106,8 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "gen/scene/tables.py": (("self.modulus / (1 - self.poisson**2)", "self.modulus"),),
     "gen/statistics.py": (
-        ("peaks[1].kurtosis - 3.0,", "peaks[1].kurtosis,"),
-        ("(pair[0] / pair[1]) ** 2", "pair[0] / pair[1]"),
+        ("peaks.curvatures.kurtosis - 3.0,", "peaks.curvatures.kurtosis,"),
+        ("(dx / dy) ** 2", "dx / dy"),
     ),
     "gen/surface.py": (("2.0 ** (-hurst / 2.0)", "2.0 ** (-hurst)"),),
     "gen/spectral.py": (("(-1 - self.hurst)", "(-0.5 - self.hurst)"),),
@@ -115,8 +118,8 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
             "(heights < below) & (heights > above)",
         ),
     ),
-    "gen/maps/outliers.py": (("scatter = 1.4826 *", "scatter = 1.0 *"),),
-    "gen/maps/library.py": (("patch = patch.T if symmetry & TRANSPOSED else patch", ""),),
+    "gen/maps/outliers.py": (("scatter = TO_DEVIATION *", "scatter = 1.0 *"),),
+    "gen/maps/library.py": (("if window.symmetry & TRANSPOSED:", "if False:"),),
     "gen/maps/read.py": (
         (
             "self.sides[0] / nx, self.sides[1] / ny",
@@ -261,5 +264,5 @@ def mutation(
 
 if __name__ == "__main__":
     with farm.process():
-        code = command_line.main(app, sys.argv[1:], "mutation", alone=True)
+        code = command_line.main(app, sys.argv[1:], "mutation", single_process=True)
     sys.exit(code)

@@ -42,7 +42,7 @@ Processes = Annotated[
 
 def main(arguments: Sequence[str], name: str) -> int:
     """Run the command line and return its exit code."""
-    return command_line.main(app, arguments, name, alone=True)
+    return command_line.main(app, arguments, name, single_process=True)
 
 
 @app.command()

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from asperity.functions import Unsolved
 from asperity.serving.models import Answer, Configuration, Model, Vectors, model_of
 from gen.runtime.errors import InputError
-from gen.runtime.farm import unheard
+from gen.runtime.farm import signals_blocked
 from gen.runtime.memory import require_blas
 from gen.runtime.user_code import TRUSTED
 
@@ -103,7 +103,7 @@ class Workers:
                 if self._closed:
                     break
                 try:
-                    with unheard():  # Ctrl-C is the server's
+                    with signals_blocked():  # Ctrl-C is the server's
                         future = pool.submit(_answer, call)
                     return await asyncio.wrap_future(future)
                 except BrokenProcessPool:

@@ -23,7 +23,7 @@ from bench.references.surfaces import Random
 from bench.stability.case import Answer, Case, Finding
 from bench.stability.checks import honesty, says_what_yields, unlike, violation, worst_gap
 from bench.stability.setup import Setup
-from gen.runtime.farm import Overtime, at_most
+from gen.runtime.farm import Overtime, time_limit
 
 YIELDING, EDGELESS = (
     24,
@@ -78,7 +78,7 @@ def examine(
     for seed in seeds:
         asked = draw(seed)
         try:
-            with at_most(SECONDS):
+            with time_limit(SECONDS):
                 contact = asked.solve()
         except (Overtime, Exception) as error:
             astray.append(f"{type(error).__name__} at seed {seed}")

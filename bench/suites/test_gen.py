@@ -21,7 +21,14 @@ from gen import database
 from gen.generation.plan import parameters
 from gen.generation.run import blocks_of
 from gen.generation.sample import surface_of
-from gen.maps.library import PreparedMap, Tiling, cut, drawn, stored_maps, write_maps
+from gen.maps.library import (
+    PreparedMap,
+    Tiling,
+    cut_window,
+    draw_window,
+    stored_maps,
+    write_maps,
+)
 from gen.runtime import farm
 from gen.runtime.farm import World
 from gen.scene import Scene
@@ -35,7 +42,7 @@ SPECS = {"smoke": Spec(32, 33, 1), "paper": Spec(256, 129, 1), "large": Spec(32,
 def test_write_by_one(benchmark: Any, tmp_path: Path, size: str) -> None:
     """Rows with their pressure fields, to the disk; creating the file is not timed."""
     spec, path = SPECS[size], tmp_path / "rows.h5"
-    blocks = list(blocks_of(spec.scene, [(0, spec.rows)], World().workers))
+    blocks = list(blocks_of(spec.scene, [range(spec.rows)], World().workers))
     template = template_of(spec.scene, blocks)
     arguments = (path, spec.scene, blocks, template, World())
 
@@ -89,20 +96,20 @@ def test_window(benchmark: BenchmarkFixture, nodes: int, tmp_path: Path) -> None
     heights = np.random.default_rng(3).normal(size=(2 * nodes + 9, 2 * nodes + 5))
     path = tmp_path / "a.maps"
     spacing = (SPACING, SPACING)
-    write_maps(path, "key", iter([(PreparedMap(heights), spacing)]), replace=False)
+    write_maps(path, "key", iter([PreparedMap(heights, spacing)]), replace=False)
     stored = stored_maps(path, "key", verify=True)
     assert stored is not None
     (prepared,) = stored.maps
     tiling = Tiling((heights.shape,), (nodes, nodes), square=True)
 
     def window() -> np.ndarray:
-        place = drawn(stream(5), tiling)
-        return cut(prepared.heights, place, tiling.window)
+        place = draw_window(stream(5), tiling)
+        return cut_window(prepared.heights, place, tiling.window)
 
     surface = benchmark(window)
     assert surface.shape == (nodes, nodes)
     assert surface.min() == 0.0
-    (x, y) = drawn(stream(5), tiling).corner
+    (x, y) = draw_window(stream(5), tiling).corner
     own = heights[x : x + nodes, y : y + nodes]
     assert np.ptp(surface) == np.ptp(own)
 

@@ -122,7 +122,7 @@ def _judged(path: Path, nodes: int, left_out: str, seed: int) -> Judged:
         maps = np.asarray(reader.column("map"), dtype=np.int64)[rows.rows]
         surface = reader.scene.surface
     assert isinstance(surface, ScanSurface)
-    names = tuple(Path(each.file).stem for each in surface.known().maps)
+    names = tuple(Path(each.file).stem for each in surface.recorded_maps().maps)
     prediction, low, high = np.empty((3, rows.size))
     flagged = np.empty(rows.size, dtype=bool)
     for test in _tests(rows, maps, by_map=PARTS[left_out] == "map", seed=seed):

@@ -12,7 +12,7 @@ from statistics import mean
 from bench.answers import lines as answers
 from bench.record import Inputs
 from bench.report import PARTS
-from gen.maps.settings import PREPARED, keys, said
+from gen.maps.settings import PREPARED, as_option, keys
 from gen.scene import markdown_of_columns
 from learn.comparison.folder import KINDS
 from learn.comparison.grid import LEAST_JUDGED, LIBRARY
@@ -716,7 +716,7 @@ def preparation() -> str:
     """Return the steps of the preparation of maps as a table in Markdown."""
     lines = ["| option | what it does |", "|---|---|"]
     for name, key in keys(PREPARED).items():
-        option = f"{said(name, 'option')} {key.metavar}".rstrip()
+        option = f"{as_option(name)} {key.metavar}".rstrip()
         lines.append(f"| `{option}` | {key.help} |")
     return "\n".join(lines)
 

@@ -12,7 +12,7 @@ from gen.runtime import farm
 from gen.runtime.command_line import Trust
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, check_outputs, require_writable
-from gen.runtime.terminal import echo, shown, to_type
+from gen.runtime.terminal import command_to_type, echo, quoted
 
 if TYPE_CHECKING:  # each command imports no more than it needs
     from gen.generation.check import Fault
@@ -38,7 +38,7 @@ def run(
     world = farm.this_world()
     ends = re.fullmatch(r"([0-9]{1,18}):([0-9]{1,18})", rows)
     if rows and not ends:
-        raise InputError(f"--rows {shown(rows)}: give two row numbers, as 0:1000")
+        raise InputError(f"--rows {quoted(rows)}: give two row numbers, as 0:1000")
     if sample_limit is not None and not 0 < sample_limit <= farm.LONGEST_LIMIT:
         raise InputError(
             f"--sample-limit {sample_limit:g}: give seconds, a number above 0, at most"
@@ -58,17 +58,19 @@ def run(
         scene,
         output,
         world,
-        rows=(int(ends[1]), int(ends[2])) if ends else None,
+        rows=range(int(ends[1]), int(ends[2])) if ends else None,
         retry_failed=retry_failed,
         force=force,
         limit=sample_limit,
-        choice=writer,
+        writer=writer,
     )
     if world.is_master:
         pending, done, failed = result.counts
         echo(f"{output}: {done} rows done, {failed} failed, {pending} pending")
         if failed:
-            echo(f"warning: {failed} rows failed; why: {to_type(f'gen info {output}')}")
+            echo(
+                f"warning: {failed} rows failed; why: {command_to_type(f'gen info {output}')}"
+            )
         if result.overdue:
             echo(
                 f"warning: {result.overdue} rows took longer than --sample-limit and are pending;"
@@ -88,8 +90,8 @@ def estimate(
     """Measure a few samples and predict time, memory and disk space of a run."""
     from gen.commands import printer
     from gen.generation.completion import completed
-    from gen.generation.run import measured_time
-    from gen.runtime.memory import size
+    from gen.generation.forecast import measured_time
+    from gen.runtime.memory import format_bytes
     from gen.scene import load
 
     loaded = completed(load(scene))
@@ -109,7 +111,7 @@ def estimate(
     )
     # Linux counts the largest resident set in KiB. A master holds less than a worker.
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 * ranks
-    echo(f"  memory    {size(memory)} on all ranks")
+    echo(f"  memory    {format_bytes(memory)} on all ranks")
 
 
 def info(file: options.Database) -> None:
@@ -192,7 +194,7 @@ def _repair(file: Path, faults: "list[Fault]", another: str) -> int:
     pending, left = repair(file, faults)
     if pending.size:
         rows = "row is" if pending.size == 1 else "rows are"
-        run = to_type("gen run")
+        run = command_to_type("gen run")
         echo(
             f"{file}: {pending.size} {rows} pending now; the same {run} computes them again"
         )
@@ -241,13 +243,13 @@ def export(
     from gen.database import Reader
     from gen.export import About
     from gen.export import export as export_to
-    from gen.runtime.memory import size
+    from gen.runtime.memory import format_bytes
 
     with Reader(file) as reader:
         about = About.of(reader, title, creator, licence, doi)
         rows, rest, count = export_to(reader, output, about)
         damage = reader.damage()
     left_out = f"; {rest} failed or pending" if rest else ""
-    echo(f"{output}: {rows} rows{left_out}, {size(count)}")
+    echo(f"{output}: {rows} rows{left_out}, {format_bytes(count)}")
     if damage:
         echo(f"warning: {file}: {damage}", err=True)

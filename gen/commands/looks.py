@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from gen.runtime.documents import Row, write_csv
 from gen.runtime.errors import InputError
-from gen.runtime.figure import empty_figure
+from gen.runtime.figure import figure_for
 
 if TYPE_CHECKING:  # each command imports no more than it needs
     from pathlib import Path
@@ -64,7 +64,7 @@ class Looking:
         """Read and describe a map; InputError is raised if that cannot be done."""
         from gen import statistics
         from gen.maps import texture
-        from gen.maps.prepare import read_surface
+        from gen.maps.bodies import read_surface
 
         topography, warnings = read_surface(file, self.reading, self.boundary, self.body)
         areal = texture.areal_parameters(topography, self.depth)
@@ -120,7 +120,7 @@ def look_at_one(looking: Looking, surface: Path, files: LookFiles) -> None:
     from gen.commands import printer
     from gen.maps import pictures, several, texture
 
-    figure = empty_figure(files.picture, 10.5, 8.6)
+    figure = figure_for(files.picture, 10.5, 8.6)
     look = looking.at(surface)
     printer.print_preparation(look.topography, look.warnings)
     printer.print_statistics(look.topography, look.description, look.areal)
@@ -139,7 +139,7 @@ def look_at_one(looking: Looking, surface: Path, files: LookFiles) -> None:
     if files.spectrum is not None:
         write_csv(files.spectrum, look.radial.rows())
     if files.picture is not None:
-        pictures.draw_surface(
+        pictures.plot_surface(
             figure,
             look.topography,
             look.radial,

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from gen.database import Reader
 from gen.generation.plan import parameters
 from gen.generation.sample import load_of, solve_contact, surface_of
-from gen.maps.pictures import DECADES, LETTERS, contact_maps, draw_map, load_text
+from gen.maps.pictures import DECADES, LETTERS, contact_maps, load_text, plot_map
 from gen.material import Bodies
 from gen.quantities import AREA, DELTA, FORCE, PRESSURE, USUAL, typographic
 from gen.runtime.errors import InputError
-from gen.runtime.figure import empty_figure, log_axis, save
+from gen.runtime.figure import figure_for, log_axis, save
 from gen.runtime.terminal import shortened
 from gen.scene import Scene, columns_for, parameter_columns
 from gen.schema import Status
@@ -24,7 +24,7 @@ WIDTH = 11.0  # width of the picture [inches]
 
 def draw_database(file: Path, picture: Path) -> None:
     """Draw the heights and the pressure of the row with the median area, all areas, all times."""
-    figure = empty_figure(picture, WIDTH, WIDTH)
+    figure = figure_for(picture, WIDTH, WIDTH)
     with Reader(file) as reader:
         done = np.flatnonzero(reader.column("status") == Status.DONE)
         if not done.size:
@@ -77,7 +77,7 @@ def _draw_sample(axes: NDArray[Any], scene: Scene, row: int) -> None:
     for axis, surface_map in zip(
         axes, contact_maps(contact, surface, pressure), strict=True
     ):
-        draw_map(axis, surface_map, letters=letters)
+        plot_map(axis, surface_map, letters=letters)
 
 
 def _draw_areas(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gen.runtime.documents import Row, write_csv
 from gen.runtime.errors import InputError
-from gen.runtime.figure import empty_figure
+from gen.runtime.figure import figure_for
 from gen.runtime.files import atomic
 from gen.runtime.terminal import RunProgress, echo
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # each command imports no more than it needs
 
     from bem.problem import Boundary
     from gen.maps.bodies import Opposite
-    from gen.maps.contacts import Wanted
+    from gen.maps.contacts import AnswerOptions
     from gen.maps.settings import Reading
     from gen.material import Bodies
 
@@ -48,7 +48,7 @@ class Pressing:
     body: Opposite | None  # second rough body, the same for all maps
     load: str  # "delta", "force" or "pressure"
     values: Sequence[float]  # of the load [um, uN or MPa]
-    wanted: Wanted
+    wanted: AnswerOptions
     bodies: Bodies
     settings: Mapping[str, Any]  # of the solver
 
@@ -80,7 +80,7 @@ class Pressing:
         from gen.commands.printer import tell_preparation
         from gen.doubts import contact_doubts, material_doubts
         from gen.maps import contacts
-        from gen.maps.prepare import read_surface
+        from gen.maps.bodies import read_surface
 
         left = len(self.values)
         warnings = material_doubts(self.bodies)
@@ -93,9 +93,10 @@ class Pressing:
             solutions = contacts.solve_loads(
                 topography, self.load, self.values, **self.settings
             )
-            for value, (contact, fault) in zip(self.values, solutions, strict=True):
+            for value, solution in zip(self.values, solutions, strict=True):
+                contact = solution.contact
                 if contact is None:
-                    warnings.append(f"not solved, left out: {fault}")
+                    warnings.append(f"not solved, left out: {solution.fault}")
                 else:
                     cells = contacts.answers(contact, self.wanted)
                     rows.append(
@@ -109,8 +110,8 @@ class Pressing:
         except InputError:
             progress.advance(left, left)
             raise
-        judged = contacts.judged(rows)
-        warnings += contact_doubts(topography.heights, self.bodies, self.load, judged)
+        pressed = contacts.pressed_contacts(rows)
+        warnings += contact_doubts(topography.heights, self.bodies, self.load, pressed)
         tell_preparation(topography, warnings)
         record = {
             "prepared": "; ".join(topography.steps),
@@ -137,9 +138,9 @@ def press_one(pressing: Pressing, surface: Path, files: ContactFiles) -> None:
     from gen.commands import printer
     from gen.doubts import contact_doubts, material_doubts
     from gen.maps import contacts, several
-    from gen.maps.prepare import read_surface
+    from gen.maps.bodies import read_surface
 
-    figure = empty_figure(files.picture, 11, 8.2)
+    figure = figure_for(files.picture, 11, 8.2)
     bodies, load = pressing.bodies, pressing.load
     topography, doubts = read_surface(
         surface, pressing.reading, pressing.boundary, pressing.body
@@ -148,13 +149,16 @@ def press_one(pressing: Pressing, surface: Path, files: ContactFiles) -> None:
         topography, load, pressing.values, **pressing.settings
     )
     number = len(pressing.values)
-    answers, last, faults, seconds = contacts.follow(solutions, number, pressing.wanted)
+    solved = contacts.solve_all(solutions, number, pressing.wanted)
+    answers = solved.rows
+    last = solved.last
     rows: list[Row] = [{each.column: each.value for each in row} for row in answers]
     warnings = [*material_doubts(bodies), *doubts]
-    warnings += contact_doubts(topography.heights, bodies, load, contacts.judged(rows))
-    warnings += faults
+    pressed = contacts.pressed_contacts(rows)
+    warnings += contact_doubts(topography.heights, bodies, load, pressed)
+    warnings += solved.faults
     printer.print_preparation(topography, warnings)
-    printer.print_contacts(answers, last, seconds)
+    printer.print_contacts(answers, last, solved.seconds)
     if remark := contacts.border_remark(topography, last, len(answers)):
         echo(f"{topography.name}: {remark}")
     record = {"prepared": "; ".join(topography.steps), "warnings": "; ".join(warnings)}
@@ -164,15 +168,15 @@ def press_one(pressing: Pressing, surface: Path, files: ContactFiles) -> None:
         named: list[Row] = [{"surface": str(surface), **row, **record} for row in rows]
         several.write_json(files.json, "contacts", named, files.command)
     if files.flattened is not None:
-        if faults:
+        if solved.faults:
             left_out = "not written, as not every load was solved"
             raise InputError(f"--flattened {files.flattened}: {left_out}")
         with atomic(files.flattened, "heights") as file:
             np.save(file, last.flattened)
     if files.picture is not None:
-        from gen.maps.pictures import draw_contacts
+        from gen.maps.pictures import plot_contacts
 
-        draw_contacts(
+        plot_contacts(
             figure,
             last,
             rows,
@@ -181,7 +185,7 @@ def press_one(pressing: Pressing, surface: Path, files: ContactFiles) -> None:
             load=load,
             bodies=bodies,
             warnings=warnings,
-            wanted=pressing.wanted,
+            options=pressing.wanted,
         )
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gen.quantities import QUANTITIES
-from gen.runtime.memory import size
+from gen.runtime.memory import format_bytes
 from gen.runtime.terminal import echo, print_columns
 from gen.schema import PHYSICS_CHANGES, REASONS, RUNTIME, TABLE_1, Status, made_by_another
 
@@ -41,7 +41,9 @@ def print_database(reader: Reader) -> None:
     part = ""
     if len(reader.rows) < reader.scene.samples:
         part = f": {reader.rows.start} to {reader.rows.stop - 1} of {reader.scene.samples}, a part"
-    echo(f"  size      {size(reader.path.stat().st_size)}, {sum(counts)} rows{part}")
+    echo(
+        f"  size      {format_bytes(reader.path.stat().st_size)}, {sum(counts)} rows{part}"
+    )
     echo(
         f"  rows      {counts.done} done, {counts.failed} failed, {counts.pending} pending"
     )
@@ -105,7 +107,7 @@ def _print_ranges(reader: Reader) -> None:
 def print_plan(scene: Scene, path: Path | None = None) -> None:
     """Print samples, surfaces, nodes and loads of a completed scene, and its database's size."""
     from gen.database import file_bytes
-    from gen.generation.run import planned_loads
+    from gen.generation.forecast import planned_loads
     from gen.generation.trial import doubts_before
 
     contact, (nx, ny) = scene.contact, scene.grid.shape
@@ -124,7 +126,7 @@ def print_plan(scene: Scene, path: Path | None = None) -> None:
         echo(f"  hardness  {least:.4g}{drawn} MPa")
     for doubt in doubts_before(scene, scene.samples):
         echo(f"  warning: {doubt}")
-    echo(f"  file      {size(file_bytes(scene, scene.samples))}")
+    echo(f"  file      {format_bytes(file_bytes(scene, scene.samples))}")
     if path is not None:
         state = "exists" if path.exists() else "does not exist yet"
         echo(f"  output    {path} {state}; nothing was written")
@@ -178,9 +180,8 @@ def print_statistics(
         f" {spacing[1]:.6g} um, heights {heights.min():.6g} to {heights.max():.6g} um"
     )
     if not topography.followed & {"level plane", "level quadratic", "form"}:
-        said += ", tilt {:.4g} along x, {:.4g} along y".format(
-            *least_squares(topography)[1]
-        )
+        tilt = least_squares(topography).tilt
+        said += f", tilt {tilt.x:.4g} along x, {tilt.y:.4g} along y"
     echo(said)
     own = [(each.name, each.unit, each.long_name) for each in TABLE_1]
     for title, known, names in (
@@ -244,7 +245,10 @@ def print_spectrum(fit: SelfAffineFit | str, nodes: float) -> None:
 
 ONE_ONLY = {
     *(quantity.in_tables for quantity in QUANTITIES.values() if quantity.single),
-    *("modulus_MPa", "boundary", "hardness_MPa", "residual"),
+    "modulus_MPa",
+    "boundary",
+    "hardness_MPa",
+    "residual",
 }
 """Columns that a table of several loads has in its file alone."""
 
@@ -286,19 +290,20 @@ def print_contacts(
 
 
 MAIN = (
-    *(
-        "nodes_x",
-        "nodes_y",
-        "side_x_um",
-        "side_y_um",
-        "Sq",
-        "Ssk",
-        "Sku",
-        "Sdq",
-        "Sal",
-        "Str",
-    ),
-    *("hurst", "roll_off", "cut_off", "nodes_a_wave"),
+    "nodes_x",
+    "nodes_y",
+    "side_x_um",
+    "side_y_um",
+    "Sq",
+    "Ssk",
+    "Sku",
+    "Sdq",
+    "Sal",
+    "Str",
+    "hurst",
+    "roll_off",
+    "cut_off",
+    "nodes_a_wave",
 )
 """Columns that `print_looks` shows of each map."""
 
@@ -309,8 +314,11 @@ def print_looks(rows: Sequence[Row], units: Mapping[str, str]) -> None:
     `rows` are those of the maps and of `gen.maps.several.summary`, `units` those of the columns.
     """
     titles = ["surface", *MAIN]
-    print_columns([[_title(row), *(_shown(row[name]) for name in MAIN)] for row in rows],
-                  titles, right=MAIN)  # fmt: skip
+    print_columns(
+        [[_title(row), *(_shown(row[name]) for name in MAIN)] for row in rows],
+        titles,
+        right=MAIN,
+    )
     mean, deviation = rows[-2:]
     lines = [
         (name, _shown(mean[name]), _shown(deviation[name]), units[name])

@@ -7,9 +7,9 @@ import typer
 from gen import options
 from gen.maps.settings import FileReading, Reading
 from gen.material import Bodies, Gas
-from gen.runtime.command_line import Trust, grouped, typed
+from gen.runtime.command_line import Trust, grouped, recorded_command_line
 from gen.runtime.errors import InputError
-from gen.runtime.figure import empty_figure
+from gen.runtime.figure import figure_for
 from gen.runtime.files import Output, check_outputs
 from gen.runtime.terminal import echo
 
@@ -43,8 +43,10 @@ def describe(
     ]
     outputs.append(Output(picture, "--plot", "picture"))
     check_outputs(outputs, filter(None, [*surfaces, facing.against]))
-    files = LookFiles(table, json, spectrum, picture, command=typed(context, "gen"))
-    looking = Looking(reading, boundary, facing.body(reading), depth)
+    files = LookFiles(
+        table, json, spectrum, picture, command=recorded_command_line(context, "gen")
+    )
+    looking = Looking(reading, boundary, facing.second_body(reading), depth)
     if several.are_several(surfaces):
         look_at_several(looking, surfaces, files)
     else:
@@ -117,14 +119,16 @@ def contact(
     pressing = Pressing(
         reading=reading,
         boundary=boundary,
-        body=facing.body(reading),
+        body=facing.second_body(reading),
         load=load,
         values=values,
-        wanted=contacts.Wanted(grid_error, spots, flow, stiffness, pair),
+        wanted=contacts.AnswerOptions(grid_error, spots, flow, stiffness, pair),
         bodies=bodies,
         settings=settings,
     )
-    files = ContactFiles(table, json, picture, flattened, command=typed(context, "gen"))
+    files = ContactFiles(
+        table, json, picture, flattened, command=recorded_command_line(context, "gen")
+    )
     with on_threads(threads or default_threads(cores())):
         if several.are_several(surfaces):
             press_several(pressing, surfaces, files)
@@ -163,15 +167,15 @@ def law(
     is the interface's alone: what a mesh adds to the bodies' own deformation.
     """
     from gen.law import Order, by_solver
-    from gen.law.contact_law import require_also
     from gen.law.files import show, write_files
+    from gen.law.order import require_also
     from gen.law.surfaces import files_read
     from gen.maps.contacts import require_conductivities
 
-    files = files.ready(output, [*files_read(inputs), *filter(None, [facing.against])])
+    files = files.resolved(output, [*files_read(inputs), *filter(None, [facing.against])])
     if not 0 < band < 1:
         raise InputError(f"--band {band:g}: give a share between 0 and 1, as 0.9")
-    figure = files.picture and empty_figure(files.picture, 12.0, 7.0)
+    figure = files.picture and figure_for(files.picture, 12.0, 7.0)
     bodies = Bodies.of(*material)
     gas = None
     if gas_conductivity is not None or jump_distance is not None:
@@ -182,7 +186,7 @@ def law(
         pressure=pressure,
         surfaces=surfaces,
         level=band,
-        e_star=bodies.e_star if bodies.known or material.poisson else None,
+        e_star=bodies.e_star if bodies.has_modulus or material.poisson else None,
         hardness=bodies.hardness,
         boundary=boundary,
         conductivities=require_conductivities(conductivity) if conductivity else None,
@@ -192,10 +196,10 @@ def law(
         flow=flow,
         also=require_also(also or []),
         reading=reading,
-        opposite=facing.body(reading),
-        between=files.joined,
-        straight=files.straight,
-        command=typed(context, "gen"),
+        opposite=facing.second_body(reading),
+        between=files.refined_tables,
+        straight=files.straight_lines,
+        command=recorded_command_line(context, "gen"),
     )
     made = by_solver(order)
     show(made)
@@ -220,4 +224,11 @@ def scene(
     from gen.draft import draft
 
     how = Reading(**vars(reading))
-    draft(inputs or [], like, output, how, Bodies.of(*material), typed(context, "gen"))
+    draft(
+        inputs or [],
+        like,
+        output,
+        how,
+        Bodies.of(*material),
+        recorded_command_line(context, "gen"),
+    )

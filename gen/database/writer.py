@@ -2,7 +2,7 @@
 
 A row counts as finished by its status, which is written once the row's data are on the disk: a kill
 or a power cut leaves rows that are whole, or pending. As a disk takes milliseconds for that, the
-statuses of the rows of some seconds wait for one such sync.
+statuses of the rows of some seconds wait for one sync.
 """
 
 import errno
@@ -21,13 +21,14 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gen.arrays import Indices
+from gen.arrays import Columns, Indices
 from gen.database.reader import (
     Reader,
     checksums_of,
     chunks,
     first_line,
     open_file,
+    require_scene,
     stored_path,
 )
 from gen.runtime.errors import InputError, errno_of
@@ -37,9 +38,8 @@ from gen.schema import CHECKSUM, STATUS, Status
 
 T = TypeVar("T")
 
-SYNC_SECONDS = (
-    5.0  # least time between two syncs of a writer: what a kill or a power cut can cost
-)
+SYNC_SECONDS = 5.0
+"""Least time between two syncs of a writer [s]: the work that a kill or a power cut can cost."""
 
 FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})  # a full disk, quota, or file
 
@@ -50,119 +50,206 @@ INCOHERENT = frozenset({"nfs", "nfs4", "cifs", "smb3"})
 
 
 class HeldFile(ExitStack):
-    """A file to be written, held by device and inode; a lock keeps writers apart, by name."""
+    """A file that is kept open, to notice if its path leads to something else; a context manager.
+
+    The open descriptor knows the file by device and inode, whatever happens to its name. A lock
+    (`gen.database.lock`), which goes by the name, keeps other writers away.
+
+    Parameters
+    ----------
+    path : Path
+        An existing file.
+
+    Raises
+    ------
+    InputError
+        If the file may not be written.
+    """
 
     def __init__(self, path: Path) -> None:
         super().__init__()
         self.path = path
-        self.parts: tuple[tuple[int, int], ...] = ()  # bytes that no writer changes
-        self._metadata: list[bytes] = []
+        self._fixed: tuple[range, ...] = ()  # offsets of bytes that no writer changes
+        self._content: list[bytes] = []  # of these bytes
         require_writable(path)
         self._descriptor = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
         self.callback(os.close, self._descriptor)
 
+    def remember(self, *fixed: range) -> None:
+        """Read the bytes that no writer changes; `intact` compares them with later ones.
+
+        Parameters
+        ----------
+        *fixed : range
+            Offsets of bytes in the file; they may lie behind its end.
+        """
+        self._fixed = fixed
+        self._content = self._read_fixed()
+
+    def _read_fixed(self) -> list[bytes]:
+        """Read the bytes that no writer changes as they are now."""
+        return [
+            os.pread(self._descriptor, len(offsets), offsets.start)
+            for offsets in self._fixed
+        ]
+
     def check(self) -> None:
-        """Refuse to continue if the file has been replaced, moved, deleted or overwritten."""
-        try:
-            same = os.path.samestat(self.path.stat(), os.fstat(self._descriptor))
-            fate = "" if same else "replaced by another file"
-        except (FileNotFoundError, NotADirectoryError):
-            fate = "moved or deleted"
-        if not fate and not self.intact():
-            fate = "overwritten with something else"
+        """Refuse to continue if the file has been replaced, moved, deleted or overwritten.
+
+        Raises
+        ------
+        InputError
+            If its path leads to another file or to none, or its fixed bytes have changed.
+        """
+        fate = self._fate()
         if fate:
             raise InputError(
                 f"{self.path} was {fate} while it was being written; nothing more is written, and"
                 " what this run has computed is in the old file, if that is anywhere"
             )
 
+    def _fate(self) -> str:
+        """Say what has happened to the file; return an empty text if nothing has."""
+        try:
+            same = os.path.samestat(self.path.stat(), os.fstat(self._descriptor))
+        except (FileNotFoundError, NotADirectoryError):
+            return "moved or deleted"
+        if not same:
+            return "replaced by another file"
+        return "" if self.intact() else "overwritten with something else"
+
     def intact(self) -> bool:
-        """Tell whether the file, wherever it is now, has the bytes that no writer changes."""
-        seen = [
-            os.pread(self._descriptor, stop - start, start) for start, stop in self.parts
-        ]
-        self._metadata = self._metadata or seen
-        return seen == self._metadata
+        """Tell whether the file, wherever it is now, has the bytes that no writer changes.
+
+        Returns
+        -------
+        bool
+            False if another program has overwritten the file.
+        """
+        return self._read_fixed() == self._content
 
     def sync(self) -> None:
-        """Wait until all that this machine has written into the file is on the disk."""
-        # Not HDF5's and MPI's own ways, which are collective. The descriptor is as old as the
-        # writer: the kernel tells it of every error since then.
+        """Wait until all that this machine has written into the file is on the disk.
+
+        Raises
+        ------
+        OSError
+            If the disk is full or fails.
+        """
+        # HDF5 and MPI sync in ways of their own, but these are collective. The descriptor is as old
+        # as the writer, so the kernel reports every error since the writer has opened the file.
         os.fsync(self._descriptor)
 
 
-class Finished(NamedTuple):
-    """Consecutive rows whose data are written, and whose status waits for the next sync."""
+class Unsynced(NamedTuple):
+    """Consecutive rows whose data are written, and whose statuses wait for the next sync."""
 
-    place: int  # of the first row in the columns
+    position: int  # of the first of these rows in the columns
     status: NDArray[np.uint8]  # (rows,)
 
 
 def write_rows(dataset: h5py.Dataset, start: int, values: NDArray[Any]) -> None:
-    """Do what `dataset[start:stop] = values` does, without h5py's 0.1 ms for the slice."""
+    """Write rows of a column: `dataset[start:stop] = values` without h5py's 0.1 ms for the slice.
+
+    Parameters
+    ----------
+    dataset : h5py.Dataset
+        The column, open for writing.
+    start : int
+        Position of the first row.
+    values : ndarray, shape (rows,) or (rows, nx, ny)
+        Contiguous values of the column's type.
+    """
     rows = dataset.id.get_space()
-    rows.select_hyperslab((start,) + (0,) * (values.ndim - 1), values.shape)
+    origin = (start,) + (0,) * (values.ndim - 1)
+    rows.select_hyperslab(origin, values.shape)
     dataset.id.write(h5py.h5s.create_simple(values.shape), rows, values)
 
 
 class Writer(Reader):
-    """A database open for writing rows; a context manager; the caller holds `lock(path)`.
+    """A database open for writing rows; a context manager.
 
-    With a communicator all its processes open and close the file together, and what one of them
-    refuses is refused on all; in between each writes rows of its own, and no metadata changes. Each
-    syncs the rows that it has written itself, `SYNC_SECONDS` apart, and as the file closes.
+    The caller holds `gen.database.lock` of the path. With a communicator all its processes open
+    and close the file together, and an error on one of them is raised on all. In between each
+    process writes rows of its own; no metadata of the file changes. Each process syncs the rows
+    that it has written itself, `SYNC_SECONDS` apart, and as the file closes.
+
+    Parameters
+    ----------
+    path : Path
+        An existing database.
+    scene : Scene
+        The scene whose rows are going to be written.
+    communicator : mpi4py.MPI.Comm, optional
+        Processes that write the file together.
+    force : bool
+        Whether the database may have another physics number.
+
+    Raises
+    ------
+    InputError
+        If the file is no database of the scene, or cannot be written; with a communicator also if
+        the processes see different files.
     """
 
     def __init__(
         self, path: Path, scene: Scene, communicator: Any = None, *, force: bool = False
     ) -> None:
         ExitStack.__init__(self)
-        self.path, self._communicator = path, communicator
-        self._waiting: list[Finished] = []
-        self._synced = -math.inf  # time of the last sync by `time.monotonic` [s]
+        self.path = path
+        self._communicator = communicator
+        self._unsynced: list[Unsynced] = []
+        self._last_sync = -math.inf  # by `time.monotonic` [s]
         with ExitStack() as opened:
             if communicator is None:
-                held = opened.enter_context(HeldFile(path))
+                self._held = opened.enter_context(HeldFile(path))
                 file = opened.enter_context(open_file(path, True))
             else:
-                status = (
-                    path.stat() if path.exists() else None
-                )  # a rank may see another folder
-                place = status and (status.st_ino, status.st_size)
-                places = communicator.allgather((place, socket.gethostname()))
-                for rank, (there, host) in enumerate(places):
-                    if there != places[0][0]:
-                        raise InputError(
-                            f"{path}: rank {rank} on {host} has not the file that rank 0 has made:"
-                            " give a path that all machines share, or --writer single"
-                        )
-                held = opened.enter_context(_on_all(communicator, lambda: HeldFile(path)))
+                _require_one_file(path, communicator)
+                held = _on_all(communicator, lambda: HeldFile(path))
+                self._held = opened.enter_context(held)
                 file = _on_all(communicator, lambda: open_file(path, True, communicator))
                 opened.enter_context(file)
-            self._take(file, scene, force=force)
+            self._take(file)
+            require_scene(file, path, self.scene, scene, force=force)
             self._datasets = {
-                each.name: file[stored_path(file, each)] for each in self._columns
+                column.name: file[stored_path(file, column)] for column in self._columns
             }
             self._status = self._datasets[STATUS.name]
-            ids = [each.id for each in self._datasets.values()]
-            ends = [
-                (each.get_offset(), each.get_offset() + each.get_storage_size())
-                for each in ids
-            ]
-            # A file that has grown has one more byte behind its columns.
-            behind = max(end for _, end in ends), path.stat().st_size + 1
-            held.parts = (0, min(ends)[0]), behind
-            self._held, self.confirm = held, held.check
-            self.confirm()  # the first look, which later ones are compared with
+            self._held.remember(*self._outside_of_columns())
+            self.confirm()
             self.push(opened.pop_all())
-        self.callback(self._spare_another)
+        self.callback(self._spare_newcomer)
         if communicator is None:
             self.callback(self._finish)
         else:
             self.callback(_on_all, communicator, self._finish)
 
-    def _spare_another(self) -> None:
-        """Before a file closes that another has replaced, send HDF5's last bytes elsewhere."""
+    def _outside_of_columns(self) -> tuple[range, range]:
+        """Return the offsets of the file's bytes before and behind its columns.
+
+        The second range ends one byte behind the file: a file that has grown has that byte.
+        """
+        starts = []
+        stops = []
+        for dataset in self._datasets.values():
+            start = dataset.id.get_offset()
+            starts.append(start)
+            stops.append(start + dataset.id.get_storage_size())
+        return range(min(starts)), range(max(stops), self.path.stat().st_size + 1)
+
+    def confirm(self) -> None:
+        """Refuse to continue if the file has been replaced, moved, deleted or overwritten.
+
+        Raises
+        ------
+        InputError
+            If so.
+        """
+        self._held.check()
+
+    def _spare_newcomer(self) -> None:
+        """Send HDF5's last bytes to a temporary file if this file has been replaced."""
         try:
             self.confirm()
         except InputError:
@@ -173,12 +260,14 @@ class Writer(Reader):
     def write_block(
         self, start: int, stop: int, columns: Mapping[str, ArrayLike]
     ) -> None:
-        """Write the finished rows of a block, whose statuses follow once the data are on the disk.
+        """Write the finished rows of a block; their statuses follow once the data are on the disk.
+
+        Rows that are pending in `columns` stay as they are in the file.
 
         Parameters
         ----------
         start, stop : int
-            First row and one past the last.
+            Numbers of the first row and of the row behind the last one.
         columns : mapping of str to array_like, shape (stop - start,) or (stop - start, nx, ny)
             All columns of `gen.scene.columns_for` by name. The checksums are computed here.
 
@@ -193,33 +282,42 @@ class Writer(Reader):
             raise ValueError(
                 f"rows {start} to {stop} of {self.rows.start} to {self.rows.stop}"
             )
-        if wrong := (columns.keys() ^ self._datasets.keys()) - {CHECKSUM.name}:
+        arrays = self._arrays_of(columns, stop - start)
+        if self.has_checksums:
+            guarded = {
+                column.name: arrays[column.name]
+                for column in self._columns
+                if column.deterministic and column != CHECKSUM
+            }
+            arrays[CHECKSUM.name] = checksums_of(guarded)
+        self.confirm()
+        status = arrays.pop(STATUS.name)
+        with disk_trouble(self.path, self._save):
+            for run in _runs(status != Status.PENDING):
+                position = start - self.rows.start + run.start
+                for name, values in arrays.items():
+                    dataset = self._datasets[name]
+                    write_rows(dataset, position, values[run.start : run.stop])
+                self._unsynced.append(Unsynced(position, status[run.start : run.stop]))
+        self.sync_when_due()
+
+    def _arrays_of(self, columns: Mapping[str, ArrayLike], rows: int) -> Columns:
+        """Return contiguous arrays of the file's types for all columns but the checksum.
+
+        ValueError is raised if a column is missing, unknown, or of another shape.
+        """
+        wrong = (columns.keys() ^ self._datasets.keys()) - {CHECKSUM.name}
+        if wrong:
             raise ValueError(f"columns missing or unknown: {', '.join(sorted(wrong))}")
-        arrays = {}
+        arrays: Columns = {}
         for column in self._columns:
             if column == CHECKSUM:
                 continue
             values = np.ascontiguousarray(columns[column.name], dtype=column.dtype)
-            if values.shape != column.shape(stop - start, self.scene.grid.shape):
+            if values.shape != column.shape(rows, self.scene.grid.shape):
                 raise ValueError(f"column {column.name} is of shape {values.shape}")
             arrays[column.name] = values
-        if self.has_checksums:
-            guarded = [column.name for column in self._columns if column.deterministic]
-            arrays[CHECKSUM.name] = checksums_of(
-                {name: arrays[name] for name in guarded if name != CHECKSUM.name}
-            )
-        self.confirm()
-        status = arrays.pop(STATUS.name)
-        edges = np.flatnonzero(
-            np.diff(status != Status.PENDING, prepend=False, append=False)
-        )
-        with disk_trouble(self.path, self._what_is_safe):
-            for first, last in edges.reshape(-1, 2).tolist():
-                place = start + first - self.rows.start
-                for name, values in arrays.items():
-                    write_rows(self._datasets[name], place, values[first:last])
-                self._waiting.append(Finished(place, status[first:last]))
-        self.sync_when_due()
+        return arrays
 
     def sync_when_due(self) -> None:
         """Finish the rows that wait, unless the last sync was less than `SYNC_SECONDS` ago.
@@ -229,34 +327,36 @@ class Writer(Reader):
         InputError
             If the disk is full or fails.
         """
-        if self._waiting and time.monotonic() >= self._synced + SYNC_SECONDS:
-            with disk_trouble(self.path, self._what_is_safe):
+        if self._unsynced and time.monotonic() >= self._last_sync + SYNC_SECONDS:
+            with disk_trouble(self.path, self._save):
                 self._sync()
 
     def _sync(self) -> None:
         """Have the data of the rows that wait on the disk, then write their statuses."""
-        # A sync that fails may have lost data, and the next one would not say so: these rows stay
-        # pending.
-        waiting = self._waiting
-        self._waiting = []
+        # A sync that fails may have lost data, and the next one would not report it: these rows are
+        # forgotten before it, and stay pending.
+        unsynced = self._unsynced
+        self._unsynced = []
         self._flush()
         self._held.sync()
-        for rows in waiting:
-            write_rows(self._status, rows.place, rows.status)
+        for rows in unsynced:
+            write_rows(self._status, rows.position, rows.status)
         self._flush()
-        self._synced = time.monotonic()
+        self._last_sync = time.monotonic()
 
     def _finish(self) -> None:
         """Write the statuses that wait, and have them on the disk too, before the file closes."""
-        nothing_written = self._synced == -math.inf  # the first block is synced at once
-        # A file that was moved or deleted takes them; one that was overwritten does not.
+        nothing_written = (
+            self._last_sync == -math.inf
+        )  # the first block is synced at once
+        # A file that was moved or deleted takes the statuses; one that was overwritten does not.
         if nothing_written or not self._held.intact():
             return
-        with disk_trouble(self.path, self._what_is_safe):
+        with disk_trouble(self.path, self._save):
             self._sync()
             self._held.sync()
 
-    def _what_is_safe(self) -> str:
+    def _save(self) -> str:
         """Save the rows that were written before an error of the disk; say how many are done."""
         with suppress(OSError, RuntimeError, ValueError):  # the same error, perhaps
             self._sync()
@@ -269,28 +369,55 @@ class Writer(Reader):
         if self._communicator is None:
             self._file.flush()
 
-    def pending(self, first: int = 0, last: int | None = None) -> list[tuple[int, int]]:
-        """Find the longest runs of pending rows, as first row and one past the last."""
-        begin, end = self._places(first, last)
-        runs: list[tuple[int, int]] = []
-        for start, stop in chunks(end, 1, begin):
-            chunk = self._status[start:stop]
-            finished = (chunk == Status.DONE) | (chunk == Status.FAILED)
-            edges = np.flatnonzero(np.diff(finished, prepend=True, append=True))
-            edges += self.rows.start + start
-            here = list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
-            if runs and here and runs[-1][1] == here[0][0]:
-                here[0] = (runs.pop()[0], here[0][1])
-            runs += here
-        return runs
+    def pending(self, first: int = 0, last: int | None = None) -> list[range]:
+        """Find the pending rows of the file.
+
+        Parameters
+        ----------
+        first, last : int, optional
+            Numbers of the first row and of the row behind the last one; all rows by default.
+
+        Returns
+        -------
+        list of range
+            Numbers of the pending rows in ascending order, one range for all rows without a
+            finished one between them.
+        """
+        pending: list[range] = []
+        for start, stop in chunks(self._positions(first, last), 1):
+            status = self._status[start:stop]
+            finished = (status == Status.DONE) | (status == Status.FAILED)
+            first_row = self.rows.start + start
+            for run in _runs(~finished):
+                begin = first_row + run.start
+                if pending and pending[-1].stop == begin:  # goes on from the last chunk
+                    begin = pending.pop().start
+                pending.append(range(begin, first_row + run.stop))
+        return pending
 
     def retry_failed(self, first: int = 0, last: int | None = None) -> int:
-        """Make failed rows pending again, and return their number."""
-        begin, end = self._places(first, last)
+        """Make failed rows pending again, on the disk too.
+
+        Parameters
+        ----------
+        first, last : int, optional
+            Numbers of the first row and of the row behind the last one; all rows by default.
+
+        Returns
+        -------
+        int
+            Number of these rows.
+
+        Raises
+        ------
+        InputError
+            If the disk fails, or the file has been replaced.
+        """
         failed = [np.empty(0, dtype=np.int64)]
-        for start, stop in chunks(end, 1, begin):
-            places = start + np.flatnonzero(self._status[start:stop] == Status.FAILED)
-            failed.append(self.rows.start + places)
+        for start, stop in chunks(self._positions(first, last), 1):
+            status = self._status[start:stop]
+            positions = start + np.flatnonzero(status == Status.FAILED)
+            failed.append(self.rows.start + positions)
         rows = np.concatenate(failed)
         self.make_pending(rows)
         return rows.size
@@ -309,30 +436,58 @@ class Writer(Reader):
             If the disk fails, or the file has been replaced.
         """
         self.confirm()
-        places = rows - self.rows.start
+        positions = rows - self.rows.start
         with disk_trouble(self.path, lambda: "the same command goes on"):
-            for start, stop in chunks(len(self.rows), 1):
-                wanted = places[(places >= start) & (places < stop)]
-                if wanted.size:
-                    chunk = self._status[start:stop]
-                    chunk[wanted - start] = Status.PENDING
-                    write_rows(self._status, start, chunk)
+            for start, stop in chunks(self._all_positions, 1):
+                inside = positions[(positions >= start) & (positions < stop)]
+                if inside.size:
+                    status = self._status[start:stop]
+                    status[inside - start] = Status.PENDING
+                    write_rows(self._status, start, status)
             self._flush()
             self._held.sync()
 
 
+def _runs(mask: NDArray[np.bool_]) -> Iterator[range]:
+    """Yield the ranges of positions at which a mask is True, the longest possible ones."""
+    edges = np.flatnonzero(np.diff(mask, prepend=False, append=False))
+    for start, stop in edges.reshape(-1, 2).tolist():
+        yield range(start, stop)
+
+
+def _require_one_file(path: Path, communicator: Any) -> None:
+    """Refuse a path that leads some process to another file than rank 0; a collective call.
+
+    A rank on another machine may see another folder.
+    """
+    identity = None
+    if path.exists():
+        status = path.stat()
+        identity = (status.st_ino, status.st_size)
+    ranks = communicator.allgather((identity, socket.gethostname()))
+    identity_of_master, _ = ranks[0]
+    for rank, (identity_of_rank, host) in enumerate(ranks):
+        if identity_of_rank != identity_of_master:
+            raise InputError(
+                f"{path}: rank {rank} on {host} has not the file that rank 0 has made:"
+                " give a path that all machines share, or --writer single"
+            )
+
+
 def _on_all(communicator: Any, action: Callable[[], T]) -> T:
-    """Do something on all processes; what one of them refuses is refused on all."""
+    """Do something on all processes, and return its result; a collective call.
+
+    An InputError on one process is raised on all of them.
+    """
     outcome: T | None = None
     refusal = ""
     try:
         outcome = action()
     except InputError as error:
         refusal = str(error)
-    refusals = [each for each in communicator.allgather(refusal) if each]
-    if refusals and isinstance(
-        outcome, h5py.File
-    ):  # it would wait for the others as it closes
+    refusals = [text for text in communicator.allgather(refusal) if text]
+    if refusals and isinstance(outcome, h5py.File):
+        # The file would wait as it closes for the processes that have not opened it.
         raise RuntimeError("; ".join(refusals))
     if refusals:
         raise InputError(refusals[0])
@@ -340,28 +495,69 @@ def _on_all(communicator: Any, action: Callable[[], T]) -> T:
 
 
 def parallel_hdf5() -> bool:
-    """Tell whether h5py and its HDF5 are built with MPI; wheels of the package index are not."""
+    """Tell whether h5py and its HDF5 are built with MPI.
+
+    Returns
+    -------
+    bool
+        True if processes can write one file together. The wheels of the package index cannot.
+    """
     return bool(h5py.get_config().mpi)
 
 
 def coherent(path: Path) -> bool:
-    """Tell whether several machines can write neighbouring rows: NFS and SMB do not allow it."""
+    """Tell whether several machines can write neighbouring rows of a file at the same time.
+
+    Parameters
+    ----------
+    path : Path
+        File, which need not exist.
+
+    Returns
+    -------
+    bool
+        False on network file systems that do not allow it (NFS and SMB); True on all other ones,
+        and where the file system is unknown.
+    """
+    return _file_system_of(path) not in INCOHERENT
+
+
+def _file_system_of(path: Path) -> str:
+    """Return the type of the file system of a path, from Linux's list of mounts; "" if unknown."""
     real = Path(os.path.realpath(path))  # raises nothing for loops of links
     try:
         mounts = MOUNTS.read_text(errors="surrogateescape").splitlines()
     except OSError:
-        return True
-    kind, longest = "", 0
-    for fields in (line.split(" ") for line in mounts):
+        return ""
+    file_system = ""
+    longest = 0  # letters of the mount point: the innermost one has the path
+    for line in mounts:
+        # The fifth field is the mount point, with blanks as octal codes; the type of the file
+        # system follows a lone hyphen (`man 5 proc_pid_mountinfo`).
+        fields = line.split(" ")
         point = re.sub(r"\\([0-7]{3})", lambda code: chr(int(code[1], 8)), fields[4])
         if real.is_relative_to(point) and len(point) >= longest:
-            kind, longest = fields[fields.index("-") + 1], len(point)
-    return kind not in INCOHERENT
+            file_system = fields[fields.index("-") + 1]
+            longest = len(point)
+    return file_system
 
 
 @contextmanager
-def disk_trouble(path: Path, left: Callable[[], str]) -> Iterator[None]:
-    """Turn an error of the disk into an InputError that says in words what is `left`."""
+def disk_trouble(path: Path, consequence: Callable[[], str]) -> Iterator[None]:
+    """Turn an error of the disk during the block into an InputError of one line.
+
+    Parameters
+    ----------
+    path : Path
+        File that the block writes.
+    consequence : callable
+        Called after an error; returns in words what the file holds now, or how to go on.
+
+    Raises
+    ------
+    InputError
+        If the disk is full or fails, or a file with the name has appeared.
+    """
     try:
         yield
     except FileExistsError:
@@ -371,9 +567,7 @@ def disk_trouble(path: Path, left: Callable[[], str]) -> Iterator[None]:
         if not number and not isinstance(error, OSError):
             raise
         reason = os.strerror(number) if number else first_line(error)
-        fault = (
-            f"the disk is full ({reason})"
-            if number in FULL
-            else f"cannot be written: {reason}"
-        )
-        raise InputError(f"{path}: {fault}; {left()}") from None
+        fault = f"cannot be written: {reason}"
+        if number in FULL:
+            fault = f"the disk is full ({reason})"
+        raise InputError(f"{path}: {fault}; {consequence()}") from None

@@ -29,9 +29,9 @@ from gen.generation.sample import (
 from gen.generators.function import PythonSurface
 from gen.quantities import LOADS, PRESSURE, PURE, Powers
 from gen.runtime.errors import InputError, SourceError
-from gen.runtime.farm import Overtime, at_most
+from gen.runtime.farm import Overtime, time_limit
 from gen.runtime.user_code import load_function, source_hash
-from gen.scene import Scene, require_own_names
+from gen.scene import Scene, require_distinct_names
 
 TRIED_ROWS = (
     16  # rows, of which the first one with a solution shows the outputs of a function
@@ -135,7 +135,7 @@ def completed(
         If the scene names what is missing, or its outputs cannot be known. SourceError, an
         InputError, if a function of the user's fails or is not trusted.
     """
-    require_own_names(scene)
+    require_distinct_names(scene)
     scene = scene.resolved(home)
     function = scene.store.function
     if isinstance(scene.surface, PythonSurface):
@@ -151,7 +151,7 @@ def completed(
     if scene.store.outputs is not None and not rehearsed:
         return scene
     scene = _with_outputs(scene, str(function), limit)
-    require_own_names(scene)
+    require_distinct_names(scene)
     if rehearsed:
         scene = _storing(scene, powers=measured_powers(scene, limit) or None)
     return scene
@@ -164,7 +164,7 @@ def _with_outputs(scene: Scene, function: str, limit: float | None) -> Scene:
     """
     trial: Trial | None = None
     try:
-        with at_most(limit):
+        with time_limit(limit):
             trial = first_trial(scene)
             if trial is None:
                 fault = f"none of the first {TRIED_ROWS} rows has a solution"
@@ -188,7 +188,7 @@ def _with_outputs(scene: Scene, function: str, limit: float | None) -> Scene:
 def _bounded_trial(scene: Scene, limit: float | None) -> None:
     """Make and solve the first row, so that a generator that fails does so before a run."""
     try:
-        with at_most(limit):
+        with time_limit(limit):
             first_trial(scene)
     except Overtime:
         return  # the run leaves such rows pending, and says so
@@ -271,7 +271,7 @@ def _trials_over_the_loads(scene: Scene, limit: float | None) -> Iterator[Trial]
 
     A load without a solution, as beyond full contact, is halved until it has one.
     """
-    with at_most(limit):
+    with time_limit(limit):
         first = first_trial(scene)
     if first is None:
         return
@@ -284,7 +284,7 @@ def _trials_over_the_loads(scene: Scene, limit: float | None) -> Iterator[Trial]
                 scene, first.row, first.heights, load / 2**halving, first.hardness
             )
             try:
-                with at_most(limit):
+                with time_limit(limit):
                     trial.contact()
             except UNSOLVED:
                 continue
@@ -309,7 +309,7 @@ def _powers_at(trial: Trial, limit: float | None) -> dict[str, Powers]:
 
 def _called_on(trial: Trial, doubled: Powers, limit: float | None) -> dict[Any, Output]:
     """Call the user's function for a contact some of whose sizes are doubled."""
-    with at_most(limit):
+    with time_limit(limit):
         return called(trial.scene.store, trial.contact(doubled), trial.row)
 
 

@@ -25,9 +25,9 @@ from gen.generation.plan import (
 )
 from gen.quantities import stored_quantities
 from gen.runtime.errors import InputError, SourceError
-from gen.runtime.farm import Overtime, at_most
+from gen.runtime.farm import Overtime, time_limit
 from gen.runtime.memory import too_little_for_solve
-from gen.runtime.user_code import faults_of, load_function
+from gen.runtime.user_code import load_function, source_errors
 from gen.scene import Scene, Store, columns_for
 from gen.schema import DONE_REASONS, Reason, Status
 from gen.statistics import describe, rms_slope
@@ -65,7 +65,7 @@ def compute_rows(
             for row in range(first, last):
                 began = time.perf_counter()
                 try:
-                    with at_most(limit):
+                    with time_limit(limit):
                         reason = _solve(scene, heights, plan, rows, row)
                 except Overtime:
                     continue
@@ -172,7 +172,7 @@ def _make_surface(
     """Make and describe the surface of the rows first to last - 1; None if there is none."""
     began = time.perf_counter()
     try:
-        with at_most(limit):
+        with time_limit(limit):
             heights = surface_of(scene, plan, first)
             description = describe(heights, scene.grid.spacing)
     except Overtime:
@@ -264,7 +264,7 @@ def called(store: Store, contact: bem.Contact, row: int) -> dict[Any, Output]:
     """Call the user's function for a contact, whose arrays cannot be changed."""
     contact.pressure.setflags(write=False)
     place = f"{store.function}, row {row}"
-    with faults_of(place):
+    with source_errors(place):
         returned = load_function(str(store.function), store.source)(contact)
         if not isinstance(returned, Mapping):
             kind = type(returned).__name__

@@ -96,7 +96,7 @@ def doubts_after(reader: Reader) -> list[str]:
 def _doubts(scene: Scene, tally: Tally, noun: str) -> list[str]:
     """Return the doubts about the material of a scene, or else those about rows."""
     contact = scene.contact
-    bodies = Bodies(contact.e_star, known=contact.has_modulus)
+    bodies = Bodies(contact.e_star, has_modulus=contact.has_modulus)
     apart = max(scene.grid.spacing)
     # What an impossible material does to the rows is no second slip.
     return contact.doubts or rows_doubts(tally, bodies, scene.quantity, apart, noun)

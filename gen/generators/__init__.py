@@ -1,4 +1,4 @@
-"""All generators of rough surfaces, and those of maps and of functions of the user's."""
+"""The list of all generators of rough surfaces, and two of them: windows of maps, and functions."""
 
 from typing import TYPE_CHECKING, Annotated, Union
 
@@ -15,11 +15,13 @@ GENERATORS: tuple[type[GeneratedSurface], ...] = (
     ScanSurface,
     PythonSurface,
 )
-"""Tables of surfaces; a new generator is a file of this folder and a line here. A scene that names
-no generator has the first one, the paper's. Columns of parameters stand in this order."""
+"""Classes of the table `[surface]`. A new generator is a file of this folder and a line here.
+
+A scene that names no generator has the first one, the paper's. Columns of parameters stand in this
+order."""
 
 TAGS = {name: table for table in GENERATORS for name in table.NAMES}
-"""Tables of surfaces by the names of their generators, which locations of errors have too."""
+"""Classes by the names of their generators, which pydantic puts into the locations of errors."""
 
 if TYPE_CHECKING:
     Surface = GeneratedSurface

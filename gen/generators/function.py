@@ -1,4 +1,4 @@
-"""Surfaces that a function of the user's makes, and how scenes name such functions."""
+"""Surfaces made by a function that the user writes, and how scenes name such functions."""
 
 import re
 from pathlib import Path
@@ -12,8 +12,8 @@ from gen.distribution import AnyNumber, Distribution
 from gen.runtime.errors import InputError, SourceError
 from gen.runtime.user_code import (
     TRUSTED,
-    faults_of,
     load_function,
+    source_errors,
     source_hash,
     source_of,
 )
@@ -22,16 +22,32 @@ from gen.surface import Grid, GridSurface, Parameters, Random
 T = TypeVar("T")
 
 NAMED = re.compile(r"[a-z][a-z0-9_]{0,39}")
-"""Names of a user's parameters and outputs, which become columns."""
+"""Pattern of the names of a user's parameters and outputs, which become columns."""
 
 FUNCTION_WORDS = "text, 'module:function', as 'my_surfaces:waves'"
-FUNCTION = r"^[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*$"
-Function = Annotated[str, Field(max_length=200, pattern=FUNCTION)]
+FUNCTION_PATTERN = r"^[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*$"
+Function = Annotated[str, Field(max_length=200, pattern=FUNCTION_PATTERN)]
 Hash = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
 def named(values: dict[str, T]) -> dict[str, T]:
-    """Refuse names that cannot be those of columns; sort the others, whose order means nothing."""
+    """Return a table of a user's numbers by name, sorted because their order means nothing.
+
+    Parameters
+    ----------
+    values : dict of str to any
+        The values by their names.
+
+    Returns
+    -------
+    dict of str to any
+        The same values in the alphabetical order of their names.
+
+    Raises
+    ------
+    ValueError
+        If a name cannot be that of a column.
+    """
     for name in values:
         if not NAMED.fullmatch(name):
             raise ValueError(
@@ -41,7 +57,7 @@ def named(values: dict[str, T]) -> dict[str, T]:
 
 
 class PythonSurface(GridSurface):
-    """Surfaces that a function of the user's makes: (shape, spacing, rng, **parameters)."""
+    """Surfaces made by a function that the user writes: (shape, spacing, rng, **parameters)."""
 
     generator: Literal["python"]
     function: Function = Field(description=FUNCTION_WORDS)
@@ -55,15 +71,17 @@ class PythonSurface(GridSurface):
     )
 
     def drawn(self) -> dict[str, Distribution]:
-        """Return the user's parameters."""
+        """Return the distributions of the user's parameters by their names."""
         return dict(self.parameters)
 
     def sources(self) -> list[Path]:
-        """Return the file of the function's module, where it is trusted."""
-        return [source_of(self.function)] if TRUSTED.get() else []
+        """Return the file of the function's module, or nothing unless the user trusts it."""
+        if not TRUSTED.get():
+            return []
+        return [source_of(self.function)]
 
     def resolved(self, home: Path | None) -> Self:
-        """Complete the table by the hash of the source of the function's module."""
+        """Complete the table by the hash of the source of the function's module, if it lacks it."""
         if self.source is not None:
             return self
         return self.model_copy(update={"source": source_hash(self.function)})
@@ -74,15 +92,10 @@ class PythonSurface(GridSurface):
         """Call the function; see `GeneratedSurface.heights`."""
         place = f"{self.function}, surface {surface}"
         function = load_function(self.function, self.source)
-        with faults_of(place):
-            made = function(grid.shape, grid.spacing, random, **parameters)
-            heights = np.asarray(made)
-            if heights.dtype.kind not in "fiub":
-                kind = "nothing" if made is None else f"a {type(made).__name__}"
-                raise SourceError(f"{place}: returned {kind}, not heights [um]")
-            heights = np.array(
-                heights, dtype=np.float64
-            )  # a copy: the function may keep its own
+        with source_errors(place):
+            heights = _heights_of(
+                function(grid.shape, grid.spacing, random, **parameters), place
+            )
         if heights.shape != grid.shape:
             raise SourceError(
                 f"{place}: heights are of shape {heights.shape}, not {grid.shape}"
@@ -91,3 +104,16 @@ class PythonSurface(GridSurface):
             raise InputError(f"{place}: heights are not finite")
         heights -= heights.min()
         return heights
+
+
+def _heights_of(returned: object, place: str) -> Heights:
+    """Return a copy of what a function has returned as heights [um], of any shape.
+
+    Refuse it by a SourceError, which begins with the place, if it is no array of real numbers.
+    """
+    array = np.asarray(returned)
+    if array.dtype.kind not in "fiub":
+        kind = "nothing" if returned is None else f"a {type(returned).__name__}"
+        raise SourceError(f"{place}: returned {kind}, not heights [um]")
+    # A copy, because the function may keep the array.
+    return np.array(array, dtype=np.float64)

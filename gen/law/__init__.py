@@ -1,10 +1,12 @@
 """Contact laws of interfaces: tables that a finite-element code reads at an integration point.
 
-`contact_law` solves a law. `surfaces` are what it is about, `curves` its numbers.
-`files` shows and writes it, `finite_elements` for programs.
-The laws of surrogates use the same numbers and writers.
+`order` is the request for a law, `surfaces` reads its surfaces, `solver` solves their contacts, and
+`contact_law` puts these into the tables of a law, whose numbers are in `curves`, with the bands of
+`bands` and the further contacts of `between`. `files` prints a law and writes it, and
+`finite_elements` writes it for programs. The laws of surrogates use the same numbers and writers.
 """
 
-from gen.law.contact_law import Law, Order, by_solver
+from gen.law.contact_law import Law, by_solver
+from gen.law.order import Order
 
 __all__ = ["Law", "Order", "by_solver"]

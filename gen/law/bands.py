@@ -1,15 +1,16 @@
 """The band of a law of several surfaces: where a further surface of the same kind lies.
 
-The band at a load is a prediction interval, not an interval of the mean: with a chance that is its
-level, one further surface lies between its ends, at this load by itself. All loads together are
-left by more surfaces. K surfaces and the further one are taken for drawn alike, and independently.
+The band at a load is a prediction interval, not an interval of the mean: its level is the chance
+that one further surface lies between its ends at this load. More surfaces leave the band at one of
+many loads. The K surfaces and the further one are assumed to be drawn from the same distribution,
+and independently.
 
-- From K surfaces on with (K - 1) / (K + 1) at the level or above, no distribution is assumed. A
-  further surface is as likely to have any rank among all K + 1, so that it lies below the j-th
-  smallest of the K with a chance of j / (K + 1). The ends are the order statistics at the ranks
-  p (K + 1), interpolated between whole ranks. For 90 % that takes 19 surfaces.
-- Fewer surfaces have no such ranks. There the logarithms of a quantity are taken for normal, and
-  of areas in percent the logits, and the ends are those of Student's prediction interval, the mean
+- If (K - 1) / (K + 1) is at the level or above, no form of this distribution is assumed. A further
+  surface is as likely to have any rank among all K + 1, so that it lies below the j-th smallest of
+  the K with a chance of j / (K + 1). The ends are the order statistics at the ranks p (K + 1),
+  interpolated between whole ranks. For 90 % that takes 19 surfaces.
+- Fewer surfaces have no such ranks. Then the logarithms of a quantity, and the logits of areas in
+  percent, are assumed to be normal. The ends are those of Student's prediction interval, the mean
   -+ t s sqrt(1 + 1 / K) with K - 1 degrees of freedom. `assumption` says so in words.
 
 Sources: S. B. Vardeman (1992), "What about the other intervals?", The American Statistician 46,
@@ -25,7 +26,8 @@ from scipy.special import expit, logit, stdtrit
 
 from gen.arrays import Values
 
-ROUNDING = 1e-9  # of a level: 0.9 is the largest level of 19 surfaces, 18/20
+ROUNDING = 1e-9
+"""Rounding in a number of surfaces: 1.9 / 0.1 may be a little above 19, and still counts as 19."""
 
 
 class Band(NamedTuple):
@@ -36,7 +38,7 @@ class Band(NamedTuple):
 
 
 def fewest_surfaces(level: float) -> int:
-    """Return the number of surfaces from which on a band assumes no distribution.
+    """Compute the number of surfaces from which on a band assumes no distribution.
 
     Parameters
     ----------
@@ -52,7 +54,7 @@ def fewest_surfaces(level: float) -> int:
 
 
 def further_surface(values: Values, level: float, *, percent: bool = False) -> Band:
-    """Return where a further surface lies at each load by itself.
+    """Compute where a further surface lies at each load by itself.
 
     Parameters
     ----------
@@ -61,45 +63,70 @@ def further_surface(values: Values, level: float, *, percent: bool = False) -> B
     level : float
         Chance that a further surface lies inside, between 0 and 1.
     percent : bool
-        Whether the quantity is a share in percent, which fewer surfaces than `fewest_surfaces`
-        have a band of by its logit, not its logarithm.
+        Whether the quantity is a share in percent. If there are fewer surfaces than
+        `fewest_surfaces`, its logit is taken for normal instead of its logarithm.
 
     Returns
     -------
     Band
-        Both ends. There are none where a value is 0, negative or not finite, nor where a share is
-        100 % and its logit is needed, and none that are beyond what numbers hold.
+        Both ends. They are NaN where a value is 0, negative or not finite, where a share is 100 %
+        and its logit is needed, and where an end is beyond the largest number.
     """
-    number = len(values)
-    ranked = number >= fewest_surfaces(level)
+    ranked = len(values) >= fewest_surfaces(level)
     usable = (values > 0) & np.isfinite(values)
     if percent and not ranked:
         usable &= values < 100
-    known = usable.all(axis=0)
-    low = np.full(known.size, np.nan)
-    high = np.full(known.size, np.nan)
-    if not known.any():
+    places = usable.all(axis=0)
+    low = np.full(places.size, np.nan)
+    high = np.full(places.size, np.nan)
+    if not places.any():
         return Band(low, high)
     if ranked:
-        shares = (1 - level) / 2, (1 + level) / 2
-        # the ranks p (K + 1), as E. J. Gumbel and W. Weibull have them
-        ends = np.quantile(values[:, known], shares, axis=0, method="weibull")
+        band = _by_ranks(values[:, places], level)
+    elif percent:
+        logits = _students(logit(values[:, places] / 100), level)
+        band = Band(100 * expit(logits.low), 100 * expit(logits.high))
     else:
-        numbers = logit(values[:, known] / 100) if percent else np.log(values[:, known])
-        factor = stdtrit(number - 1, (1 + level) / 2) * math.sqrt(1 + 1 / number)
-        reach = factor * numbers.std(axis=0, ddof=1)
-        ends = numbers.mean(axis=0) + np.array([-reach, reach])
+        logarithms = _students(np.log(values[:, places]), level)
         with np.errstate(over="ignore", under="ignore"):
-            ends = 100 * expit(ends) if percent else np.exp(ends)
-    low[known], high[known] = ends
-    unbounded = ~np.isfinite(low + high)
-    low[unbounded] = np.nan
-    high[unbounded] = np.nan
+            band = Band(np.exp(logarithms.low), np.exp(logarithms.high))
+    bounded = np.isfinite(band.low + band.high)
+    low[places] = np.where(bounded, band.low, np.nan)
+    high[places] = np.where(bounded, band.high, np.nan)
     return Band(low, high)
 
 
+def _by_ranks(values: Values, level: float) -> Band:
+    """Return the order statistics at the ranks p (K + 1) of values, (K, k), as Weibull has them."""
+    shares = ((1 - level) / 2, (1 + level) / 2)
+    low, high = np.quantile(values, shares, axis=0, method="weibull")
+    return Band(low, high)
+
+
+def _students(numbers: Values, level: float) -> Band:
+    """Return Student's prediction interval of a further number, of normal ones, (K, k)."""
+    number = len(numbers)
+    factor = stdtrit(number - 1, (1 + level) / 2) * math.sqrt(1 + 1 / number)
+    reach = factor * numbers.std(axis=0, ddof=1)
+    mean = numbers.mean(axis=0)
+    return Band(mean - reach, mean + reach)
+
+
 def described(number: int, level: float) -> str:
-    """Say of how many surfaces a band is, and what lies inside it."""
+    """Describe the band of a population.
+
+    Parameters
+    ----------
+    number : int
+        Number of surfaces.
+    level : float
+        Chance that a further surface lies inside, between 0 and 1.
+
+    Returns
+    -------
+    str
+        Part of a line.
+    """
     text = (
         f"{100 * level:g} % of further surfaces lie inside, at each load by itself; {number}"
         " surfaces"
@@ -110,11 +137,25 @@ def described(number: int, level: float) -> str:
 
 
 def assumption(number: int, level: float) -> str:
-    """Say what a band of few surfaces assumes; "" where it assumes no distribution."""
-    if number >= (fewest := fewest_surfaces(level)):
+    """Say what the band of a population assumes about the distribution of its quantities.
+
+    Parameters
+    ----------
+    number : int
+        Number of surfaces.
+    level : float
+        Chance that a further surface lies inside, between 0 and 1.
+
+    Returns
+    -------
+    str
+        One line; "" if the surfaces are enough for a band that assumes no distribution.
+    """
+    enough = fewest_surfaces(level)
+    if number >= enough:
         return ""
     return (
         f"a band of {100 * level:g} % by {number} surfaces assumes that the logarithms of each"
-        f" quantity, and of areas the logits, are normal: {fewest} surfaces or more need no such"
+        f" quantity, and of areas the logits, are normal: {enough} surfaces or more need no such"
         " assumption"
     )

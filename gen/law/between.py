@@ -159,7 +159,7 @@ def merged(one: Curves, other: Curves) -> Curves:
             )
             values = both[places]
             parts[part] = held(name, values) if np.isfinite(values).all() else values
-        slope = slopes(at[places], parts["value"], one.rest.get(name, 0.0))
+        slope = slopes(at[places], parts["value"], one.at_rest.get(name, 0.0))
         curves[name] = Curve(**parts, slope=slope)
     return replace(
         one,

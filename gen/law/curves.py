@@ -1,7 +1,7 @@
 """The numbers of a contact law: points of one surface, and curves with a band and slopes.
 
-`Points` are the contacts of one surface. `tabulated` puts those of one surface or many into a table
-of monotone `Curves` over Delta or over pressure.
+`Points` are the contacts of one surface. `tabulated` puts those of one surface or of many into a
+table of `Curves` over Delta or over pressure.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gen.arrays import Values
 from gen.doubts import modulus_in_words
-from gen.law.bands import further_surface
+from gen.law.bands import Band, further_surface
 from gen.material import Bodies
 from gen.quantities import (
     AREA,
@@ -30,12 +30,11 @@ from gen.quantities import (
 )
 from gen.runtime.errors import InputError
 
-MOST = 0.5
+OUTSIDE_SHARE = 0.5
 """Share of surfaces outside the training above which a row tells nothing about an interface."""
 
-APART = (
-    1e-9  # relative distance within which two numbers are one: rounding lies between them
-)
+APART = 1e-9
+"""Relative distance within which two numbers are the same: rounding lies between them."""
 
 OUTSIDE_WEIGHT = 1e-9
 """Weight of a point outside the training, over one inside, where curves are made monotone."""
@@ -43,45 +42,111 @@ OUTSIDE_WEIGHT = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Contacts of one surface under k loads, ascending; every array has shape (k,)."""
+    """Contacts of one surface under k loads, ascending; every array has shape (k,).
 
-    values: dict[
-        str, Values
-    ]  # by the names of quantities in laws, `gen.quantities.IN_LAWS`
+    The dictionaries have the names of quantities in laws, `gen.quantities.IN_LAWS`, as keys.
+    """
+
+    values: dict[str, Values]
     # Ends of the intervals; quantities without intervals are left out.
     low: dict[str, Values] = field(default_factory=dict)
     high: dict[str, Values] = field(default_factory=dict)
-    # For each load, why it is outside the training, and why it has no interval inside; "" where
-    # that is not so. The last one may be empty.
+    # For each load, why it is outside the training; "" where it is inside.
     reasons: tuple[str, ...] = ()
+    # For each load, why it has no interval although it is inside; "" where it has one, and no
+    # entries if all have.
     endless: tuple[str, ...] = ()
     # For each load, why the area is that of the grid; "" where the grid resolves the contact, and
-    # no entries where that was not judged.
+    # no entries if that was not judged.
     grid: tuple[str, ...] = ()
 
-    def changed(self, change: Callable[[str, Values], Values], *reasons: str) -> Points:
-        """Return points with all arrays changed by the names of their quantities, and reasons."""
-        values, low, high = (
-            {name: change(name, each) for name, each in part.items()}
-            for part in (self.values, self.low, self.high)
+    def changed(
+        self, change: Callable[[str, Values], Values], reasons: tuple[str, ...]
+    ) -> Points:
+        """Return points with all arrays changed.
+
+        Parameters
+        ----------
+        change : callable
+            Takes the name of a quantity and its values or ends, (k,), and returns new ones, (m,).
+        reasons : tuple of str
+            For each of the m new loads, why it is outside the training, or "".
+
+        Returns
+        -------
+        Points
+            New points under m loads, with neither `endless` nor `grid`.
+        """
+
+        def all_changed(arrays: dict[str, Values]) -> dict[str, Values]:
+            return {name: change(name, array) for name, array in arrays.items()}
+
+        return Points(
+            values=all_changed(self.values),
+            low=all_changed(self.low),
+            high=all_changed(self.high),
+            reasons=reasons,
         )
-        return Points(values, low, high, reasons)
 
     def chosen(self, places: NDArray[np.bool_] | NDArray[np.int64]) -> Points:
-        """Return the points of some of the loads."""
-        reasons = np.array(self.reasons, dtype=object)[places]
-        chosen = self.changed(lambda _, each: each[places], *reasons)
-        if not self.grid:
-            return chosen
-        return replace(chosen, grid=tuple(np.array(self.grid, dtype=object)[places]))
+        """Return the points at some of the loads, without `endless`.
 
-    def from_rest(self, rest: Mapping[str, float]) -> Points:
-        """Put first touch, Delta = 0 with these values (others are 0), before these loads."""
+        Parameters
+        ----------
+        places : ndarray
+            Mask of the loads, shape (k,), or indices of them.
+
+        Returns
+        -------
+        Points
+            The points at these loads, in the order of the indices.
+        """
+        reasons = texts_at(self.reasons, places)
+        points = self.changed(lambda _, array: array[places], reasons)
+        if not self.grid:
+            return points
+        return replace(points, grid=texts_at(self.grid, places))
+
+    def from_rest(self, at_rest: Mapping[str, float]) -> Points:
+        """Put first touch, Delta = 0, before all loads.
+
+        Parameters
+        ----------
+        at_rest : mapping
+            Values at first touch by names in laws; those left out are 0.
+
+        Returns
+        -------
+        Points
+            Points under k + 1 loads, without `endless`.
+        """
         points = self.changed(
-            lambda name, each: np.append(rest.get(name, 0.0), each),
-            *("", *self.reasons),
+            lambda name, array: np.append(at_rest.get(name, 0.0), array),
+            ("", *self.reasons),
         )
-        return replace(points, grid=("", *self.grid) if self.grid else ())
+        if not self.grid:
+            return points
+        return replace(points, grid=("", *self.grid))
+
+
+def texts_at(
+    texts: Sequence[str], places: NDArray[np.bool_] | NDArray[np.int64]
+) -> tuple[str, ...]:
+    """Choose some of the texts that points or rows have.
+
+    Parameters
+    ----------
+    texts : sequence of str
+        k texts.
+    places : ndarray
+        Mask of shape (k,), or indices.
+
+    Returns
+    -------
+    tuple of str
+        The texts at these places.
+    """
+    return tuple(np.array(texts, dtype=object)[places])
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,27 +177,26 @@ class Curve:
 class Curves:
     """One table of a law."""
 
-    against: str  # "delta_um" or "pressure_MPa"
+    against: str  # name of the argument: "delta_um" or "pressure_MPa"
     at: Values  # ascending arguments [um or MPa], (k,)
     curves: dict[str, Curve]  # by the name of the quantity, in the order of `LAW_COLUMNS`
     outside: Values  # share of the surfaces outside the surrogate's training, (k,)
-    reasons: tuple[
-        str, ...
-    ]  # why there is no band, or what lies outside the training; else ""
-    rest: Mapping[
-        str, float
-    ]  # where the curves begin, at first touch; those left out at 0
-    flagged: NDArray[
-        np.bool_
-    ]  # where most surfaces are outside a surrogate's training, (k,)
+    # For each argument, why there is no band, or what lies outside the training; else "".
+    reasons: tuple[str, ...]
+    # Values at first touch, where the curves begin, by names in laws; those left out are 0.
+    at_rest: Mapping[str, float]
+    # True where most surfaces are outside a surrogate's training, (k,).
+    flagged: NDArray[np.bool_]
     # Why the area is that of the grid, of a population on its first surface; "" where the grid
-    # resolves the contact, and no entries where that was not judged.
+    # resolves the contact, and no entries if that was not judged.
     grid: tuple[str, ...] = ()
 
     @property
     def resolved(self) -> NDArray[np.bool_] | None:
-        """True where the grid resolves the contact, (k,); None where that was not judged."""
-        return np.array(self.grid) == "" if self.grid else None
+        """True where the grid resolves the contact, (k,); None if that was not judged."""
+        if not self.grid:
+            return None
+        return np.array([not reason for reason in self.grid])
 
     @property
     def resolved_somewhere(self) -> bool:
@@ -142,84 +206,140 @@ class Curves:
 
     @property
     def banded(self) -> bool:
-        """True if any value has a band, beside that of the grid."""
+        """True if any value has a band, apart from the area in the continuum."""
         return any(
             bool(curve.banded.any())
             for name, curve in self.curves.items()
             if name != CONTINUUM.in_laws
         )
 
+    @property
+    def conducting(self) -> str:
+        """Name of the conductance with the most parts, of spots and gas; "" if there is none."""
+        for quantity in (JOINT, CONDUCTANCE, GAS):
+            if quantity.in_laws in self.curves:
+                return quantity.in_laws
+        return ""
+
     def chosen(self, places: NDArray[np.bool_]) -> Curves:
-        """Return the table at some of its arguments, with the slopes through what is left."""
-        at, curves = self.at[places], {}
+        """Return the table at some of its arguments, with the slopes through the points there.
+
+        Parameters
+        ----------
+        places : ndarray of bool, shape (k,)
+            True at the arguments to keep; none may be kept.
+
+        Returns
+        -------
+        Curves
+            The shorter table. Slopes are those of the cubics through its own points, so that they
+            differ from the slopes of this table.
+        """
+        at = self.at[places]
+        grid = self.grid
+        if grid:
+            grid = texts_at(grid, places)
+        curves: dict[str, Curve] = {}
         for name, curve in self.curves.items():
-            value, low, high = (
-                part[places] for part in (curve.value, curve.low, curve.high)
+            value = curve.value[places]
+            surfaces = curve.surfaces
+            if surfaces is not None:
+                surfaces = surfaces[:, places]
+            curves[name] = Curve(
+                value=value,
+                low=curve.low[places],
+                high=curve.high[places],
+                slope=slopes(at, value, self.at_rest.get(name, 0.0)),
+                surfaces=surfaces,
             )
-            slope = slopes(at, value, self.rest.get(name, 0.0))
-            surfaces = None if curve.surfaces is None else curve.surfaces[:, places]
-            curves[name] = Curve(value, low, high, slope, surfaces)
-        reasons = tuple(np.array(self.reasons, dtype=object)[places])
-        outside, flagged = self.outside[places], self.flagged[places]
-        grid = tuple(np.array(self.grid, dtype=object)[places]) if self.grid else ()
         return replace(
             self,
             at=at,
             curves=curves,
-            outside=outside,
-            reasons=reasons,
-            flagged=flagged,
+            outside=self.outside[places],
+            reasons=texts_at(self.reasons, places),
+            flagged=self.flagged[places],
             grid=grid,
         )
 
-    def below_full_contact(
-        self, bodies: Bodies, *, required: bool
-    ) -> tuple[Curves, list[str]]:
-        """Return the table up to full contact, where nothing is left of an interface, and a line.
+    def below_full_contact(self, bodies: Bodies, *, required: bool) -> BelowFullContact:
+        """End the table below full contact, where nothing is left of an interface.
 
-        Full contact is where every node touches, or where the stiffness of one surface is infinite.
-        A table that is `required` is refused if nothing is left of it but first touch.
+        Full contact is where every node touches, or where the stiffness of a surface is infinite.
+
+        Parameters
+        ----------
+        bodies : Bodies
+            Material of the bodies, which an error names.
+        required : bool
+            True if the table has to have a load above 0.
+
+        Returns
+        -------
+        BelowFullContact
+            The table up to full contact.
+
+        Raises
+        ------
+        InputError
+            If the first argument is in full contact already, or the table is required and has
+            nothing but first touch below.
         """
         full = self.curves[AREA.in_laws].value >= 100
         if STIFFNESS.in_laws in self.curves:
             full |= ~np.isfinite(self.curves[STIFFNESS.in_laws].value)
         full &= ~self.flagged
         if not full.any():
-            return self, []
+            return BelowFullContact(self)
         end = int(np.argmax(full))
-        text = f"full contact from {self.at[end]:.4g} {IN_LAWS[self.against].unit} on"
-        if end == 0 or (required and not (self.at[:end] > 0).any()):
+        start = f"full contact from {self.at[end]:.4g} {IN_LAWS[self.against].unit} on"
+        loaded = bool((self.at[:end] > 0).any())
+        if end == 0 or (required and not loaded):
             raise InputError(
-                f"{text}: no law is left below it: give smaller loads; {modulus_in_words(bodies)}"
+                f"{start}: no law is left below it: give smaller loads; {modulus_in_words(bodies)}"
             )
-        said = f"{text}: the table against {self.against} ends below it"
-        return self.chosen(np.arange(self.at.size) < end), [said]
+        return BelowFullContact(
+            self.chosen(np.arange(self.at.size) < end),
+            f"{start}: the table against {self.against} ends below it",
+        )
 
     def with_conductance(self, per_stiffness: float) -> Curves:
-        """Add the conductance: the stiffness by the conductivity over E* [W / (m K MPa)]."""
+        """Add the conductance of the spots, which is proportional to the stiffness (Barber 2003).
+
+        Parameters
+        ----------
+        per_stiffness : float
+            Conductivity of both bodies over E* [W / (m K MPa)].
+
+        Returns
+        -------
+        Curves
+            The table with a conductance [W / (mm2 K)]; the same table if it has no stiffness.
+        """
         if STIFFNESS.in_laws not in self.curves:
             return self
-        own = self.curves[STIFFNESS.in_laws]
+        stiffness = self.curves[STIFFNESS.in_laws]
+        surfaces = None
+        if stiffness.surfaces is not None:
+            surfaces = per_stiffness * stiffness.surfaces
         conductance = Curve(
-            value=per_stiffness * own.value,
-            low=per_stiffness * own.low,
-            high=per_stiffness * own.high,
-            slope=per_stiffness * own.slope,
-            surfaces=None if own.surfaces is None else per_stiffness * own.surfaces,
+            value=per_stiffness * stiffness.value,
+            low=per_stiffness * stiffness.low,
+            high=per_stiffness * stiffness.high,
+            slope=per_stiffness * stiffness.slope,
+            surfaces=surfaces,
         )
-        more = {**self.curves, CONDUCTANCE.in_laws: conductance}
-        return replace(
-            self,
-            curves={
-                name: more[name] for name in LAW_COLUMNS[self.against] if name in more
-            },
-        )
+        curves = {**self.curves, CONDUCTANCE.in_laws: conductance}
+        columns = [name for name in LAW_COLUMNS[self.against] if name in curves]
+        return replace(self, curves={name: curves[name] for name in columns})
 
-    @property
-    def conducting(self) -> str:
-        """Name of the conductance of all parts that are known; "" if none is."""
-        names = [quantity.in_laws for quantity in (JOINT, CONDUCTANCE, GAS)]
-        return next((name for name in names if name in self.curves), "")
+
+@dataclass(frozen=True, eq=False)
+class BelowFullContact:
+    """A table up to full contact."""
+
+    curves: Curves
+    remark: str = ""  # that the table is shorter; "" if it is not
 
 
 def tabulated(
@@ -227,66 +347,159 @@ def tabulated(
     at: Values,
     parts: Sequence[Points],
     level: float,
-    rest: Mapping[str, float],
+    at_rest: Mapping[str, float],
 ) -> Curves:
-    """Put the points of one surface or many, at the same ascending arguments (k,), into one table.
+    """Put the points of one surface or of many into one table.
 
     The values and intervals of one surface are those of its points. Those of a population are the
-    mean over the surfaces at the same argument, and the band of a further surface with a chance of
-    `level` (`gen.law.bands`). There is no band outside the surrogate's training: for one surface at
-    points with a reason, for a population where more surfaces are outside than the band leaves out
-    on each side. Where most are, closure, stiffness and conductance are NaN. A value that is not
-    finite is refused.
+    mean over the surfaces at the same argument, and the band of a further surface
+    (`gen.law.bands`).
+
+    There is no band outside a surrogate's training: for one surface at points with a reason, for a
+    population where more surfaces are outside than the band leaves out on each side. Where more
+    than a share `OUTSIDE_SHARE` of the surfaces is outside, derived quantities, such as the
+    stiffness and the conductance, are NaN.
+
+    Parameters
+    ----------
+    against : str
+        Name of the argument in laws, a key of `gen.quantities.LAW_COLUMNS`.
+    at : ndarray, shape (k,)
+        Ascending arguments [um or MPa].
+    parts : sequence of Points
+        Points of each surface at these arguments. Each load has an entry in `reasons`.
+    level : float
+        Chance that a further surface lies inside the band, between 0 and 1.
+    at_rest : mapping
+        Values at first touch by names in laws; those left out are 0.
+
+    Returns
+    -------
+    Curves
+        The table, with all quantities that every surface has, and without `grid`.
+
+    Raises
+    ------
+    InputError
+        If a mean is not finite, and is of a quantity that is finite at full contact.
     """
-    outside = np.array(
-        [[bool(reason) for reason in part.reasons] for part in parts]
-    ).mean(axis=0)
-    reasons = []  # of one surface all; of many how many are outside, and the first of its reasons
-    for each in zip(*(part.reasons for part in parts), strict=True):
-        given = list(filter(None, each))
-        first = given[0].partition("; ")[0] if given else ""
-        many = (
-            f"{len(given)} of {len(each)} surfaces, the first: {first}" if given else ""
-        )
-        reasons.append(many if len(parts) > 1 else each[0])
+    flags = [[bool(reason) for reason in part.reasons] for part in parts]
+    outside = np.array(flags).mean(axis=0)
     withheld = outside > (1 - level) / 2
-    if len(parts) == 1 and parts[0].endless:
-        reasons = [
-            one or other for one, other in zip(reasons, parts[0].endless, strict=True)
-        ]
-        withheld |= np.array(reasons, dtype=bool)
-    curves = {}
+    if len(parts) == 1:
+        reasons = _reasons_of_one_surface(parts[0])
+        if parts[0].endless:
+            withheld |= np.array(reasons, dtype=bool)
+    else:
+        reasons = _reasons_of_population(parts)
+    curves: dict[str, Curve] = {}
     for name in LAW_COLUMNS[against]:
         if not all(name in part.values for part in parts):
             continue
-        whole = np.stack([part.values[name] for part in parts])
-        value, nowhere = whole.mean(axis=0), np.full(at.size, np.nan)
-        if not IN_LAWS[name].diverges and not np.isfinite(value).all():
-            raise InputError(
-                f"{name} of the law has values that are not finite: no law holds here"
-            )
-        low, high = (each.get(name, nowhere) for each in (parts[0].low, parts[0].high))
-        if len(parts) > 1:
-            low, high = further_surface(whole, level, percent=name.endswith("_percent"))
-            touching = (at == 0) & (whole == 0).all(
-                axis=0
-            )  # first touch is 0 on all surfaces
-            low[touching] = 0.0
-            high[touching] = 0.0
-        low, high = np.minimum(low, value), np.maximum(high, value)
-        slope = slopes(at, value, rest.get(name, 0.0))
-        unknown = withheld | ~np.isfinite(
-            low + high
-        )  # an interval without an end is none
-        low[unknown], high[unknown] = np.nan, np.nan
-        # Those that follow from predicted ones miss by more, and are not given outside at all.
+        curve = _curve(name, at, parts, level, at_rest.get(name, 0.0))
+        curve = _without_band(curve, withheld)
         if _is_derived(name):
-            value, slope, whole = (
-                np.where(outside > MOST, np.nan, each) for each in (value, slope, whole)
-            )
-        surfaces = whole if len(parts) > 1 else None
-        curves[name] = Curve(value, low, high, slope, surfaces)
-    return Curves(against, at, curves, outside, tuple(reasons), rest, outside > MOST)
+            # It misses by more than the predicted quantities that it follows from.
+            curve = _without_value(curve, outside > OUTSIDE_SHARE)
+        curves[name] = curve
+    return Curves(
+        against=against,
+        at=at,
+        curves=curves,
+        outside=outside,
+        reasons=tuple(reasons),
+        at_rest=at_rest,
+        flagged=outside > OUTSIDE_SHARE,
+    )
+
+
+def _reasons_of_one_surface(points: Points) -> list[str]:
+    """Return for each load why it is outside the training, or else why it has no interval."""
+    if not points.endless:
+        return list(points.reasons)
+    pairs = zip(points.reasons, points.endless, strict=True)
+    return [reason or endless for reason, endless in pairs]
+
+
+def _reasons_of_population(parts: Sequence[Points]) -> list[str]:
+    """Return for each load how many surfaces are outside the training, and the first reason."""
+    texts: list[str] = []
+    for place in range(len(parts[0].reasons)):
+        reasons = [part.reasons[place] for part in parts if part.reasons[place]]
+        if not reasons:
+            texts.append("")
+            continue
+        first = reasons[0].partition("; ")[0]
+        texts.append(f"{len(reasons)} of {len(parts)} surfaces, the first: {first}")
+    return texts
+
+
+def _curve(
+    name: str, at: Values, parts: Sequence[Points], level: float, first_touch: float
+) -> Curve:
+    """Return the curve of a quantity at arguments, (k,), with its band where it has both ends.
+
+    The band contains the value. `first_touch` is the value at first touch.
+    """
+    of_surfaces = np.stack([part.values[name] for part in parts])
+    value = of_surfaces.mean(axis=0)
+    if not IN_LAWS[name].diverges and not np.isfinite(value).all():
+        raise InputError(
+            f"{name} of the law has values that are not finite: no law holds here"
+        )
+    surfaces: Values | None = None
+    band = _interval(name, parts[0])
+    if len(parts) > 1:
+        surfaces = of_surfaces
+        band = _band(name, at, of_surfaces, level)
+    low = np.minimum(band.low, value)
+    high = np.maximum(band.high, value)
+    curve = Curve(
+        value=value,
+        low=low,
+        high=high,
+        slope=slopes(at, value, first_touch),
+        surfaces=surfaces,
+    )
+    return _without_band(curve, ~np.isfinite(low + high))
+
+
+def _interval(name: str, points: Points) -> Band:
+    """Return the interval of a quantity of one surface, (k,); NaN if it has none."""
+    nowhere = np.full(points.values[name].size, np.nan)
+    return Band(points.low.get(name, nowhere), points.high.get(name, nowhere))
+
+
+def _band(name: str, at: Values, of_surfaces: Values, level: float) -> Band:
+    """Return the band of a quantity of K surfaces, (K, k); first touch has one where all are 0."""
+    percent = name.endswith("_percent")
+    band = further_surface(of_surfaces, level, percent=percent)
+    touching = (at == 0) & (of_surfaces == 0).all(axis=0)
+    band.low[touching] = 0.0
+    band.high[touching] = 0.0
+    return band
+
+
+def _without_band(curve: Curve, places: NDArray[np.bool_]) -> Curve:
+    """Return a curve with NaN as both ends of its band at some places, (k,)."""
+    return replace(
+        curve,
+        low=np.where(places, np.nan, curve.low),
+        high=np.where(places, np.nan, curve.high),
+    )
+
+
+def _without_value(curve: Curve, places: NDArray[np.bool_]) -> Curve:
+    """Return a curve with NaN as value and slope at some places, (k,), on every surface too."""
+    surfaces = curve.surfaces
+    if surfaces is not None:
+        surfaces = np.where(places, np.nan, surfaces)
+    return replace(
+        curve,
+        value=np.where(places, np.nan, curve.value),
+        slope=np.where(places, np.nan, curve.slope),
+        surfaces=surfaces,
+    )
 
 
 def _is_derived(name: str) -> bool:
@@ -296,58 +509,116 @@ def _is_derived(name: str) -> bool:
 
 
 def trend(name: str) -> Trend:
-    """Return how a quantity of laws changes with the load: it rises, falls or turns."""
+    """Return how a quantity changes with the load.
+
+    Parameters
+    ----------
+    name : str
+        Name of the quantity in laws.
+
+    Returns
+    -------
+    {"rises", "falls", "turns"}
+        The trend; a quantity that turns may do both.
+    """
     law = IN_LAWS[name].law
-    return "turns" if law is None else law.trend
+    if law is None:
+        return "turns"
+    return law.trend
 
 
-def monotone(points: Points) -> tuple[Points, Points]:
-    """Make the curves of one surface monotone, by least squares; return the changes too.
+@dataclass(frozen=True, eq=False)
+class Monotone:
+    """Points of one surface whose curves are monotone."""
 
-    Quantities that turn, and those that are not finite throughout, stay as they are. Points outside
-    the training follow those inside, which they hardly move.
+    points: Points
+    corrections: dict[str, Values]  # what was added to the values, by names in laws
+
+
+def monotone(points: Points) -> Monotone:
+    """Make the curves of one surface monotone by least squares.
+
+    Delta, quantities that turn, and those with a value that is not finite stay as they are. Points
+    outside the training follow those inside, which they hardly move.
+
+    Parameters
+    ----------
+    points : Points
+        Points at ascending loads, (k,).
+
+    Returns
+    -------
+    Monotone
+        Points whose values lie between the ends of their intervals, and the corrections.
     """
     from scipy.optimize import isotonic_regression
 
     weights = np.array([OUTSIDE_WEIGHT if reason else 1.0 for reason in points.reasons])
 
     def smooth(name: str, values: Values) -> Values:
-        if (
-            name == DELTA.in_laws
-            or trend(name) == "turns"
-            or not np.isfinite(values).all()
-        ):
+        if name == DELTA.in_laws or trend(name) == "turns":
             return values
-        rising = trend(name) == "rises"
-        return np.asarray(
-            isotonic_regression(values, weights=weights, increasing=rising).x
-        )
+        if not np.isfinite(values).all():
+            return values
+        rises = trend(name) == "rises"
+        regression = isotonic_regression(values, weights=weights, increasing=rises)
+        return np.asarray(regression.x)
 
-    found = points.changed(smooth, *points.reasons)
-    values, low, high = found.values, found.low, found.high
-    for name in low:
-        low[name] = np.minimum(low[name], values[name])
-        high[name] = np.maximum(high[name], values[name])
-    return found, Points({name: values[name] - points.values[name] for name in values})
+    smoothed = points.changed(smooth, points.reasons)
+    values = smoothed.values
+    low = {name: np.minimum(end, values[name]) for name, end in smoothed.low.items()}
+    high = {name: np.maximum(end, values[name]) for name, end in smoothed.high.items()}
+    corrections = {name: values[name] - points.values[name] for name in values}
+    return Monotone(replace(smoothed, low=low, high=high), corrections)
 
 
-def continued(points: Points, further: Points) -> Points:
-    """Append points at larger Delta, without turning back."""
-    values, low, high = (
-        {name: held(name, np.append(each, more[name])) for name, each in one.items()}
-        for one, more in (
-            (points.values, further.values),
-            (points.low, further.low),
-            (points.high, further.high),
-        )
+def continued(points: Points, larger: Points) -> Points:
+    """Append points at larger Delta, with values and ends that do not turn back.
+
+    Parameters
+    ----------
+    points : Points
+        Points of one surface, under k loads.
+    larger : Points
+        Points of the same surface and quantities, under m larger loads.
+
+    Returns
+    -------
+    Points
+        Points under k + m loads, with neither `endless` nor `grid`.
+    """
+
+    def appended(
+        arrays: dict[str, Values], at_larger: dict[str, Values]
+    ) -> dict[str, Values]:
+        return {
+            name: held(name, np.append(array, at_larger[name]))
+            for name, array in arrays.items()
+        }
+
+    return Points(
+        values=appended(points.values, larger.values),
+        low=appended(points.low, larger.low),
+        high=appended(points.high, larger.high),
+        reasons=points.reasons + larger.reasons,
     )
-    return Points(values, low, high, points.reasons + further.reasons)
 
 
 def held(name: str, values: Values) -> Values:
     """Replace values that turn back by the extreme value before them.
 
-    Some quantities do turn: a gas conducts less where contact has taken its place.
+    Parameters
+    ----------
+    name : str
+        Name of the quantity in laws.
+    values : ndarray, shape (k,)
+        Its values at ascending loads.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        Values that rise or fall throughout. Those of a quantity that may turn stay: a gas conducts
+        less where contact has taken its place.
     """
     match trend(name):
         case "rises":
@@ -358,32 +629,58 @@ def held(name: str, values: Values) -> Values:
 
 
 def risen(values: Values, apart: float = APART) -> NDArray[np.bool_]:
-    """Return where values are above 0 and, by a relative distance, above all before them, (k,)."""
-    kept, last = np.zeros(values.size, dtype=bool), 0.0
+    """Find values that are above 0 and above all values before them.
+
+    Parameters
+    ----------
+    values : ndarray, shape (k,)
+        Numbers in any order.
+    apart : float
+        Relative distance by which a value has to be above the last one that was.
+
+    Returns
+    -------
+    ndarray of bool, shape (k,)
+        True at these values.
+    """
+    rising = np.zeros(values.size, dtype=bool)
+    last = 0.0
     for place, value in enumerate(values.tolist()):
         if value > last * (1 + apart):
-            kept[place], last = True, value
-    return kept
+            rising[place] = True
+            last = value
+    return rising
 
 
-def slopes(at: Values, values: Values, rest: float) -> Values:
-    """Return the slopes of the monotone cubic through values at ascending arguments, (k,).
+def slopes(at: Values, values: Values, first_touch: float) -> Values:
+    """Compute the slopes of the monotone cubic through values (scipy's PCHIP).
 
-    `rest` is the value at the argument 0, where the curve begins if it is not among the arguments.
-    Values that are not finite have no slope, and the cubic begins anew behind them.
+    Parameters
+    ----------
+    at : ndarray, shape (k,)
+        Ascending arguments, 0 or more.
+    values : ndarray, shape (k,)
+        Values at these arguments.
+    first_touch : float
+        Value at the argument 0, where the curve begins if 0 is not among the arguments.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        Slopes at the arguments. They are NaN where values are not finite, and the cubic begins anew
+        after these. A single point has the slope 0.
     """
     from scipy.interpolate import PchipInterpolator
 
-    before = int(at.size > 0 and at[0] > 0)
-    whole, heights = (
-        np.concatenate([[start] * before, part])
-        for start, part in ((0.0, at), (rest, values))
-    )
-    found = np.full(whole.size, np.nan)
-    edges = np.flatnonzero(np.diff(np.isfinite(heights), prepend=False, append=False))
+    starts_later = at.size > 0 and at[0] > 0
+    if starts_later:
+        at = np.append(0.0, at)
+        values = np.append(first_touch, values)
+    slope = np.full(at.size, np.nan)
+    edges = np.flatnonzero(np.diff(np.isfinite(values), prepend=False, append=False))
     for first, end in zip(edges[::2], edges[1::2], strict=True):
-        found[first:end] = 0.0
+        slope[first:end] = 0.0
         if end - first > 1:
-            part = PchipInterpolator(whole[first:end], heights[first:end])
-            found[first:end] = part.derivative()(whole[first:end])
-    return found[before:]
+            part = PchipInterpolator(at[first:end], values[first:end])
+            slope[first:end] = part.derivative()(at[first:end])
+    return slope[1:] if starts_later else slope

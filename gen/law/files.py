@@ -1,12 +1,11 @@
-"""A contact law as people and programs take it: printed, CSV, JSON, picture, and all its files."""
+"""Print a contact law, and write it as CSV, JSON, a picture, and the files of programs."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from gen.arrays import Values
 from gen.law import finite_elements
 from gen.law.contact_law import Law
 from gen.law.curves import Curve, Curves
+from gen.law.surfaces import Source
 from gen.options import LawOutputs, Units
 from gen.quantities import (
     AREA,
@@ -29,99 +29,193 @@ from gen.quantities import (
     STIFFNESS,
 )
 from gen.runtime import VERSION
-from gen.runtime.documents import Row, text_of, write_csv
+from gen.runtime.documents import Row, json_text, write_csv
 from gen.runtime.figure import save
 from gen.runtime.files import write
 from gen.runtime.installation import git_commit
-from gen.runtime.terminal import brief, echo, print_columns
+from gen.runtime.terminal import echo, first_reason, print_columns
 
-PARTS = ("value", "low", "high", "slope", "std")
-ENDS = (
-    "",
-    "_low",
-    "_high",
-    "_slope",
-    "_std",
-)  # ends of the columns' names of these parts
+PARTS = {
+    "": "value",
+    "_low": "low",
+    "_high": "high",
+    "_slope": "slope",
+    "_std": "std",
+}
+"""Attributes of a curve in a table, by what is appended to the name of the quantity."""
 
-GAS_KEYS = ("gas_conductivity_W_per_m_K", "gas_jump_distance_um")
-FORMAT_VERSION = 1  # raised whenever a reader of the last version would misread a file
+FORMAT_VERSION = 1
+"""Version of the JSON document, raised whenever a reader of the last one would misread a file."""
 
 
 def write_files(law: Law, files: LawOutputs, figure: Any) -> Iterator[Path]:
-    """Write a law to the files asked for, and yield each file once it is written."""
-    asked = {
-        name: path for name, path in files._asdict().items() if isinstance(path, Path)
-    }
-    if asked.keys() - {"table", "json"}:
-        finite_elements.rising(law)  # refused before any file is written
-    for name, write_one in WRITERS.items():
-        if name in asked:
-            yield from write_one(asked[name], law, files.units)
+    """Write a law to all files that are named, and yield each file once it is written.
+
+    Parameters
+    ----------
+    law : Law
+        The law.
+    files : LawOutputs
+        Paths of the files, and the units of some.
+    figure : matplotlib.figure.Figure or None
+        Empty figure for the picture; None if no picture is named.
+
+    Yields
+    ------
+    Path
+        File that was written. A format may have several.
+
+    Raises
+    ------
+    InputError
+        If the law closes nowhere and another file than CSV and JSON is named, before any file is
+        written; or if a program cannot take the law.
+    """
+    paths = {name: getattr(files, name) for name in WRITERS}
+    named = {name: path for name, path in paths.items() if path is not None}
+    if files.picture is not None or named.keys() - {"table", "json"}:
+        finite_elements.rising(law)  # refused here, before any file is written
+    for name, path in named.items():
+        yield from WRITERS[name](path, law, files.units)
     if files.picture is not None:
         draw(figure, law, files.picture)
         yield files.picture
 
 
 def show(law: Law) -> None:
-    """Print the law against the given kind of load: Delta, nominal pressure, or both.
+    """Print the notes of a law, and its tables against the loads that its order gives.
 
-    Rows outside a surrogate's training have a reason instead of a band.
+    Parameters
+    ----------
+    law : Law
+        The law. A law without loads of its own is printed against Delta.
     """
     for note in law.notes:
         echo(note)
-    by_delta = bool(law.order.delta or not law.order.pressure)
-    for curves in [law.over_delta] * by_delta + [law.over_pressure] * bool(
-        law.order.pressure
-    ):
-        echo(law.title)
-        echo(f"{law.bodies.text}; band: {law.band}")
-        names, known = list(curves.curves), curves.curves
-        if curves.against == DELTA.in_laws:
-            names.remove(CLOSURE.in_laws)  # so that rows fit
-        elif np.array_equal(known[DELTA.in_laws].value, known[CLOSURE.in_laws].value):
-            names.remove(DELTA.in_laws)
-        banded = np.any([curve.banded for curve in known.values()], axis=0)
-        rows = []
-        for place, argument in enumerate(curves.at):
-            cells = [f"{argument:.5g}"]
-            for curve in (known[name] for name in names):
-                value, low, high = curve.value[place], curve.low[place], curve.high[place]
-                band = " (-)" if curves.reasons[place] and not banded[place] else ""
-                band = f" ({low:.4g} to {high:.4g})" if low < high else band
-                cells.append("-" if np.isnan(value) else f"{value:.4g}{band}")
-            reason = curves.reasons[place]
-            rows.append([*cells, brief(reason) if reason else ""])
-        titles = [curves.against, *names, "reason" if any(curves.reasons) else ""]
-        print_columns(rows, titles, right=titles[:-1])
+    if "delta" in law.order.requested:
+        _show_table(law, law.over_delta)
+    if "pressure" in law.order.requested:
+        _show_table(law, law.over_pressure)
+
+
+def _show_table(law: Law, table: Curves) -> None:
+    """Print a table of a law under its title; rows without a band have the reason instead."""
+    echo(law.title)
+    echo(f"{law.bodies.text}; band: {law.band}")
+    names = _columns_shown(table)
+    banded = np.any([curve.banded for curve in table.curves.values()], axis=0)
+    lines: list[list[str]] = []
+    for place, row in enumerate(cells(table)):
+        reason = table.reasons[place]
+        withheld = bool(reason) and not banded[place]
+        line = [f"{row[table.against]:.5g}"]
+        line += [_text_of_cell(row, name, withheld=withheld) for name in names]
+        line.append(first_reason(reason))
+        lines.append(line)
+    last = "reason" if any(table.reasons) else ""
+    print_columns(lines, [table.against, *names, last], right=[table.against, *names])
+
+
+def _columns_shown(table: Curves) -> list[str]:
+    """Return the quantities that are printed: the closure or Delta is left out if both are alike.
+
+    Against Delta, the closure is always left out, so that the lines are shorter.
+    """
+    names = list(table.curves)
+    if table.against == DELTA.in_laws:
+        names.remove(CLOSURE.in_laws)
+        return names
+    deltas = table.curves[DELTA.in_laws].value
+    closures = table.curves[CLOSURE.in_laws].value
+    if np.array_equal(deltas, closures):
+        names.remove(DELTA.in_laws)
+    return names
+
+
+def _text_of_cell(row: Row, name: str, *, withheld: bool) -> str:
+    """Return the value of a quantity and its band as text, "-" in place of a number that is NaN."""
+    value = row[name]
+    low = row[f"{name}_low"]
+    high = row[f"{name}_high"]
+    if value == "":
+        return "-"
+    band = ""
+    if isinstance(low, float) and isinstance(high, float) and low < high:
+        band = f" ({low:.4g} to {high:.4g})"
+    elif withheld:
+        band = " (-)"
+    return f"{value:.4g}{band}"
+
+
+def cells(table: Curves) -> list[Row]:
+    """Return the numbers of a table by the names of its columns.
+
+    Parameters
+    ----------
+    table : Curves
+        Table of a law, with k arguments.
+
+    Returns
+    -------
+    list of dict
+        k rows. Each has the argument, and of every quantity the value, the ends of its band, its
+        slope and its standard deviation, by names that end as in `PARTS`; "" for NaN.
+    """
+    rows: list[Row] = [{table.against: argument} for argument in table.at.tolist()]
+    for name, curve in table.curves.items():
+        for end, part in PARTS.items():
+            numbers = getattr(curve, part).tolist()
+            for row, number in zip(rows, numbers, strict=True):
+                row[f"{name}{end}"] = _cell(number)
+    return rows
 
 
 def write_table(path: Path, law: Law) -> list[Path]:
     """Write a law as CSV: the table against Delta, then the one against pressure.
 
-    Those of a population have its mean, band, slope and standard deviation, and a column for each
-    surface. Columns that are empty throughout, as those of a band that one surface has not, are
-    left out. The first row of each table has the files of the surfaces, their hashes and their
-    preparation.
+    Tables of a population have its mean, band, slope and standard deviation, and a column for each
+    surface. Columns that are empty throughout are left out, such as the band of one surface. The
+    first row of each table has the files of the surfaces, their hashes and their preparation.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    law : Law
+        The law.
+
+    Returns
+    -------
+    list of Path
+        The file.
     """
-    rows: list[Row] = []
-    for curves in (law.over_delta, law.over_pressure):
-        for place in range(curves.at.size):
-            about = _about_the_load(law, curves, place)
-            record = _record_of_the_files(law if place == 0 else None)
-            surfaces = _of_each_surface(law, curves, place)
-            row: Row = {**about, **_of_the_law(law, curves, place)}
-            row["resolved"] = _resolved(curves, place)
-            row["reason"] = curves.reasons[place]
-            rows.append({**row, **record, **surfaces})
-    full = [name for name in rows[0] if any(row[name] != "" for row in rows)]
-    write_csv(path, [{name: row[name] for name in full} for row in rows])
+    rows = [*_rows(law, law.over_delta), *_rows(law, law.over_pressure)]
+    used = [name for name in rows[0] if any(row[name] != "" for row in rows)]
+    write_csv(path, [{name: row[name] for name in used} for row in rows])
     return [path]
 
 
-def _about_the_load(law: Law, curves: Curves, place: int) -> Row:
+def _rows(law: Law, table: Curves) -> list[Row]:
+    """Return the rows of a table for CSV; those of both tables of a law have the same columns."""
+    quantities = [DELTA.in_laws, *law.over_delta.curves]
+    columns = [f"{name}{end}" for name in quantities for end in PARTS]
+    rows: list[Row] = []
+    sources = law.sources
+    for place, numbers in enumerate(cells(table)):
+        row = _about_the_load(law, table, place)
+        row |= {column: numbers.get(column, "") for column in columns}
+        row["resolved"] = _resolved(table, place)
+        row["reason"] = table.reasons[place]
+        row |= _record_of_the_files(sources)
+        row |= _of_each_surface(law, table, place)
+        rows.append(row)
+        sources = ()  # only the first row has them
+    return rows
+
+
+def _about_the_load(law: Law, table: Curves, place: int) -> Row:
     """Return what a row of a table is about, and the share of surfaces outside a training."""
-    row: Row = {"against": curves.against, "outside": float(curves.outside[place])}
+    row: Row = {"against": table.against, "outside": float(table.outside[place])}
     if law.bodies.hardness is not None:
         row["hardness_MPa"] = law.bodies.hardness
     if law.boundary != "free":
@@ -129,70 +223,74 @@ def _about_the_load(law: Law, curves: Curves, place: int) -> Row:
     return row
 
 
-def _of_the_law(law: Law, curves: Curves, place: int) -> Row:
-    """Return the cells of a row with all parts of all curves, "" for those that it has not."""
+def _of_each_surface(law: Law, table: Curves, place: int) -> Row:
+    """Return the cells of a row that have a quantity of one surface of a population each."""
     row: Row = {}
     for name in (DELTA.in_laws, *law.over_delta.curves):
-        row |= {f"{name}{end}": "" for end in ENDS}
-        if name == curves.against:
-            row[name] = float(curves.at[place])
-        elif name in curves.curves:
-            for end, part in zip(ENDS, PARTS, strict=True):
-                row[f"{name}{end}"] = _cell(getattr(curves.curves[name], part)[place])
-    return row
-
-
-def _of_each_surface(law: Law, curves: Curves, place: int) -> Row:
-    """Return the cells of a row with a column for each surface of a population."""
-    row: Row = {}
-    for name in (DELTA.in_laws, *law.over_delta.curves):
-        columns = [f"{name}_surface_{number}" for number in range(1, len(law.names) + 1)]
+        columns = [
+            f"{name}_surface_{number}" for number in range(1, len(law.surface_names) + 1)
+        ]
         row |= dict.fromkeys(columns, "")
-        curve = curves.curves.get(name)
+        curve = table.curves.get(name)
         if curve is not None and curve.surfaces is not None:
-            row |= dict(zip(columns, map(_cell, curve.surfaces[:, place]), strict=True))
+            numbers = curve.surfaces[:, place].tolist()
+            row |= dict(zip(columns, map(_cell, numbers), strict=True))
     return row
 
 
-def _resolved(curves: Curves, place: int) -> str:
+def _resolved(table: Curves, place: int) -> str:
     """Say whether the grid resolves the contact at a load; "" where that is not judged."""
-    if curves.resolved is None or not curves.at[place] > 0:
+    if table.resolved is None or not table.at[place] > 0:
         return ""
-    return "yes" if curves.resolved[place] else "no"
+    return "yes" if table.resolved[place] else "no"
 
 
-def _record_of_the_files(law: Law | None) -> Row:
-    """Return the files of the surfaces, their hashes and their preparation; empty cells if None."""
-    sources = () if law is None else law.sources
+def _record_of_the_files(sources: Sequence[Source]) -> Row:
+    """Return the files of surfaces, their hashes and their preparation; "" without sources."""
     files = [file for source in sources for file in source.files]
+    steps = " | ".join("; ".join(source.steps) for source in sources)
     return {
         "files": "; ".join(file.path for file in files),
         "sha256": "; ".join(file.sha256 for file in files),
-        # without commas, at which simple readers of CSV cut lines
-        "prepared": " | ".join("; ".join(source.steps) for source in sources).replace(
-            ",", ";"
-        ),
+        # Without commas, at which simple readers of CSV cut lines.
+        "prepared": steps.replace(",", ";"),
     }
 
 
 def _cell(number: float) -> float | str:
     """Return a number for a table, "" for NaN."""
-    return "" if np.isnan(number) else float(number)
+    return "" if math.isnan(number) else number
 
 
 def write_json(path: Path, law: Law) -> list[Path]:
-    """Write a law as JSON, with null for numbers that are not finite."""
-    content = {
+    """Write a law as JSON, with null for numbers that are not finite.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    law : Law
+        The law.
+
+    Returns
+    -------
+    list of Path
+        The file.
+    """
+    gas: dict[str, float] = {}
+    if law.order.gas is not None:
+        gas = law.order.gas.by_keys
+    document: dict[str, Any] = {
         "format": "asperity contact law",
         "version": FORMAT_VERSION,
         "e_star_MPa": law.bodies.e_star,
         "hardness_MPa": law.bodies.hardness,
         "conductivities_W_per_m_K": law.order.conductivities,
-        **dict(zip(GAS_KEYS, law.order.gas or (), strict=False)),
+        **gas,
         "boundary": law.boundary,
-        "surfaces": list(law.origins),
+        "surfaces": list(law.descriptions),
         "sources": [asdict(source) for source in law.sources],
-        "surface_names": list(law.names),
+        "surface_names": list(law.surface_names),
         "band": law.band,
         "notes": list(law.notes),
         "command": law.order.command,
@@ -200,36 +298,45 @@ def write_json(path: Path, law: Law) -> list[Path]:
         "asperity": VERSION,
         "commit": git_commit(),
         "tables": [
-            {
-                "against": curves.against,
-                "at": curves.at.tolist(),
-                "gap_at_rest_um": curves.rest[MEAN_GAP.in_laws],
-                "share_of_surfaces_outside_the_training": curves.outside.tolist(),
-                "reasons": list(curves.reasons),
-                "grid": list(curves.grid),
-                "curves": {
-                    name: _numbers(curve) for name, curve in curves.curves.items()
-                },
-            }
-            for curves in (law.over_delta, law.over_pressure)
+            _table_in_json(law.over_delta),
+            _table_in_json(law.over_pressure),
         ],
     }
-    write(path, text_of(content))
+    write(path, json_text(document))
     return [path]
 
 
-def _numbers(curve: Curve) -> dict[str, Any]:
+def _table_in_json(table: Curves) -> dict[str, Any]:
+    """Return a table of a law for JSON."""
+    curves = {name: _curve_in_json(curve) for name, curve in table.curves.items()}
+    return {
+        "against": table.against,
+        "at": table.at.tolist(),
+        "gap_at_rest_um": table.at_rest[MEAN_GAP.in_laws],
+        "share_of_surfaces_outside_the_training": table.outside.tolist(),
+        "reasons": list(table.reasons),
+        "grid": list(table.grid),
+        "curves": curves,
+    }
+
+
+def _curve_in_json(curve: Curve) -> dict[str, Any]:
     """Return a curve for JSON; one of a population with a list for each of its surfaces."""
-    numbers: dict[str, Any] = {part: _finite(getattr(curve, part)) for part in PARTS[:4]}
+    numbers: dict[str, Any] = {
+        "value": _finite(curve.value),
+        "low": _finite(curve.low),
+        "high": _finite(curve.high),
+        "slope": _finite(curve.slope),
+    }
     if curve.surfaces is not None:
         numbers["std"] = _finite(curve.std)
-        numbers["by_surface"] = [_finite(each) for each in curve.surfaces]
+        numbers["by_surface"] = [_finite(surface) for surface in curve.surfaces]
     return numbers
 
 
 def _finite(values: Values) -> list[float | None]:
     """Return numbers for JSON, None for those that are not finite."""
-    return [each if math.isfinite(each) else None for each in values.tolist()]
+    return [number if math.isfinite(number) else None for number in values.tolist()]
 
 
 WRITERS: dict[str, Callable[[Path, Law, Units], list[Path]]] = {
@@ -246,67 +353,94 @@ WRITERS: dict[str, Callable[[Path, Law, Units], list[Path]]] = {
 further format is a field there, with the end of its files' names, and a line here."""
 
 
-def draw(figure: Any, law: Law, picture: Path) -> None:
-    """Draw closure, area and stiffness or conductance over pressure, inside the training.
-
-    Areas are those in the continuum where the grid resolves the contact. Others are those of the
-    nodes, which circles mark.
-    """
-    curves = law.over_pressure.chosen(~law.over_pressure.flagged)
-    area = drawn_area(curves)
-    panels = [Panel(curves.curves[CLOSURE.in_laws], CLOSURE.label), area]
-    names = [
-        name for name in (curves.conducting, STIFFNESS.in_laws) if name in curves.curves
-    ]
-    panels += [Panel(curves.curves[name], IN_LAWS[name].label) for name in names[:1]]
-    figure.suptitle(
-        f"{law.title}\n{law.bodies.text}\nband: {law.band}", fontsize=11, parse_math=False
-    )
-    axes, at = figure.subplots(2, len(panels)), curves.at
-    for (row, scale), (column, panel) in product(
-        enumerate(("linear", "log")), enumerate(panels)
-    ):
-        axis, curve = axes[row, column], panel.curve
-        finite = np.isfinite(curve.value)
-        drawn = finite & (at > 0) & (curve.value > 0) if scale == "log" else finite
-        axis.set(xscale=scale, yscale=scale)
-        axis.plot(at[drawn], curve.value[drawn], ".-", color="tab:blue")
-        marked = drawn & panel.of_nodes & (at > 0)
-        if marked.any():
-            axis.plot(
-                at[marked],
-                curve.value[marked],
-                "o",
-                color="tab:orange",
-                fillstyle="none",
-                label="not resolved: area of the nodes",
-            )
-            axis.legend(fontsize=8)
-        band = drawn & curve.banded & ((curve.low > 0) | (scale == "linear"))
-        if band.any():
-            axis.fill_between(
-                at[band], curve.low[band], curve.high[band], alpha=0.25, lw=0
-            )
-        axis.grid(alpha=0.3)
-        if scale == "linear":
-            axis.set(xlim=(0, None), ylim=(0, None))
-        axis.set(xlabel=PRESSURE.label, ylabel=panel.label)
-    save(figure, picture)
-
-
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """What one column of a picture shows over the pressure."""
+    """A quantity that the panels of one column of a picture show over the pressure."""
 
     curve: Curve
     label: str
-    of_nodes: NDArray[np.bool_] | bool = (
-        False  # where an area is marked as that of the nodes
+    # True where the curve is the area of the nodes, which circles mark, (k,) or everywhere alike.
+    of_nodes: NDArray[np.bool_] | bool = False
+
+
+def draw(figure: Any, law: Law, picture: Path) -> None:
+    """Draw closure, area and stiffness or conductance over pressure into a figure, and save it.
+
+    Loads at which most surfaces are outside a training are left out. Areas are those in the
+    continuum where the grid resolves the contact; elsewhere they are the areas of the nodes.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        Empty figure.
+    law : Law
+        The law.
+    picture : Path
+        File of the picture.
+    """
+    curves = law.over_pressure.chosen(~law.over_pressure.flagged)
+    panels = _panels(curves)
+    figure.suptitle(
+        f"{law.title}\n{law.bodies.text}\nband: {law.band}", fontsize=11, parse_math=False
     )
+    axes = figure.subplots(2, len(panels))
+    for row, scale in enumerate(("linear", "log")):
+        for column, panel in enumerate(panels):
+            _draw_panel(axes[row, column], curves.at, panel, scale)
+    save(figure, picture)
+
+
+def _panels(curves: Curves) -> list[Panel]:
+    """Return the closure, the area, and the conductance, or the stiffness if there is none."""
+    panels = [Panel(curves.curves[CLOSURE.in_laws], CLOSURE.label), drawn_area(curves)]
+    name = curves.conducting or STIFFNESS.in_laws
+    if name in curves.curves:
+        panels.append(Panel(curves.curves[name], IN_LAWS[name].label))
+    return panels
+
+
+def _draw_panel(axis: Any, pressures: Values, panel: Panel, scale: str) -> None:
+    """Draw a quantity over pressures, (k,) [MPa], with its band; the scale is linear or log."""
+    curve = panel.curve
+    drawn = np.isfinite(curve.value)
+    band = curve.banded
+    if scale == "log":
+        drawn = drawn & (pressures > 0) & (curve.value > 0)
+        band = band & (curve.low > 0)
+    band = band & drawn
+    axis.set(xscale=scale, yscale=scale)
+    axis.plot(pressures[drawn], curve.value[drawn], ".-", color="tab:blue")
+    _mark_area_of_nodes(axis, pressures, panel, drawn)
+    if band.any():
+        axis.fill_between(
+            pressures[band], curve.low[band], curve.high[band], alpha=0.25, lw=0
+        )
+    axis.grid(alpha=0.3)
+    if scale == "linear":
+        axis.set(xlim=(0, None), ylim=(0, None))
+    axis.set(xlabel=PRESSURE.label, ylabel=panel.label)
+
+
+def _mark_area_of_nodes(
+    axis: Any, pressures: Values, panel: Panel, drawn: NDArray[np.bool_]
+) -> None:
+    """Mark the points that are drawn and are areas of the nodes with circles, but not at 0 MPa."""
+    marked = drawn & panel.of_nodes & (pressures > 0)
+    if not marked.any():
+        return
+    axis.plot(
+        pressures[marked],
+        panel.curve.value[marked],
+        "o",
+        color="tab:orange",
+        fillstyle="none",
+        label="not resolved: area of the nodes",
+    )
+    axis.legend(fontsize=8)
 
 
 def drawn_area(curves: Curves) -> Panel:
-    """Return the area to draw, which is one in the continuum only where the grid resolves it.
+    """Choose the area to draw: that in the continuum only where the grid resolves the contact.
 
     Parameters
     ----------
@@ -327,8 +461,11 @@ def drawn_area(curves: Curves) -> Panel:
         return Panel(
             nodes, "area of the nodes in contact [%]\n(not resolved by the grid)"
         )
-    parts = {
-        part: np.where(curves.resolved, getattr(continuum, part), getattr(nodes, part))
-        for part in ("value", "low", "high", "slope")
-    }
-    return Panel(Curve(**parts), CONTINUUM.label, ~curves.resolved)
+    resolved = curves.resolved
+    area = Curve(
+        value=np.where(resolved, continuum.value, nodes.value),
+        low=np.where(resolved, continuum.low, nodes.low),
+        high=np.where(resolved, continuum.high, nodes.high),
+        slope=np.where(resolved, continuum.slope, nodes.slope),
+    )
+    return Panel(area, CONTINUUM.label, ~resolved)

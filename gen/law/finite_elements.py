@@ -405,7 +405,7 @@ def _description(
         yield f"Conductivities of the bodies: {k1:g} and {k2:g} W/(m K)."
     if law.order.gas is not None and program != "4c":
         yield GAS_IN_WORDS.format(*law.order.gas)
-    yield f"Surface: {'; '.join(law.origins)}"
+    yield f"Surface: {'; '.join(law.descriptions)}"
     for source in law.sources:
         yield f"From: {source.text}"
     if side:
@@ -511,7 +511,7 @@ def _header_description(law: Law, name: str) -> Iterator[str]:
         yield f"Bodies that yield, without hardening: hardness {law.bodies.hardness:.17g} MPa."
     if law.order.gas is not None:
         yield GAS_IN_WORDS.format(*law.order.gas)
-    yield f"Surface: {'; '.join(law.origins)}"
+    yield f"Surface: {'; '.join(law.descriptions)}"
     for source in law.sources:
         yield f"From: {source.text}"
     if law.order.command:

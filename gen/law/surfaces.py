@@ -3,35 +3,34 @@
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any
 
-from bem.problem import Boundary
-from gen.doubts import MOST, STEEP_ROW, steep_slopes
+from bem.problem import Boundary, Problem, pose
+from gen.doubts import DOUBTED_SHARE, STEEP_ROW, steep_slopes
 from gen.generators.scans import ScanSurface
-from gen.maps.bodies import Opposite
-from gen.maps.prepare import read_surface
+from gen.law.order import Order
+from gen.maps.bodies import Opposite, read_surface
 from gen.maps.read import Topography, files_in
 from gen.quantities import BODIES_ALONE, MEAN_GAP, Media, Quantity, patch_compliance
 from gen.runtime.errors import InputError
 from gen.runtime.files import digest
 from gen.runtime.terminal import echo
-from gen.scene import Scene, preset_names
+from gen.scene import Scene, load, preset_names
 from gen.statistics import rms_slope
 
-if TYPE_CHECKING:
-    from bem.problem import Problem
-    from gen.law.contact_law import Order
+USUAL_BOUNDARY: Boundary = "mirror"
+"""Boundary of the patches unless the order has one: the patch is a piece of an interface."""
 
-Load = Literal["delta", "pressure"]  # quantities that a law can be solved at
+SOLVER_SETTINGS = ("kernel", "far_field", "rtol", "max_iterations")
+"""Settings of the solver that a scene states in its `[contact]`, and its law keeps."""
 
 
 @dataclass(frozen=True, eq=False)
 class LawSurface(Topography):
     """A surface of a law."""
 
-    # Settings of the solver that a scene states: kernel, far_field, rtol, max_iterations.
+    # Settings of the solver that a scene states, of `SOLVER_SETTINGS`; empty for a file.
     settings: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -39,10 +38,19 @@ class LawSurface(Topography):
         """Area of the cells of all nodes, over which the nominal pressure is a mean [um2]."""
         return float(self.spacing[0] * self.spacing[1] * self.heights.size)
 
-    def posed(self, e_star: float = 1.0) -> "Problem":
-        """Return the surface as a posed problem at first touch, of bodies with E* [MPa]."""
-        from bem.problem import pose
+    def posed(self, e_star: float = 1.0) -> Problem:
+        """Pose the contact of the surface at first touch.
 
+        Parameters
+        ----------
+        e_star : float
+            E* of the bodies [MPa].
+
+        Returns
+        -------
+        bem.problem.Problem
+            The problem, with a force of 0.
+        """
         return pose(
             self.heights,
             self.sides,
@@ -58,7 +66,21 @@ class LawSurface(Topography):
     def at_rest(
         self, quantities: Iterable[Quantity] = (MEAN_GAP,), media: Media = BODIES_ALONE
     ) -> dict[str, float]:
-        """Return quantities at first touch, where no heat passes by spots, those that are not 0."""
+        """Compute quantities at first touch, where no heat passes through spots.
+
+        Parameters
+        ----------
+        quantities : iterable of Quantity
+            Quantities of a law.
+        media : Media
+            Conductivities and gas, for the conductances.
+
+        Returns
+        -------
+        dict
+            Values by names in laws, in the units of laws. Quantities that are always 0 at first
+            touch are left out.
+        """
         problem = self.posed()
         return {
             quantity.in_laws: quantity.resting(problem, media)
@@ -67,7 +89,18 @@ class LawSurface(Topography):
         }
 
     def patch_compliance(self, e_star: float) -> float:
-        """Compute how far a flat punch that fills the patch sinks per pressure [um / MPa]."""
+        """Compute how far a flat punch that fills the patch sinks per pressure.
+
+        Parameters
+        ----------
+        e_star : float
+            E* of the bodies [MPa].
+
+        Returns
+        -------
+        float
+            Compliance [um / MPa]; 0 for a patch without edges, or on a compliant far field.
+        """
         return patch_compliance(self.posed(e_star))
 
 
@@ -80,21 +113,40 @@ class SourceFile:
 
 
 @dataclass(frozen=True)
-class Origin:
-    """Where a surface of a law comes from, or all surfaces of a scene."""
+class Source:
+    """The files of one surface of a law, or of all surfaces of a scene, and their preparation."""
 
-    name: str
+    name: str  # of the surface or the scene
     files: tuple[
         SourceFile, ...
-    ]  # the maps of both bodies, or the scene and the maps it names
+    ]  # maps of both bodies, or the scene and the maps it names
     steps: tuple[str, ...]  # the preparation, from the file on; one line a step
 
     @property
     def text(self) -> str:
         """Files with their hashes, and the steps, in one line."""
         files = "; ".join(f"{file.path} (SHA-256 {file.sha256})" for file in self.files)
-        steps = "; ".join(self.steps)
-        return f"{files}: {steps}" if steps else files
+        if not self.steps:
+            return files
+        return f"{files}: {'; '.join(self.steps)}"
+
+
+@dataclass(frozen=True, eq=False)
+class LawInput:
+    """One input of a law: a surface, a folder of surfaces, a database or a scene."""
+
+    description: str  # one line
+    scene: Scene | None = None  # that its surfaces were generated from; None for files
+
+
+@dataclass(frozen=True, eq=False)
+class InputSurfaces:
+    """One input of a law with all its surfaces."""
+
+    about: LawInput
+    surfaces: list[LawSurface]
+    sources: list[Source]
+    doubts: list[str]  # warnings about the surfaces, each with the name of the input
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,90 +154,190 @@ class LawSurfaces:
     """All surfaces of a law, one or more."""
 
     surfaces: Sequence[LawSurface]
-    scenes: Sequence[Scene]  # that surfaces were generated from
-    origins: Sequence[str]  # descriptions of the surfaces, one line for each input
+    inputs: Sequence[LawInput]
     doubts: Sequence[str] = ()  # warnings about the maps, each with the name of its input
-    sources: Sequence[Origin] = ()  # the files of the surfaces, and what was done to them
+    sources: Sequence[Source] = ()  # files of the surfaces and their preparation
+
+    @property
+    def descriptions(self) -> list[str]:
+        """One line for each input."""
+        return [about.description for about in self.inputs]
 
     def modulus(self) -> float | None:
-        """Return the E* of all scenes [MPa], which have one; None if a surface is from a file."""
-        moduli = {scene.contact.e_star for scene in self.scenes}
-        if len(self.scenes) == len(self.origins) and len(moduli) > 1:
-            said = " and ".join(f"{each:g}" for each in sorted(moduli))
-            raise InputError(f"the scenes have E* = {said} MPa: give one with --e-star")
-        return moduli.pop() if len(self.scenes) == len(self.origins) else None
+        """Return the modulus that all scenes share.
+
+        Returns
+        -------
+        float or None
+            E* [MPa]; None if an input is no scene.
+
+        Raises
+        ------
+        InputError
+            If all inputs are scenes, and have different moduli.
+        """
+        scenes = self._scenes_alone()
+        if not scenes:
+            return None
+        moduli = {scene.contact.e_star for scene in scenes}
+        if len(moduli) > 1:
+            listed = " and ".join(f"{modulus:g}" for modulus in sorted(moduli))
+            raise InputError(f"the scenes have E* = {listed} MPa: give one with --e-star")
+        return moduli.pop()
 
     def hardness_ratio(self) -> float | None:
-        """Return the hardness over E* of all scenes, which have one; None without any."""
+        """Return the hardness over E* that all scenes share.
+
+        Returns
+        -------
+        float or None
+            The ratio; None if the bodies of the scenes are elastic, or an input is no scene.
+
+        Raises
+        ------
+        InputError
+            If all inputs are scenes, and have more than one hardness, or some have none.
+        """
+        scenes = self._scenes_alone()
+        if not scenes:
+            return None
         ratios: set[float | None] = set()
-        for scene in self.scenes:
-            ends = scene.contact.hardness_limits or (None,)
-            ratios |= {
-                None if end is None else end / scene.contact.e_star for end in ends
-            }
-        if len(self.scenes) == len(self.origins) and len(ratios) > 1:
+        for scene in scenes:
+            if scene.contact.hardness_limits is None:
+                ratios.add(None)
+            else:
+                e_star = scene.contact.e_star
+                ratios |= {end / e_star for end in scene.contact.hardness_limits}
+        if len(ratios) > 1:
             raise InputError(
                 "the scenes have more than one hardness: give one with --hardness"
             )
-        return ratios.pop() if len(self.scenes) == len(self.origins) else None
+        return ratios.pop()
+
+    def _scenes_alone(self) -> list[Scene]:
+        """Return the scenes if all inputs are scenes, else none."""
+        scenes = [about.scene for about in self.inputs if about.scene is not None]
+        if len(scenes) < len(self.inputs):
+            return []
+        return scenes
 
 
-def read_subjects(order: "Order", only: Boundary | None = None) -> LawSurfaces:
-    """Read or generate all surfaces of a law; say on standard error what is done to each file.
+def read_law_surfaces(order: Order, only: Boundary | None = None) -> LawSurfaces:
+    """Read or generate all surfaces of a law, and print on standard error what is done to files.
 
-    Scenes and databases give their first surfaces, with the boundary of the law, or are refused if
-    it is not theirs and the `only` one. Surfaces from files are pressed against the second rough
-    body, or against each of a folder of them; scenes name their own.
+    Scenes and databases give their first surfaces. Surfaces from files are pressed against the
+    second rough body of the order, or against each body of a folder; scenes name their own.
+
+    Parameters
+    ----------
+    order : Order
+        The request for the law.
+    only : {"free", "periodic", "mirror"} or None
+        The boundary that a surrogate was trained with, in place of that of the order. None if a
+        scene may take the boundary of the order in place of its own.
+
+    Returns
+    -------
+    LawSurfaces
+        One surface or more, all with the same boundary.
+
+    Raises
+    ------
+    InputError
+        If a surface cannot be read or is flat, or if a scene has another boundary than `only` or
+        comes with a second body in the order.
     """
-    boundary, opposite = only or order.boundary or "mirror", order.opposite
-    subjects: list[LawSurface] = []
-    scenes: list[Scene] = []
-    origins: list[str] = []
-    doubts: list[str] = []
-    sources: list[Origin] = []
-    bodies: list[Opposite | None] = [opposite]
-    facing = ""
-    if opposite is not None:  # a body, or a folder of them
-        bodies = [replace(opposite, path=file) for file in files_in(opposite.path)]
-        facing = f" against {opposite.path}"
+    boundary = only or order.boundary or USUAL_BOUNDARY
+    opposites: list[Opposite | None] = [None]
+    if order.opposite is not None:
+        files = files_in(order.opposite.path)
+        opposites = [replace(order.opposite, path=file) for file in files]
+    parts: list[InputSurfaces] = []
     for text in order.inputs:
-        if (scene := scene_of(text)) is not None:
+        scene = scene_of(text)
+        if scene is None:
+            parts.append(_read_files(text, order, boundary, opposites))
+        else:
             scene = _scene_of_law(scene, text, order, boundary, only)
-            scenes.append(scene)
-            population = list(_population(scene, text, order.surfaces))
-            subjects += population
-            doubts += [f"warning: {text}: {doubt}" for doubt in _slope_doubts(population)]
-            against = scene.surface.against
-            named = (
-                ", ".join(against) if isinstance(against, tuple) else "another of them"
-            )
-            rough = "" if against is None else f" against {named}"
-            origins.append(f"{text}: its first {order.surfaces} surfaces{rough}")
-            sources += _origins_of_scene(scene, text)
-            continue
-        origins.append(f"{text}{facing}")
-        for file, body in product(files_in(Path(text)), bodies):
-            each, warnings = read_surface(file, order.reading, boundary, body)
-            if each.heights.max() == each.heights.min():
+            parts.append(_generate(scene, text, order.surfaces))
+    doubts = [doubt for part in parts for doubt in part.doubts]
+    return LawSurfaces(
+        surfaces=[surface for part in parts for surface in part.surfaces],
+        inputs=[part.about for part in parts],
+        doubts=list(dict.fromkeys(doubts)),
+        sources=[source for part in parts for source in part.sources],
+    )
+
+
+def _generate(scene: Scene, text: str, number: int) -> InputSurfaces:
+    """Generate the first surfaces of a scene, which the input `text` names."""
+    population = list(_population(scene, text, number))
+    doubts = [f"warning: {text}: {doubt}" for doubt in _slope_doubts(population)]
+    against = scene.surface.against
+    facing = ""
+    if isinstance(against, tuple):
+        facing = f" against {', '.join(against)}"
+    elif against is not None:
+        facing = " against another of them"
+    about = LawInput(f"{text}: its first {number} surfaces{facing}", scene)
+    return InputSurfaces(about, population, _sources_of_scene(scene, text), doubts)
+
+
+def _read_files(
+    text: str, order: Order, boundary: Boundary, opposites: Sequence[Opposite | None]
+) -> InputSurfaces:
+    """Read the file or the folder `text`, each surface against each second body in turn.
+
+    Print the preparation of each surface, and its warnings, on standard error.
+    """
+    description = text
+    if order.opposite is not None:
+        description = f"{text} against {order.opposite.path}"
+    surfaces: list[LawSurface] = []
+    sources: list[Source] = []
+    doubts: list[str] = []
+    for file in files_in(Path(text)):
+        for opposite in opposites:
+            topography, warnings = read_surface(file, order.reading, boundary, opposite)
+            if topography.heights.max() == topography.heights.min():
                 raise InputError(
                     f"{file}: is flat: all of it touches at once, there is no law"
                 )
-            echo(f"{each.name}: {'; '.join(each.steps)}", err=True)
+            echo(f"{topography.name}: {'; '.join(topography.steps)}", err=True)
             for line in warnings:
                 echo(f"  warning: {line}", err=True)
-            subjects.append(
-                LawSurface(each.name, each.heights, each.sides, boundary=each.boundary)
-            )
-            doubts += [f"warning: {text}{facing}: {doubt}" for doubt in each.warnings]
-            paths = [file] if body is None else [file, body.path]
-            sources.append(Origin(each.name, tuple(map(_source, paths)), each.steps))
-    return LawSurfaces(subjects, scenes, origins, list(dict.fromkeys(doubts)), sources)
+            surfaces.append(_law_surface(topography))
+            sources.append(_source_of_map(topography, file, opposite))
+            doubts += [
+                f"warning: {description}: {doubt}" for doubt in topography.warnings
+            ]
+    return InputSurfaces(LawInput(description), surfaces, sources, doubts)
+
+
+def _law_surface(topography: Topography) -> LawSurface:
+    """Return a surface from a file, or of two bodies from files, as a surface of a law."""
+    return LawSurface(
+        topography.name,
+        topography.heights,
+        topography.sides,
+        boundary=topography.boundary,
+    )
+
+
+def _source_of_map(
+    topography: Topography, file: Path, opposite: Opposite | None
+) -> Source:
+    """Return the files of a surface, and the steps of its preparation."""
+    files = [_source_file(file)]
+    if opposite is not None:
+        files.append(_source_file(opposite.path))
+    return Source(topography.name, tuple(files), topography.steps)
 
 
 def _scene_of_law(
-    scene: Scene, text: str, order: "Order", boundary: Boundary, only: Boundary | None
+    scene: Scene, text: str, order: Order, boundary: Boundary, only: Boundary | None
 ) -> Scene:
-    """Return a scene with the boundary of the law, or refuse it; see `read_subjects`."""
+    """Return a scene with the boundary of the law, or refuse it; see `read_law_surfaces`."""
     if order.opposite is not None:
         raise InputError(
             f"--against: {text} is a scene, which names the second body of its surfaces"
@@ -203,53 +355,101 @@ def _scene_of_law(
     return scene.model_copy(update={"contact": contact.model_copy(update=change)})
 
 
-def _source(path: Path) -> SourceFile:
+def _source_file(path: Path) -> SourceFile:
+    """Return a file with the hash of its content."""
     return SourceFile(str(path), digest(path))
 
 
-def _origins_of_scene(scene: Scene, text: str) -> Iterator[Origin]:
-    """Yield where the surfaces of a scene come from: its file, if it has one, and maps it names."""
-    files = [_source(Path(text))] if Path(text).is_file() else []
+def _sources_of_scene(scene: Scene, text: str) -> list[Source]:
+    """Return the source of a scene's surfaces: its file, if it has one, and the maps it names.
+
+    The list is empty if there is neither.
+    """
+    files: list[SourceFile] = []
     steps: list[str] = []
+    if Path(text).is_file():
+        files.append(_source_file(Path(text)))
     surface = scene.surface
-    if isinstance(
-        surface, ScanSurface
-    ):  # a database knows maps by their content: they may move
-        for bodies in (surface.found, surface.against_found):
-            maps = () if bodies is None else bodies.maps
-            files += [SourceFile(each.file, each.sha256) for each in maps]
-        for name, table in (
-            ("reading", surface.reading),
-            ("preparation", surface.preparation),
-        ):
-            keys = table.model_dump(exclude_none=True)
-            steps += [
-                f"{name}.{key} = {json.dumps(value)}" for key, value in keys.items()
-            ]
+    if isinstance(surface, ScanSurface):
+        files += _maps_of_scans(surface)
+        steps = _settings_of_scans(surface)
     else:
-        files += [_source(path) for path in surface.sources()]
-    if files:
-        yield Origin(text, tuple(files), tuple(steps))
+        files += [_source_file(path) for path in surface.sources()]
+    if not files:
+        return []
+    return [Source(text, tuple(files), tuple(steps))]
+
+
+def _maps_of_scans(surface: ScanSurface) -> list[SourceFile]:
+    """Return the maps of both bodies of a scene, which must be ready.
+
+    The hashes are those that the scene holds: a database knows maps by their content, and they may
+    have moved.
+    """
+    files: list[SourceFile] = []
+    for bodies in (surface.found, surface.against_found):
+        if bodies is not None:
+            files += [SourceFile(entry.file, entry.sha256) for entry in bodies.maps]
+    return files
+
+
+def _settings_of_scans(surface: ScanSurface) -> list[str]:
+    """Return the settings with which a scene reads and prepares its maps, one line each."""
+    tables = {"reading": surface.reading, "preparation": surface.preparation}
+    lines: list[str] = []
+    for name, table in tables.items():
+        for key, value in table.model_dump(exclude_none=True).items():
+            lines.append(f"{name}.{key} = {json.dumps(value)}")
+    return lines
 
 
 def files_read(inputs: Iterable[str]) -> Iterator[Path | str]:
-    """Yield the inputs of a law, and the files that scenes and databases among them name."""
+    """Yield the files that a law reads, which none of its outputs may replace.
+
+    Parameters
+    ----------
+    inputs : iterable of str
+        Inputs of the law.
+
+    Yields
+    ------
+    Path or str
+        Each input, then the files that it names if it is a scene or a database.
+    """
     for text in inputs:
         yield text
-        if (scene := scene_of(text, ready=False)) is not None:
+        scene = scene_of(text, ready=False)
+        if scene is not None:
             yield from scene.surface.sources()
 
 
 def scene_of(text: str, *, ready: bool = True) -> Scene | None:
-    """Return the scene of a name, a file, or a database, `ready` to be drawn; None for surfaces."""
-    from gen.scene import load
+    """Return the scene that an input of a law stands for.
 
+    Parameters
+    ----------
+    text : str
+        Name of a shipped scene, or path of a scene, a database or a surface.
+    ready : bool
+        True to make the scene ready to generate surfaces: its maps are read.
+
+    Returns
+    -------
+    Scene or None
+        The scene; None if the input is a surface or a folder.
+
+    Raises
+    ------
+    InputError
+        If the scene or the database cannot be used.
+    """
     suffix = Path(text).suffix.lower()
     if suffix == ".toml" or (not suffix and text in preset_names()):
-        return load(text).resolved() if ready else load(text)
+        scene = load(text)
+        return scene.resolved() if ready else scene
     if suffix != ".h5":
         return None
-    from gen.database import Reader
+    from gen.database import Reader  # here, so that other inputs do not load h5py
 
     with Reader(Path(text)) as reader:
         if ready:
@@ -258,10 +458,10 @@ def scene_of(text: str, *, ready: bool = True) -> Scene | None:
 
 
 def _slope_doubts(population: Sequence[LawSurface]) -> list[str]:
-    """Doubt the surfaces of a scene if most of them are too steep for the theory."""
+    """Return a line that doubts the surfaces of a scene if most are too steep for the theory."""
     slopes = [rms_slope(surface.heights, surface.spacing) for surface in population]
     steep = [slope for slope in slopes if slope > STEEP_ROW]
-    if len(steep) <= MOST * len(slopes):
+    if len(steep) <= DOUBTED_SHARE * len(slopes):
         return []
     where = f", above {STEEP_ROW:g} in {len(steep)} of {len(slopes)} surfaces"
     return [steep_slopes(max(steep), max(population[0].spacing), where)]
@@ -269,17 +469,16 @@ def _slope_doubts(population: Sequence[LawSurface]) -> list[str]:
 
 def _population(scene: Scene, text: str, number: int) -> Iterator[LawSurface]:
     """Yield the first surfaces of a scene, with the solver's settings of the scene."""
-    from gen.generation.sample import surface_numbered
+    from gen.generation.sample import surface_numbered  # it loads what databases need
 
     contact = scene.contact
-    names = "kernel", "far_field", "rtol", "max_iterations"
-    settings = {name: getattr(contact, name) for name in names}
+    settings = {name: getattr(contact, name) for name in SOLVER_SETTINGS}
     for surface in range(number):
         yield LawSurface(
             f"{text}, surface {surface}",
             surface_numbered(scene, surface),
             scene.grid.sides,
             boundary=contact.boundary,
-            apart=scene.grid.spacing,
+            exact_spacing=scene.grid.spacing,
             settings=settings,
         )

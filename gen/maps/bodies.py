@@ -1,10 +1,10 @@
-"""The composite surface of two rough bodies: both maps added on one grid, as they face each other.
+"""Surfaces that are pressed: a prepared map, or the composite surface of two rough bodies.
 
-The gap between two rough bodies is that between the sum of their heights and a plane, and so is the
-contact, with the E* of both bodies. Heights of both maps point out of their body, and both are seen
-from outside. One body has to be turned over to face the other: one axis of its map then runs
-backwards. The centres of both maps lie on each other unless one is shifted; maps of one
-spacing lie node on node, so that none is smoothed by an interpolation.
+The gap between two rough bodies is the gap between the sum of their heights and a plane, and so is
+their contact, with the E* of both bodies. Heights of both maps point out of their body, and both
+maps are seen from outside. One body has to be turned over to face the other: one axis of its map
+then runs backwards. The centres of both maps lie on each other unless one map is shifted. Nodes of
+maps with the same spacing lie on each other, so that neither map is smoothed by an interpolation.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ import math
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
-from gen.maps.prepare import prepare
+from gen.maps.prepare import prepare, surface_warnings
 from gen.maps.read import Sides, Topography, read
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
@@ -28,23 +28,187 @@ if TYPE_CHECKING:
     from bem.problem import Boundary
 
 TURNS = ("x", "y", "none")
+"""Axes of the second map that may run backwards; those of the map come first, in their order."""
 
 # largest distance of nodes that count as one, in spacings, and relative difference of lengths that
 # count as equal: files round their lengths
 SAME = 1e-6
 COARSE = 10.0  # ratio of the spacings of two maps above which one of them probably has another unit
-# nodes by which a map without edges is continued before it is interpolated: a spline forgets what
-# is further away, by a factor of 0.27 a node
+# nodes by which a map without edges is continued before it is interpolated: the influence of a node
+# on a spline falls by a factor of 0.27 with each node of distance
 REACH = 24
 
 
-class _Line(NamedTuple):
+@dataclass(frozen=True)
+class Opposite:
+    """The second of two rough bodies, and how it is laid on the first one."""
+
+    path: Path  # file of its surface
+    reading: Reading  # how its file is read and prepared
+    # {"x", "y", "none"}: axis of its map that runs backwards as the body is turned over; "none" for
+    # a map that is seen through its body
+    turned: str = "x"
+    # distance of its centre from that of the first map, along x and y of that map [um]
+    shift: Sides = (0.0, 0.0)
+    # whether `reading` is that of the first body, so that a scale in the file of this one counts
+    shared: bool = True
+
+    def prepared(self, boundary: Boundary) -> Topography:
+        """Read and prepare the surface.
+
+        If the reading is that of the first body, its lengths and unit are left out where the file
+        of this body does not allow them, because it states its own.
+
+        Parameters
+        ----------
+        boundary : {"free", "periodic", "mirror"}
+            Boundary of the patch.
+
+        Returns
+        -------
+        Topography
+            The prepared map.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read, or a setting does not suit its map.
+        """
+        reading = self.reading
+        scale_may_be_left_out = self.shared and not reading.override_scale
+        try:
+            return prepare(read(self.path, reading, boundary), reading)
+        except InputError:
+            if scale_may_be_left_out and (reading.side or reading.unit):
+                unscaled = replace(reading, side="", unit="")
+                with suppress(InputError):
+                    return prepare(read(self.path, unscaled, boundary), unscaled)
+            raise
+
+
+def read_surface(
+    path: Path,
+    reading: Reading,
+    boundary: Boundary = "free",
+    opposite: Opposite | None = None,
+) -> tuple[Topography, list[str]]:
+    """Read and prepare the surface of one body, or the composite surface of two bodies.
+
+    Parameters
+    ----------
+    path : Path
+        File of the (first) surface.
+    reading : Reading
+        How this file is read and prepared.
+    boundary : {"free", "periodic", "mirror"}, optional
+        Boundary of the patch.
+    opposite : Opposite, optional
+        The second rough body; without it the surface faces a flat body.
+
+    Returns
+    -------
+    surface : Topography
+        The prepared surface, without holes.
+    warnings : list of str
+        One line for each reason to distrust contacts of the surface.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read, a setting does not suit its map, or two maps hardly overlap.
+        The message names the file.
+    """
+    try:
+        surface = prepare(read(path, reading, boundary), reading)
+        if opposite is not None:
+            body = opposite.prepared(boundary)
+            surface = composite(surface, body, opposite.turned, opposite.shift)
+    except InputError as error:
+        message = str(error)
+        names_its_file = message.startswith(("--", str(path)))
+        if opposite is None and not names_its_file:
+            message = f"{path}: {message}"
+        raise InputError(message) from None
+    return surface, surface_warnings(surface)
+
+
+def composite(
+    first: Topography, second: Topography, turned: str = "x", shift: Sides = (0.0, 0.0)
+) -> Topography:
+    """Add the heights of two bodies that face each other, at the nodes that lie on both.
+
+    The sum has the nodes of the finer of the two grids. The other map is interpolated there by
+    cubic splines along each axis on which its nodes do not lie on those of the grid. Heights of
+    the second body count from its highest node, so that a flat one changes nothing.
+
+    Parameters
+    ----------
+    first, second : Topography
+        Maps of both bodies without holes, with the same boundary.
+    turned : {"x", "y", "none"}, optional
+        Axis of the second map that runs backwards, see `Opposite`.
+    shift : tuple of float, optional
+        Distance of the centre of the second map from that of the first, along x and y [um].
+
+    Returns
+    -------
+    Topography
+        The composite surface, with the steps and warnings of both maps.
+
+    Raises
+    ------
+    InputError
+        If fewer than 2 x 2 nodes lie on both bodies.
+    """
+    facing = _turned_over(second, turned)
+    name = f"{first.name} against {second.name}"
+    overlay = _overlay(first, facing, shift)
+    if min(overlay.shape) < 2:
+        raise InputError(
+            f"{name}: fewer than 2 x 2 nodes lie on both maps, of {_size(first.sides)} and"
+            f" {_size(facing.sides)} um with their centres {_size(shift)} um apart"
+        )
+    step = _step_in_words(first, facing, overlay, turned, shift)
+    return replace(
+        overlay.grid,
+        name=name,
+        heights=overlay.heights,
+        sides=overlay.sides,
+        followed=first.followed & second.followed,
+        doubtful=overlay.doubtful,
+        steps=(
+            *(f"body 1: {line}" for line in first.steps),
+            *(f"body 2: {line}" for line in second.steps),
+            step,
+        ),
+        warnings=(
+            *(f"body 1: {line}" for line in first.warnings),
+            *(f"body 2: {line}" for line in second.warnings),
+            *overlay.warnings,
+        ),
+    )
+
+
+def _turned_over(second: Topography, turned: str) -> Topography:
+    """Return the second map as it faces the first one, its heights from its highest node [um]."""
+    heights = second.heights - second.heights.max()
+    doubtful = second.doubtful
+    if turned != "none":
+        axis = TURNS.index(turned)
+        heights = np.flip(heights, axis)
+        if doubtful is not None:
+            doubtful = np.flip(doubtful, axis)
+    return replace(second, heights=heights, doubtful=doubtful)
+
+
+@dataclass(frozen=True, eq=False)
+class _Line:
     """Nodes of a grid along one axis that lie on another map, and their places there."""
 
     nodes: slice  # nodes of the grid
     places: Values  # places in the other map, in spacings from its first node, shape (k,)
     # {"wrap", "symmetric", ""}: mode of `numpy.pad` that continues the other map along this axis;
-    # "" where it ends
+    # "" if it ends at its borders
     continued: Literal["wrap", "symmetric", ""]
 
     @property
@@ -53,163 +217,171 @@ class _Line(NamedTuple):
         return bool((self.places == np.rint(self.places)).all())
 
 
-def composite(
-    first: Topography, second: Topography, turned: str = "x", shift: Sides = (0.0, 0.0)
-) -> Topography:
-    """Add the heights of two bodies that face each other, where both have some.
+@dataclass(frozen=True, eq=False)
+class _Overlay:
+    """Two maps that are laid on each other: one gives the grid, the other is added to it."""
 
-    `turned` and `shift` are those of `Opposite`.
+    grid: Topography  # map with the finer grid
+    added: Topography  # map that is interpolated to this grid
+    added_number: int  # 1 if the added map is that of the first body, 2 of the second
+    along_x: _Line  # nodes of the grid along x that lie on the added map
+    along_y: _Line
 
-    The sum stands on the finer of the two grids. The other map is interpolated there by cubic
-    splines, and not at all where its nodes lie on those of the grid. Heights of the second body
-    count from its highest node, so that a flat one changes nothing. Raises InputError if fewer
-    than 2 x 2 nodes lie on both bodies.
-    """
-    below, below_doubtful = second.heights - second.heights.max(), second.doubtful
-    if turned != "none":
-        below = np.flip(below, axis=TURNS.index(turned))
-        if below_doubtful is not None:
-            below_doubtful = np.flip(below_doubtful, axis=TURNS.index(turned))
-    other = replace(second, heights=below, doubtful=below_doubtful)
-    onto_first = math.prod(first.spacing) <= math.prod(other.spacing) * (1 + SAME)
-    grid, added = (first, other) if onto_first else (other, first)
-    sign = 1 if onto_first else -1
-    lines = [_line(grid, added, axis, sign * shift[axis]) for axis in (0, 1)]
-    name = f"{first.name} against {second.name}"
-    if min(line.places.size for line in lines) < 2:
-        raise InputError(
-            f"{name}: fewer than 2 x 2 nodes lie on both maps, of {_size(first.sides)} and"
-            f" {_size(other.sides)} um with their centres {_size(shift)} um apart"
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Numbers of nodes along x and y that lie on both maps."""
+        return self.along_x.places.size, self.along_y.places.size
+
+    @property
+    def exact(self) -> bool:
+        """Whether the nodes of the sum are nodes of the added map, which is not interpolated."""
+        return self.along_x.exact and self.along_y.exact
+
+    @property
+    def heights(self) -> Heights:
+        """Sum of the heights of both maps [um], shape (nx, ny)."""
+        grid = self.grid.heights[self.along_x.nodes, self.along_y.nodes]
+        return grid + self._at_nodes(self.added.heights)
+
+    @property
+    def sides(self) -> Sides:
+        """Lengths of the part along x and y that both maps share [um]."""
+        return self._side(0), self._side(1)
+
+    @property
+    def doubtful(self) -> NDArray[np.bool_] | None:
+        """Nodes, shape (nx, ny), at which a map has a code, pit or spike; None if there are none.
+
+        Those of a map that is interpolated are left out, because its splines spread them.
+        """
+        doubtful: NDArray[np.bool_] | None = None
+        if self.grid.doubtful is not None:
+            doubtful = self.grid.doubtful[self.along_x.nodes, self.along_y.nodes]
+        if self.added.doubtful is None or not self.exact:
+            return doubtful
+        of_added = self._at_nodes(self.added.doubtful.astype(np.float64)) > 0
+        return of_added if doubtful is None else doubtful | of_added
+
+    @property
+    def warnings(self) -> list[str]:
+        """One line if the spacings of the maps differ so much that a unit is probably wrong."""
+        ratio = max(np.divide(self.added.spacing, self.grid.spacing).tolist())
+        if ratio <= COARSE:
+            return []
+        warning = (
+            f"nodes of one body are {ratio:.3g} times as far apart as those of the other: its"
+            " short waves are not there; check --unit and --side"
         )
-    heights = grid.heights[lines[0].nodes, lines[1].nodes] + _at(added.heights, lines)
-    x, y = (
-        side if nodes == of_all else (nodes - (grid.boundary == "free")) * step
-        for side, nodes, of_all, step in zip(
-            grid.sides, heights.shape, grid.heights.shape, grid.spacing, strict=True
+        return [warning]
+
+    def _side(self, axis: int) -> float:
+        """Return the length along an axis that both maps share [um]."""
+        nodes = self.shape[axis]
+        if nodes == self.grid.heights.shape[axis]:
+            return self.grid.sides[axis]
+        spacings = nodes - 1 if self.grid.boundary == "free" else nodes
+        return spacings * self.grid.spacing[axis]
+
+    def _at_nodes(self, values: Values) -> Values:
+        """Interpolate values at the nodes of the added map to the nodes of the grid."""
+        along_x = _interpolated(values, self.along_x, axis=0)
+        return _interpolated(along_x, self.along_y, axis=1)
+
+
+def _overlay(first: Topography, second: Topography, shift: Sides) -> _Overlay:
+    """Lay the second map, which faces the first, on it, its centre shifted along x and y [um]."""
+    if math.prod(first.spacing) <= math.prod(second.spacing) * (1 + SAME):
+        return _Overlay(
+            grid=first,
+            added=second,
+            added_number=2,
+            along_x=_line(first, second, 0, shift[0]),
+            along_y=_line(first, second, 1, shift[1]),
         )
+    return _Overlay(
+        grid=second,
+        added=first,
+        added_number=1,
+        along_x=_line(second, first, 0, -shift[0]),
+        along_y=_line(second, first, 1, -shift[1]),
     )
-    turn = (
-        "not turned over"
-        if turned == "none"
-        else f"turned over (its {turned} runs backwards)"
-    )
-    said = [f"pressed against body 2 ({second.name}), {turn}"]
-    if any(shift):
-        said.append("its centre shifted by {:g} and {:g} um".format(*shift))
-    said.append("heights added on {} x {} nodes".format(*heights.shape))
-    if not all(
-        np.allclose((x, y), body.sides, rtol=SAME, atol=0) for body in (first, other)
-    ):
-        shared = f"{_size(first.sides)} and {_size(other.sides)} um share"
-        said.append(f"the {_size((x, y))} um that {shared}")
-    if not all(line.exact for line in lines):
-        said.append(
-            f"body {2 if onto_first else 1} interpolated by cubic splines from nodes every"
-            f" {_size(added.spacing)} um to those of the other, every {_size(grid.spacing)} um"
-        )
-    bodies = (("body 1", first), ("body 2", second))
-    steps = [f"{body}: {step}" for body, each in bodies for step in each.steps]
-    warnings = [f"{body}: {line}" for body, each in bodies for line in each.warnings]
-    ratio = max(
-        wide / fine for wide, fine in zip(added.spacing, grid.spacing, strict=True)
-    )
-    if ratio > COARSE:
-        apart = (
-            f"nodes of one body are {ratio:.3g} times as far apart as those of the other"
-        )
-        warnings.append(
-            f"{apart}: its short waves are not there; check --unit and --side"
-        )
-    both = first.followed & second.followed
-    result = replace(grid, name=name, heights=heights, sides=(x, y), followed=both)
-    result = replace(result, doubtful=_doubtful(grid, added, lines))
-    return replace(result, steps=(*steps, ", ".join(said)), warnings=tuple(warnings))
-
-
-def _doubtful(
-    grid: Topography, added: Topography, lines: list[_Line]
-) -> NDArray[np.bool_] | None:
-    """Return the nodes of a sum at which either body has a code, pit or spike, None without any.
-
-    Those of a body that is interpolated are left out: its splines spread them.
-    """
-    parts: list[NDArray[np.bool_]] = []
-    if grid.doubtful is not None:
-        parts.append(grid.doubtful[lines[0].nodes, lines[1].nodes])
-    if added.doubtful is not None and all(line.exact for line in lines):
-        parts.append(_at(added.doubtful.astype(np.float64), lines) > 0)
-    return np.any(parts, axis=0) if parts else None
 
 
 def _line(grid: Topography, added: Topography, axis: int, shift: float) -> _Line:
-    """Find the nodes of a grid along one axis that lie on another map."""
-    nodes, others = grid.heights.shape[axis], added.heights.shape[axis]
-    if shift == 0 and math.isclose(grid.spacing[axis], added.spacing[axis], rel_tol=SAME):
-        shift = grid.spacing[axis] * ((nodes - others) % 2) / 2  # nodes on nodes
-    across = (np.arange(nodes) - (nodes - 1) / 2) * grid.spacing[axis] - shift
-    places = across / added.spacing[axis] + (others - 1) / 2
-    places = np.where(np.abs(places - np.rint(places)) < SAME, np.rint(places), places)
+    """Return the nodes of a grid along an axis that lie on a map shifted along this axis [um]."""
+    grid_nodes = grid.heights.shape[axis]
+    added_nodes = added.heights.shape[axis]
+    step = grid.spacing[axis]
+    if shift == 0 and math.isclose(step, added.spacing[axis], rel_tol=SAME):
+        # Half a spacing brings nodes on nodes if one number of nodes is odd and one is even.
+        shift = step * ((grid_nodes - added_nodes) % 2) / 2
+    from_centre = (np.arange(grid_nodes) - (grid_nodes - 1) / 2) * step - shift
+    places = from_centre / added.spacing[axis] + (added_nodes - 1) / 2
+    nearest = np.rint(places)
+    places = np.where(np.abs(places - nearest) < SAME, nearest, places)
     if math.isclose(grid.sides[axis], added.sides[axis], rel_tol=SAME):
         if grid.boundary == "periodic":
-            return _Line(slice(0, nodes), places % others, "wrap")
+            return _Line(slice(0, grid_nodes), places % added_nodes, "wrap")
         if grid.boundary == "mirror" and shift == 0:
-            return _Line(slice(0, nodes), places, "symmetric")
-    inside = np.flatnonzero((places >= 0) & (places <= others - 1))
-    start, stop = (int(inside[0]), int(inside[-1]) + 1) if inside.size else (0, 0)
-    return _Line(slice(start, stop), places[start:stop], "")
+            return _Line(slice(0, grid_nodes), places, "symmetric")
+    inside = np.flatnonzero((places >= 0) & (places <= added_nodes - 1))
+    if not inside.size:
+        return _Line(slice(0, 0), places[:0], "")
+    nodes = slice(int(inside[0]), int(inside[-1]) + 1)
+    return _Line(nodes, places[nodes], "")
 
 
-def _at(heights: Heights, lines: list[_Line]) -> Heights:
-    """Interpolate a map at the places of two lines of nodes, one axis after the other."""
+def _interpolated(values: Values, line: _Line, axis: int) -> Values:
+    """Interpolate values at the nodes (nx, ny) of a map to the places of a line along an axis."""
     from scipy.interpolate import make_interp_spline
 
-    for axis, line in enumerate(lines):
-        if line.exact:
-            heights = np.take(heights, line.places.astype(np.int64), axis=axis)
-            continue
-        width = REACH if line.continued else 0
-        if line.continued:
-            widths = [(width, width) if each == axis else (0, 0) for each in (0, 1)]
-            heights = np.pad(heights, widths, mode=line.continued)
-        nodes = heights.shape[axis]
-        spline = make_interp_spline(
-            np.arange(nodes), heights, k=min(3, nodes - 1), axis=axis
+    if line.exact:
+        return np.take(values, line.places.astype(np.int64), axis=axis)
+    first = 0
+    if line.continued:
+        first = REACH
+        widths = [(0, 0), (0, 0)]
+        widths[axis] = (REACH, REACH)
+        values = np.pad(values, widths, mode=line.continued)
+    nodes = values.shape[axis]
+    degree = min(3, nodes - 1)
+    spline = make_interp_spline(np.arange(nodes), values, k=degree, axis=axis)
+    return np.asarray(spline(line.places + first))
+
+
+def _step_in_words(
+    first: Topography,
+    second: Topography,
+    overlay: _Overlay,
+    turned: str,
+    shift: Sides,
+) -> str:
+    """Write the step that adds two maps, for the record of the preparation."""
+    turn = "not turned over"
+    if turned != "none":
+        turn = f"turned over (its {turned} runs backwards)"
+    parts = [f"pressed against body 2 ({second.name}), {turn}"]
+    if any(shift):
+        parts.append(f"its centre shifted by {shift[0]:g} and {shift[1]:g} um")
+    nx, ny = overlay.shape
+    parts.append(f"heights added on {nx} x {ny} nodes")
+    if not all(
+        np.allclose(overlay.sides, body.sides, rtol=SAME, atol=0)
+        for body in (first, second)
+    ):
+        parts.append(
+            f"the {_size(overlay.sides)} um that {_size(first.sides)} and"
+            f" {_size(second.sides)} um share"
         )
-        heights = np.asarray(spline(line.places + width))
-    return heights
+    if not overlay.exact:
+        parts.append(
+            f"body {overlay.added_number} interpolated by cubic splines from nodes every"
+            f" {_size(overlay.added.spacing)} um to those of the other, every"
+            f" {_size(overlay.grid.spacing)} um"
+        )
+    return ", ".join(parts)
 
 
 def _size(lengths: Sides) -> str:
     """Write two lengths as "1000 x 500"."""
     return f"{lengths[0]:.6g} x {lengths[1]:.6g}"
-
-
-@dataclass(frozen=True)
-class Opposite:
-    """The second of two rough bodies, and how it is laid on the first one."""
-
-    path: Path  # file of its surface
-    reading: Reading  # how it is read and prepared
-    # {"x", "y", "none"}: axis of its map that runs backwards as it is turned over; none for a map
-    # that is seen through its body
-    turned: str = "x"
-    # distance of its centre from that of the first map, along x and y of that map [um]
-    shift: Sides = (0.0, 0.0)
-    # whether it is read as the first body: lengths and unit that its own file states then stand
-    shared: bool = True
-
-    def prepared(self, boundary: Boundary) -> Topography:
-        """Read the surface as a patch of a boundary, and prepare it."""
-        reading = self.reading
-        try:
-            return prepare(read(self.path, reading, boundary), reading)
-        except InputError:
-            if (
-                self.shared
-                and not reading.override_scale
-                and (reading.side or reading.unit)
-            ):
-                own = replace(reading, side="", unit="")
-                with suppress(InputError):
-                    return prepare(read(self.path, own, boundary), own)
-            raise

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
-from gen.maps.read import Sides, Topography, in_words
-from gen.maps.settings import said
+from gen.maps.read import Sides, Topography, spacing_text
 from gen.runtime.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,29 +20,39 @@ ROUNDING = 1e-9  # relative difference of lengths that are taken for the same
 MANY_HOLES = 0.1  # share of missing heights above which filling them deserves a warning
 # share of missing heights above which filling them is refused unless the user insists
 MOST_HOLES = 0.5
-BLOCK = 1 << 15  # nodes that enter the fit at a time, which bounds the memory
+FIT_NODES = 1 << 15  # nodes that enter the fit at a time, which bounds the memory
 
 
 def fitted_polynomial(heights: Heights, degree: int) -> Heights:
-    """Fit a polynomial of a total degree to the measured nodes by least squares."""
-    legendre = (
-        np.polynomial.legendre.legvander
-    )  # made orthonormal on the nodes of each axis
-    along_x, along_y = (
-        np.linalg.qr(legendre(np.linspace(-1, 1, nodes), degree))[0]
-        for nodes in heights.shape
-    )
-    i, j = np.nonzero(
-        np.add.outer(np.arange(degree + 1), np.arange(degree + 1)) <= degree
-    )
+    """Fit a polynomial to the measured nodes of a map by least squares.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights, NaN at holes [um]. There are more nodes along each side than the degree, and more
+        heights than coefficients.
+    degree : int
+        Total degree of the polynomial in x and y.
+
+    Returns
+    -------
+    ndarray, shape (nx, ny)
+        Heights of the polynomial at all nodes [um].
+    """
+    along_x = _orthonormal_polynomials(heights.shape[0], degree)
+    along_y = _orthonormal_polynomials(heights.shape[1], degree)
+    powers = np.arange(degree + 1)
+    i, j = np.nonzero(np.add.outer(powers, powers) <= degree)
+    # QR factorisation of all equations, to which some lines of nodes are added at a time
     triangle: Values = np.empty((0, i.size + 1))
-    rows = max(1, BLOCK // heights.shape[1])
-    for first in range(0, len(heights), rows):
-        block = heights[first : first + rows]
-        terms = along_x[first : first + rows, None, i] * along_y[None, :, j]
-        equations = np.concatenate([terms, block[:, :, None]], axis=2)[~np.isnan(block)]
+    step = max(1, FIT_NODES // heights.shape[1])
+    for first in range(0, len(heights), step):
+        lines = heights[first : first + step]
+        terms = along_x[first : first + step, None, i] * along_y[None, :, j]
+        equations = np.concatenate([terms, lines[:, :, None]], axis=2)
+        measured = equations[~np.isnan(lines)]
         triangle = np.asarray(
-            np.linalg.qr(np.concatenate([triangle, equations]), mode="r")
+            np.linalg.qr(np.concatenate([triangle, measured]), mode="r")
         )
     coefficients = np.zeros((degree + 1, degree + 1))
     coefficients[i, j] = np.linalg.lstsq(triangle[:, :-1], triangle[:, -1], rcond=None)[0]
@@ -50,19 +60,44 @@ def fitted_polynomial(heights: Heights, degree: int) -> Heights:
     return fit
 
 
+def _orthonormal_polynomials(nodes: int, degree: int) -> Values:
+    """Return orthonormal polynomials at the nodes of an axis, shape (nodes, degree + 1)."""
+    legendre = np.polynomial.legendre.legvander(np.linspace(-1, 1, nodes), degree)
+    return np.asarray(np.linalg.qr(legendre)[0])
+
+
 def without_form(topography: Topography, degree: int) -> Topography:
-    """Subtract the least-squares polynomial of a total degree from the measured nodes."""
-    heights, terms = topography.heights, (degree + 1) * (degree + 2) // 2
-    (nx, ny), measured = heights.shape, heights.size - topography.missing
-    if degree >= min(nx, ny) or measured <= terms:
-        named = said(f"form {degree}", topography.asked)
+    """Subtract the least-squares polynomial of the measured nodes from a map.
+
+    Parameters
+    ----------
+    topography : Topography
+        The map.
+    degree : int
+        Total degree of the polynomial in x and y.
+
+    Returns
+    -------
+    Topography
+        The map without this form.
+
+    Raises
+    ------
+    InputError
+        If the polynomial has too many coefficients for the map.
+    """
+    heights = topography.heights
+    nx, ny = heights.shape
+    coefficients = (degree + 1) * (degree + 2) // 2
+    measured = heights.size - topography.missing
+    if degree >= min(nx, ny) or measured <= coefficients:
         raise InputError(
-            f"{topography.name}: {named} has {terms} coefficients, too many for {measured} heights"
-            f" on {nx} x {ny} nodes"
+            f"{topography.name}: --form {degree} has {coefficients} coefficients, too many for"
+            f" {measured} heights on {nx} x {ny} nodes"
         )
     fit = fitted_polynomial(heights, degree)
-    span = f"{np.ptp(fit[~np.isnan(heights)]):.4g} um"
-    step = f"form taken out: a polynomial of degree {degree}, which spans {span}"
+    span = np.ptp(fit[~np.isnan(heights)])
+    step = f"form taken out: a polynomial of degree {degree}, which spans {span:.4g} um"
     return topography.changed(heights - fit, step)
 
 
@@ -80,55 +115,106 @@ def long_waves(
     cutoff: float,
     boundary: Boundary = "free",
 ) -> Heights:
-    """Smooth a map by the Gaussian weights of ISO 16610-61, normalised at the borders it has.
+    """Smooth a map by the Gaussian weights of ISO 16610-61.
 
-    Of a wave along any direction exp(-ln 2 (cutoff / wavelength)^2) passes. Near the border of a
-    free patch the weights inside the map are divided by their sum.
+    The share exp(-ln 2 (cutoff / wavelength)^2) of a wave along any direction passes. Near the
+    border of a free patch the weights inside the map are divided by their sum; other patches
+    continue beyond their borders.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights without holes [um].
+    spacing : tuple of float
+        Distance of the nodes along x and y [um].
+    cutoff : float
+        Wavelength of which half passes [um].
+    boundary : {"free", "periodic", "mirror"}, optional
+        Boundary of the patch.
+
+    Returns
+    -------
+    ndarray, shape (nx, ny)
+        Smoothed heights [um].
     """
+    deviation = ALPHA * cutoff / math.sqrt(2 * math.pi)  # of the weights [um]
+    smooth = heights
+    for axis in (0, 1):
+        smooth = _smoothed(smooth, deviation / spacing[axis], axis, boundary)
+    return smooth
+
+
+def _smoothed(heights: Heights, sigma: float, axis: int, boundary: Boundary) -> Heights:
+    """Smooth heights [um] along an axis by weights with a standard deviation in spacings."""
     from scipy.ndimage import gaussian_filter1d
 
-    smooth, deviation = heights, ALPHA * cutoff / math.sqrt(2 * math.pi)
-    for axis, (nodes, step) in enumerate(zip(heights.shape, spacing, strict=True)):
-        sigma = deviation / step
-        radius = math.ceil(REACH * sigma)
-        if boundary != "free":
-            mode: Literal["wrap", "reflect"] = (
-                "wrap" if boundary == "periodic" else "reflect"
-            )
-            smooth = gaussian_filter1d(smooth, sigma, axis=axis, mode=mode, radius=radius)
-            continue
-        weights = {"sigma": sigma, "radius": min(radius, nodes - 1)}
-        inside = gaussian_filter1d(np.ones(nodes), mode="constant", **weights)
-        smooth = gaussian_filter1d(smooth, axis=axis, mode="constant", **weights)
-        smooth = smooth / np.expand_dims(inside, 1 - axis)
-    return smooth
+    radius = math.ceil(REACH * sigma)
+    if boundary != "free":
+        mode: Literal["wrap", "reflect"] = "reflect"
+        if boundary == "periodic":
+            mode = "wrap"
+        return gaussian_filter1d(heights, sigma, axis=axis, mode=mode, radius=radius)
+    nodes = heights.shape[axis]
+    weights = {"sigma": sigma, "radius": min(radius, nodes - 1)}
+    inside = gaussian_filter1d(np.ones(nodes), mode="constant", **weights)
+    smooth = gaussian_filter1d(heights, axis=axis, mode="constant", **weights)
+    return np.asarray(smooth / np.expand_dims(inside, 1 - axis))
 
 
 def filtered(
     topography: Topography, short: float | None, long: float | None
 ) -> Topography:
-    """Take out waves shorter than the S-filter's cut-off and longer than the L-filter's [um]."""
-    heights, spacing, boundary = (
-        topography.heights,
-        topography.spacing,
-        topography.boundary,
-    )
-    finest, side = FINEST * max(spacing), min(topography.sides)
-    cutoffs = {"S-filter": short, "L-filter": long}
-    given = {name: cutoff for name, cutoff in cutoffs.items() if cutoff is not None}
-    for name, cutoff in given.items():
-        if not finest * (1 - ROUNDING) <= cutoff <= side * (1 + ROUNDING):
-            raise InputError(
-                f"{topography.name}: {said('filter', topography.asked)}: the {name}'s cut-off,"
-                f" {cutoff:g} um, is outside {finest:.6g} to {side:.6g} um, four spacings to the"
-                " shorter side"
-            )
-        waves = long_waves(heights, spacing, cutoff, boundary)
-        heights = waves if name == "S-filter" else heights - waves
-    beyond = {"periodic": ", on past the borders", "mirror": ", mirrored at the borders"}
-    names = ", ".join(f"{name} {cutoff:g} um" for name, cutoff in given.items())
-    step = f"filtered after ISO 16610-61 (Gaussian): {names}{beyond.get(boundary, '')}"
+    """Remove waves shorter than the S-filter's cut-off, then waves longer than the L-filter's.
+
+    Parameters
+    ----------
+    topography : Topography
+        The map, without holes.
+    short : float or None
+        Cut-off of the S-filter, None to leave it out [um].
+    long : float or None
+        Cut-off of the L-filter, None to leave it out [um].
+
+    Returns
+    -------
+    Topography
+        The filtered map.
+
+    Raises
+    ------
+    InputError
+        If a cut-off is below four spacings or above the shorter side.
+    """
+    heights = topography.heights
+    spacing = topography.spacing
+    boundary = topography.boundary
+    filters = []
+    if short is not None:
+        _check_cutoff(topography, "S-filter", short)
+        heights = long_waves(heights, spacing, short, boundary)
+        filters.append(f"S-filter {short:g} um")
+    if long is not None:
+        _check_cutoff(topography, "L-filter", long)
+        heights = heights - long_waves(heights, spacing, long, boundary)
+        filters.append(f"L-filter {long:g} um")
+    step = f"filtered after ISO 16610-61 (Gaussian): {', '.join(filters)}"
+    if boundary == "periodic":
+        step += ", on past the borders"
+    elif boundary == "mirror":
+        step += ", mirrored at the borders"
     return topography.changed(heights, step)
+
+
+def _check_cutoff(topography: Topography, name: str, cutoff: float) -> None:
+    """Raise InputError if the cut-off [um] of a named filter does not suit a map."""
+    finest = FINEST * max(topography.spacing)
+    side = min(topography.sides)
+    if not finest * (1 - ROUNDING) <= cutoff <= side * (1 + ROUNDING):
+        raise InputError(
+            f"{topography.name}: --filter: the {name}'s cut-off,"
+            f" {cutoff:g} um, is outside {finest:.6g} to {side:.6g} um, four spacings to the"
+            " shorter side"
+        )
 
 
 def filled_harmonically(
@@ -137,84 +223,176 @@ def filled_harmonically(
     """Fill holes with the solution of Laplace's equation between the heights of their rims.
 
     No flux crosses the border of the patch, unless it is periodic.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights, NaN at holes but not at all nodes [um].
+    spacing : tuple of float
+        Distance of the nodes along x and y [um].
+    periodic : bool, optional
+        Whether the patch continues with its opposite border.
+
+    Returns
+    -------
+    ndarray, shape (nx, ny)
+        Heights without holes [um]; the same array if there was no hole.
     """
     from scipy.sparse import coo_matrix
     from scipy.sparse.linalg import spsolve
 
-    unknown = np.flatnonzero(np.isnan(heights))
-    if not unknown.size:
+    holes = np.flatnonzero(np.isnan(heights))
+    if not holes.size:
         return heights
-    number = np.full(heights.size, -1)
-    number[unknown] = np.arange(unknown.size)
-    diagonal, right = np.zeros(unknown.size), np.zeros(unknown.size)
-    filled, line = heights.copy(), heights.shape[1]
-    flat = filled.reshape(-1)
-    # five-point equations at the unknown nodes, diagonal first
-    rows, columns, weights = (
-        [np.arange(unknown.size)],
-        [np.arange(unknown.size)],
-        [diagonal],
-    )
-    for axis, stride in ((0, line), (1, 1)):
-        position = unknown // line if axis == 0 else unknown % line
-        weight, length = spacing[axis] ** -2, heights.shape[axis]
-        for neighbour in (position - 1, position + 1):
-            here = np.flatnonzero(periodic | ((neighbour >= 0) & (neighbour < length)))
-            there = unknown[here] + (neighbour % length - position)[here] * stride
-            diagonal[here] += weight
-            known = number[there] < 0
-            np.add.at(right, here[known], weight * flat[there[known]])
-            rows.append(here[~known])
-            columns.append(number[there[~known]])
-            weights.append(np.full(int((~known).sum()), -weight))
-    places = np.concatenate(rows), np.concatenate(columns)
-    flat[unknown] = spsolve(coo_matrix((np.concatenate(weights), places)).tocsc(), right)
-    return filled
+    number = np.full(heights.size, -1)  # of the hole at each node, -1 where there is none
+    number[holes] = np.arange(holes.size)
+    flat = heights.reshape(-1)
+    # Five-point equations, one row for each hole: the sum of the differences to its neighbours,
+    # over the squares of their distances, is zero.
+    diagonal = np.zeros(holes.size)
+    right = np.zeros(holes.size)
+    rows = [np.arange(holes.size)]
+    columns = [np.arange(holes.size)]
+    values = []
+    for axis in (0, 1):
+        weight = spacing[axis] ** -2
+        for direction in (-1, 1):
+            pairs = _neighbours(heights.shape, holes, axis, direction, periodic=periodic)
+            diagonal[pairs.holes] += weight
+            measured = number[pairs.nodes] < 0
+            right[pairs.holes[measured]] += weight * flat[pairs.nodes[measured]]
+            rows.append(pairs.holes[~measured])
+            columns.append(number[pairs.nodes[~measured]])
+            values.append(np.full(np.count_nonzero(~measured), -weight))
+    entries = np.concatenate([diagonal, *values])
+    places = (np.concatenate(rows), np.concatenate(columns))
+    complete = heights.copy()
+    complete.reshape(-1)[holes] = spsolve(coo_matrix((entries, places)).tocsc(), right)
+    return complete
+
+
+@dataclass(frozen=True, eq=False)
+class _Neighbours:
+    """Pairs of a hole and its neighbour in one direction."""
+
+    holes: NDArray[np.intp]  # numbers of the holes that have such a neighbour, shape (k,)
+    nodes: NDArray[np.intp]  # flat places of these neighbours in the map, shape (k,)
+
+
+def _neighbours(
+    shape: tuple[int, ...],
+    holes: NDArray[np.intp],
+    axis: int,
+    direction: Literal[-1, 1],
+    *,
+    periodic: bool,
+) -> _Neighbours:
+    """Return the neighbours of holes, which are flat places in a map, along an axis."""
+    stride = shape[1] if axis == 0 else 1
+    position = np.unravel_index(holes, shape)[axis]
+    neighbour = position + direction
+    numbers = np.arange(holes.size)
+    if periodic:
+        neighbour = neighbour % shape[axis]
+    else:
+        inside = (neighbour >= 0) & (neighbour < shape[axis])
+        numbers = numbers[inside]
+    steps = (neighbour - position)[numbers]
+    return _Neighbours(numbers, holes[numbers] + steps * stride)
 
 
 def filled(topography: Topography, *, insisted: bool) -> Topography:
-    """Fill holes; warn of many, and refuse more than heights unless the user insists."""
-    missing, size = topography.missing, topography.heights.size
-    share = f"{100 * missing / size:.3g} %"
-    if missing > MOST_HOLES * size and not insisted:
-        fill, insist = (said(key, topography.asked) for key in ("fill", "fill_most"))
+    """Fill the holes of a map by Laplace's equation, and warn if they are many.
+
+    Parameters
+    ----------
+    topography : Topography
+        The map, with a hole or more.
+    insisted : bool
+        Whether the user insists on filling more nodes than were measured.
+
+    Returns
+    -------
+    Topography
+        The map without holes.
+
+    Raises
+    ------
+    InputError
+        If more heights are missing than `MOST_HOLES` of all, and the user does not insist.
+    """
+    missing = topography.missing
+    nodes = topography.heights.size
+    share = f"{100 * missing / nodes:.3g} %"
+    if missing > MOST_HOLES * nodes and not insisted:
         raise InputError(
-            f"{topography.name}: {missing} of {size} heights are missing ({share}): {fill} would"
-            f" make up more than was measured; crop, measure again, or insist by {insist}"
+            f"{topography.name}: {missing} of {nodes} heights are missing ({share}): --fill would"
+            " make up more than was measured; crop, measure again, or insist by --fill-most"
         )
-    periodic = topography.boundary == "periodic"
     heights = filled_harmonically(
-        topography.heights, topography.spacing, periodic=periodic
+        topography.heights,
+        topography.spacing,
+        periodic=topography.boundary == "periodic",
     )
-    whole = topography.changed(heights, f"filled {missing} nodes ({share}) harmonically")
-    if missing <= MANY_HOLES * size:
-        return whole
+    complete = topography.changed(
+        heights, f"filled {missing} nodes ({share}) harmonically"
+    )
+    if missing <= MANY_HOLES * nodes:
+        return complete
     warning = (
         f"{share} of the heights were missing and are filled: filled parts are too smooth"
     )
-    return replace(whole, warnings=(*whole.warnings, warning))
+    return replace(complete, warnings=(*complete.warnings, warning))
 
 
 # relative difference of two spacings that are the same but for an instrument's rounding
 SAME = 1e-3
 
 
-def is_same(one: float, other: float) -> bool:
-    """Tell whether two spacings differ by no more than an instrument's rounding [um]."""
-    return abs(one - other) <= SAME * max(one, other)
+def is_same(first: float, second: float) -> bool:
+    """Tell whether two spacings differ by no more than an instrument's rounding.
+
+    Parameters
+    ----------
+    first, second : float
+        Spacings, in one unit.
+
+    Returns
+    -------
+    bool
+        Whether they are the same.
+    """
+    return abs(first - second) <= SAME * max(first, second)
 
 
 def resampled(topography: Topography, spacing: Sides) -> Topography:
-    """Give a map another spacing [um], axis by axis, unless it has it but for rounding.
+    """Give a map another spacing by cubic splines along each axis on which it differs.
 
-    Cubic splines through the nodes are evaluated where the new nodes are closer. Where they are
+    Where the new nodes are closer, the splines are evaluated at the new nodes. Where they are
     further apart, the splines are averaged over the new cells: values at the new nodes would fold
-    short waves back into long ones.
-    """
-    from scipy.interpolate import make_interp_spline
+    short waves back into long ones. A spacing that differs by rounding alone keeps the heights.
 
+    Parameters
+    ----------
+    topography : Topography
+        The map, without holes.
+    spacing : tuple of float
+        New distance of the nodes along x and y [um].
+
+    Returns
+    -------
+    Topography
+        The map with this spacing, from the same first node.
+
+    Raises
+    ------
+    InputError
+        If the map has fewer than 4 nodes along an axis to resample, or the new one fewer than 2.
+    """
     heights = topography.heights
-    for axis, (old, new) in enumerate(zip(topography.spacing, spacing, strict=True)):
+    for axis in (0, 1):
+        old = topography.spacing[axis]
+        new = spacing[axis]
         if is_same(old, new):
             continue
         nodes = heights.shape[axis]
@@ -222,21 +400,29 @@ def resampled(topography: Topography, spacing: Sides) -> Topography:
             raise InputError(
                 f"{topography.name}: {nodes} nodes along an axis, resampling needs 4"
             )
-        last, number = (nodes - 1) * old, int((nodes - 1) * old / new * (1 + 1e-12)) + 1
-        places = np.minimum(new * np.arange(number), last)
-        spline: Any = make_interp_spline(old * np.arange(nodes), heights, k=3, axis=axis)
-        if new < old:
-            heights = np.ascontiguousarray(spline(places))
-        else:
-            means = np.diff(spline.antiderivative()(places), axis=axis) / new
-            heights = np.ascontiguousarray(means)
+        heights = _resampled_along(heights, axis, old, new)
+    if heights is topography.heights:
+        return topography.changed(heights, "", spacing)
     nx, ny = heights.shape
     if min(nx, ny) < 2:
         raise InputError(
-            f"{topography.name}: a spacing of {in_words(spacing)} um leaves {nx} x {ny} nodes,"
+            f"{topography.name}: a spacing of {spacing_text(spacing)} um leaves {nx} x {ny} nodes,"
             " give one that leaves 2 x 2 or more"
         )
-    step = f"resampled to {nx} x {ny} nodes every {in_words(spacing)} um by cubic splines"
-    return topography.changed(
-        heights, step * (heights is not topography.heights), spacing
-    )
+    step = f"resampled to {nx} x {ny} nodes every {spacing_text(spacing)} um by cubic splines"
+    return topography.changed(heights, step, spacing)
+
+
+def _resampled_along(heights: Heights, axis: int, old: float, new: float) -> Heights:
+    """Return heights [um] with a new spacing along an axis instead of the old one [um]."""
+    from scipy.interpolate import make_interp_spline
+
+    nodes = heights.shape[axis]
+    last = (nodes - 1) * old
+    number = int(last / new * (1 + 1e-12)) + 1
+    places = np.minimum(new * np.arange(number), last)
+    spline: Any = make_interp_spline(old * np.arange(nodes), heights, k=3, axis=axis)
+    if new < old:
+        return np.ascontiguousarray(spline(places))
+    integrals = spline.antiderivative()(places)
+    return np.ascontiguousarray(np.diff(integrals, axis=axis) / new)

@@ -25,15 +25,16 @@ from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from itertools import accumulate, product
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gen.arrays import Heights
 from gen.maps.filters import is_same, resampled
 from gen.maps.prepare import prepare
-from gen.maps.read import Sides, files_in, in_words, read
-from gen.maps.settings import Reading
+from gen.maps.read import Sides, Topography, files_in, read, spacing_text
+from gen.maps.settings import PREPARED, READ, Reading, in_scene_words
 from gen.runtime.errors import InputError
 from gen.runtime.files import MAPS, atomic, digest
 from gen.runtime.installation import versions
@@ -42,49 +43,113 @@ Shape = tuple[int, int]  # nodes along x and y
 
 
 def map_files(patterns: Sequence[str], folder: Path) -> list[Path]:
-    """Find the files that a scene names by names, folders and patterns; refuse one without any."""
-    found: dict[Path, None] = {}
+    """Find the files that a scene names.
+
+    Parameters
+    ----------
+    patterns : sequence of str
+        Names of files and of folders, and patterns as "scans/*.x3p".
+    folder : Path
+        The folder that they start from.
+
+    Returns
+    -------
+    list of Path
+        The files without links in their paths, each once, in the order of the patterns and sorted
+        within each of them.
+
+    Raises
+    ------
+    InputError
+        If a pattern names no file, or a folder cannot be read.
+    """
+    files: dict[Path, None] = {}
     for pattern in patterns:
         try:
-            own = Path(pattern).expanduser()
-            if (
-                "\0" in pattern
-            ):  # no name of a file has one, and Python 3.13 does not look for it
-                here = []
-            elif (folder / own).is_file() or (folder / own).is_dir():
-                here = files_in(folder / own)
-            else:
-                start = Path(own.anchor) if own.anchor else folder
-                inside = start.glob(str(own.relative_to(own.anchor)))
-                here = sorted(each for each in inside if each.is_file())
+            matches = _files_of_pattern(pattern, folder)
         except (OSError, ValueError, RuntimeError) as error:
             reason = getattr(error, "strerror", None) or error
             raise InputError(f"files {pattern!r}: {reason}") from None
-        if not here:
+        if not matches:
             raise InputError(
                 f"files {pattern!r}: no file or folder is called so in {folder}"
             )
-        found |= dict.fromkeys(path.resolve() for path in here)
-    return list(found)
+        files |= dict.fromkeys(path.resolve() for path in matches)
+    return list(files)
+
+
+def _files_of_pattern(pattern: str, folder: Path) -> list[Path]:
+    """Return the files that a name or a pattern stands for, sorted; none if there is no such file.
+
+    Errors of the system are passed on, and an InputError if a folder holds no map.
+    """
+    # No name of a file has this letter, and Python 3.13 does not look for it.
+    if "\0" in pattern:
+        return []
+    name = Path(pattern).expanduser()
+    path = folder / name
+    if path.is_file() or path.is_dir():
+        return files_in(path)
+    start = Path(name.anchor) if name.anchor else folder
+    matches = start.glob(str(name.relative_to(name.anchor)))
+    return sorted(match for match in matches if match.is_file())
 
 
 def digests(paths: Iterable[Path]) -> list[str]:
-    """Compute the SHA-256 of files; refuse two of one content: their tiles would share nodes."""
-    found: dict[str, Path] = {}
+    """Compute the SHA-256 of the maps of a scene.
+
+    Parameters
+    ----------
+    paths : iterable of Path
+        The files of the maps.
+
+    Returns
+    -------
+    list of str
+        The SHA-256 of each file.
+
+    Raises
+    ------
+    InputError
+        If two files have one content: their tiles would share nodes.
+    """
+    files: dict[str, Path] = {}
     for path in paths:
         sha256 = digest(path)
-        if sha256 in found:
+        if sha256 in files:
             raise InputError(
-                f"{path} and {found[sha256]} are the same map: leave one out, or a surrogate would"
+                f"{path} and {files[sha256]} are the same map: leave one out, or a surrogate would"
                 " be tested on nodes that it was trained on"
             )
-        found[sha256] = path
-    return list(found)
+        files[sha256] = path
+    return list(files)
 
 
-def located(recorded: Path, sha256: str, beside: Path | None) -> Path:
-    """Find a map of a database again by its content: where it was, or beside the database."""
-    places = [recorded, *([] if beside is None else [beside / recorded.name])]
+def locate_map(recorded: Path, sha256: str, folder: Path | None) -> Path:
+    """Find a map of a database again by its content.
+
+    Parameters
+    ----------
+    recorded : Path
+        The file of the map when the database was made.
+    sha256 : str
+        The SHA-256 of the map.
+    folder : Path, optional
+        The folder of the database, where the map is looked for, too.
+
+    Returns
+    -------
+    Path
+        The first of the two files with this content.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    places = [recorded]
+    if folder is not None:
+        places.append(folder / recorded.name)
     present = [path for path in places if path.is_file()]
     for path in present:
         if digest(path) == sha256:
@@ -105,30 +170,48 @@ READER = 3
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """How the files of a scene are to be read and prepared."""
+class Recipe:
+    """How the files of a scene are read and prepared."""
 
     window: Shape  # nodes of a window along x and y, which every map has to hold
-    # sides along x and y to resample the maps to [um]; None takes that of the first map, which the
-    # others have to share
+    # distances of the nodes along x and y to resample the maps to [um]; None takes those of the
+    # first map, which all maps have to have
     spacing: Sides | None = None
-    reading: Reading = field(
-        default_factory=Reading
-    )  # how the files are read and prepared
+    # how the files are read and prepared
+    reading: Reading = field(default_factory=Reading)
 
     def key(self, sha256s: Sequence[str]) -> str:
-        """Return the name of the library that files of these contents make: a SHA-256.
+        """Return the name of the library that files make.
 
-        The versions of the libraries that read and prepare count, the window does not.
+        Parameters
+        ----------
+        sha256s : sequence of str
+            The SHA-256 of the files.
+
+        Returns
+        -------
+        str
+            A SHA-256 of these contents, this recipe without the window, and the versions of the
+            libraries that read and prepare.
         """
         content = {
             "reader": READER,
             "versions": versions(("asperity", "numpy", "scipy", "SurfaceTopography")),
             "maps": list(sha256s),
             "spacing": self.spacing,
-            **{table: self.reading.of(table) for table in ("preparation", "reading")},
+            PREPARED: self.reading.values_of(PREPARED),
+            READ: self.reading.values_of(READ),
         }
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedMap:
+    """One prepared map."""
+
+    heights: Heights  # heights without holes, read-only [um], shape (nx, ny)
+    spacing: Sides  # distance of the nodes along x and y, the same for all maps [um]
+    remarks: tuple[str, ...] = ()  # one line for each reason to distrust the heights
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,185 +225,314 @@ class Library:
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Nodes of each map along x and y."""
-        return tuple((each.heights.shape[0], each.heights.shape[1]) for each in self.maps)
+        return tuple(_shape(prepared.heights) for prepared in self.maps)
 
 
-def prepared(
-    paths: Sequence[Path], sha256s: Sequence[str], wanted: Wanted, folder: Path | None
+def _shape(heights: Heights) -> Shape:
+    """Return the nodes of a map along x and y."""
+    nx, ny = heights.shape
+    return nx, ny
+
+
+def prepared_maps(
+    paths: Sequence[Path], sha256s: Sequence[str], recipe: Recipe, folder: Path | None
 ) -> Library:
-    """Return the prepared maps of files; prepare them unless a file has them already."""
-    library = opened(sha256s, wanted, folder, verify=True)
+    """Return the prepared maps of files; prepare them unless a file has them already.
+
+    A file of prepared maps is written into the folder, or into this user's temporary folder if
+    there is no folder or it cannot be written to.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        The files of the maps.
+    sha256s : sequence of str
+        Their SHA-256.
+    recipe : Recipe
+        How they are read and prepared.
+    folder : Path, optional
+        The folder for the prepared maps.
+
+    Returns
+    -------
+    Library
+        The maps, mapped into memory.
+
+    Raises
+    ------
+    InputError
+        If a map cannot be read or prepared, is smaller than the window, or has another spacing than
+        the first one; or if no folder can be written to.
+    """
+    library = open_maps(sha256s, recipe, folder, verify=True)
     if library is None:
-        own = folder is not None and os.access(folder, os.W_OK | os.X_OK)
-        if (home := folder if own else _temporary_folder(make=True)) is None:
-            raise InputError(
-                f"there is no folder for prepared maps: {folder or tempfile.gettempdir()} cannot be"
-                " written to; set TMPDIR to a folder of yours"
-            )
-        key = wanted.key(sha256s)
-        path = home / f"asperity-{key[:16]}.maps"
-        write_maps(
-            path, key, _each(paths, wanted), replace=path.exists()
-        )  # a damaged one
-        library = stored_maps(path, key, verify=False)
-        if library is None:
-            raise InputError(
-                f"{path}: was damaged while it was written; delete it and try again"
-            )
+        library = _new_library(paths, recipe, recipe.key(sha256s), folder)
     for path, shape in zip(paths, library.shapes, strict=True):
-        _require_window(path, shape, wanted.window)
+        _require_window(path, shape, recipe.window)
     return library
 
 
-def opened(
-    sha256s: Sequence[str], wanted: Wanted, folder: Path | None, *, verify: bool
+def _new_library(
+    paths: Sequence[Path], recipe: Recipe, key: str, folder: Path | None
+) -> Library:
+    """Prepare maps, write the file that holds them under a key, and map it into memory."""
+    home = folder
+    if home is None or not os.access(home, os.W_OK | os.X_OK):
+        home = _temporary_folder(make=True)
+    if home is None:
+        raise InputError(
+            f"there is no folder for prepared maps: {folder or tempfile.gettempdir()} cannot be"
+            " written to; set TMPDIR to a folder of yours"
+        )
+    path = _file_of_key(home, key)
+    damaged = path.exists()
+    write_maps(path, key, _prepared_one_by_one(paths, recipe), replace=damaged)
+    library = stored_maps(path, key, verify=False)
+    if library is None:
+        raise InputError(
+            f"{path}: was damaged while it was written; delete it and try again"
+        )
+    return library
+
+
+def open_maps(
+    sha256s: Sequence[str], recipe: Recipe, folder: Path | None, *, verify: bool
 ) -> Library | None:
-    """Return prepared maps from the file that holds them, read to the end to `verify`, or None."""
-    key = wanted.key(sha256s)
-    for place in (folder, _temporary_folder(make=False)):
-        if place is not None:
-            stored = stored_maps(place / f"asperity-{key[:16]}.maps", key, verify=verify)
-            if stored is not None:
-                return stored
+    """Open prepared maps, if a file in the folder or in this user's temporary one holds them.
+
+    Parameters
+    ----------
+    sha256s : sequence of str
+        The SHA-256 of the files of the maps.
+    recipe : Recipe
+        How they were read and prepared.
+    folder : Path, optional
+        The folder for prepared maps.
+    verify : bool
+        Whether all heights are read to find damage.
+
+    Returns
+    -------
+    Library or None
+        The maps, mapped into memory; None if no undamaged file holds them.
+    """
+    key = recipe.key(sha256s)
+    for home in (folder, _temporary_folder(make=False)):
+        if home is None:
+            continue
+        library = stored_maps(_file_of_key(home, key), key, verify=verify)
+        if library is not None:
+            return library
     return None
 
 
-def _square(spacing: Sides) -> Sides:
+def _file_of_key(folder: Path, key: str) -> Path:
+    """Return the file in a folder that the prepared maps of a key belong in."""
+    return folder / f"asperity-{key[:16]}.maps"
+
+
+def _rounded(spacing: Sides) -> Sides:
     """Round two spacings to 12 digits, and make them equal if they nearly are."""
-    x, y = (float(f"{step:.12g}") for step in spacing)
+    x = float(f"{spacing[0]:.12g}")
+    y = float(f"{spacing[1]:.12g}")
     return (x, x) if is_same(x, y) else (x, y)
 
 
-def _each(paths: Sequence[Path], wanted: Wanted) -> Iterator[tuple[PreparedMap, Sides]]:
-    """Read and prepare one map after the other; all have the spacing of the first."""
-    spacing, first = wanted.spacing, None
+def _prepared_one_by_one(paths: Sequence[Path], recipe: Recipe) -> Iterator[PreparedMap]:
+    """Read and prepare one map after the other; refuse one that does not have the spacing."""
+    spacing = None if recipe.spacing is None else _rounded(recipe.spacing)
     for path in paths:
-        try:
-            topography = prepare(read(path, wanted.reading), wanted.reading)
-        except InputError as error:
-            named = "" if str(path) in str(error) else f"{path}: "
-            raise InputError(f"{named}{error}") from None
-        if wanted.spacing is not None:
-            topography = resampled(topography, wanted.spacing)
-        elif spacing is None or first is None:
-            spacing, first = _square(topography.spacing), path
-        elif not all(map(is_same, topography.spacing, spacing)):
-            raise InputError(
-                f"{path} has a node every {in_words(topography.spacing)} um, {first} every"
-                f" {in_words(spacing)} um: give spacing, to which all are resampled, or downsample"
-            )
-        _require_window(path, topography.heights.shape, wanted.window)
-        yield (
-            PreparedMap(topography.heights, topography.warnings),
-            _square(spacing or (1.0, 1.0)),
+        topography = _prepared_map(path, recipe.reading)
+        if recipe.spacing is not None:
+            topography = resampled(topography, recipe.spacing)
+        elif spacing is not None:
+            _require_spacing(path, topography.spacing, paths[0], spacing)
+        if spacing is None:
+            spacing = _rounded(topography.spacing)
+        _require_window(path, _shape(topography.heights), recipe.window)
+        remarks = [in_scene_words(warning, path) for warning in topography.warnings]
+        yield PreparedMap(topography.heights, spacing, tuple(remarks))
+
+
+def _prepared_map(path: Path, reading: Reading) -> Topography:
+    """Read and prepare a map; an InputError has the words of scenes and names the file."""
+    try:
+        return prepare(read(path, reading, for_windows=True), reading)
+    except InputError as error:
+        message = in_scene_words(str(error), path)
+        if str(path) not in message:
+            message = f"{path}: {message}"
+        raise InputError(message) from None
+
+
+def _require_spacing(path: Path, spacing: Sides, first: Path, expected: Sides) -> None:
+    """Refuse a map with another spacing than the first map."""
+    same_x = is_same(spacing[0], expected[0])
+    same_y = is_same(spacing[1], expected[1])
+    if not same_x or not same_y:
+        raise InputError(
+            f"{path} has a node every {spacing_text(spacing)} um, {first} every"
+            f" {spacing_text(expected)} um: give spacing, to which all are resampled, or downsample"
         )
 
 
-def _require_window(path: Path, shape: tuple[int, ...], window: Shape) -> None:
+def _require_window(path: Path, shape: Shape, window: Shape) -> None:
     """Refuse a map that is smaller than the window."""
-    (nx, ny), (wx, wy) = shape, window
-    if nx < wx or ny < wy:
+    if shape[0] < window[0] or shape[1] < window[1]:
         raise InputError(
-            f"{path}: has {nx} x {ny} nodes after its preparation, less than the window of"
-            f" {wx} x {wy}: give fewer nodes, or leave the map out"
+            f"{path}: has {shape[0]} x {shape[1]} nodes after its preparation, less than the window"
+            f" of {window[0]} x {window[1]}: give fewer nodes, or leave the map out"
         )
 
 
 def _temporary_folder(*, make: bool) -> Path | None:
-    """Return this user's temporary folder, None unless nobody else may write to it."""
+    """Return this user's temporary folder; None unless nobody else may write to it.
+
+    With `make` the folder is made if there is none.
+    """
     folder = Path(tempfile.gettempdir()) / f"asperity-{os.getuid()}"
     with suppress(OSError):
         if make:
             folder.mkdir(mode=0o700, exist_ok=True)
-        found = folder.lstat()
-        if stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid():
-            return None if found.st_mode & 0o022 else folder
+        status = folder.lstat()
+        is_mine = stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid()
+        shared = status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+        if is_mine and not shared:
+            return folder
     return None
 
 
 PAGE = 4096  # alignment of the maps in the file, that of pages in memory [bytes]
-
-
-@dataclass(frozen=True, eq=False)
-class PreparedMap:
-    """One prepared map."""
-
-    heights: Heights  # heights without holes, read-only [um], shape (nx, ny)
-    remarks: tuple[str, ...] = ()  # one line for each reason to distrust the heights
+LONGEST_START = 200  # most bytes of place, length and SHA-256 of the table
 
 
 def write_maps(
-    path: Path,
-    key: str,
-    maps: Iterable[tuple[PreparedMap, tuple[float, float]]],
-    *,
-    replace: bool,
+    path: Path, key: str, maps: Iterable[PreparedMap], *, replace: bool
 ) -> None:
-    """Write maps, with their common spacing [um], of which only one is in memory at a time."""
+    """Write a file of prepared maps, of which only one is in memory at a time.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    key : str
+        The key of what was prepared, from `Recipe.key`.
+    maps : iterable of PreparedMap
+        The maps, all of one spacing.
+    replace : bool
+        Whether the file replaces one that another process wrote meanwhile.
+    """
     table: dict[str, Any] = {"key": key, "byteorder": sys.byteorder, "maps": []}
     with atomic(path, "maps", replace=replace) as file:
         file.write(bytes(PAGE))
-        for prepared, spacing in maps:
-            table["spacing"] = spacing
-            content = (
-                np.ascontiguousarray(prepared.heights, dtype=np.float64).reshape(-1).data
-            )
+        for prepared in maps:
+            table["spacing"] = prepared.spacing
+            heights = np.ascontiguousarray(prepared.heights, dtype=np.float64)
             table["maps"].append(
                 {
                     "place": file.tell(),
-                    "shape": prepared.heights.shape,
-                    "sha256": hashlib.sha256(content).hexdigest(),
+                    "shape": heights.shape,
+                    "sha256": _sha256(heights),
                     "remarks": prepared.remarks,
                 }
             )
-            file.write(content)
+            file.write(heights.reshape(-1).data)
             file.write(bytes(-file.tell() % PAGE))
-        place, text = file.tell(), json.dumps(table).encode()
+        place = file.tell()
+        text = json.dumps(table).encode()
+        sha256 = hashlib.sha256(text).hexdigest()
         file.write(text)
         file.seek(0)
-        file.write(
-            MAPS + f"{place} {len(text)} {hashlib.sha256(text).hexdigest()}\n".encode()
-        )
+        file.write(MAPS)
+        file.write(f"{place} {len(text)} {sha256}\n".encode())
+
+
+def _sha256(heights: Heights) -> str:
+    """Return the SHA-256 of the numbers of a contiguous map."""
+    return hashlib.sha256(heights.reshape(-1).data).hexdigest()
 
 
 def stored_maps(path: Path, key: str, *, verify: bool) -> Library | None:
-    """Map a file of prepared maps into memory; None if it is damaged or holds something else."""
+    """Map a file of prepared maps into memory.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    key : str
+        The key of what was prepared, from `Recipe.key`.
+    verify : bool
+        Whether all heights are read to find damage.
+
+    Returns
+    -------
+    Library or None
+        The maps; None if there is no such file, it is damaged, or it holds something else.
+    """
     with suppress(OSError, ValueError, KeyError, TypeError):
         if not path.is_file():  # a pipe would never answer
             return None
         with path.open("rb") as file:
-            start = file.read(len(MAPS))
-            place, length, sha256 = file.readline(200).decode().split()
-            file.seek(int(place))
-            text = file.read(int(length) + 1)
-        whole = len(text) == int(length) and hashlib.sha256(text).hexdigest() == sha256
-        if start != MAPS or not whole:
+            table = _table_of(file)
+        if table is None or table["key"] != key or table["byteorder"] != sys.byteorder:
             return None
-        table, maps = json.loads(text), []
-        if table["key"] != key or table["byteorder"] != sys.byteorder:
-            return None
-        for entry in table["maps"]:
-            (nx, ny), offset = entry["shape"], entry["place"]
-            heights = np.memmap(
-                path, dtype=np.float64, mode="r", offset=offset, shape=(nx, ny)
-            )
-            if (
-                verify
-                and hashlib.sha256(heights.reshape(-1).data).hexdigest()
-                != entry["sha256"]
-            ):
-                return None
-            maps.append(PreparedMap(heights, tuple(entry["remarks"])))
         dx, dy = table["spacing"]
+        maps = []
+        for entry in table["maps"]:
+            heights = _mapped(path, entry)
+            if verify and _sha256(heights) != entry["sha256"]:
+                return None
+            maps.append(PreparedMap(heights, (dx, dy), tuple(entry["remarks"])))
         return Library(tuple(maps), (dx, dy), path)
     return None
 
 
-WIDE = (
-    2  # side of a tile over that of the window, at least, where the map is large enough
-)
+def _table_of(file: BinaryIO) -> Any:
+    """Return the table of a file of prepared maps; None if the file is something else or damaged.
+
+    A ValueError is passed on if the file does not begin as such a file does.
+    """
+    start = file.read(len(MAPS))
+    place, length, sha256 = file.readline(LONGEST_START).decode().split()
+    file.seek(int(place))
+    text = file.read(int(length) + 1)
+    whole = len(text) == int(length) and hashlib.sha256(text).hexdigest() == sha256
+    return json.loads(text) if start == MAPS and whole else None
+
+
+def _mapped(path: Path, entry: dict[str, Any]) -> NDArray[np.float64]:
+    """Map the heights of an entry of the table into memory, read-only [um]."""
+    nx, ny = entry["shape"]
+    return np.memmap(
+        path, dtype=np.float64, mode="r", offset=entry["place"], shape=(nx, ny)
+    )
+
+
+# side of a tile over that of the window, at least, where the map is large enough
+WIDE = 2
 # tiles along an axis that a map has at least, where it holds that many windows side by side
 FEWEST = 2
+
+
+@dataclass(frozen=True)
+class Span:
+    """Neighbouring nodes along one axis."""
+
+    start: int  # index of the first node
+    stop: int  # index after that of the last node
+
+    @property
+    def nodes(self) -> int:
+        """Number of the nodes."""
+        return self.stop - self.start
+
+
+@dataclass(frozen=True)
+class Tile:
+    """A part of a map."""
+
+    x: Span
+    y: Span
 
 
 @dataclass(frozen=True)
@@ -329,21 +541,23 @@ class Tiling:
 
     shapes: tuple[Shape, ...]  # nodes of each map along x and y
     window: Shape  # nodes of a window along x and y
-    square: bool = (
-        False  # whether a window has the symmetries of the square, not the rectangle's
-    )
+    # whether a window has the eight symmetries of the square, or the four of the rectangle
+    square: bool = False
 
     @cached_property
-    def tiles(self) -> list[list[tuple[Shape, Shape]]]:
-        """The tiles of each map: the first node and one past the last, along x and along y."""
-        return [
-            list(product(_cut(shape[0], self.window[0]), _cut(shape[1], self.window[1])))
-            for shape in self.shapes
-        ]
+    def tiles(self) -> list[list[Tile]]:
+        """The tiles of each map."""
+        return [self._tiles_of(shape) for shape in self.shapes]
+
+    def _tiles_of(self, shape: Shape) -> list[Tile]:
+        """Return the tiles of a map of some shape."""
+        along_x = _spans(shape[0], self.window[0])
+        along_y = _spans(shape[1], self.window[1])
+        return [Tile(x, y) for x, y in product(along_x, along_y)]
 
     @cached_property
     def starts(self) -> list[int]:
-        """Number of each map's first tile, and that of all tiles at the end."""
+        """Number of each map's first tile, counted over all maps; at the end that of all tiles."""
         return list(accumulate(map(len, self.tiles), initial=0))
 
     @property
@@ -355,18 +569,19 @@ class Tiling:
 tiled = lru_cache(maxsize=8)(Tiling)  # the same tiles for every surface of a run
 
 
-def _cut(nodes: int, width: int) -> list[Shape]:
-    """Cut an axis into tiles twice as wide as a window, or two narrower ones, or a single one."""
-    count = max(nodes // (WIDE * width), min(FEWEST, nodes // width))
-    return [
-        (place * nodes // count, (place + 1) * nodes // count) for place in range(count)
-    ]
+def _spans(nodes: int, window: int) -> list[Span]:
+    """Cut an axis into spans of at least two windows, or into two shorter ones, or a single one."""
+    count = max(nodes // (WIDE * window), min(FEWEST, nodes // window))
+    ends = [number * nodes // count for number in range(count + 1)]
+    return [Span(ends[number], ends[number + 1]) for number in range(count)]
 
 
 DRAWS = 5  # random numbers of a window: map, tile, two for the place, symmetry
-TRANSPOSED = (
-    4  # symmetries from this number on swap the axes: they are those of the square alone
-)
+# number of symmetries of the rectangle; those from this number on swap the axes of a square
+TRANSPOSED = 4
+# parts of the number of a symmetry
+MIRRORED_X = 1
+MIRRORED_Y = 2
 
 
 @dataclass(frozen=True)
@@ -381,40 +596,73 @@ class Window:
     symmetry: int
 
 
-def drawn(
-    random: np.random.Generator, tiling: Tiling, facing: Sequence[int] | None = None
+def draw_window(
+    random: np.random.Generator, tiling: Tiling, tiles: Sequence[int] | None = None
 ) -> Window:
-    """Draw a window: all maps alike, all tiles of a map, all places in a tile, all symmetries.
+    """Draw a window; this moves the state of the generator by `DRAWS` numbers.
 
-    Of a second body all its tiles that may be `facing` the first one's are alike.
+    Every map has the same probability, then every tile of the map, every place in the tile, and
+    every symmetry.
+
+    Parameters
+    ----------
+    random : numpy.random.Generator
+        The stream of random numbers of the surface.
+    tiling : Tiling
+        The tiles of all maps.
+    tiles : sequence of int, optional
+        Numbers of the tiles to draw from, each with the same probability whatever its map. Without
+        them all tiles can be drawn.
+
+    Returns
+    -------
+    Window
+        The window, which lies in one tile.
     """
     numbers = random.random(DRAWS)
-    if facing is None:
-        index = _among(numbers[0], len(tiling.shapes))
-        tile = tiling.starts[index] + _among(numbers[1], len(tiling.tiles[index]))
+    if tiles is None:
+        index = _pick(numbers[0], len(tiling.shapes))
+        number = tiling.starts[index] + _pick(numbers[1], len(tiling.tiles[index]))
     else:
-        tile = facing[_among(numbers[0], len(facing))]
-        index = bisect_right(tiling.starts, tile) - 1
-    ends = tiling.tiles[index][tile - tiling.starts[index]]
-    x, y = (
-        start + _among(number, stop - start - nodes + 1)
-        for number, (start, stop), nodes in zip(
-            numbers[2:4], ends, tiling.window, strict=True
-        )
-    )
-    symmetry = _among(numbers[4], 2 * TRANSPOSED if tiling.square else TRANSPOSED)
-    return Window(index, tile, (x, y), symmetry)
+        number = tiles[_pick(numbers[0], len(tiles))]
+        index = bisect_right(tiling.starts, number) - 1
+    tile = tiling.tiles[index][number - tiling.starts[index]]
+    nx, ny = tiling.window
+    x = tile.x.start + _pick(numbers[2], tile.x.nodes - nx + 1)
+    y = tile.y.start + _pick(numbers[3], tile.y.nodes - ny + 1)
+    symmetries = 2 * TRANSPOSED if tiling.square else TRANSPOSED
+    return Window(index, number, (x, y), _pick(numbers[4], symmetries))
 
 
-def cut(heights: Heights, window: Window, shape: tuple[int, int]) -> Heights:
-    """Cut a window out of its map and turn it round."""
-    (x, y), (nx, ny) = window.corner, shape
-    patch, symmetry = heights[x : x + nx, y : y + ny], window.symmetry
-    patch = patch[:: -1 if symmetry & 1 else 1, :: -1 if symmetry & 2 else 1]
-    patch = patch.T if symmetry & TRANSPOSED else patch
+def cut_window(heights: Heights, window: Window, shape: Shape) -> Heights:
+    """Cut a window out of its map and turn it by its symmetry.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights of the map [um].
+    window : Window
+        Place of the window in the map.
+    shape : (int, int)
+        Nodes of the window along x and y; equal ones if its symmetry swaps the axes.
+
+    Returns
+    -------
+    ndarray
+        Heights above the lowest node of the window, of this shape [um].
+    """
+    x, y = window.corner
+    nx, ny = shape
+    patch = heights[x : x + nx, y : y + ny]
+    if window.symmetry & MIRRORED_X:
+        patch = patch[::-1]
+    if window.symmetry & MIRRORED_Y:
+        patch = patch[:, ::-1]
+    if window.symmetry & TRANSPOSED:
+        patch = patch.T
     return np.ascontiguousarray(patch - patch.min())
 
 
-def _among(number: float, count: int) -> int:
+def _pick(number: float, count: int) -> int:
     """Turn a number in [0, 1) into one of 0, ..., count - 1."""
     return min(int(number * count), count - 1)

@@ -10,109 +10,148 @@ is for the user to say, by a mask.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
-from gen.maps.read import Topography
+from gen.maps.read import Remedy, Topography
 from gen.maps.scan import UNITS, unit_of
-from gen.maps.settings import SPIKE, said
+from gen.maps.settings import SPIKE
 from gen.runtime.errors import InputError
 
-HIGHEST = (
-    1e60  # heights [um] of files in a wrong unit; squares of smaller ones stay finite
-)
+# largest heights that are used [um]: those of files in a wrong unit are beyond, and squares of
+# smaller ones stay finite
+HIGHEST = 1e60
 
 Nodes = NDArray[np.bool_]  # whether a node is chosen, shape (nx, ny)
+End = Literal[1, -1]  # end of the heights: 1 for the highest ones, -1 for the lowest ones
 
 ROUNDING = 1e-9  # relative difference of numbers that are taken for the same
 # nodes along each side of the neighbourhood: its median ignores spikes of up to 3 x 4 nodes
 WINDOW = 5
-ROWS = 64  # rows of nodes whose neighbourhoods are gathered at a time, which bounds the memory
+LINES = 64  # lines of nodes whose neighbourhoods are gathered at a time, which bounds the memory
+TO_DEVIATION = (
+    1.4826  # standard deviation of normal numbers over their median absolute deviation
+)
 
 
 @dataclass(frozen=True, eq=False)
 class LocalLevels:
-    """The level around some nodes, by the medians of the measured nodes in their windows."""
+    """The planes through the surroundings of some nodes, by medians."""
 
-    medians: Values  # height of the level at each node [um], shape (k,)
-    # steps of the level from one node to the next along x and y [um], shape (k, 1, 1)
+    medians: Values  # height of the plane at each node [um], shape (k,)
+    # steps of the plane from one node to the next along x and y [um], shape (k, 1, 1)
     along_x: Values
     along_y: Values
 
 
 def local_levels(windows: Values) -> LocalLevels:
-    """Compute the levels in the middle of square windows of heights [um], shape (k, n, n).
+    """Compute the levels of the surroundings in the middle of windows.
 
-    Beside a hole, a spike or the border, a slope would shift the median. So the plane through
-    the middle whose slopes are the medians of those in the window is taken out before.
+    Beside a hole, a spike or the border, a slope would shift the median. Therefore a plane through
+    the middle is subtracted first, whose slopes are the medians of those in the window.
+
+    Parameters
+    ----------
+    windows : ndarray, shape (k, n, n)
+        Heights around k nodes, with an odd n; NaN for missing nodes [um].
+
+    Returns
+    -------
+    LocalLevels
+        Median and slopes of each window.
     """
-    steps = np.arange(windows.shape[1]) - windows.shape[1] // 2
-    along_x, along_y = (
-        np.nan_to_num(_medians(np.diff(windows, axis=axis)), copy=False)[:, None, None]
-        for axis in (1, 2)
-    )
-    level = windows - along_x * steps[:, None] - along_y * steps
+    along_x = _median_steps(windows, axis=1)
+    along_y = _median_steps(windows, axis=2)
+    places = np.arange(windows.shape[1]) - windows.shape[1] // 2
+    level = windows - along_x * places[:, None] - along_y * places
     return LocalLevels(_medians(level), along_x, along_y)
 
 
-def local_medians(heights: Heights) -> tuple[Heights, float]:
-    """Return the median of the measured nodes around each node, on their slope, and the scatter.
+def _median_steps(windows: Values, axis: int) -> Values:
+    """Return the median step between neighbours along an axis, or 0 [um], shape (k, 1, 1)."""
+    medians = _medians(np.diff(windows, axis=axis))
+    return np.nan_to_num(medians, copy=False)[:, None, None]
 
-    The scatter is that of the distances of all nodes from their medians; see `scatter_of` [um].
+
+def local_medians(heights: Heights) -> Heights:
+    """Compute the median of the measured nodes around each node, on their slope.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights, NaN at holes [um].
+
+    Returns
+    -------
+    ndarray, shape (nx, ny)
+        Level of the `WINDOW` x `WINDOW` nodes around each node, see `local_levels` [um].
     """
     padded = np.pad(heights, WINDOW // 2, constant_values=np.nan)
     windows = np.lib.stride_tricks.sliding_window_view(padded, (WINDOW, WINDOW))
     medians = np.empty(heights.shape)
-    for first in range(0, len(heights), ROWS):
-        block = windows[first : first + ROWS].reshape(-1, WINDOW, WINDOW)
-        medians[first : first + ROWS] = local_levels(block).medians.reshape(
-            -1, heights.shape[1]
-        )
-    return medians, scatter_of(heights - medians, heights)
+    for first in range(0, len(heights), LINES):
+        lines = slice(first, first + LINES)
+        levels = local_levels(windows[lines].reshape(-1, WINDOW, WINDOW))
+        medians[lines] = levels.medians.reshape(-1, heights.shape[1])
+    return medians
 
 
 def scatter_of(distances: Values, heights: Heights) -> float:
-    """Return the usual distance of nodes from their local medians [um].
+    """Compute the usual distance of nodes from their local medians.
 
-    It is the median absolute deviation times 1.4826, the standard deviation of normal distances,
-    and at least the rounding of the heights [um].
+    Parameters
+    ----------
+    distances : ndarray
+        Distances of nodes from their local medians, of any shape, NaN at holes [um].
+    heights : ndarray, shape (nx, ny)
+        Heights of the map, whose span limits the rounding [um].
+
+    Returns
+    -------
+    float
+        Standard deviation of the distances by their median absolute deviation, and at least the
+        rounding of the heights [um].
     """
     measured = distances[~np.isnan(distances)]
-    scatter = 1.4826 * float(np.median(np.abs(measured - np.median(measured))))
-    return max(scatter, ROUNDING * float(np.nanmax(heights) - np.nanmin(heights)))
+    deviations = np.abs(measured - np.median(measured))
+    scatter = TO_DEVIATION * float(np.median(deviations))
+    span = float(np.nanmax(heights) - np.nanmin(heights))
+    return max(scatter, ROUNDING * span)
 
 
 def _medians(values: Values) -> Values:
     """Return the median of the numbers of each entry of the first axis, NaN if it has none."""
-    each = values.reshape(len(values), -1)
-    ordered = np.sort(each, axis=1)  # NaN come last
-    count = np.count_nonzero(~np.isnan(each), axis=1)
-    entries = np.arange(len(each))
-    lower, upper = (
-        ordered[entries, np.maximum(place, 0)] for place in ((count - 1) // 2, count // 2)
-    )
+    numbers = values.reshape(len(values), -1)
+    ordered = np.sort(numbers, axis=1)  # NaN come last
+    count = np.count_nonzero(~np.isnan(numbers), axis=1)
+    entries = np.arange(len(numbers))
+    lower = ordered[entries, np.maximum((count - 1) // 2, 0)]
+    upper = ordered[entries, count // 2]
     return np.asarray(np.where(count % 2 == 1, lower, lower / 2 + upper / 2))
 
 
-FEWEST_VALUES = (
-    16  # different heights from which a map has enough of them to stand apart from
-)
+# different heights from which a map has enough of them for one to stand apart
+FEWEST_VALUES = 16
 FEWEST_SHARED = 3  # nodes with one height from which this height may be a code
-# The gap between a code and the next height is this many times as wide as the widest of the next
-# `GAPS` gaps, at least: steps of a coarse scale are alike, and a plateau has no gap.
+# The gap between a code and the next height is at least this many times as wide as the widest of
+# the next `GAPS` gaps: steps of a coarse scale are alike, and a plateau has no gap.
 WIDER = 2.0
 GAPS = 10
-# Median step at the rim of a code over the usual step between neighbours, at least. Plateaus of
-# saturated and honed maps have less than 3, but for sharp ridges, which have no gap.
+# least median step at the rim of a code over the usual step between neighbours: plateaus of
+# saturated and honed maps have less than 3, except for sharp ridges, which have no gap
 RIM = 3.0
-# the same where the only sign is that the nodes of a value lie scattered over the map
+# the same if the only sign of a code is that its nodes lie scattered over the map
 SCATTERED_RIM = 7.0
-# A value that lies between the others is a code if it is at this share of the nodes or more, and
-# at so many times as many as any other value.
+# least share of the nodes, and least ratio to the nodes of any other value, from which a value
+# between the other heights may be a code
 COMMON = 5e-4
 COMMONER = 5.0
+# pairs of neighbours with a common value, for each node with this value, up to which its nodes lie
+# scattered over the map; twice the pairs by chance are added
+PAIRED = 0.05
 SAMPLE_VALUES = 2**17  # heights, about, among which the commonest one is looked for
 MOST_CODES = 8  # codes of one map that are looked for
 
@@ -122,7 +161,7 @@ class Code:
     """A height that probably says that a node was not measured."""
 
     value: float  # [um]
-    nodes: Nodes
+    nodes: Nodes  # nodes that have the value
     between: bool  # whether there are heights below it and heights above it
 
     @property
@@ -132,7 +171,7 @@ class Code:
 
     @property
     def first(self) -> tuple[int, int]:
-        """The first node that has the value."""
+        """Place (row, column) of the first node that has the value."""
         row, column = np.argwhere(self.nodes)[0].tolist()
         return row, column
 
@@ -143,13 +182,13 @@ def find_codes(heights: Heights) -> list[Code]:
     Parameters
     ----------
     heights : ndarray, shape (nx, ny)
-        Heights as they were measured, so that equal ones still are: no plane is taken out [um].
+        Heights as they were measured, so that equal ones still are: no plane is subtracted [um].
         They are NaN where heights are known to be missing.
 
     Returns
     -------
     list of Code
-        Codes at either end of the heights, and between them.
+        Codes at either end of the heights and between them, `MOST_CODES` at most.
     """
     remaining = heights.copy()
     codes: list[Code] = []
@@ -163,261 +202,396 @@ def find_codes(heights: Heights) -> list[Code]:
 
 
 def _next_code(heights: Heights) -> Code | None:
-    """Return the least, the greatest or the commonest height if it is a code."""
+    """Return the lowest, the highest or the commonest height, the first of them that is a code."""
     measured = heights[~np.isnan(heights)]
-    sample = measured[:: measured.size // SAMPLE_VALUES | 1]
-    values, counts = np.unique(sample, return_counts=True)
+    stride = (measured.size // SAMPLE_VALUES) | 1
+    values, counts = np.unique(measured[::stride], return_counts=True)
     if values.size < FEWEST_VALUES:
         return None
+    lowest = float(measured.min())
+    lowest_nodes = heights == lowest
+    if _is_lowest_apart(heights, lowest_nodes, measured):
+        return Code(lowest, lowest_nodes, between=False)
+    highest = float(measured.max())
+    highest_nodes = heights == highest
+    if _is_lowest_apart(heights, highest_nodes, -measured):
+        return Code(highest, highest_nodes, between=False)
     commonest = int(np.argmax(counts))
-    # how many times as common as any other value it is, by the sample
-    ratio = float(counts[commonest]) / float(np.delete(counts, commonest).max())
-    ends = float(measured.min()), float(measured.max())
-    for sign, end in zip((1, -1), ends, strict=True):
-        nodes = heights == end
-        if _is_end_apart(heights, nodes, sign * measured):
-            return Code(end, nodes, between=False)
+    next_count = float(np.delete(counts, commonest).max())
+    if float(counts[commonest]) / next_count < COMMONER:
+        return None
     value = float(values[commonest])
-    nodes, is_end = heights == value, value in ends
-    if ratio >= COMMONER and _is_common_apart(
-        heights, nodes, measured.size, is_end=is_end
-    ):
+    nodes = heights == value
+    is_end = value in {lowest, highest}
+    if _is_common_apart(heights, nodes, measured.size, is_end=is_end):
         return Code(value, nodes, between=not is_end)
     return None
 
 
-def _is_end_apart(heights: Heights, nodes: Nodes, rising: Values) -> bool:
-    """Tell whether nodes at the least of some `rising` heights lie apart from the others."""
+def _is_lowest_apart(heights: Heights, nodes: Nodes, measured: Values) -> bool:
+    """Tell whether the nodes with the lowest of the measured heights [um] lie apart.
+
+    For the highest nodes, `measured` are the heights with the opposite sign.
+    """
     number = int(np.count_nonzero(nodes))
-    if 2 * number > rising.size:
+    if 2 * number > measured.size:
         return False
-    first = min(number + 8 * GAPS, rising.size - 1)
-    inward = np.unique(np.partition(rising, first)[: first + 1])
-    if inward.size < GAPS + 2:  # few heights, each of many nodes
-        inward = np.unique(rising)
-    gaps = np.diff(inward[: GAPS + 2])
-    if gaps[0] > float(rising.max()) - float(inward[1]):  # than all others span
+    lowest = _lowest_values(measured, number)
+    gaps = np.diff(lowest)
+    span_of_others = float(measured.max()) - float(lowest[1])
+    if gaps[0] > span_of_others:
         return True
     if number < FEWEST_SHARED or gaps[0] <= WIDER * gaps[1:].max():
         return False
     return rim_steps(heights, nodes) >= RIM
 
 
+def _lowest_values(measured: Values, number: int) -> Values:
+    """Return the `GAPS` + 2 lowest different heights, if the lowest one is at a number of nodes."""
+    last = min(number + 8 * GAPS, measured.size - 1)
+    lowest = np.unique(np.partition(measured, last)[: last + 1])
+    if lowest.size < GAPS + 2:  # a map of few different heights, each at many nodes
+        lowest = np.unique(measured)
+    return lowest[: GAPS + 2]
+
+
 def _is_common_apart(heights: Heights, nodes: Nodes, total: int, *, is_end: bool) -> bool:
-    """Tell whether a common value of some nodes is not that of a flat part of the surface."""
+    """Tell whether the common value of some nodes is not the height of a flat part of the surface.
+
+    `total` is the number of measured nodes, and `is_end` says that no height is beyond the value.
+    """
     number = int(np.count_nonzero(nodes))
     if not COMMON * total <= number <= total / 2:
         return False
-    pairs = sum(int(np.count_nonzero(nodes & np.roll(nodes, 1, axis))) for axis in (0, 1))
-    scattered = pairs <= number * (
-        4 * number / total + 0.05
-    )  # twice what chance brings together
+    pairs_along_x = int(np.count_nonzero(nodes & np.roll(nodes, 1, 0)))
+    pairs_along_y = int(np.count_nonzero(nodes & np.roll(nodes, 1, 1)))
+    by_chance = (
+        2 * number / total
+    )  # pairs for each node of as many nodes at random places
+    scattered = pairs_along_x + pairs_along_y <= number * (2 * by_chance + PAIRED)
     if is_end:
         return scattered and rim_steps(heights, nodes) >= SCATTERED_RIM
     return scattered or rim_steps(heights, nodes) >= RIM
 
 
 def rim_steps(heights: Heights, nodes: Nodes) -> float:
-    """Return the median step at the rim of some nodes over the usual one between other neighbours.
+    """Compute the median step at the rim of some nodes over the usual step between other nodes.
 
-    It is the lesser of those along x and along y, as the usual steps along a lay are small. Steps
-    of 0 do not count, as heights with few digits have many of them; 0 without any step.
-    """
-    ratios = []
-    for axis in (0, 1):
-        steps = np.abs(np.diff(heights, axis=axis))
-        shorter = heights.shape[axis] - 1
-        first = np.take(nodes, range(shorter), axis)
-        second = np.take(nodes, range(1, shorter + 1), axis)
-        known = steps > 0  # and no NaN
-        across, between = steps[known & (first ^ second)], steps[known & ~first & ~second]
-        if across.size:
-            usual = 1.4826 * float(np.median(between)) if between.size else np.inf
-            ratios.append(float(np.median(across)) / usual)
-    return min(ratios, default=0.0)
-
-
-# Nodes at this distance from a pit or spike lie around it; it is part of a ridge, groove, wall or
-# summit if more than one of them is more than half as far from the level as itself.
-AROUND = 3
-HALF = 0.5
-# Where a surface has many pits or summits, one of them is single if it is so many times as far from
-# the level as this share of the nodes, at least. Of normal distances it is 6 times their scatter.
-USUAL, FARTHER = 0.98, 3.0
-# A node whose height differs from the level by less than this many steps of the level's slope to
-# the next node is no pit or spike.
-STEEPER = 2.0
-SAMPLE = 64  # nodes along each axis, at most, whose distances from the level are the usual ones
-MOST_SINGLE = 1000  # pits or spikes that are looked for
-LOST = 1000.0  # scatter in spacings of numbers at the largest height, below which it is rounding
-
-
-@dataclass(frozen=True)
-class Single:
-    """A node that is far from its neighbours, the farthest of its end of the heights."""
-
-    node: tuple[int, int]
-    distance: float  # from the level around it, positive [um]
-    nodes: Nodes  # this one and those of its end that are far from their neighbours too
-
-    @property
-    def number(self) -> int:
-        """Number of such nodes."""
-        return int(np.count_nonzero(self.nodes))
-
-
-def find_single(heights: Heights, sign: int) -> Single | None:
-    """Find the spikes (`sign` 1) at the top of a map, or the pits (-1) at its bottom.
-
-    The highest node is looked at, then the next one, until one of them is none. A spike is more
-    than `SPIKE` times the usual distance from its local median, as `--despike` counts it, more
-    than the slope there explains, and stands alone.
+    Steps of 0 are left out, because heights with few digits have many of them.
 
     Parameters
     ----------
     heights : ndarray, shape (nx, ny)
-        Heights [um], NaN at nodes that are left out.
-    sign : {1, -1}
-        The end of the heights that is looked at.
+        Heights, NaN at holes [um].
+    nodes : ndarray of bool, shape (nx, ny)
+        Nodes whose rim is looked at.
+
+    Returns
+    -------
+    float
+        The lesser of the ratios along x and along y, as usual steps along a lay are small; 0 if
+        there is no step at the rim [1].
     """
-    nx, ny = heights.shape
+    ratios = []
+    for axis in (0, 1):
+        steps = np.abs(np.diff(heights, axis=axis))
+        pairs = np.arange(steps.shape[axis])
+        first = np.take(nodes, pairs, axis)
+        second = np.take(nodes, pairs + 1, axis)
+        measured = steps > 0  # and neither node is NaN
+        at_rim = steps[measured & (first ^ second)]
+        outside = steps[measured & ~first & ~second]
+        if not at_rim.size:
+            continue
+        usual = np.inf
+        if outside.size:
+            usual = TO_DEVIATION * float(np.median(outside))
+        ratios.append(float(np.median(at_rim)) / usual)
+    return min(ratios, default=0.0)
+
+
+# Nodes at this distance from a pit or spike are its surroundings; it is part of a ridge, groove,
+# wall or summit if more than one of them is more than `HALF` as far from the level as itself.
+AROUND = 3
+HALF = 0.5
+# least distance of a pit or spike from the level, over the distance that the share `USUAL` of the
+# nodes does not exceed: for normal distances this is 6 times their scatter
+USUAL = 0.98
+FARTHER = 3.0
+# A node whose height differs from the level by less than this many steps of the level's slope to
+# the next node is no pit or spike.
+STEEPER = 2.0
+SAMPLE = 64  # largest number of nodes along each axis whose distances from the level are sampled
+MOST_OUTLIERS = 1000  # pits or spikes that are looked for
+LOST = (
+    1000.0  # scatter, in spacings of numbers at the largest height, that may be rounding
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Outliers:
+    """The spikes at the top of a map, or the pits at its bottom."""
+
+    node: tuple[int, int]  # place (row, column) of the outermost one
+    distance: float  # of this node from the level around it, positive [um]
+    nodes: Nodes  # all of them
+
+    @property
+    def number(self) -> int:
+        """Number of nodes that are spikes or pits."""
+        return int(np.count_nonzero(self.nodes))
+
+
+def find_outliers(heights: Heights, end: End) -> Outliers | None:
+    """Find the spikes at the top of a map, or the pits at its bottom.
+
+    Nodes are looked at from the outermost one inwards, until one is no spike (or pit). A spike is
+    more than `SPIKE` times the usual distance from its local median, as for `--despike`, is more
+    than the slope at this place explains, and stands alone.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights, NaN at nodes that are left out [um].
+    end : {1, -1}
+        1 for spikes at the top, -1 for pits at the bottom.
+
+    Returns
+    -------
+    Outliers or None
+        The spikes or pits, None if there are none.
+    """
+    columns = heights.shape[1]
     padded = np.pad(heights, AROUND, constant_values=np.nan)
     width = 2 * AROUND + 1
     windows = np.lib.stride_tricks.sliding_window_view(padded, (width, width))
-    inner = slice(AROUND - WINDOW // 2, AROUND + WINDOW // 2 + 1)
-    thin = np.ix_(
-        *(np.unique(np.linspace(0, n - 1, SAMPLE).astype(int)) for n in (nx, ny))
-    )
-    sampled = windows[thin].reshape(-1, width, width)
-    usual = sampled[:, AROUND, AROUND] - local_levels(sampled[:, inner, inner]).medians
-    least = SPIKE * scatter_of(usual, heights)
-    least = max(least, FARTHER * float(np.nanquantile(sign * usual, USUAL)))
-    outward = np.where(np.isnan(heights), -np.inf, sign * heights).ravel()
-    most = min(MOST_SINGLE, outward.size - 1)
-    first = np.argpartition(-outward, most)[:most]
-    first = first[np.argsort(-outward[first], kind="stable")]
-    single: list[int] = []
+    threshold = _outlier_threshold(heights, windows, end)
+    places: list[int] = []
     distances: list[float] = []
-    for place in first.tolist():
-        window = windows[place // ny, place % ny]
-        distance = _distance_alone(window, sign, least)
+    for place in _outermost(heights, end):
+        window = windows[place // columns, place % columns]
+        distance = _distance_alone(window, end, threshold)
         if distance is None:
             break
-        single.append(place)
+        places.append(place)
         distances.append(distance)
-    if not single:
+    if not places:
         return None
     nodes = np.zeros(heights.shape, dtype=bool)
-    nodes.flat[single] = True
-    return Single((single[0] // ny, single[0] % ny), distances[0], nodes)
+    nodes.flat[places] = True
+    return Outliers(divmod(places[0], columns), distances[0], nodes)
 
 
-def _distance_alone(window: Values, sign: int, least: float) -> float | None:
-    """Return how far the middle of a window is from the level around, None if it is not alone."""
+def _outermost(heights: Heights, end: End) -> list[int]:
+    """Return flat places of the outermost nodes at one end of the heights, the first one first."""
+    outward = np.where(np.isnan(heights), -np.inf, end * heights).ravel()
+    number = min(MOST_OUTLIERS, outward.size - 1)
+    places = np.argpartition(-outward, number)[:number]
+    order = np.argsort(-outward[places], kind="stable")
+    outermost: list[int] = places[order].tolist()
+    return outermost
+
+
+def _middle(windows: Values) -> Values:
+    """Return the parts of windows, shape (..., n, n), from which levels are computed."""
     inner = slice(AROUND - WINDOW // 2, AROUND + WINDOW // 2 + 1)
-    level = local_levels(window[None, inner, inner])
-    steps = np.arange(-AROUND, AROUND + 1)
-    slopes = level.along_x[0] * steps[:, None] + level.along_y[0] * steps
-    outward = sign * (window - slopes - level.medians[0])
+    return windows[..., inner, inner]
+
+
+def _outlier_threshold(heights: Heights, windows: Values, end: End) -> float:
+    """Return the least distance of a spike or pit from its level [um], by a sample of the nodes.
+
+    The windows, shape (nx, ny, n, n), hold the heights around each node.
+    """
+    rows, columns = (
+        np.unique(np.linspace(0, nodes - 1, SAMPLE).astype(int))
+        for nodes in heights.shape
+    )
+    sample = windows[np.ix_(rows, columns)].reshape(-1, *windows.shape[2:])
+    distances = sample[:, AROUND, AROUND] - local_levels(_middle(sample)).medians
+    usual = float(np.nanquantile(end * distances, USUAL))
+    return max(SPIKE * scatter_of(distances, heights), FARTHER * usual)
+
+
+def _distance_alone(window: Values, end: End, threshold: float) -> float | None:
+    """Return the distance of the middle of a window from the level around it [um].
+
+    None is returned if it is below the threshold [um] or what the slope explains, or if the node
+    is not alone.
+    """
+    level = local_levels(_middle(window)[None])
+    places = np.arange(-AROUND, AROUND + 1)
+    plane = level.along_x[0] * places[:, None] + level.along_y[0] * places
+    outward = end * (window - plane - level.medians[0])
     distance = float(outward[AROUND, AROUND])
     slope = max(abs(float(level.along_x[0, 0, 0])), abs(float(level.along_y[0, 0, 0])))
-    if not distance > max(least, STEEPER * slope):
+    if not distance > max(threshold, STEEPER * slope):
         return None
-    outer = np.maximum(*np.abs(np.meshgrid(steps, steps))) == AROUND
-    around = np.count_nonzero(np.abs(outward[outer]) > HALF * distance)
-    return distance if around <= 1 else None
+    rows, columns = np.meshgrid(places, places)
+    surroundings = np.maximum(np.abs(rows), np.abs(columns)) == AROUND
+    companions = np.count_nonzero(np.abs(outward[surroundings]) > HALF * distance)
+    return distance if companions <= 1 else None
 
 
-def mask_beside(heights: Heights, doubtful: Nodes) -> str:
-    """Return the ends of a mask that leaves some nodes out and keeps all others, "" without one.
+def mask_bounds(heights: Heights, doubtful: Nodes) -> str:
+    """Choose a mask that leaves out nodes and keeps all other nodes.
 
-    They are numbers of few digits, a twentieth of the span of the other heights beyond these.
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights, NaN at holes [um].
+    doubtful : ndarray of bool, shape (nx, ny)
+        Nodes to leave out.
+
+    Returns
+    -------
+    str
+        Value of `--mask` with two numbers of few digits, about a twentieth of the span beyond the
+        other heights, as "8.9:11.1"; "" if no mask tells the nodes from the others.
     """
-    left = heights[doubtful & ~np.isnan(heights)]
-    kept = heights[~doubtful & ~np.isnan(heights)]
-    if not left.size or not kept.size:
+    measured = ~np.isnan(heights)
+    outside = heights[doubtful & measured]
+    kept = heights[~doubtful & measured]
+    if not outside.size or not kept.size:
         return ""
-    low, high = float(kept.min()), float(kept.max())
-    if ((left >= low) & (left <= high)).all():
+    low = float(kept.min())
+    high = float(kept.max())
+    if ((outside >= low) & (outside <= high)).all():
         return ""
-    below = float(left[left < low].max(initial=-np.inf))
-    above = float(left[left > high].min(initial=np.inf))
+    below = float(outside[outside < low].max(initial=-np.inf))
+    above = float(outside[outside > high].min(initial=np.inf))
     margin = (high - low) / 20
-    least = _shortest(max(low - margin, (below + low) / 2), low)
-    most = _shortest(min(high + margin, (above + high) / 2), high)
-    return f"{least}:{most}"
+    lower = _shortest(max(low - margin, (below + low) / 2), low)
+    upper = _shortest(min(high + margin, (above + high) / 2), high)
+    return f"{lower}:{upper}"
 
 
 def _shortest(number: float, end: float) -> str:
     """Write a number with the fewest digits that move it by less than half its way to an end."""
-    texts = [f"{number:.{digits}g}" for digits in range(2, 18)]
-    text = next(
-        (each for each in texts if abs(float(each) - number) < abs(number - end) / 2),
-        texts[-1],
-    )
+    tolerance = abs(number - end) / 2
+    text = ""
+    for digits in range(2, 18):
+        text = f"{number:.{digits}g}"
+        if abs(float(text) - number) < tolerance:
+            break
     if 1e-3 <= abs(float(text)) < 1e6:
         return np.format_float_positional(float(text), trim="-")
     return text
 
 
-def refuse_beyond_numbers(topography: Topography) -> None:
-    """Refuse heights whose squares numbers do not hold, with a mask if they are codes."""
+def _is_kept(height: float, bounds: str) -> bool:
+    """Tell whether the mask with the given bounds keeps a height [um]."""
+    low, high = bounds.split(":")
+    return float(low) <= height <= float(high)
+
+
+def refuse_overflowing_heights(topography: Topography) -> None:
+    """Refuse a map with heights beyond `HIGHEST`, whose squares are beyond what numbers hold.
+
+    Parameters
+    ----------
+    topography : Topography
+        The map, with at least one height.
+
+    Raises
+    ------
+    InputError
+        If a height is beyond it. The message advises a mask if other heights are not.
+    """
     heights = topography.heights
     largest = float(np.nanmax(np.abs(heights)))
     if largest <= HIGHEST:
         return
-    bounds = mask_beside(heights, np.abs(heights) > HIGHEST)
+    overflowing = np.abs(heights) > HIGHEST
+    bounds = mask_bounds(heights, overflowing)
     fault = f"{topography.name}: heights of {largest:.3g} um"
     if not bounds:
         raise InputError(f"{fault}; check their unit")
-    row, column = np.argwhere(np.abs(heights) > HIGHEST)[0].tolist()
-    fault += (
-        f", the first at the node ({row}, {column}), which may stand for missing heights"
+    row, column = np.argwhere(overflowing)[0].tolist()
+    raise InputError(
+        f"{fault}, the first at the node ({row}, {column}), which may stand for missing heights:"
+        f" --mask {bounds} makes holes of them, which --fill closes"
     )
-    mask, fill = (said(key, topography.asked) for key in (f"mask {bounds}", "fill"))
-    raise InputError(f"{fault}: {mask} makes holes of them, which {fill} closes")
 
 
-def with_codes_named(topography: Topography) -> Topography:
-    """Add a warning for each code of a map whose heights are as they were measured."""
+def with_code_warnings(topography: Topography) -> Topography:
+    """Add a warning for each code for missing heights, and note its nodes as doubtful.
+
+    Parameters
+    ----------
+    topography : Topography
+        The map, with its heights as they were measured.
+
+    Returns
+    -------
+    Topography
+        The map with these warnings, or the same one if it has no code.
+    """
     heights = topography.heights
     codes = find_codes(heights)
     if not codes:
         return topography
     doubtful = np.any([code.nodes for code in codes], axis=0)
-    bounds = mask_beside(heights, doubtful)
-    warnings = [*topography.warnings]
+    kept = heights[~doubtful & ~np.isnan(heights)]
+    bounds = mask_bounds(heights, doubtful)
+    warnings = list(topography.warnings)
     for code in codes:
         if code.between:
             warnings.append(_code_between(topography, code))
-            continue
-        kept = heights[~doubtful & ~np.isnan(heights)]
-        apart = f"apart from the others, {kept.min():.6g} to {kept.max():.6g} um"
-        row, column = code.first
-        if code.number >= FEWEST_SHARED:
-            fault = f"{_shared(topography, code)}, {apart}; they may stand for missing heights"
-            remedies = [_mask_advice(topography, bounds, "them")]
         else:
-            end = "highest" if code.value > kept.max() else "lowest"
-            kind = "spike from whose tip Delta counts" if end == "highest" else "pit"
-            fault = f"the {end} node ({row}, {column}) is a {kind}, or stands for a missing height,"
-            fault += f" at {_in_file(topography, code.value)}, {apart}"
-            remedies = [_mask_advice(topography, bounds, "it"), *OTHER_REMEDIES]
-        warnings.append(topography.advised(fault, *remedies))
+            warnings.append(_code_at_end(topography, code, kept, bounds))
     return replace(topography, warnings=tuple(warnings), doubtful=doubtful)
 
 
-OTHER_REMEDIES = (
-    (f"despike {SPIKE:g}", "replaces it by what is around"),
-    ("crop", "leaves this part out"),
+@dataclass(frozen=True)
+class OutlierWords:
+    """Words of a warning for spikes or for pits."""
+
+    end: End  # end of the heights at which they are
+    node: str  # name of the outermost node
+    kind: str  # name of one of them
+    consequence: str  # what follows if it is the outermost node, "" for nothing
+    side: str  # direction from the neighbours
+
+
+SPIKES_IN_WORDS = OutlierWords(
+    1, "highest node", "spike", " from whose tip Delta counts", "above"
 )
+PITS_IN_WORDS = OutlierWords(-1, "lowest node", "pit", "", "below")
 
 
-def _mask_advice(topography: Topography, bounds: str, pronoun: str) -> tuple[str, str]:
-    """Return a mask and what it does to nodes outside its bounds."""
-    hole = "a hole" if pronoun == "it" else "holes"
-    fill = said("fill", topography.asked)
-    return f"mask {bounds}", f"makes {hole} of {pronoun}, which {fill} closes"
+OTHER_REMEDIES: tuple[Remedy, ...] = (
+    Remedy(f"despike {SPIKE:g}", "replaces it by what is around"),
+    Remedy("crop", "leaves this part out"),
+)
+"""Remedies of a pit or spike that need no mask."""
+
+
+def _mask_remedy(bounds: str, *, plural: bool) -> Remedy:
+    """Return the mask with the given bounds and what it does to one node or several."""
+    holes = "holes of them" if plural else "a hole of it"
+    return Remedy(f"mask {bounds}", f"makes {holes}, which --fill closes")
+
+
+def _code_at_end(topography: Topography, code: Code, kept: Values, bounds: str) -> str:
+    """Return the warning for a code at an end of the heights, with a mask of the given bounds.
+
+    `kept` are the heights of all nodes without a code [um].
+    """
+    span = f"{kept.min():.6g} to {kept.max():.6g} um"
+    if code.number >= FEWEST_SHARED:
+        fault = (
+            f"{_shared(topography, code)}, apart from the others, {span}; they may stand for"
+            " missing heights"
+        )
+        return topography.advised(fault, _mask_remedy(bounds, plural=True))
+    words = SPIKES_IN_WORDS if code.value > kept.max() else PITS_IN_WORDS
+    fault = (
+        f"the {words.node} {code.first} is a {words.kind}{words.consequence}, or stands for a"
+        f" missing height, at {_in_file(topography, code.value)}, apart from the others, {span}"
+    )
+    mask = _mask_remedy(bounds, plural=False)
+    return topography.advised(fault, mask, *OTHER_REMEDIES)
 
 
 def _code_between(topography: Topography, code: Code) -> str:
@@ -429,15 +603,16 @@ def _code_between(topography: Topography, code: Code) -> str:
 
 
 def _shared(topography: Topography, code: Code) -> str:
-    """Write how many nodes share a value, and where the first of them is."""
+    """Write how many nodes share the value of a code, and the place of the first of them."""
     share = 100 * code.number / topography.heights.size
-    row, column = code.first
     value = _in_file(topography, code.value)
-    return f"{code.number} nodes ({share:.3g} %) are at {value}, the first is ({row}, {column})"
+    return (
+        f"{code.number} nodes ({share:.3g} %) are at {value}, the first is {code.first}"
+    )
 
 
 def _in_file(topography: Topography, height: float) -> str:
-    """Write a height in um, and as the file has it where its unit is another one."""
+    """Write a height in um, followed by the number in the file if its unit is another one."""
     text = f"{height:.6g} um"
     factor = UNITS.get(unit_of(topography.unit), 1.0)
     if factor == 1.0:
@@ -446,61 +621,68 @@ def _in_file(topography: Topography, height: float) -> str:
     return f"{text} ({upright * height / factor:.6g} {topography.unit} in the file)"
 
 
-def with_single_named(
+def with_outlier_warnings(
     topography: Topography, measured: Heights, level: Heights
 ) -> Topography:
-    """Add a warning for the pits and one for the spikes at the ends of a map without holes.
+    """Add a warning for the spikes of a map and one for its pits, and note them as doubtful.
 
     Parameters
     ----------
     topography : Topography
-        The map after the steps that take a form out, with all of its nodes.
+        The map after the steps that take a form out, without holes.
     measured : ndarray, shape (nx, ny)
         Heights before these steps, which a mask cuts [um].
     level : ndarray, shape (nx, ny)
-        Heights of the map without its tilt, if it is still tilted [um].
+        Heights of the map without its tilt, if it still has one [um].
+
+    Returns
+    -------
+    Topography
+        The map with these warnings, or the same one if it has no spike and no pit.
     """
-    left_out = topography.doubtful
-    if left_out is None:
-        left_out = np.zeros(measured.shape, dtype=bool)
-    heights = np.where(left_out, np.nan, level)
+    doubtful = topography.doubtful
+    if doubtful is None:
+        doubtful = np.zeros(measured.shape, dtype=bool)
+    heights = np.where(doubtful, np.nan, level)
     largest = float(np.nanmax(np.abs(measured)))
     if float(np.nanstd(heights)) <= LOST * float(np.spacing(largest)):
         return topography
-    looked_for = {sign: find_single(heights, sign) for sign in (1, -1)}
-    singles = {sign: single for sign, single in looked_for.items() if single is not None}
-    if not singles:
+    spikes = find_outliers(heights, 1)
+    pits = find_outliers(heights, -1)
+    if spikes is None and pits is None:
         return topography
-    for single in singles.values():
-        left_out = left_out | single.nodes
-    bounds = mask_beside(measured, left_out)
+    if spikes is not None:
+        doubtful = doubtful | spikes.nodes
+    if pits is not None:
+        doubtful = doubtful | pits.nodes
+    bounds = mask_bounds(measured, doubtful)
     warnings = list(topography.warnings)
-    for sign, single in singles.items():
-        remedies = [*OTHER_REMEDIES]
-        if bounds and not _within(float(measured[single.node]), bounds):
-            remedies.insert(0, _mask_advice(topography, bounds, "it"))
-        fault = _single_in_words(single, sign, topography.heights)
+    for outliers, words in ((spikes, SPIKES_IN_WORDS), (pits, PITS_IN_WORDS)):
+        if outliers is None:
+            continue
+        remedies = list(OTHER_REMEDIES)
+        if bounds and not _is_kept(float(measured[outliers.node]), bounds):
+            remedies.insert(0, _mask_remedy(bounds, plural=False))
+        fault = _outliers_in_words(outliers, words, topography.heights)
         warnings.append(topography.advised(fault, *remedies))
-    return replace(topography, warnings=tuple(warnings), doubtful=left_out)
+    return replace(topography, warnings=tuple(warnings), doubtful=doubtful)
 
 
-def _single_in_words(single: Single, sign: int, heights: Heights) -> str:
-    """Write where a pit or spike is, how far from its neighbours, and how many more there are."""
-    end, kind = ("highest", "spike") if sign > 0 else ("lowest", "pit")
-    is_end = not (sign * heights > sign * heights[single.node]).any()
-    fault = f"the {end} node" if is_end else "the node"
-    fault += f" {single.node} is a {kind}"
-    if is_end and sign > 0:
-        fault += " from whose tip Delta counts"
-    fault += (
-        f", {single.distance:.4g} um {'above' if sign > 0 else 'below'} its neighbours"
+def _outliers_in_words(outliers: Outliers, words: OutlierWords, heights: Heights) -> str:
+    """Write where the outermost spike or pit is, how far from its neighbours, and its companions.
+
+    `heights`, shape (nx, ny), are those of the map [um]. A tilted map has nodes further out.
+    """
+    outward = words.end * heights
+    node = "node"
+    consequence = ""
+    if not (outward > outward[outliers.node]).any():
+        node = words.node
+        consequence = words.consequence
+    fault = (
+        f"the {node} {outliers.node} is a {words.kind}{consequence}, {outliers.distance:.4g} um"
+        f" {words.side} its neighbours"
     )
-    if single.number > 1:
-        fault += f", and {single.number - 1} more nodes are such"
+    if outliers.number > 1:
+        fault += f", and {outliers.number - 1} more nodes are such"
     return fault
-
-
-def _within(height: float, bounds: str) -> bool:
-    """Tell whether a mask keeps a height."""
-    least, most = map(float, bounds.split(":"))
-    return least <= height <= most

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
-from gen.maps.contacts import Wanted
+from gen.maps.contacts import AnswerOptions
 from gen.maps.read import Sides, Topography
 from gen.maps.texture import RadialSpectrum, SelfAffineFit
 from gen.material import Bodies
@@ -83,7 +83,7 @@ def contact_maps(
     )
 
 
-def gap_maps(contact: Contact, where: str, wanted: Wanted) -> tuple[Map, Map]:
+def gap_maps(contact: Contact, where: str, options: AnswerOptions) -> tuple[Map, Map]:
     """Return two maps: of the gap, the spots by size and, by decades, the flux over its mean."""
     found, sides = contact.spots, patch_sides(contact)
     crossing, apart = found.open_gap.any(), found.labels == 0
@@ -98,10 +98,10 @@ def gap_maps(contact: Contact, where: str, wanted: Wanted) -> tuple[Map, Map]:
     title = (
         f"{found.number} spots, the largest with {100 * found.largest_share:.3g} % of the"
     )
-    title += f" contact{where if wanted.flow else ''}"
+    title += f" contact{where if options.flow else ''}"
     colours = np.ma.masked_where(apart, (found.labels - 1.0) % COLOURS)
     by_size = Map(colours, sides, title, "", "", "tab20")
-    if not wanted.flow:
+    if not options.flow:
         return open_gap, by_size
     along_x = contact.flow(0)
     share = np.hypot(*along_x.flux) / (along_x.aperture**3 or 1.0)
@@ -119,7 +119,7 @@ def gap_maps(contact: Contact, where: str, wanted: Wanted) -> tuple[Map, Map]:
         "decades",
         "viridis",
     )
-    return by_size if wanted.spots else open_gap, flux
+    return by_size if options.spots else open_gap, flux
 
 
 def patch_sides(contact: Contact) -> tuple[float, float]:
@@ -178,7 +178,7 @@ def colour_scale(surface_map: Map) -> ColourScale:
     return ColourScale(low, high, extend, remark, farthest)
 
 
-def draw_map(axis: Any, surface_map: Map, letters: int = LETTERS) -> None:
+def plot_map(axis: Any, surface_map: Map, letters: int = LETTERS) -> None:
     """Draw a field to scale unless it is very oblong, under titles of lines of some letters."""
     nx, ny = surface_map.field.shape
     (width, length), field = surface_map.sides, surface_map.field
@@ -217,7 +217,7 @@ def draw_map(axis: Any, surface_map: Map, letters: int = LETTERS) -> None:
     axis.set(xlabel="x [µm]", ylabel="y [µm]")
 
 
-def draw_surface(
+def plot_surface(
     figure: Any,
     topography: Topography,
     spectrum: RadialSpectrum,
@@ -235,18 +235,18 @@ def draw_surface(
     figure.suptitle(shortened(topography.name), fontsize=11, parse_math=False)
     heights = topography.heights
     title = f"heights, {heights.shape[0]} x {heights.shape[1]} nodes"
-    draw_map(left, Map(heights, topography.sides, title, "height", "µm", "viridis"))
-    _draw_distribution(right, heights)
+    plot_map(left, Map(heights, topography.sides, title, "height", "µm", "viridis"))
+    _plot_distribution(right, heights)
     if directional:
         radial, profiles = bottom.subplots(1, 2)
-        _draw_spectrum(radial, spectrum, fit, LETTERS)
-        _draw_profile_spectra(profiles, spectrum)
+        _plot_spectrum(radial, spectrum, fit, LETTERS)
+        _plot_profile_spectra(profiles, spectrum)
     else:
-        _draw_spectrum(bottom.subplots(), spectrum, fit, 2 * LETTERS)
+        _plot_spectrum(bottom.subplots(), spectrum, fit, 2 * LETTERS)
     save(figure, picture)
 
 
-def _draw_distribution(axis: Any, heights: Heights) -> None:
+def _plot_distribution(axis: Any, heights: Heights) -> None:
     """Draw the share of the surface over the height, and the share that is above each height."""
     axis.set_title("height distribution and bearing curve", loc="left", fontsize=10)
     axis.set_ylabel("height above the mean [µm]")
@@ -275,7 +275,7 @@ def _draw_distribution(axis: Any, heights: Heights) -> None:
 WAVENUMBER = "wavenumber q = 2π / wavelength [1/µm]"
 
 
-def _draw_profile_spectra(axis: Any, spectrum: RadialSpectrum) -> None:
+def _plot_profile_spectra(axis: Any, spectrum: RadialSpectrum) -> None:
     """Draw the mean power spectra of the profiles along x and along y."""
     axis.set_title("power spectra of profiles", loc="left", fontsize=10)
     axis.set(xlabel=WAVENUMBER, ylabel="profiles' power spectrum [µm$^3$]")
@@ -293,7 +293,7 @@ def _draw_profile_spectra(axis: Any, spectrum: RadialSpectrum) -> None:
     axis.legend(loc="lower left", fontsize="small")
 
 
-def _draw_spectrum(
+def _plot_spectrum(
     axis: Any, spectrum: RadialSpectrum, fit: SelfAffineFit | str, letters: int
 ) -> None:
     """Draw the radial power spectrum with the self-affine law over the range that it fits."""
@@ -338,7 +338,7 @@ def _draw_spectrum(
     axis.legend(loc="lower left", fontsize="small")
 
 
-def draw_contacts(
+def plot_contacts(
     figure: Any,
     last: Contact,
     rows: Sequence[Mapping[str, Any]],
@@ -348,12 +348,12 @@ def draw_contacts(
     load: str,
     bodies: Bodies,
     warnings: Sequence[str],
-    wanted: Wanted,
+    options: AnswerOptions,
 ) -> None:
     """Draw a surface, its contact and a section under the last load, and the law of several.
 
     `rows` are the numbers of each contact by the columns of `gen.maps.contacts.answers`. `load` is
-    the quantity that was given: delta, force or pressure. If spots or flow are `wanted`,
+    the quantity that was given: delta, force or pressure. If spots or flow are among the `options`,
     the spots, the open gap or the flux along x are drawn instead of heights and pressure.
     """
     law = len(rows) > 1
@@ -367,7 +367,7 @@ def draw_contacts(
     problem, pressed = last.problem, last.force / nominal_area(last)
     title = f"last of {len(rows)} loads: " if law else ""
     title += f"Δ = {last.delta:.4g} µm, force {last.force:.4g} µN, mean pressure {pressed:.4g} MPa"
-    material = bodies.text + ", no material given" * (not bodies.known)
+    material = bodies.text + ", no material given" * (not bodies.has_modulus)
     material += "" if problem.boundary == "free" else f"; {problem.boundary} boundary"
     figure.suptitle(
         "\n".join((shortened(name), title, material)), fontsize=11, parse_math=False
@@ -378,20 +378,20 @@ def draw_contacts(
         )
         figure.supxlabel(told, fontsize=8, color="tab:red", parse_math=False)
     where = f" at {load_text(last, load)}" if law else ""
-    if wanted.spots or wanted.flow:
-        first, second = gap_maps(last, where, wanted)
+    if options.spots or options.flow:
+        first, second = gap_maps(last, where, options)
     else:
         share = f"{last.area_percent:.3g} % of {last.pressure.size} nodes"
         first, second = contact_maps(last, "heights", f"contact{where}: {share}")
-    draw_map(axes["heights"], first)
-    draw_map(axes["contact"], second)
-    _draw_section(axes["section"], last, where)
+    plot_map(axes["heights"], first)
+    plot_map(axes["contact"], second)
+    _plot_section(axes["section"], last, where)
     if law:
-        _draw_law([axes[each] for each in ("area", "answer", "gap")], rows, load)
+        _plot_law([axes[each] for each in ("area", "answer", "gap")], rows, load)
     save(figure, picture)
 
 
-def _draw_section(axis: Any, contact: Contact, load: str) -> None:
+def _plot_section(axis: Any, contact: Contact, load: str) -> None:
     """Draw both bodies along the line with the largest force off the border, in the longer side."""
     sides, spacing = patch_sides(contact), contact.problem.spacing
     along = 0 if sides[0] >= sides[1] else 1
@@ -430,7 +430,7 @@ def _draw_section(axis: Any, contact: Contact, load: str) -> None:
     )
 
 
-def _draw_law(axes: Sequence[Any], rows: Sequence[Mapping[str, Any]], load: str) -> None:
+def _plot_law(axes: Sequence[Any], rows: Sequence[Mapping[str, Any]], load: str) -> None:
     """Draw area, force or far-field displacement, and mean gap over the load that was given."""
     given = LOADS[load]
     answer = FORCE if load == "delta" else DELTA

@@ -1,339 +1,534 @@
 """Prepare a measured topography for contact: only the steps that the user asks for, recorded.
 
-Reasons to distrust what is left are codes for missing heights, pits and spikes, a tilt, slopes,
+Reasons to distrust the prepared map are codes for missing heights, pits and spikes, a tilt, slopes,
 borders that differ, and a lost unit.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.arrays import Heights
+from gen.arrays import Heights, Values
 from gen.doubts import STEEP, steep_slopes
 from gen.maps.filters import filled, filtered, without_form
 from gen.maps.outliers import (
     local_medians,
-    refuse_beyond_numbers,
-    with_codes_named,
-    with_single_named,
+    refuse_overflowing_heights,
+    scatter_of,
+    with_code_warnings,
+    with_outlier_warnings,
 )
-from gen.maps.read import NEAREST, WIDEST, Sides, Topography, beyond_instruments, read
-from gen.maps.settings import KEYS, SPIKE, Reading, numbers_in, said
+from gen.maps.read import BEYOND_INSTRUMENTS, NEAREST, WIDEST, Remedy, Topography
+from gen.maps.settings import KEYS, SPIKE, Reading, as_option, numbers_in
 from gen.runtime.errors import InputError
 from gen.statistics import rms_slope
 
-if TYPE_CHECKING:
-    from bem.problem import Boundary
-    from gen.maps.bodies import Opposite
-
 ROUNDING = 1e-9  # relative difference of numbers that are taken for the same
-# share of nodes above which those taken out as spikes are probably part of the surface
+# share of nodes above which those replaced as spikes are probably part of the surface
 MANY_SPIKES = 0.01
 
 
 def prepare(topography: Topography, settings: Reading) -> Topography:
     """Crop, invert, mask, despike, level, fill, filter and downsample a map, in this order.
 
-    Heights out of range are no part of any median, so the mask comes before the spikes. Spikes
-    would bend a fit, and stand at the rims of holes, which are filled from there. A filter needs
-    all nodes, and no slope at the borders. Means come last, when the S-filter has taken out the
-    waves that they would fold back. Raises InputError if a setting does not suit the map.
+    The order is a metrologist's. The mask comes before the spikes, so that heights out of range
+    are no part of any median. The spikes come before the level, because they would bend a fit, and
+    before the holes, which are filled from their rims. A filter needs all nodes, and no slope at
+    the borders. Means of nodes come last, when the S-filter has removed the waves that they would
+    fold back.
+
+    Parameters
+    ----------
+    topography : Topography
+        A map as it was read.
+    settings : Reading
+        The steps to take.
+
+    Returns
+    -------
+    Topography
+        The prepared map without holes, with a line for each step, a warning for each reason to
+        distrust its heights, and the nodes that such a warning calls doubtful.
+
+    Raises
+    ------
+    InputError
+        If a setting does not suit the map, or heights are missing and the settings do not fill
+        them.
     """
-    if settings.level and settings.form is not None:
-        words = f"level {settings.level}", f"form {settings.form}"
-        both = " and ".join(said(each, settings.asked) for each in words)
-        raise InputError(
-            f"{both} given: give one; forms of degree 1 and 2 are levels too"
-        )
-    followed = {key for key in STEPS if getattr(settings, key)} - {"level", "despike"}
-    followed |= {f"level {settings.level}"} if settings.level else set()
-    # a threshold of spikes counts as the one that is advised if it takes out as many
-    followed |= {f"despike {SPIKE:g}"} if (settings.despike or np.inf) <= SPIKE else set()
-    followed |= topography.followed
-    topography = replace(topography, followed=frozenset(followed), asked=settings.asked)
-    topography = _taken(topography, settings, "crop", "invert", "mask")
-    refuse_beyond_numbers(topography)
-    topography = _taken(topography, settings, "despike")
-    topography = _with_span_named(with_codes_named(topography))
+    _refuse_two_forms(settings)
+    followed = topography.followed | _followed_steps(settings)
+    topography = replace(topography, followed=followed)
+    topography = _with_steps(topography, settings, "crop", "invert", "mask")
+    refuse_overflowing_heights(topography)
+    topography = _with_steps(topography, settings, "despike")
+    topography = with_code_warnings(topography)
+    topography = _with_span_warning(topography)
     measured = topography.heights
-    topography = _taken(topography, settings, "level", "form", "fill", "fill_most")
-    if topography.missing:  # from here on every node is needed
-        fault = (
-            f"{topography.missing} of {topography.heights.size} heights are missing (NaN)"
+    topography = _with_steps(topography, settings, "level", "form", "fill", "fill_most")
+    _refuse_holes(topography)
+    level = _without_tilt(topography)
+    topography = with_outlier_warnings(topography, measured, level)
+    topography = _with_steps(topography, settings, "filter", "downsample")
+    return _with_tilt_warning(topography)
+
+
+def _refuse_two_forms(settings: Reading) -> None:
+    """Raise InputError if both a level and a form are to be subtracted."""
+    if settings.level and settings.form is not None:
+        raise InputError(
+            f"--level {settings.level} and --form {settings.form} given: give one; forms of"
+            " degree 1 and 2 are levels too"
         )
-        remedies = ("fill", "closes holes"), ("crop", "leaves them out")
-        raise InputError(f"{topography.name}: {topography.advised(fault, *remedies)}")
-    topography = with_single_named(topography, measured, _without_tilt(topography))
-    topography = _taken(topography, settings, "filter", "downsample")
-    return _with_tilt_named(topography)
 
 
-def _taken(topography: Topography, settings: Reading, *keys: str) -> Topography:
-    """Take the steps of some keys that are given, in this order; refuse a value that is wrong."""
+def _followed_steps(settings: Reading) -> frozenset[str]:
+    """Return the steps that the settings take, as warnings would advise them."""
+    steps = {key for key in STEPS if getattr(settings, key)}
+    if settings.level:
+        steps.remove("level")
+        steps.add(f"level {settings.level}")
+    if settings.despike:
+        steps.remove("despike")
+        if settings.despike <= SPIKE:  # replaces at least the spikes of the advised one
+            steps.add(f"despike {SPIKE:g}")
+    return frozenset(steps)
+
+
+def _with_steps(topography: Topography, settings: Reading, *keys: str) -> Topography:
+    """Return the map after the steps of those keys that are set, in this order.
+
+    A hole is not filled twice. InputError is raised for a value that its key does not allow.
+    """
     for key in keys:
-        value, whole = getattr(settings, key), not topography.missing
-        if (
-            value is None
-            or value is False
-            or value == ""
-            or (whole and key.startswith("fill"))
-        ):
+        value = getattr(settings, key)
+        if value is None or value is False or value == "":
+            continue
+        if key in {"fill", "fill_most"} and not topography.missing:
             continue
         if not KEYS[key].suits(value):
-            named = said(f"{key} {value!r}", settings.asked)
-            raise InputError(f"{named}: give {KEYS[key].allowed}")
+            option = as_option(f"{key} {value!r}")
+            raise InputError(f"{option}: give {KEYS[key].allowed}")
         topography = STEPS[key](topography, settings)
     return topography
 
 
-def _with_span_named(topography: Topography) -> Topography:
-    """Warn if heights that are no codes span more or less than instruments measure."""
+def _refuse_holes(topography: Topography) -> None:
+    """Raise InputError if heights are missing; the message advises how to close the holes."""
+    if not topography.missing:
+        return
+    fault = f"{topography.missing} of {topography.heights.size} heights are missing (NaN)"
+    fill = Remedy("fill", "closes holes")
+    crop = Remedy("crop", "leaves them out")
+    raise InputError(f"{topography.name}: {topography.advised(fault, fill, crop)}")
+
+
+def _with_warning(topography: Topography, warning: str) -> Topography:
+    """Return the map with one more warning."""
+    return replace(topography, warnings=(*topography.warnings, warning))
+
+
+def _with_span_warning(topography: Topography) -> Topography:
+    """Add a warning if heights that are no codes span more or less than instruments measure."""
     heights = _without_doubtful(topography)
     span = float(np.nanmax(heights) - np.nanmin(heights))
-    if not span or NEAREST <= span <= WIDEST:
+    if span == 0 or NEAREST <= span <= WIDEST:
         return topography
-    warning = f"its heights span {span:.3g} um, {beyond_instruments(topography.asked)}"
-    return replace(topography, warnings=(*topography.warnings, warning))
+    warning = f"its heights span {span:.3g} um, {BEYOND_INSTRUMENTS}"
+    return _with_warning(topography, warning)
 
 
-def _with_tilt_named(topography: Topography) -> Topography:
-    """Warn if the mean plane of a map outweighs its roughness."""
+def _with_tilt_warning(topography: Topography) -> Topography:
+    """Add a warning if the mean plane of a map without holes outweighs its roughness."""
     heights = _without_doubtful(topography)
-    whole = replace(
-        topography, heights=np.nan_to_num(heights, nan=float(np.nanmean(heights)))
-    )
-    if not is_tilted(whole):
+    mean = float(np.nanmean(heights))
+    if not is_tilted(replace(topography, heights=np.nan_to_num(heights, nan=mean))):
         return topography
-    _, (x, y) = least_squares(replace(topography, heights=heights))
-    fault = f"tilted by {x:.2g} along x and {y:.2g} along y, more than it is rough, so one edge"
-    fault += " carries the load"  # as the map lay under its instrument
-    warning = topography.advised(fault, ("level plane", "takes the tilt out"))
-    return replace(topography, warnings=(*topography.warnings, warning))
+    tilt = least_squares(replace(topography, heights=heights)).tilt
+    fault = (
+        f"tilted by {tilt.x:.2g} along x and {tilt.y:.2g} along y, more than it is rough, so one"
+        " edge carries the load"
+    )
+    warning = topography.advised(fault, Remedy("level plane", "takes the tilt out"))
+    return _with_warning(topography, warning)
 
 
 def _without_tilt(topography: Topography) -> Heights:
-    """Return the heights without their mean plane if it outweighs the roughness."""
+    """Return the heights [um] without their mean plane if this outweighs the roughness."""
     if not is_tilted(topography):
         return topography.heights
     heights = _without_doubtful(topography)
-    plane, _ = least_squares(replace(topography, heights=heights))
+    plane = least_squares(replace(topography, heights=heights)).heights
     return topography.heights - plane
 
 
 def _without_doubtful(topography: Topography) -> Heights:
-    """Return the heights with NaN at nodes that a warning calls codes, pits or spikes.
+    """Return the heights [um] with NaN at nodes that a warning calls codes, pits or spikes.
 
-    They are all there if too few others are left for slopes along both axes.
+    All heights are returned if no two neighbours along x, or along y, would be left.
     """
     if topography.doubtful is None:
         return topography.heights
-    known = ~topography.doubtful
-    if not (known[1:] & known[:-1]).any() or not (known[:, 1:] & known[:, :-1]).any():
+    trusted = ~topography.doubtful
+    pairs_along_x = trusted[1:] & trusted[:-1]
+    pairs_along_y = trusted[:, 1:] & trusted[:, :-1]
+    if not pairs_along_x.any() or not pairs_along_y.any():
         return topography.heights
     return np.where(topography.doubtful, np.nan, topography.heights)
 
 
-# what each key of the preparation does, if it is given, in the order of the steps
 STEPS: Mapping[str, Callable[[Topography, Any], Topography]] = {
-    "crop": lambda given, how: cropped(given, how.crop),
-    "invert": lambda given, _: given.changed(-given.heights, "turned upside down"),
-    "mask": lambda given, how: masked(given, how.ends("mask")),
-    "despike": lambda given, how: despiked(given, how.despike),
-    "level": lambda given, how: levelled(given, how.level),
-    "form": lambda given, how: without_form(given, how.form),
-    "fill": lambda given, how: filled(given, insisted=how.fill_most),
-    "fill_most": lambda given, how: filled(given, insisted=how.fill_most),
-    "filter": lambda given, how: filtered(given, *how.ends("filter")),
-    "downsample": lambda given, how: downsampled(given, how.downsample),
+    "crop": lambda topography, settings: cropped(topography, settings.crop),
+    "invert": lambda topography, _: inverted(topography),
+    "mask": lambda topography, settings: masked(topography, *settings.ends("mask")),
+    "despike": lambda topography, settings: despiked(topography, settings.despike),
+    "level": lambda topography, settings: levelled(topography, settings.level),
+    "form": lambda topography, settings: without_form(topography, settings.form),
+    "fill": lambda topography, settings: filled(topography, insisted=settings.fill_most),
+    "fill_most": lambda topography, _: filled(topography, insisted=True),
+    "filter": lambda topography, settings: filtered(topography, *settings.ends("filter")),
+    "downsample": lambda topography, settings: downsampled(
+        topography, settings.downsample
+    ),
 }
+"""The step of each key of the preparation, in the order in which the steps are taken."""
 
 
 def cropped(topography: Topography, text: str) -> Topography:
-    """Cut out the nodes within "x0:x1,y0:y1" [um]."""
-    named, spacing = said(f"crop {text!r}", topography.asked), topography.spacing
+    """Cut a part out of a map.
+
+    Parameters
+    ----------
+    topography : Topography
+        The map.
+    text : str
+        Ends of the part along x and y, from the first node, as "x0:x1,y0:y1" [um].
+
+    Returns
+    -------
+    Topography
+        The nodes within these ends.
+
+    Raises
+    ------
+    InputError
+        If the text is not of this form, or the part has fewer than 2 x 2 nodes or no height.
+    """
+    named = f"--crop {text!r}"
     limits = [numbers_in(part, ":") for part in text.split(",")]
     if [len(ends) for ends in limits] != [2, 2]:
         raise InputError(f"{named}: give x0:x1,y0:y1 in um, as 100:900,0:500")
     heights = topography.heights
-    for axis, ((low, high), apart) in enumerate(zip(limits, spacing, strict=True)):
+    for axis, (low, high) in enumerate(limits):
+        apart = topography.spacing[axis]
         places = np.arange(heights.shape[axis])
-        kept = (places >= low / apart - ROUNDING) & (places <= high / apart + ROUNDING)
-        heights = np.compress(kept, heights, axis)
+        inside = (places >= low / apart - ROUNDING) & (places <= high / apart + ROUNDING)
+        heights = np.compress(inside, heights, axis)
     if min(heights.shape) < 2:
-        whole = " x ".join(f"{side:.6g}" for side in topography.sides)
-        raise InputError(f"{named}: holds fewer than 2 x 2 nodes of {whole} um")
+        sides = " x ".join(f"{side:.6g}" for side in topography.sides)
+        raise InputError(f"{named}: holds fewer than 2 x 2 nodes of {sides} um")
     if np.isnan(heights).all():
         raise InputError(f"{named}: all heights are missing there")
     step = f"cropped to {heights.shape[0]} x {heights.shape[1]} nodes, {text} um"
-    return topography.changed(heights, step, spacing)
+    return topography.changed(heights, step, topography.spacing)
 
 
-def masked(topography: Topography, kept: tuple[float | None, float | None]) -> Topography:
-    """Make holes of the heights that are outside two ends [um], None for an open one."""
-    heights, (low, high) = topography.heights, kept
-    below, above = -np.inf if low is None else low, np.inf if high is None else high
+def inverted(topography: Topography) -> Topography:
+    """Turn a map upside down, of heights that point into the material.
+
+    Parameters
+    ----------
+    topography : Topography
+        The map.
+
+    Returns
+    -------
+    Topography
+        The map with heights of the opposite sign.
+    """
+    return topography.changed(-topography.heights, "turned upside down")
+
+
+def masked(
+    topography: Topography, lowest: float | None, highest: float | None
+) -> Topography:
+    """Make holes of the heights that are outside two ends.
+
+    Parameters
+    ----------
+    topography : Topography
+        The map.
+    lowest, highest : float or None
+        Lowest and highest height that stay, None for an open end [um].
+
+    Returns
+    -------
+    Topography
+        The map with NaN at nodes outside.
+
+    Raises
+    ------
+    InputError
+        If no height stays.
+    """
+    heights = topography.heights
+    below = -np.inf if lowest is None else lowest
+    above = np.inf if highest is None else highest
     outside = (heights < below) | (heights > above)
-    left = np.where(outside, np.nan, heights)
-    if np.isnan(left).all():
-        named = said(f"mask {below:g}:{above:g}", topography.asked)
+    inside = np.where(outside, np.nan, heights)
+    if np.isnan(inside).all():
         raise InputError(
-            f"{topography.name}: {named} leaves no height, they are {np.nanmin(heights):.6g} to"
-            f" {np.nanmax(heights):.6g} um"
+            f"{topography.name}: --mask {below:g}:{above:g} leaves no height, they are"
+            f" {np.nanmin(heights):.6g} to {np.nanmax(heights):.6g} um"
         )
     step = f"masked {_share(outside)} outside {below:g} to {above:g} um"
-    return topography.changed(left, step)
+    return topography.changed(inside, step)
 
 
 def despiked(topography: Topography, threshold: float) -> Topography:
-    """Replace spikes by their local median; warn if there are too many to be spikes."""
+    """Replace spikes by their local median, and warn if there are too many to be spikes.
+
+    Parameters
+    ----------
+    topography : Topography
+        The map.
+    threshold : float
+        Distance from the local median above which a node is a spike, over the scatter of these
+        distances [1]; see `gen.maps.outliers.scatter_of`.
+
+    Returns
+    -------
+    Topography
+        The map without spikes.
+    """
     heights = topography.heights
-    medians, scatter = local_medians(heights)
+    medians = local_medians(heights)
+    distances = heights - medians
+    scatter = scatter_of(distances, heights)
     with np.errstate(over="ignore"):  # a bound beyond all numbers leaves no spike
-        spikes = np.abs(heights - medians) > threshold * scatter
-    taken = _share(spikes)
-    step = f"despiked: {taken} further than {threshold:g} times the scatter from their local median"
+        spikes = np.abs(distances) > threshold * scatter
+    replaced = _share(spikes)
+    step = (
+        f"despiked: {replaced} further than {threshold:g} times the scatter from their local"
+        " median"
+    )
     clean = topography.changed(np.where(spikes, medians, heights), step)
     if spikes.mean() <= MANY_SPIKES:
         return clean
-    named = said("despike", topography.asked)
-    warning = (
-        f"{taken} were taken out as spikes: probably a part of the surface; raise {named}"
+    return _with_warning(
+        clean,
+        f"{replaced} were taken out as spikes: probably a part of the surface; raise --despike",
     )
-    return replace(clean, warnings=(*clean.warnings, warning))
 
 
-def least_squares(topography: Topography, degree: int = 1) -> tuple[Heights, Sides]:
-    """Fit a plane or a quadratic to the measured nodes; return it [um], and its tilt.
+@dataclass(frozen=True)
+class Tilt:
+    """Slopes of a surface in the middle of a map."""
 
-    The tilt is the pair of slopes along x and y in the middle of the map [1].
+    x: float  # slope along x [1]
+    y: float  # slope along y [1]
+
+
+@dataclass(frozen=True, eq=False)
+class LeastSquares:
+    """A plane or a quadratic that fits a map by least squares."""
+
+    heights: Heights  # heights of the fit at all nodes [um], shape (nx, ny)
+    tilt: Tilt
+
+
+def least_squares(topography: Topography, degree: Literal[1, 2] = 1) -> LeastSquares:
+    """Fit a plane or a quadratic to the measured nodes of a map.
+
+    Parameters
+    ----------
+    topography : Topography
+        The map, with one height or more.
+    degree : {1, 2}, optional
+        1 for a plane, 2 for a quadratic.
+
+    Returns
+    -------
+    LeastSquares
+        Heights and tilt of the fit.
     """
     heights = topography.heights
-    x, y = np.meshgrid(
-        *(np.linspace(-1, 1, nodes) for nodes in heights.shape), indexing="ij"
-    )
-    columns = [np.ones_like(x), x, y, *([x * x, x * y, y * y] if degree == 2 else [])]
+    along_x, along_y = (np.linspace(-1, 1, nodes) for nodes in heights.shape)
+    x, y = np.meshgrid(along_x, along_y, indexing="ij")
+    terms = [np.ones_like(x), x, y]
+    if degree == 2:
+        terms += [x * x, x * y, y * y]
     measured = ~np.isnan(heights)
-    matrix = np.stack([column[measured] for column in columns], axis=1)
+    matrix = np.stack([term[measured] for term in terms], axis=1)
     offset = float(np.mean(heights[measured]))
     coefficients = np.linalg.lstsq(matrix, heights[measured] - offset, rcond=None)[0]
     fit = np.full_like(heights, offset)
-    for coefficient, column in zip(coefficients, columns, strict=True):
-        fit = fit + coefficient * column
+    for coefficient, term in zip(coefficients, terms, strict=True):
+        fit = fit + coefficient * term
+    # x and y run over 2 from the first node to the last one
     slopes = 2 * coefficients[1:3] / (np.subtract(heights.shape, 1) * topography.spacing)
-    return fit, (float(slopes[0]), float(slopes[1]))
+    return LeastSquares(fit, Tilt(float(slopes[0]), float(slopes[1])))
 
 
 def levelled(topography: Topography, level: str) -> Topography:
-    """Subtract a least-squares fit of the measured nodes."""
+    """Subtract the mean of the measured nodes, or a surface that fits them by least squares.
+
+    Parameters
+    ----------
+    topography : Topography
+        The map.
+    level : {"mean", "plane", "quadratic"}
+        The surface that is subtracted.
+
+    Returns
+    -------
+    Topography
+        The levelled map.
+    """
     heights = topography.heights
     if level == "mean":
         mean = float(np.nanmean(heights))
         return topography.changed(heights - mean, f"levelled by the mean, {mean:.6g} um")
-    fit, (x, y) = least_squares(topography)
-    if level == "quadratic":
-        fit, _ = least_squares(topography, 2)
-    step = f"levelled by a {level} (tilt was {x:.4g} along x, {y:.4g} along y)"
-    return topography.changed(heights - fit, step)
+    plane = least_squares(topography)
+    fit = plane if level == "plane" else least_squares(topography, 2)
+    tilt = f"tilt was {plane.tilt.x:.4g} along x, {plane.tilt.y:.4g} along y"
+    step = f"levelled by a {level} ({tilt})"
+    return topography.changed(heights - fit.heights, step)
 
 
 def downsampled(topography: Topography, nodes: int) -> Topography:
-    """Replace square blocks of nodes by their means; nodes beyond the last block are left out."""
+    """Replace squares of nodes by their means, and leave out nodes beyond the last square.
+
+    Parameters
+    ----------
+    topography : Topography
+        The map, without holes.
+    nodes : int
+        Nodes along each side of a square.
+
+    Returns
+    -------
+    Topography
+        The coarser map.
+
+    Raises
+    ------
+    InputError
+        If fewer than 2 x 2 nodes are left.
+    """
     heights = topography.heights
-    nx, ny = (length // nodes for length in heights.shape)
+    nx = heights.shape[0] // nodes
+    ny = heights.shape[1] // nodes
     if min(nx, ny) < 2:
-        named = f"{topography.name}: {said(f'downsample {nodes}', topography.asked)}"
-        of = " x ".join(map(str, heights.shape))
-        raise InputError(f"{named} leaves fewer than 2 x 2 of {of} nodes")
-    means = (
-        heights[: nx * nodes, : ny * nodes]
-        .reshape(nx, nodes, ny, nodes)
-        .mean(axis=(1, 3))
-    )
-    left = tuple(length % nodes for length in heights.shape)
-    rest = f", the last {left[0]} and {left[1]} lines left out" if any(left) else ""
+        raise InputError(
+            f"{topography.name}: --downsample {nodes} leaves fewer than 2 x 2 of"
+            f" {heights.shape[0]} x {heights.shape[1]} nodes"
+        )
+    squares = heights[: nx * nodes, : ny * nodes].reshape(nx, nodes, ny, nodes)
+    step = f"downsampled to {nx} x {ny} means of {nodes} x {nodes} nodes"
+    beyond_x = heights.shape[0] % nodes
+    beyond_y = heights.shape[1] % nodes
+    if beyond_x or beyond_y:
+        step += f", the last {beyond_x} and {beyond_y} lines left out"
     dx, dy = topography.spacing
-    step = f"downsampled to {nx} x {ny} means of {nodes} x {nodes} nodes{rest}"
-    return topography.changed(means, step, (nodes * dx, nodes * dy))
+    return topography.changed(squares.mean(axis=(1, 3)), step, (nodes * dx, nodes * dy))
 
 
 def _share(chosen: NDArray[np.bool_]) -> str:
-    """Say how many nodes are chosen, and which share of all nodes they are."""
-    count = int(np.count_nonzero(chosen))
-    return f"{count} node{'' if count == 1 else 's'} ({100 * count / chosen.size:.3g} %)"
+    """Write how many nodes are chosen, and which share of all nodes they are."""
+    number = int(np.count_nonzero(chosen))
+    noun = "node" if number == 1 else "nodes"
+    return f"{number} {noun} ({100 * number / chosen.size:.3g} %)"
 
 
 # rms slope below which the unit of the heights was probably lost; polished mirrors have 1e-4
 FLAT = 1e-5
 # share of the variance in the mean plane from which a map is called tilted: the rms height of this
-# plane is twice that of the rest. Pieces of self-affine surfaces without a roll-off rarely do
+# plane is twice that of the roughness. Pieces of self-affine surfaces without a roll-off rarely
+# have as much
 TILTED = 0.8
 # nodes a side from which a map can be called tilted: a plane fits fewer by chance
 FEWEST_TILTED = 8
 
 
 def surface_warnings(topography: Topography) -> list[str]:
-    """List reasons to distrust contacts of a surface: its own, slopes, wrong units, borders."""
-    warnings, heights = list(topography.warnings), topography.heights
+    """List the reasons to distrust contacts of a surface.
+
+    Parameters
+    ----------
+    topography : Topography
+        A prepared surface, without holes.
+
+    Returns
+    -------
+    list of str
+        The warnings about its heights, followed by one line each for steep slopes, a lost unit,
+        and borders of a periodic patch that do not meet.
+    """
+    warnings = list(topography.warnings)
     slope = rms_slope(_without_doubtful(topography), topography.spacing)
     apart = max(topography.spacing)
     if slope > STEEP:
         warnings.append(steep_slopes(slope, apart))
-    if (
-        0 < slope < FLAT and apart <= WIDEST
-    ):  # else their distance is wrong, which `read` says
-        fault = f"rms slope {slope:.2g} between nodes {apart:.3g} um apart: flatter than a mirror;"
-        fault += " are the heights in metres"
-        warnings.append(topography.advised(fault, ("unit m", "reads them so")))
-    if topography.boundary == "periodic" and not is_tilted(topography):
-        borders = heights[-1] - heights[0], heights[:, -1] - heights[:, 0]
-        step, rms = (
-            max(float(np.sqrt(np.mean(each**2))) for each in borders),
-            heights.std(),
+    # Reading a map warns of nodes that are too far apart, which makes slopes small, too.
+    if 0 < slope < FLAT and apart <= WIDEST:
+        fault = (
+            f"rms slope {slope:.2g} between nodes {apart:.3g} um apart: flatter than a mirror; are"
+            " the heights in metres"
         )
-        if step > rms:
-            fault = f"opposite borders differ by {step:.4g} um (rms), more than the rms height,"
-            fault += f" {rms:.4g} um: the map is not periodic"
-            warnings.append(
-                topography.advised(fault, ("boundary mirror", "takes it as it is"))
-            )
+        warnings.append(topography.advised(fault, Remedy("unit m", "reads them so")))
+    if topography.boundary == "periodic" and not is_tilted(topography):
+        warnings += _border_warnings(topography)
     return warnings
 
 
-def read_surface(
-    path: Path,
-    reading: Reading,
-    boundary: Boundary = "free",
-    opposite: Opposite | None = None,
-) -> tuple[Topography, list[str]]:
-    """Read and prepare a surface, or the composite surface of two bodies; return warnings too."""
-    try:
-        surface = prepare(read(path, reading, boundary), reading)
-        if opposite is not None:
-            from gen.maps.bodies import composite
+def _border_warnings(topography: Topography) -> list[str]:
+    """Return one line if opposite borders of a surface differ by more than its rms height."""
+    heights = topography.heights
+    along_x = heights[-1] - heights[0]
+    along_y = heights[:, -1] - heights[:, 0]
+    step = max(_rms(along_x), _rms(along_y))
+    rms_height = heights.std()
+    if step <= rms_height:
+        return []
+    fault = (
+        f"opposite borders differ by {step:.4g} um (rms), more than the rms height,"
+        f" {rms_height:.4g} um: the map is not periodic"
+    )
+    return [topography.advised(fault, Remedy("boundary mirror", "takes it as it is"))]
 
-            body = opposite.prepared(boundary)
-            surface = composite(surface, body, opposite.turned, opposite.shift)
-    except InputError as error:
-        named = opposite is not None or str(error).startswith(("--", str(path)))
-        raise InputError(f"{'' if named else f'{path}: '}{error}") from None
-    return surface, surface_warnings(surface)
+
+def _rms(values: Values) -> float:
+    """Return the root mean square of numbers, in their unit."""
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def is_tilted(topography: Topography) -> bool:
-    """Tell whether the mean plane of a surface without holes outweighs its roughness."""
+    """Tell whether the mean plane of a surface outweighs its roughness.
+
+    Parameters
+    ----------
+    topography : Topography
+        The surface, without holes.
+
+    Returns
+    -------
+    bool
+        Whether the plane holds more than `TILTED` of the variance of the heights; never for fewer
+        than `FEWEST_TILTED` nodes a side.
+    """
     heights = topography.heights
     if min(heights.shape) < FEWEST_TILTED:
         return False
-    heights = (heights - heights.mean()) / (float(np.ptp(heights)) or 1.0)
-    held = 0.0
+    scaled = (heights - heights.mean()) / (float(np.ptp(heights)) or 1.0)
+    variance = 0.0  # of the mean plane
     for axis in (0, 1):
         places = np.linspace(-1, 1, heights.shape[axis])
-        slope = places @ heights.mean(axis=1 - axis) / (places @ places)
-        held += float(slope**2 * np.mean(places**2))
-    return held > TILTED * float(heights.var())
+        slope = places @ scaled.mean(axis=1 - axis) / (places @ places)
+        variance += float(slope**2 * np.mean(places**2))
+    return variance > TILTED * float(scaled.var())

@@ -16,16 +16,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Heights
+from gen.maps.instruments import instruments_scan
 from gen.maps.scan import (
     MOST_COLUMNS,
     NAMED_UNITS,
     UNITS,
     Scan,
-    arranged,
+    arrange,
     factor_of,
     unit_of,
 )
-from gen.maps.settings import Asked, Reading, said
+from gen.maps.settings import Reading, as_option
+from gen.maps.text import choose_matrix, read_matrices
 from gen.material import LARGEST, SMALLEST
 from gen.runtime.errors import InputError
 from gen.runtime.files import require_file
@@ -36,9 +38,25 @@ if TYPE_CHECKING:  # surfaces are described without the solver
 Sides = tuple[float, float]
 
 # spacings of the nodes of a measured map, at least and at most [um]: 1 pm and 1 cm
-NEAREST, WIDEST = 1e-6, 1e4
+NEAREST = 1e-6
+WIDEST = 1e4
+# what warnings say of a length that is out of this range
+BEYOND_INSTRUMENTS = (
+    "which no instrument measures; compare with the instrument's own display, and overrule the file"
+    " by --side or --unit with --override-scale"
+)
+# relative difference up to which the lengths of a file and those of `--side` agree
+AGREEING = 1e-3
 # suffixes of files that need no SurfaceTopography
-OWN_SUFFIXES = {".npy", ".txt", ".dat", ".csv", ".asc", ""}
+PLAIN_SUFFIXES = {".npy", ".txt", ".dat", ".csv", ".asc", ""}
+
+
+@dataclass(frozen=True)
+class Remedy:
+    """A setting that removes a fault of a map."""
+
+    setting: str  # key of `Reading`, alone or with a value, as "level plane"
+    effect: str  # what it does, as "takes the tilt out"
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,25 +68,24 @@ class Topography:
     sides: Sides  # lengths of the patch along x and y [um]
     steps: tuple[str, ...] = ()  # one line for each step from the file to these heights
     warnings: tuple[str, ...] = ()  # one line for each reason to distrust the heights
-    # {"free", "periodic", "mirror"}: boundary of the patch: the outer nodes of a free one lie on
-    # its border, and a patch without edges is made of cells
+    # {"free", "periodic", "mirror"}: boundary of the patch. The outer nodes of a free patch lie on
+    # its border; a patch without edges is made of cells
     boundary: Boundary = "free"
-    unit: str = ""  # unit of the heights in the file, "" if it names none and they are taken as um
-    # steps of the preparation, which no warning advises again: "crop", "level plane"
+    # unit of the heights in the file; "" if the file names none and they are taken as um
+    unit: str = ""
+    # settings that were followed, which no warning advises again: "crop", "level plane"
     followed: frozenset[str] = frozenset()
-    asked: Asked = "option"  # who asks, for the words of messages
-    apart: Sides | None = (
-        None  # distance of the nodes [um], where it is not that of the sides
-    )
-    # nodes that a warning calls codes, pits or spikes, which other warnings leave out
+    # distance of the nodes [um] if it differs from that of the sides, otherwise None
+    exact_spacing: Sides | None = None
+    # nodes that a warning calls codes, pits or spikes; further warnings leave them out
     doubtful: NDArray[np.bool_] | None = None
 
     @property
     def spacing(self) -> Sides:
         """Distance of the nodes along x and y [um]; the rule of `bem`, without loading it."""
-        if self.apart is not None:
-            return self.apart
-        nx, ny = (nodes - (self.boundary == "free") for nodes in self.heights.shape)
+        if self.exact_spacing is not None:
+            return self.exact_spacing
+        nx, ny = spacings_along(self.heights.shape, self.boundary)
         return self.sides[0] / nx, self.sides[1] / ny
 
     @property
@@ -79,209 +96,355 @@ class Topography:
     def changed(
         self, heights: Heights, step: str, spacing: Sides | None = None
     ) -> Topography:
-        """Return it with new heights, perhaps of a new spacing [um], and a step more."""
-        (x, y), apart = self.sides, self.apart
+        """Return the surface with new heights.
+
+        Parameters
+        ----------
+        heights : ndarray, shape (nx, ny)
+            The new heights [um]. With another shape, the nodes are no longer known to be doubtful.
+        step : str
+            The step that led to them, in words; "" if none is to be recorded.
+        spacing : (float, float), optional
+            Distance of the nodes along x and y, if it changes [um]. The sides follow from it.
+
+        Returns
+        -------
+        Topography
+            The new surface.
+        """
+        sides = self.sides
+        exact_spacing = self.exact_spacing
         if spacing is not None:
-            apart = None
-            (nx, ny), (dx, dy), outer = heights.shape, spacing, self.boundary == "free"
-            x, y = (nx - outer) * dx, (ny - outer) * dy
-        steps = (*self.steps, *filter(None, [step]))
-        doubtful = self.doubtful if heights.shape == self.heights.shape else None
+            nx, ny = spacings_along(heights.shape, self.boundary)
+            sides = (nx * spacing[0], ny * spacing[1])
+            exact_spacing = None
+        same_nodes = heights.shape == self.heights.shape
         return replace(
             self,
             heights=heights,
-            sides=(x, y),
-            steps=steps,
-            apart=apart,
-            doubtful=doubtful,
+            sides=sides,
+            steps=(*self.steps, step) if step else self.steps,
+            exact_spacing=exact_spacing,
+            doubtful=self.doubtful if same_nodes else None,
         )
 
-    def advised(self, fault: str, *remedies: tuple[str, str]) -> str:
-        """Add remedies to a fault, each a step and what it does, but none that is followed."""
+    def advised(self, fault: str, *remedies: Remedy) -> str:
+        """Add remedies to the text of a fault, except for those that were followed already.
+
+        Parameters
+        ----------
+        fault : str
+            What is wrong with the surface.
+        *remedies : Remedy
+            Settings that may remove the fault.
+
+        Returns
+        -------
+        str
+            The fault with the options that remove it and what they do.
+        """
         followed = {*self.followed, f"boundary {self.boundary}"}
-        followed |= {"unit m"} if self.unit else set()
-        left = [
-            f"{said(step, self.asked)} {does}"
-            for step, does in remedies
-            if step not in followed
+        if self.unit:
+            followed.add("unit m")
+        advice = [
+            f"{as_option(remedy.setting)} {remedy.effect}"
+            for remedy in remedies
+            if remedy.setting not in followed
         ]
-        return f"{fault}: {', '.join(left)}" if left else fault
+        return f"{fault}: {', '.join(advice)}" if advice else fault
 
 
-def in_words(spacing: Sides, digits: int = 6) -> str:
-    """Write two spacings to some digits, once if they are the same."""
-    x, y = (f"{step:.{digits}g}" for step in spacing)
+def spacings_along(shape: tuple[int, ...], boundary: Boundary) -> tuple[int, int]:
+    """Return how many distances of nodes the sides of a patch hold.
+
+    Parameters
+    ----------
+    shape : (int, int)
+        Number of nodes along x and y.
+    boundary : {"free", "periodic", "mirror"}
+        Boundary of the patch. The sides of a free patch reach from its first to its last node;
+        those of other patches are one distance longer.
+
+    Returns
+    -------
+    (int, int)
+        Number of distances along x and y.
+    """
+    nx, ny = shape
+    if boundary == "free":
+        return nx - 1, ny - 1
+    return nx, ny
+
+
+def spacing_text(spacing: Sides, digits: int = 6) -> str:
+    """Write the distances of nodes along x and y, once if they are the same.
+
+    Parameters
+    ----------
+    spacing : (float, float)
+        The distances, in any unit.
+    digits : int
+        Number of significant digits.
+
+    Returns
+    -------
+    str
+        "0.5" or "0.5 x 0.25".
+    """
+    x = f"{spacing[0]:.{digits}g}"
+    y = f"{spacing[1]:.{digits}g}"
     return x if x == y else f"{x} x {y}"
 
 
-def read(path: Path, reading: Reading, boundary: Boundary = "free") -> Topography:
-    """Read a surface from a file.
+@dataclass(frozen=True)
+class _FileLengths:
+    """The lengths that a file states."""
 
-    Lengths and unit are to be given if the file lacks them; otherwise they are refused. Raises
-    InputError if the file cannot be read or holds no map of heights, its channel is unknown, or
-    a length or unit is missing, wrong, or given although the file has it.
+    patch: Sides  # lengths between the borders of the patch [um]
+    pixels: Sides  # lengths of all pixels, which a free patch does not reach [um]
+
+
+@dataclass(frozen=True)
+class _AgreedUnit:
+    """The unit of the heights that the file and the user agree on."""
+
+    name: str  # "" if the heights are in um by default
+    overruled: str = ""  # what the user overrules in the file, in words; "" for nothing
+
+
+@dataclass(frozen=True)
+class _AgreedSides:
+    """The lengths of the patch that the file and the user agree on."""
+
+    sides: Sides  # [um]
+    overruled: str = ""  # what the user overrules in the file, in words; "" for nothing
+
+
+def read(
+    path: Path,
+    reading: Reading,
+    boundary: Boundary = "free",
+    *,
+    for_windows: bool = False,
+) -> Topography:
+    """Read a surface from a file, with warnings if its scale is in doubt.
+
+    Parameters
+    ----------
+    path : Path
+        The file: .npy, text, or an instrument's.
+    reading : Reading
+        The settings, of which `side`, `unit`, `channel` and `override_scale` count. Side and unit
+        are needed if the file lacks them, and refused if it has others.
+    boundary : {"free", "periodic", "mirror"}
+        Boundary of the patch.
+    for_windows : bool
+        Whether windows are cut out of the map. Then no warning says that the boundary ignores the
+        period that the file states.
+
+    Returns
+    -------
+    Topography
+        The surface as the file has it, in um.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or holds no map of heights, its channel is unknown, or a length
+        or unit is missing, wrong, or given although the file has another one.
     """
-    asked, overruled, scan = reading.asked, list[str](), _scan(path, reading)
-    unit = _agreed_unit(path, scan, reading, overruled)
-    sides = _agreed_sides(path, scan, unit, reading, boundary, overruled)
-    with np.errstate(
-        over="ignore", invalid="ignore"
-    ):  # a signalling NaN is a hole like any other
-        heights = scan.factor * scan.heights * (UNITS[unit_of(unit)] if unit else 1.0)
-    holes = int(np.count_nonzero(np.isnan(heights)))
-    if holes == heights.size:
-        raise InputError(f"{path}: all of its {holes} heights are missing; measure again")
-    if not all(0 < length < np.inf for length in sides):
+    scan = _read_scan(path, reading)
+    unit = _agreed_unit(path, scan, reading)
+    patch = _agreed_sides(path, scan, unit.name, reading, boundary)
+    heights = _heights_in_um(path, scan, unit.name)
+    if not all(0 < length < np.inf for length in patch.sides):
         raise InputError(f"{path}: its lengths are beyond what numbers hold; give others")
-    units = f"heights in {unit}" if unit else "heights taken as um"
-    if scan.widths is not None:
-        apart = scan.length_unit not in {None, unit}
-        units = (
-            f"lengths in {scan.length_unit}, {units}" if apart else f"lengths in {unit}"
-        )
-    (nx, ny), share = heights.shape, 100 * holes / heights.size
-    steps = [
-        f"read {nx} x {ny} nodes{scan.origin}, {units}, {holes} missing ({share:.3g} %)"
-    ]
-    steps += [
-        f"OVERRULED by {said('override_scale', asked)}: {each}" for each in overruled
-    ]
-    found = Topography(
-        str(path), heights, sides, tuple(steps), (), boundary, unit, asked=asked
+    overruled = [text for text in (unit.overruled, patch.overruled) if text]
+    steps = [_step_of_reading(scan, heights, unit.name)]
+    steps += [f"OVERRULED by --override-scale: {text}" for text in overruled]
+    topography = Topography(
+        name=str(path),
+        heights=heights,
+        sides=patch.sides,
+        steps=tuple(steps),
+        boundary=boundary,
+        unit=unit.name,
     )
-    doubts = [f"the file's own scale is overruled: {each}" for each in overruled]
-    doubts += [
-        f"the file says {remark!r}, which is not read: check {said('side', asked)} and"
-        f" {said('unit', asked)} against it"
-        for remark in scan.remarks
-    ]
-    doubts += [
-        f"its nodes are {step:.3g} um apart, {beyond_instruments(asked)}"
-        for step in dict.fromkeys(found.spacing)
-        if not NEAREST <= step <= WIDEST
-    ]
-    if scan.repeats and boundary != "periodic" and asked == "option" and not reading.crop:
-        doubts.append(
+    warnings = [f"the file's own scale is overruled: {text}" for text in overruled]
+    warnings += _doubts_about_scale(scan, topography)
+    ignores_period = scan.repeats and boundary != "periodic"
+    if ignores_period and not for_windows and not reading.crop:
+        warnings.append(
             f"the file says that its map is periodic, and it is taken as a {boundary} patch:"
             " --boundary periodic of gen describe, contact and law follows the file"
         )
-    return replace(found, warnings=tuple(doubts))
+    return replace(topography, warnings=tuple(warnings))
 
 
-def beyond_instruments(asked: Asked) -> str:
-    """Return what is said of a length that no instrument measures."""
+def _heights_in_um(path: Path, scan: Scan, unit: str) -> Heights:
+    """Return the heights of a scan in um; refuse a map without any."""
+    unit_length = UNITS[unit_of(unit)] if unit else 1.0
+    # A signalling NaN is a hole like any other.
+    with np.errstate(over="ignore", invalid="ignore"):
+        heights = scan.factor * scan.heights * unit_length
+    if np.isnan(heights).all():
+        raise InputError(
+            f"{path}: all of its {heights.size} heights are missing; measure again"
+        )
+    return heights
+
+
+def _step_of_reading(scan: Scan, heights: Heights, unit: str) -> str:
+    """Return the line on what was read: nodes, origin, units and missing heights."""
+    units = f"heights in {unit}" if unit else "heights taken as um"
+    if scan.widths is not None:
+        if scan.length_unit in {None, unit}:
+            units = f"lengths in {unit}"
+        else:
+            units = f"lengths in {scan.length_unit}, {units}"
+    nx, ny = heights.shape
+    holes = int(np.count_nonzero(np.isnan(heights)))
+    share = 100 * holes / heights.size
     return (
-        "which no instrument measures; compare with the instrument's own display, and overrule the"
-        f" file by {said('side', asked)} or {said('unit', asked)} with"
-        f" {said('override_scale', asked)}"
+        f"read {nx} x {ny} nodes{scan.origin}, {units}, {holes} missing ({share:.3g} %)"
     )
 
 
-def _agreed_unit(path: Path, scan: Scan, reading: Reading, overruled: list[str]) -> str:
-    """Return the unit of the heights, from the file or the user; "" if it is um by default."""
-    own, given, asked = scan.unit, reading.unit, reading.asked
-    if reading.override_scale and not (reading.side or given):
-        overrule, side, unit = (
-            said(key, asked) for key in ("override_scale", "side", "unit")
-        )
+def _doubts_about_scale(scan: Scan, topography: Topography) -> list[str]:
+    """Return warnings on comments that may state the scale, and on nodes too close or far apart."""
+    warnings = [
+        f"the file says {remark!r}, which is not read: check --side and --unit against it"
+        for remark in scan.remarks
+    ]
+    warnings += [
+        f"its nodes are {step:.3g} um apart, {BEYOND_INSTRUMENTS}"
+        for step in dict.fromkeys(topography.spacing)
+        if not NEAREST <= step <= WIDEST
+    ]
+    return warnings
+
+
+def _agreed_unit(path: Path, scan: Scan, reading: Reading) -> _AgreedUnit:
+    """Return the unit of the heights from the user or the file; refuse two that differ."""
+    if reading.override_scale and not reading.side and not reading.unit:
         raise InputError(
-            f"{overrule}: give {side}, {unit} or both, to overrule the file's"
+            "--override-scale: give --side, --unit or both, to overrule the file's"
         )
-    factor = factor_of(given, said("unit", asked)) if given else None
-    if not own:
-        if not given and (scan.widths is not None or own is None):
-            named = f"{said('unit', asked)}, one of {NAMED_UNITS}"
-            raise InputError(f"{path}: names no unit; give {named}")
-        return given
-    if not given or factor == UNITS.get(unit_of(own)):
-        factor_of(own, f"{path}: unit")
-        return given or own
+    factor = factor_of(reading.unit, "--unit") if reading.unit else None
+    if not scan.unit:
+        by_default = scan.unit == "" and scan.widths is None
+        if not reading.unit and not by_default:
+            raise InputError(f"{path}: names no unit; give --unit, one of {NAMED_UNITS}")
+        return _AgreedUnit(reading.unit)
+    if not reading.unit or factor == UNITS.get(unit_of(scan.unit)):
+        factor_of(scan.unit, f"{path}: unit")
+        return _AgreedUnit(reading.unit or scan.unit)
     if not reading.override_scale:
+        numbers = "lengths" if scan.length_unit is None else "heights"
         raise InputError(
-            f"{path}: its {'lengths' if scan.length_unit is None else 'heights'} are in {own},"
-            f" {said('unit', asked)} says {given}; leave that out, or overrule the file by"
-            f" {said('override_scale', asked)}"
+            f"{path}: its {numbers} are in {scan.unit}, --unit says {reading.unit}; leave that"
+            " out, or overrule the file by --override-scale"
         )
-    overruled.append(f"unit {own}, taken as {given}")
-    return given
+    return _AgreedUnit(reading.unit, f"unit {scan.unit}, taken as {reading.unit}")
 
 
 def _agreed_sides(
-    path: Path,
-    scan: Scan,
-    unit: str,
-    reading: Reading,
-    boundary: Boundary,
-    overruled: list[str],
-) -> Sides:
-    """Return the lengths of the patch [um], from the file or the user."""
-    side, asked, nodes, own_scale = reading.side, reading.asked, scan.heights.shape, ""
-    lengths = [nodes[axis] - (boundary == "free") for axis in (0, 1)]  # in spacings
-    between = ""
-    if scan.widths is not None:
-        length_unit = scan.length_unit or unit or "um"
-        own_scale = f"lengths in {length_unit}"
-        if not side or not reading.override_scale or unit_of(length_unit) in UNITS:
-            override = said("override_scale", asked)
-            advice = f"give {said('side', asked)} with {override}, or lengths in"
-            factor = factor_of(length_unit, f"{path}: unit of lengths", advice)
-            x, y = (
-                w * n / of for w, n, of in zip(scan.widths, lengths, nodes, strict=True)
-            )
-            own = x * factor, y * factor
-            whole = tuple(width * factor for width in scan.widths)
-            known = [own] if reading.override_scale else [own, whole]
-            if not side or any(
-                np.allclose(sides_from(side, asked), each, 1e-3) for each in known
-            ):
-                return own
-            own_scale = f"{own[0]:.6g} x {own[1]:.6g} um"
-            between = " between its outer nodes" if boundary == "free" else ""
-        if not reading.override_scale:
+    path: Path, scan: Scan, unit: str, reading: Reading, boundary: Boundary
+) -> _AgreedSides:
+    """Return the lengths of the patch from the user or the file; refuse two that differ.
+
+    `unit` is that of the heights, in which the lengths of the file are if they have none.
+    """
+    if scan.widths is None:
+        if not reading.side:
+            hint = f" (it says {scan.remarks[0]!r})" if scan.remarks else ""
             raise InputError(
-                f"{path}: is {own_scale}{between}, {said('side', asked)} says {side}; leave that"
-                f" out, or overrule the file by {said('override_scale', asked)}"
+                f"{path}: holds no lengths; give --side, the scan length in um{hint}"
             )
-    if not side:
-        hint = "".join(f" (it says {remark!r})" for remark in scan.remarks[:1])
-        named = said("side", asked)
+        return _AgreedSides(_sides_of_user(path, scan, reading, boundary))
+    length_unit = scan.length_unit or unit or "um"
+    overruling = reading.override_scale and bool(reading.side)
+    if overruling and unit_of(length_unit) not in UNITS:
+        scale = f"lengths in {length_unit}"
+    else:
+        advice = "give --side with --override-scale, or lengths in"
+        factor = factor_of(length_unit, f"{path}: unit of lengths", advice)
+        stated = _lengths_of_file(scan.widths, scan.heights.shape, boundary, factor)
+        allowed = [stated.patch] if overruling else [stated.patch, stated.pixels]
+        if not reading.side or _agree(parse_sides(reading.side), allowed):
+            return _AgreedSides(stated.patch)
+        scale = f"{stated.patch[0]:.6g} x {stated.patch[1]:.6g} um"
+        if not overruling:
+            between = " between its outer nodes" if boundary == "free" else ""
+            raise InputError(
+                f"{path}: is {scale}{between}, --side says {reading.side}; leave that out, or"
+                " overrule the file by --override-scale"
+            )
+    x, y = _sides_of_user(path, scan, reading, boundary)
+    return _AgreedSides((x, y), f"{scale}, taken as {x:g} x {y:g} um")
+
+
+def _lengths_of_file(
+    widths: Sides, shape: tuple[int, ...], boundary: Boundary, factor: float
+) -> _FileLengths:
+    """Convert the widths of whole pixels; `factor` is the length of their unit [um]."""
+    width, length = widths
+    nx, ny = shape
+    x, y = spacings_along(shape, boundary)
+    patch = (width * x / nx * factor, length * y / ny * factor)
+    return _FileLengths(patch, (width * factor, length * factor))
+
+
+def _agree(sides: Sides, allowed: list[Sides]) -> bool:
+    """Tell whether lengths are one of the allowed pairs but for their last digits."""
+    return any(np.allclose(sides, pair, rtol=AGREEING) for pair in allowed)
+
+
+def _sides_of_user(path: Path, scan: Scan, reading: Reading, boundary: Boundary) -> Sides:
+    """Return the lengths that `--side` gives [um]; refuse a single one for an oblong map."""
+    x, y = parse_sides(reading.side)
+    nx, ny = scan.heights.shape
+    if nx != ny and "," not in reading.side:
+        along_x, along_y = spacings_along(scan.heights.shape, boundary)
+        square = x / along_x * along_y
         raise InputError(
-            f"{path}: holds no lengths; give {named}, the scan length in um{hint}"
+            f"{path}: has {nx} x {ny} nodes; give --side two lengths, {x:g},{square:g} for square"
+            f" cells or {x:g},{x:g} for a square patch"
         )
-    given = sides_from(side, asked)
-    if nodes[0] != nodes[1] and "," not in side:
-        square = given[0] / lengths[0] * lengths[1]
-        raise InputError(
-            f"{path}: has {nodes[0]} x {nodes[1]} nodes; give {said('side', asked)} two lengths,"
-            f" {given[0]:g},{square:g} for square cells or {given[0]:g},{given[0]:g} for a square"
-            " patch"
-        )
-    if own_scale:
-        overruled.append(f"{own_scale}, taken as {given[0]:g} x {given[1]:g} um")
-    return given
+    return x, y
 
 
-def sides_from(text: str, asked: Asked = "option") -> Sides:
-    """Return the scan lengths along x and y [um] from "1000" or "1000,500".
+def parse_sides(text: str) -> Sides:
+    """Return the scan lengths that the option `--side` gives.
 
-    Raises InputError if the text is anything else, or a length is below `SMALLEST` or above
-    `LARGEST`.
+    Parameters
+    ----------
+    text : str
+        One length for both axes or two of them, as "1000" or "1000,500" [um].
+
+    Returns
+    -------
+    (float, float)
+        Lengths along x and y [um].
+
+    Raises
+    ------
+    InputError
+        If the text is anything else, or a length is not between `SMALLEST` and `LARGEST`.
     """
     with suppress(ValueError):
         lengths = [float(part) for part in text.split(",")]
-        if len(lengths) in {1, 2} and all(SMALLEST < each < LARGEST for each in lengths):
+        inside = all(SMALLEST < length < LARGEST for length in lengths)
+        if len(lengths) in {1, 2} and inside:
             return lengths[0], lengths[-1]
     raise InputError(
-        f"{said('side', asked)} {text!r}: give the scan length in um, a number from"
-        f" {SMALLEST:g} to {LARGEST:g}, or two as 1000,500"
+        f"--side {text!r}: give the scan length in um, a number from {SMALLEST:g} to {LARGEST:g},"
+        " or two as 1000,500"
     )
 
 
-def _scan(path: Path, reading: Reading) -> Scan:
-    """Read a .npy or text file, whatever its suffix, or a file of an instrument.
-
-    Objects are never unpickled.
-    """
+def _read_scan(path: Path, reading: Reading) -> Scan:
+    """Read the map of a .npy or text file, whatever its suffix, or of an instrument's file."""
     try:
         content = require_file(path).read_bytes()
     except (OSError, ValueError) as error:
@@ -289,87 +452,133 @@ def _scan(path: Path, reading: Reading) -> Scan:
         raise InputError(
             f"{path}: cannot be read ({fault}); give a map of heights"
         ) from error
-    if path.suffix.lower() != ".npy" and not content.startswith(
-        np.lib.format.MAGIC_PREFIX
-    ):
-        scan = _of_text_or_instrument(path, content, reading)
+    is_npy = path.suffix.lower() == ".npy"
+    if is_npy or content.startswith(np.lib.format.MAGIC_PREFIX):
+        scan = choose_matrix(path, [_npy_scan(path, content)], reading)
     else:
-        try:
-            with np.errstate(all="ignore"):  # of the numbers of nodes in a broken header
-                array = np.lib.format.read_array(BytesIO(content), allow_pickle=False)
-        except Exception as error:  # a broken header makes numpy raise nearly anything
-            fault = " ".join(str(error).split())[:120]
-            message = f"{path}: not a whole .npy file ({fault}); save real numbers"
-            raise InputError(message) from error
-        if array.dtype.kind not in "iuf":
-            raise InputError(
-                f"{path}: holds {array.dtype} values; save real numbers (float64)"
-            )
-        with np.errstate(
-            over="ignore"
-        ):  # wider floats become infinite, and are counted below
-            scan = Scan(np.asarray(array, dtype=np.float64, order="C"), unit="")
-        if reading.channel:
-            from gen.maps.text import chosen
-
-            scan = chosen(path, [scan], reading)
-    heights = scan.heights
-    if heights.ndim != 2 or min(heights.shape) < 2:
-        shape = " x ".join(map(str, heights.shape)) or "a single number"
-        raise InputError(f"{path}: holds {shape}; give 2-D heights, 2 x 2 or more")
-    if refused := int(np.count_nonzero(np.isinf(heights))):
-        raise InputError(
-            f"{path}: {refused} of {heights.size} heights are infinite; give finite heights"
-        )
-    # Only a narrow table, or one whose first row or column rises or falls throughout, can hold
-    # anything but heights.
-    with np.errstate(over="ignore", invalid="ignore"):
-        axes = [np.diff(heights[0, 1:]), np.diff(heights[1:, 0])]
-    steady = any((each > 0).all() or (each < 0).all() for each in axes)
-    if scan.widths is None and (
-        scan.names or steady or min(heights.shape) <= MOST_COLUMNS
-    ):
-        return arranged(path, scan)
+        scan = _text_or_instruments_scan(path, content, reading)
+    _require_map(path, scan.heights)
+    if scan.widths is None and _may_be_coordinates(scan):
+        return arrange(path, scan)
     return scan
 
 
-def _of_text_or_instrument(path: Path, content: bytes, reading: Reading) -> Scan:
-    """Read the map of a text, or of an instrument's file if it is none."""
-    from gen.maps.text import chosen, matrices
-
-    own, found, reason = path.suffix.lower() in OWN_SUFFIXES, list[Scan](), ""
+def _npy_scan(path: Path, content: bytes) -> Scan:
+    """Return the real numbers of a .npy file as heights in um; objects are never unpickled."""
     try:
-        found = matrices(content, path)
+        with np.errstate(all="ignore"):  # of the numbers of nodes in a broken header
+            array = np.lib.format.read_array(BytesIO(content), allow_pickle=False)
+    except Exception as error:  # a broken header makes numpy raise nearly anything
+        fault = " ".join(str(error).split())[:120]
+        raise InputError(
+            f"{path}: not a whole .npy file ({fault}); save real numbers"
+        ) from error
+    if array.dtype.kind not in "iuf":
+        raise InputError(
+            f"{path}: holds {array.dtype} values; save real numbers (float64)"
+        )
+    # Wider floats become infinite, which `_require_map` refuses.
+    with np.errstate(over="ignore"):
+        heights = np.asarray(array, dtype=np.float64, order="C")
+    return Scan(heights, unit="")
+
+
+def _text_or_instruments_scan(path: Path, content: bytes, reading: Reading) -> Scan:
+    """Read the map of a text, or of an instrument's file if it is no text."""
+    suffix = path.suffix.lower()
+    is_plain = suffix in PLAIN_SUFFIXES
+    matrices: list[Scan] = []
+    reason = ""
+    try:
+        matrices = read_matrices(content, path)
     except InputError as error:
-        if own:
+        if is_plain:
             raise
         reason = str(error)
-    if found:
-        return chosen(path, found, reading)
-    if own and path.suffix.lower() != ".dat":
+    if matrices:
+        return choose_matrix(path, matrices, reading)
+    if is_plain and suffix != ".dat":
         raise InputError(f"{path}: is neither .npy nor text; give one of them")
-    from gen.maps.instruments import instruments_scan
-
     return instruments_scan(path, reading, reason)
 
 
-# suffixes of files that stand in folders of maps and hold none
-OTHERS = {
-    *(".toml", ".md", ".rst", ".pdf", ".html", ".json", ".yaml", ".yml", ".log", ".lock"),
-    *(".png", ".jpg", ".jpeg", ".svg", ".py", ".xlsx", ".docx", ".surrogate", ".maps"),
+def _require_map(path: Path, heights: Heights) -> None:
+    """Refuse numbers that are no matrix of 2 x 2 or more, and infinite ones."""
+    if heights.ndim != 2 or min(heights.shape) < 2:
+        shape = " x ".join(map(str, heights.shape)) or "a single number"
+        raise InputError(f"{path}: holds {shape}; give 2-D heights, 2 x 2 or more")
+    infinite = int(np.count_nonzero(np.isinf(heights)))
+    if infinite:
+        raise InputError(
+            f"{path}: {infinite} of {heights.size} heights are infinite; give finite heights"
+        )
+
+
+def _may_be_coordinates(scan: Scan) -> bool:
+    """Tell whether a table is narrow, or its first row or column rises or falls throughout.
+
+    Other tables hold nothing but heights.
+    """
+    numbers = scan.heights
+    if scan.names or min(numbers.shape) <= MOST_COLUMNS:
+        return True
+    with np.errstate(over="ignore", invalid="ignore"):
+        border_steps = [np.diff(numbers[0, 1:]), np.diff(numbers[1:, 0])]
+    return any((steps > 0).all() or (steps < 0).all() for steps in border_steps)
+
+
+# suffixes of files in folders of maps that hold no map
+NO_MAPS = {
+    ".toml",
+    ".md",
+    ".rst",
+    ".pdf",
+    ".html",
+    ".json",
+    ".yaml",
+    ".yml",
+    ".log",
+    ".lock",
+    ".png",
+    ".jpg",
+    ".jpeg",
+    ".svg",
+    ".py",
+    ".xlsx",
+    ".docx",
+    ".surrogate",
+    ".maps",
 }
 
 
 def files_in(path: Path) -> list[Path]:
-    """Return the files of a folder that may hold maps, sorted, or the file itself."""
+    """Return the files of a folder that may hold maps, or a file itself.
+
+    Parameters
+    ----------
+    path : Path
+        A folder or a file.
+
+    Returns
+    -------
+    list of Path
+        The file, whatever its name; or those of the folder, sorted, without hidden files and
+        without those whose suffix is that of no map. Folders inside it are not searched.
+
+    Raises
+    ------
+    InputError
+        If the path is neither, or the folder holds no such file.
+    """
     if path.is_file():
         return [path]
     if not path.is_dir():
         raise InputError(f"{path}: is neither a file nor a folder")
-    inside = [
-        each for each in sorted(path.iterdir()) if each.is_file() and each.name[0] != "."
+    files = [
+        file
+        for file in sorted(path.iterdir())
+        if file.is_file() and file.name[0] != "." and file.suffix.lower() not in NO_MAPS
     ]
-    found = [each for each in inside if each.suffix.lower() not in OTHERS]
-    if not found:
+    if not files:
         raise InputError(f"{path}: the folder holds no map")
-    return found
+    return files

@@ -17,7 +17,7 @@ import numpy as np
 
 from gen.maps.read import files_in
 from gen.runtime import VERSION
-from gen.runtime.documents import Row, text_of
+from gen.runtime.documents import Row, json_text
 from gen.runtime.errors import InputError
 from gen.runtime.files import write
 from gen.runtime.installation import git_commit
@@ -168,7 +168,7 @@ def write_json(
         **more,
         "rows": [{name: _or_null(value) for name, value in row.items()} for row in rows],
     }
-    write(path, text_of(content))
+    write(path, json_text(content))
 
 
 def _or_null(value: float | int | str) -> float | int | str | None:

@@ -11,16 +11,25 @@ import codecs
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from gen.maps.scan import UNITS, Channel, Scan, choose_channel, factor_of, unit_of
+from gen.maps.scan import (
+    UNITS,
+    Channel,
+    ChosenChannel,
+    Scan,
+    choose_channel,
+    factor_of,
+    unit_of,
+)
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 
-# labels of a header, in lower case, for each quantity that we read from it
+# labels of a header, in lower case, for each quantity that is read from it
 LABELS = {
     "channel": "channel|channel name|display|kanál|kanal|canal|canale|チャネル|채널|канал",
     "width": "width|x-length|x amplitude|šířka|breite|anchura|largeur|larghezza|largura"
@@ -49,6 +58,8 @@ ENTRY = re.compile(r"(?P<label>[^:=：]{1,40}?)\s*[:=：]\s*(?P<value>.*)")
 QUANTITY = re.compile(
     r"(?P<number>[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?)\s*(?P<unit>.*)"
 )
+# blanks in front of a bracket, which set off the unit of a column's name
+UNIT_SET_OFF = re.compile(r"\s+(?=[\[(])")
 # name of a column with its unit: `x`, `X [mm]`, `Z_(microns)`, `y/um`, `x in nm`
 NAME = re.compile(
     r"\W*(?P<name>[^\W\d_]+)[^\[(/]*?(?:(?:[\[(/]|\bin )\s*(?P<unit>[^\])]*)\W*)?"
@@ -56,11 +67,18 @@ NAME = re.compile(
 HEIGHT = {"z", "h", "height", "heights"}  # names of columns of heights
 # beginning of a field that is a number, or meant to be one
 BEGINS = re.compile(r"\W*(\d|(nan|inf)\b)", re.IGNORECASE)
+# most letters of a comment that a warning quotes
+QUOTED = 60
+# most comments that warnings quote
+MOST_REMARKS = 3
 # control characters, none of which stands in a text file
 CONTROL_CHARACTERS = re.compile("[\0-\x08\x0e-\x1f]")
 WITH_COMMA = re.compile(r"[-+]?\d+(,\d+)?([eE][-+]?\d+)?")  # number with a decimal comma
 # both parts of such a number, split at its comma
-WHOLE, DECIMALS = re.compile(r"[-+]?(0|[1-9]\d*)"), re.compile(r"\d+([eE][-+]?\d+)?")
+WHOLE = re.compile(r"[-+]?(0|[1-9]\d*)")
+DECIMALS = re.compile(r"\d+([eE][-+]?\d+)?")
+# beginning of decimals, as 05 or 5e3, that whole numbers do not have: the comma is a decimal one
+PLAIN_DECIMALS = re.compile(r"0\d|\d+[eE]")
 # first line of files whose header has no `#` in front
 BARE = re.compile(r"\s*(File Format\s*=|WSxM file)", re.IGNORECASE)
 # first line of Koala's header, with the numbers of lines and of values in a line: `h=305 w=400`
@@ -72,14 +90,163 @@ KOALA_FACTOR = re.compile(
 )
 # ends of lines as editors count them: some programs write a second carriage return
 LINE_END = re.compile(r"\r*\n|\r")
-# unit of length in a comment that we do not understand; the user is warned of it
+# unit of length in a comment that is not understood; the user is warned of it
 SAYS_LENGTHS = re.compile(
     r"\b(mm|um|µm|μm|nm|microns?|micromet\w+|nanomet\w+|\d\s*m)\b|Å"
 )
 
 
+class _Line(NamedTuple):
+    """A line of a text, split into what it holds; a plain tuple, as there are many."""
+
+    number: int  # number of the line, as editors count
+    comment: str  # comment, entry of a header, or words, without blanks around it
+    fields: list[str]  # fields that are meant to be numbers
+
+
+@dataclass
+class _Block:
+    """The numbers under one header, and what the header says."""
+
+    rows: list[list[float]] = field(default_factory=list)
+    # values by the quantities of `LABELS`; the first value of a quantity counts
+    entries: dict[str, str] = field(default_factory=dict)
+    # comments that name a unit of length and are not understood
+    remarks: list[str] = field(default_factory=list)
+
+    def add_comment(self, line: _Line, entry: dict[str, str]) -> None:
+        """Add the entry of a line, the names of columns, or else a comment that names a length.
+
+        Names of columns count only above the numbers, on a line without numbers.
+        """
+        if not entry and not self.rows and not line.fields:
+            entry = _column_entries(_columns(line.comment))
+        if entry:
+            self.entries = entry | self.entries
+        elif SAYS_LENGTHS.search(line.comment):
+            self.remarks.append(" ".join(line.comment.split())[:QUOTED])
+
+
+@dataclass(frozen=True)
+class _Quantity:
+    """A value of a header."""
+
+    number: float = 0.0  # 0 if the value holds no number
+    unit: str = ""  # "" if the value names none
+
+
+@dataclass(frozen=True)
+class _Extent:
+    """What a header says of the lengths of a map."""
+
+    # lengths along the lines and across them [x_unit, y_unit]; None if one is missing
+    widths: tuple[float, float] | None
+    x_unit: str  # "" if the header names none
+    y_unit: str
+
+
+def read_matrices(content: bytes, path: Path) -> list[Scan]:
+    """Read the numbers of a text: one matrix, or one for each header of a channel.
+
+    Parameters
+    ----------
+    content : bytes
+        The content of the file.
+    path : Path
+        The file, for messages.
+
+    Returns
+    -------
+    list of Scan
+        The matrices, with lines along axis 0 and the lengths and units that their headers state;
+        an empty list if the content is no text.
+
+    Raises
+    ------
+    InputError
+        If a field is no number, rows differ in length, a matrix is smaller than 2 x 2, or a header
+        contradicts its numbers.
+    """
+    text = _decoded(content)
+    if text is None:
+        return []
+    scans: list[Scan] = []
+    block = _Block()
+    for line in _lines(text, path):
+        if line.comment:
+            entry = _entry(line.comment)
+            if block.rows and entry.keys() & {"channel", "width"}:
+                scans.append(_matrix(path, block))
+                block = _Block()
+            block.add_comment(line, entry)
+        if line.fields:
+            block.rows.append(_row(line, path, block.rows))
+    if block.rows or not scans:  # a header at the end of a file has no numbers
+        scans.append(_matrix(path, block))
+    return scans
+
+
+def choose_matrix(path: Path, matrices: list[Scan], reading: Reading) -> Scan:
+    """Choose the matrix of a channel, and turn its x from the lines to axis 0 if it has a header.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for messages.
+    matrices : list of Scan
+        The matrices of the file, at least one.
+    reading : Reading
+        The settings, of which `channel` names the matrix; without it the first one with heights is
+        chosen. A unit that overrules the file's makes heights of any numbers.
+
+    Returns
+    -------
+    Scan
+        The matrix, with both lengths in the unit of the one along x.
+
+    Raises
+    ------
+    InputError
+        If no matrix has heights, the channel is unknown, or x and y have different units without
+        lengths.
+    """
+    overruled = reading.override_scale and bool(reading.unit)
+    channels = [
+        _channel(index, scan, overruled=overruled) for index, scan in enumerate(matrices)
+    ]
+    chosen = ChosenChannel(0, "")
+    if reading.channel or len(matrices) > 1 or not channels[0].heights:
+        chosen = choose_channel(path, channels, reading)
+    scan = matrices[chosen.index]
+    x_unit = scan.length_unit or ""
+    y_unit = scan.y_unit or x_unit
+    same_unit = unit_of(y_unit) == unit_of(x_unit)
+    if scan.widths is None:
+        if not same_unit:
+            raise InputError(
+                f"{path}: has x in {x_unit} and y in {y_unit}; give both in one unit"
+            )
+        return replace(scan, origin=chosen.origin)
+    width, length = scan.widths
+    if not same_unit:
+        in_um = factor_of(y_unit, f"{path}: unit")
+        length *= in_um / factor_of(x_unit, f"{path}: unit")
+    return replace(
+        scan,
+        heights=np.ascontiguousarray(scan.heights.T),
+        widths=(width, length),
+        origin=f"{chosen.origin} under a header, x along its lines",
+    )
+
+
+def _channel(index: int, scan: Scan, *, overruled: bool) -> Channel:
+    """Describe a matrix as a channel; its unit need not be one of length if it is overruled."""
+    is_height = not scan.unit or overruled or unit_of(scan.unit) in UNITS
+    return Channel(index, scan.channel or f"matrix {index}", is_height, scan.unit or "")
+
+
 def _decoded(content: bytes) -> str | None:
-    """Decode text in UTF-8 or UTF-16, of other encodings without foreign letters; else None."""
+    """Decode UTF-8 and UTF-16, or the ASCII letters of other encodings; None if it is no text."""
     encoding = "utf-8-sig"
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         encoding = "utf-16"
@@ -92,247 +259,275 @@ def _decoded(content: bytes) -> str | None:
     return None if CONTROL_CHARACTERS.search(text) else text
 
 
-def matrices(content: bytes, path: Path) -> list[Scan]:
-    """Read the numbers of a text: a matrix, or one for each header of a channel; [] of no text."""
-    if (text := _decoded(content)) is None:
-        return []
-    read: list[Scan] = []
-    rows: list[list[float]] = []
-    entries: dict[str, str] = {}
-    remarks: list[str] = []
-    for number, comment, fields in _lines(text, path):
-        stated = _stated(comment)
-        if rows and stated.keys() & {"channel", "width"}:
-            read.append(_matrix(path, rows, entries, remarks))
-            rows, entries, remarks = [], {}, []
-        named = {} if rows or fields or stated else _columns(comment)
-        if stated or named:
-            entries = (stated or named) | entries
-        elif SAYS_LENGTHS.search(comment):
-            remarks.append(" ".join(comment.split())[:60])
-        if fields:
-            rows.append(_row(fields, path, number, rows))
-    if rows or not read:  # a header at the end of a file has no numbers
-        read.append(_matrix(path, rows, entries, remarks))
-    return read
-
-
-def _stated(comment: str) -> dict[str, str]:
-    """Return the values of a line of a header by the quantities of `LABELS` that we know."""
+def _entry(comment: str) -> dict[str, str]:
+    """Return the value of a header's line by its quantity in `LABELS`; {} if it has none."""
     match = ENTRY.fullmatch(comment)
     if match is None:
         return {}
-    meaning = MEANINGS.get(match["label"].lower(), "")
+    meaning = MEANINGS.get(match["label"].lower())
     return {meaning: match["value"].strip()} if meaning else {}
 
 
-def chosen(path: Path, found: list[Scan], reading: Reading) -> Scan:
-    """Return the matrix of the channel asked for, or the first with heights, x along axis 0."""
-    overruled = reading.override_scale and bool(
-        reading.unit
-    )  # its unit need not be a length
-    channels = [
-        Channel(
-            place,
-            each.channel or f"matrix {place}",
-            not each.unit or overruled or unit_of(each.unit) in UNITS,
-            each.unit or "",
-        )
-        for place, each in enumerate(found)
-    ]
-    taken, origin = 0, ""
-    if reading.channel or len(found) > 1 or not channels[0].heights:
-        taken, origin = choose_channel(path, channels, reading)
-    scan = found[taken]
-    heights, widths, x_unit, y_unit = (
-        scan.heights,
-        scan.widths,
-        scan.length_unit or "",
-        scan.y_unit,
-    )
-    differ = bool(y_unit) and unit_of(y_unit) != unit_of(x_unit)
-    if widths is not None:
-        if differ:
-            ratio = factor_of(y_unit, f"{path}: unit") / factor_of(
-                x_unit, f"{path}: unit"
-            )
-            widths = widths[0], widths[1] * ratio
-        heights = np.ascontiguousarray(heights.T)
-        origin += " under a header, x along its lines"
-    elif differ:
+@dataclass(frozen=True)
+class _Column:
+    """The name of a column of numbers."""
+
+    text: str  # the name as the file has it
+    axis: str  # coordinate in the column: "x", "y" or "z"; "" for another quantity
+    unit: str  # unit in the name, "" if there is none
+
+
+def _columns(line: str) -> list[_Column]:
+    """Return the columns that the words of a line may name."""
+    words = _fields(UNIT_SET_OFF.sub("", line))
+    return [_column(word) for word in words]
+
+
+def _column(word: str) -> _Column:
+    """Return the column that a word may name."""
+    match = NAME.fullmatch(word.strip())
+    if match is None:
+        return _Column(word, "", "")
+    name = match["name"].lower()
+    axis = ""
+    if name in HEIGHT:
+        axis = "z"
+    elif name in {"x", "y"}:
+        axis = name
+    return _Column(word, axis, match["unit"] or "")
+
+
+# entry of a header for the unit of each kind of column
+UNIT_ENTRIES = {"x": "x unit", "y": "y unit", "z": "value unit", "": "other unit"}
+
+
+def _column_entries(columns: list[_Column]) -> dict[str, str]:
+    """Return units and order of columns as entries of a header; {} unless they are x, y and z."""
+    axes = [column.axis for column in columns]
+    if sorted(axis for axis in axes if axis) != ["x", "y", "z"]:
+        return {}
+    entries = {
+        UNIT_ENTRIES[column.axis]: column.unit for column in columns if column.unit
+    }
+    return entries | {"columns of points": ",".join(axes)}
+
+
+def _refuse_profile(line: str, place: str) -> None:
+    """Refuse a title with the columns of a profile or of an incomplete list of points."""
+    columns = _columns(line)
+    axes = [column.axis for column in columns if column.axis]
+    if sorted(axes) == ["x", "y", "z"]:
+        return
+    if "x" in axes and 2 <= len(columns) <= 3:
+        names = ", ".join(column.text for column in columns)[:40]
         raise InputError(
-            f"{path}: has x in {x_unit} and y in {y_unit}; give both in one unit"
+            f"{place}: {names}: looks like the columns of a profile or of a list of points; give"
+            " a map of heights, or points in columns x, y and z"
         )
-    return replace(scan, heights=heights, widths=widths, origin=origin)
 
 
-def _columns(line: str, place: str = "") -> dict[str, str]:
-    """Return names and units of columns x, y and z as entries of a header; refuse a profile's."""
-    words = _fields(re.sub(r"\s+(?=[\[(])", "", line))  # units set off by a blank
-    matches = [NAME.fullmatch(word.strip()) for word in words]
-    stated = [
-        (match["name"].lower(), match["unit"]) if match else ("", "") for match in matches
-    ]
-    axes = [
-        "z" if name in HEIGHT else name if name in {"x", "y"} else ""
-        for name, _ in stated
-    ]
-    if sorted(filter(None, axes)) == ["x", "y", "z"]:
-        keys = {"x": "x unit", "y": "y unit", "z": "value unit", "": "other unit"}
-        units = {
-            keys[axis]: unit for axis, (_, unit) in zip(axes, stated, strict=True) if unit
-        }
-        return units | {"columns of points": ",".join(axes)}
-    if place and "x" in axes and 2 <= len(axes) <= 3:
-        raise InputError(
-            f"{place}: {', '.join(words)[:40]}: looks like the columns of a profile or of a list of"
-            " points; give a map of heights, or points in columns x, y and z"
-        )
-    return {}
-
-
-def _lines(content: str, path: Path) -> Iterator[tuple[int, str, list[str]]]:
-    """Yield number, comment and fields of every line; words above the numbers are comments."""
+def _lines(content: str, path: Path) -> Iterator[_Line]:
+    """Yield every line that is not empty; words above the numbers are comments."""
     lines = LINE_END.split(content)
     first = next((line for line in lines if line.strip()), "")
-    koala = KOALA.fullmatch(first) is not None
-    bare, begun, titles = koala or BARE.match(first) is not None, False, 0
-    for number, line in enumerate(lines, start=1):
-        text, _, comment = line.partition("#")
-        fields = _fields(text.strip())
-        if bare and not all(map(_is_number, fields)):
-            comment, fields = line, []
-            if koala and not begun:
-                yield from ((number, entry, []) for entry in _koala_entries(line))
-                continue
-        elif fields and not (
-            begun or ENTRY.fullmatch(text.strip()) or any(map(BEGINS.match, fields))
-        ):
-            _columns(text, f"{path}, line {number}")
-            comment, fields, titles = text, [], titles or number
-        if "," in text and _are_split(fields):
-            raise InputError(
-                f"{path}, line {number}: {text.strip()[:20]!r}: its commas look like decimal commas"
-                " as well as separators; separate the numbers by ';', tabs or blanks"
-            )
-        begun = begun or bool(fields)
-        if fields or comment.strip():
-            yield number, comment.strip(), fields
-    if titles and not begun:  # words alone
-        raise _no_number(lines[titles - 1].split()[0], path, titles)
-
-
-def _koala_entries(line: str) -> Iterator[str]:
-    """Yield the entries of a line of Koala's header under the labels of `LABELS`."""
-    if KOALA.fullmatch(line):
-        for label, count in KOALA_COUNT.findall(line):
-            yield f"{'y' if label.lower() == 'h' else 'x'}-pixels = {count}"
-        return
-    match = ENTRY.fullmatch(line.strip())
-    label = match["label"].lower() if match else ""
-    if match and label == "pixel size":
-        yield f"scale x = {match['value']}"
-        yield f"scale y = {match['value']}"
-    elif match and (factor := KOALA_FACTOR.fullmatch(label)):
-        yield f"conversion factor = {match['value']} {factor['unit']}"
+    if KOALA.fullmatch(first):
+        yield from _koala_lines(lines, path)
+    elif BARE.match(first):
+        yield from _bare_lines(lines, path)
     else:
-        yield line.strip()
+        yield from _marked_lines(lines, path)
 
 
-def _matrix(
-    path: Path, rows: list[list[float]], entries: dict[str, str], remarks: list[str]
-) -> Scan:
-    """Return the numbers under a header; refuse more or fewer of them than it states."""
-    numbers = np.array(rows, dtype=np.float64)
-    found = numbers.shape
-    if min(found) < 2:
-        held = " x ".join(map(str, found)) if rows else "no"
-        raise InputError(f"{path}: holds {held} heights; give 2-D heights, 2 x 2 or more")
-    widths, axis_units = _widths(entries, found)
-    if widths is None:  # for example, one of the two lengths is missing
-        halves = [
-            f"{name}: {entries[name]}" for name in ("width", "height") if name in entries
-        ]
-        remarks = halves + remarks
-    stated = [_quantity(entries.get(name, ""))[0] for name in ("lines", "columns")]
-    # Without lengths the header may be somebody's own, with x down the columns, as in our files.
-    allowed = [found] if widths else [found, found[::-1]]
-    if not any(
-        all(a in {0, b} for a, b in zip(stated, shape, strict=True)) for shape in allowed
-    ):
-        lines, columns = (f"{length:g}" if length else "?" for length in stated)
+def _marked_lines(lines: list[str], path: Path) -> Iterator[_Line]:
+    """Yield the lines of a text whose comments begin with #; words above the numbers are comments.
+
+    A text that holds words alone is refused, with its first word.
+    """
+    has_numbers = False
+    first_title = 0
+    for number, text in enumerate(lines, start=1):
+        line = _split_line(number, text, path)
+        if line.fields and not has_numbers:
+            words = text.partition("#")[0]
+            if _is_title(words.strip(), line.fields):
+                _refuse_profile(words, f"{path}, line {number}")
+                line = _Line(number, words.strip(), [])
+                first_title = first_title or number
+            else:
+                has_numbers = True
+        if line.fields or line.comment:
+            yield line
+    if first_title and not has_numbers:
+        word = lines[first_title - 1].split()[0]
+        raise _no_number(word, path, first_title)
+
+
+def _is_title(text: str, fields: list[str]) -> bool:
+    """Tell whether a text is made of words, none of which is a number, and no header's entry."""
+    if ENTRY.fullmatch(text):
+        return False
+    return not any(BEGINS.match(word) for word in fields)
+
+
+def _bare_lines(lines: list[str], path: Path) -> Iterator[_Line]:
+    """Yield the lines of a text whose header has no # in front: all lines with words are its."""
+    for number, text in enumerate(lines, start=1):
+        line = _split_line(number, text, path)
+        if not _are_numbers(line.fields):
+            line = _Line(number, text.strip(), [])
+        if line.fields or line.comment:
+            yield line
+
+
+def _koala_lines(lines: list[str], path: Path) -> Iterator[_Line]:
+    """Yield the lines of Koala's text: its entries under the labels of `LABELS`, then numbers."""
+    has_numbers = False
+    for line in _bare_lines(lines, path):
+        has_numbers = has_numbers or bool(line.fields)
+        text = lines[line.number - 1]
+        if has_numbers or text.lstrip().startswith("#"):
+            yield line
+            continue
+        for entry in _koala_entries(text):
+            yield _Line(line.number, entry, [])
+
+
+def _koala_entries(line: str) -> list[str]:
+    """Return the entries of a line of Koala's header under the labels of `LABELS`."""
+    if KOALA.fullmatch(line):
+        counts = KOALA_COUNT.findall(line)
+        axes = {"h": "y", "w": "x"}
+        return [f"{axes[label.lower()]}-pixels = {count}" for label, count in counts]
+    match = ENTRY.fullmatch(line.strip())
+    if match is None:
+        return [line.strip()]
+    label = match["label"].lower()
+    if label == "pixel size":
+        return [f"scale x = {match['value']}", f"scale y = {match['value']}"]
+    factor = KOALA_FACTOR.fullmatch(label)
+    if factor:
+        return [f"conversion factor = {match['value']} {factor['unit']}"]
+    return [line.strip()]
+
+
+def _split_line(number: int, line: str, path: Path) -> _Line:
+    """Split a line into fields and a comment; refuse commas that both separate and are decimal."""
+    text, _, comment = line.partition("#")
+    text = text.strip()
+    fields = _fields(text)
+    if "," in text and _are_split(fields):
         raise InputError(
-            f"{path}: its header states {lines} lines of {columns} numbers, it holds"
-            f" {' of '.join(map(str, found))}; give the whole file"
+            f"{path}, line {number}: {text[:20]!r}: its commas look like decimal commas as well as"
+            " separators; separate the numbers by ';', tabs or blanks"
         )
+    return _Line(number, comment.strip(), fields)
+
+
+def _matrix(path: Path, block: _Block) -> Scan:
+    """Return the numbers under a header; refuse more or fewer numbers than it states."""
+    entries = block.entries
+    numbers = np.array(block.rows, dtype=np.float64)
+    if min(numbers.shape) < 2:
+        held = " x ".join(map(str, numbers.shape)) if block.rows else "no"
+        raise InputError(f"{path}: holds {held} heights; give 2-D heights, 2 x 2 or more")
+    extent = _extent(entries, numbers.shape)
+    remarks = block.remarks
+    if extent.widths is None:  # for example, one of the two lengths is missing
+        single = [name for name in ("width", "height") if name in entries]
+        remarks = [f"{name}: {entries[name]}" for name in single] + remarks
+    _require_counts(path, entries, numbers.shape, has_lengths=extent.widths is not None)
     if entries.get("to be scaled", "").lower() in {"yes", "1", "true"}:
         raise InputError(
             f"{path}: its header says that its numbers are to be scaled (DataScaleNeeded), which is"
             " not read; give heights in units of length"
         )
-    factor, unit = _scale(path, entries)
-    names = (
-        tuple(entries["columns of points"].split(","))
-        if "columns of points" in entries
-        else ()
-    )
-    x_unit, y_unit = axis_units
+    scale = _scale(path, entries)
+    columns = entries.get("columns of points")
     return Scan(
-        numbers,
-        widths,
-        unit,
-        x_unit or None,
-        remarks=tuple(remarks[:3]),
+        heights=numbers,
+        widths=extent.widths,
+        unit=scale.unit,
+        length_unit=extent.x_unit or None,
+        remarks=tuple(remarks[:MOST_REMARKS]),
         channel=entries.get("channel", ""),
-        factor=factor,
-        names=names,
-        y_unit=y_unit,
+        factor=scale.number,
+        names=() if columns is None else tuple(columns.split(",")),
+        y_unit=extent.y_unit,
     )
 
 
-def _scale(path: Path, entries: dict[str, str]) -> tuple[float, str]:
+def _require_counts(
+    path: Path, entries: dict[str, str], shape: tuple[int, ...], *, has_lengths: bool
+) -> None:
+    """Refuse a matrix of another shape than its header states, if it states one.
+
+    Without lengths the header may be somebody's own, with x down the columns as in .npy files, and
+    counts may be the other way round.
+    """
+    stated_lines = _quantity(entries.get("lines", "")).number
+    stated_columns = _quantity(entries.get("columns", "")).number
+    allowed = [shape] if has_lengths else [shape, shape[::-1]]
+    for lines, columns in allowed:
+        if stated_lines in {0, lines} and stated_columns in {0, columns}:
+            return
+    raise InputError(
+        f"{path}: its header states {_count_text(stated_lines)} lines of"
+        f" {_count_text(stated_columns)} numbers, it holds {shape[0]} of {shape[1]}; give the whole"
+        " file"
+    )
+
+
+def _count_text(count: float) -> str:
+    """Write a number that a header states, "?" for one that it does not."""
+    return f"{count:g}" if count else "?"
+
+
+def _scale(path: Path, entries: dict[str, str]) -> _Quantity:
     """Return the factor of the numbers, and the unit of the heights that they then are."""
+    data_unit = _unit(entries.get("data unit", ""))
     if "conversion" in entries:
-        factor, unit = _quantity(entries["conversion"])
-        data_unit = _unit(entries.get("data unit", ""))
+        conversion = _quantity(entries["conversion"])
+        factor = conversion.number
         if unit_of(data_unit) in UNITS and factor != 1.0:
             raise InputError(
                 f"{path}: its header states numbers in {data_unit} as well as a height conversion"
                 f" factor of {factor:g}; delete the line that does not hold"
             )
-        return factor or 1.0, unit
+        return _Quantity(factor or 1.0, conversion.unit)
     if "value unit" in entries:
-        return 1.0, _unit(entries["value unit"])
+        return _Quantity(1.0, _unit(entries["value unit"]))
     if "nm per value" in entries:
-        return _quantity(entries["nm per value"])[0] or 1.0, "nm"
-    return 1.0, _unit(entries.get("data unit", ""))
+        factor = _quantity(entries["nm per value"]).number
+        return _Quantity(factor or 1.0, "nm")
+    return _Quantity(1.0, data_unit)
 
 
-def _widths(
-    entries: dict[str, str], shape: tuple[int, ...]
-) -> tuple[tuple[float, float] | None, tuple[str, str]]:
-    """Return the lengths along the lines and across them, None if one is missing; their units."""
-    spaced = "x spacing" in entries
-    names = ("x spacing", "y spacing") if spaced else ("width", "height")
-    (width, x_unit), (height, y_unit) = (
-        _quantity(entries.get(name, "")) for name in names
-    )
-    if not (0 < width < math.inf and 0 < height < math.inf):
-        return None, (entries.get("x unit", ""), entries.get("y unit", ""))
-    if spaced:
-        width, height = width * shape[1], height * shape[0]
+def _extent(entries: dict[str, str], shape: tuple[int, ...]) -> _Extent:
+    """Return the lengths of a matrix of (lines, columns), from lengths or spacings of a header."""
+    x_unit = entries.get("x unit", "")
+    y_unit = entries.get("y unit", "")
+    if "x spacing" in entries:
+        along = _quantity(entries["x spacing"])
+        across = _quantity(entries.get("y spacing", ""))
+        lines, columns = shape
+    else:
+        along = _quantity(entries.get("width", ""))
+        across = _quantity(entries.get("height", ""))
+        lines, columns = 1, 1
+    if not (0 < along.number < math.inf and 0 < across.number < math.inf):
+        return _Extent(None, x_unit, y_unit)
     usual = "nm" if "format" in entries else ""  # SPIP states no unit of lengths
-    x_unit = x_unit or _unit(entries.get("x unit", "")) or usual
-    y_unit = y_unit or _unit(entries.get("y unit", "")) or x_unit
-    return (width, height), (x_unit, y_unit)
+    x_unit = along.unit or _unit(x_unit) or usual
+    y_unit = across.unit or _unit(y_unit) or x_unit
+    return _Extent((along.number * columns, across.number * lines), x_unit, y_unit)
 
 
-def _quantity(text: str) -> tuple[float, str]:
-    """Return number and unit of a value in a header, (0, "") if it holds no number."""
+def _quantity(text: str) -> _Quantity:
+    """Return number and unit of a value in a header."""
     match = QUANTITY.fullmatch(text)
     if match is None:
-        return 0.0, ""
-    return float(match["number"].replace(",", ".")), _unit(match["unit"])
+        return _Quantity()
+    return _Quantity(float(match["number"].replace(",", ".")), _unit(match["unit"]))
 
 
 def _unit(text: str) -> str:
@@ -340,29 +535,37 @@ def _unit(text: str) -> str:
     return text.strip(" []()").replace("\ufffdm", "µm")
 
 
-def _row(
-    fields: list[str], path: Path, line: int, above: list[list[float]]
-) -> list[float]:
-    """Return the numbers of one line, as many as in those above; a corner may be a word."""
-    if not above and len(fields) > 3 and all(map(_is_number, fields[1:])):
-        fields = [fields[0] if _is_number(fields[0]) else "nan", *fields[1:]]
+def _row(line: _Line, path: Path, rows: list[list[float]]) -> list[float]:
+    """Return the numbers of a line, as many as in the rows above it; refuse words.
+
+    In the first row, a word in the corner above row numbers or coordinates stands for no number.
+    """
+    fields = line.fields
+    is_first_row = not rows and len(fields) > 3
+    if is_first_row and not _is_number(fields[0]) and _are_numbers(fields[1:]):
+        fields = ["nan", *fields[1:]]
     try:
-        row = [float(field) for field in fields]
+        row = [float(number) for number in fields]
     except ValueError:
-        wrong = next(field for field in fields if not _is_number(field))
-        text = " ".join(fields)
-        if not above and wrong == fields[0] and ENTRY.fullmatch(text):
-            raise InputError(
-                f"{path}, line {line}: {text[:40]!r} belongs to a header that is not known; put #"
-                " before the lines of the header, and state lengths and units as options"
-            ) from None
-        raise _no_number(wrong, path, line) from None
-    if above and len(row) != len(above[0]):
+        raise _fault_of_row(line, path, is_first=not rows) from None
+    if rows and len(row) != len(rows[0]):
         raise InputError(
-            f"{path}, line {line}: {len(row)} numbers where the first row has {len(above[0])};"
-            " give rows of equal length"
+            f"{path}, line {line.number}: {len(row)} numbers where the first row has"
+            f" {len(rows[0])}; give rows of equal length"
         )
     return row
+
+
+def _fault_of_row(line: _Line, path: Path, *, is_first: bool) -> InputError:
+    """Return the error for a line with a field that is no number, perhaps of an unknown header."""
+    word = next(text for text in line.fields if not _is_number(text))
+    text = " ".join(line.fields)
+    if is_first and word == line.fields[0] and ENTRY.fullmatch(text):
+        return InputError(
+            f"{path}, line {line.number}: {text[:40]!r} belongs to a header that is not known; put"
+            " # before the lines of the header, and state lengths and units as options"
+        )
+    return _no_number(word, path, line.number)
 
 
 def _fields(line: str) -> list[str]:
@@ -371,25 +574,34 @@ def _fields(line: str) -> list[str]:
     if "," not in line:
         return words
     decimal = all(
-        WITH_COMMA.fullmatch(each.strip()) or _is_number(each) for each in words
+        WITH_COMMA.fullmatch(word.strip()) or _is_number(word) for word in words
     )
-    if ";" not in line and not (decimal and len(words) > 1):
+    commas_separate = not decimal or len(words) < 2
+    if ";" not in line and commas_separate:
         return line.removesuffix(",").split(",")
-    return [each.replace(",", ".") for each in words] if decimal else words
+    return [word.replace(",", ".") for word in words] if decimal else words
 
 
 def _are_split(fields: list[str]) -> bool:
     """Tell whether fields are numbers split at their decimal commas, as `0,05,-0,5` is."""
-    wholes, decimals = fields[::2], fields[1::2]
-    return (
-        len(wholes) == len(decimals)
-        and all(map(WHOLE.fullmatch, wholes))
-        and all(map(DECIMALS.fullmatch, decimals))
-        and ("-0" in wholes or any(re.match(r"0\d|\d+[eE]", part) for part in decimals))
-    )
+    wholes = fields[::2]
+    decimals = fields[1::2]
+    if len(wholes) != len(decimals):
+        return False
+    if not all(WHOLE.fullmatch(whole) for whole in wholes):
+        return False
+    if not all(DECIMALS.fullmatch(digits) for digits in decimals):
+        return False
+    return "-0" in wholes or any(PLAIN_DECIMALS.match(digits) for digits in decimals)
+
+
+def _are_numbers(fields: list[str]) -> bool:
+    """Tell whether all fields are numbers."""
+    return all(_is_number(text) for text in fields)
 
 
 def _is_number(field: str) -> bool:
+    """Tell whether a field is a number."""
     try:
         float(field)
     except ValueError:

@@ -10,7 +10,7 @@ import signal
 import sys
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from functools import cache, partial, wraps
 from inspect import Parameter, Signature, signature
 from pathlib import Path
@@ -20,18 +20,25 @@ import typer
 
 from gen.runtime import VERSION, farm, memory
 from gen.runtime.errors import InputError, errno_of, file_of
-from gen.runtime.terminal import LOST, drop, echo, put, to_type
+from gen.runtime.terminal import (
+    OUTPUT_ERRORS,
+    command_to_type,
+    discard_pending,
+    echo,
+    finish_output,
+)
 
 CommandLineError: Any = typer.BadParameter.__mro__[2]
 """Base class of typer's errors about a command line; typer has moved it twice."""
 
-LONGEST = 1200  # most characters of a message; the middle of longer ones is left out
+LONGEST_LINE = 1200
+"""Letters of a message; the middle of a longer one is left out."""
 
-MOST_DETAILS = 40  # most lines of a list below a message
+MOST_DETAILS = 40
+"""Lines of a list below a message; of a longer list the number of further lines is printed."""
 
-EMPTY = re.compile(
-    "|--[^=]*="
-)  # an argument without a value, as of a shell variable that is unset
+EMPTY = re.compile("|--[^=]*=")
+"""An argument without a value, as it is made of a shell's variable that is not set."""
 
 EXTRAS = {
     "aiohttp": "serve",
@@ -47,23 +54,30 @@ EXTRAS = {
     "tomli_w": "export",
     "xgboost": "learn",
 }
-"""Extra that installs a package, for packages that only some commands need."""
+"""For each module that only some commands need, the extra that installs it."""
 
 
 Version = Annotated[bool, typer.Option("--version", help="Print the version.")]
 
 
 def take_version(*, version: Version = False) -> None:
-    """Take the option of a program that stands before its commands; `main` answers it."""
+    """Take the option that stands before the commands of a program; `main` answers it.
+
+    Parameters
+    ----------
+    version : bool
+        Whether the option is given.
+    """
 
 
-def _trust(context: typer.Context, wanted: bool) -> bool:
-    """Trust functions that files name until the command has ended."""
-    if wanted:
+def _trust(context: typer.Context, trusted: bool) -> bool:
+    """Trust functions that files name until the command has ended, if the user does."""
+    if trusted:
         from gen.runtime.user_code import TRUSTED
 
-        context.call_on_close(partial(TRUSTED.reset, TRUSTED.set(wanted)))
-    return wanted
+        token = TRUSTED.set(True)
+        context.call_on_close(partial(TRUSTED.reset, token))
+    return trusted
 
 
 Trust = Annotated[
@@ -79,69 +93,130 @@ Trust = Annotated[
 def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
     """Expand the arguments of a command that are groups of options, for Typer.
 
-    An argument annotated with a NamedTuple or a dataclass is a group: its fields are the options,
-    those of a dataclass if its `KEYS` have words for the help.
+    Parameters
+    ----------
+    command : callable
+        Function of a command. An argument that is annotated with a NamedTuple or a dataclass is a
+        group: each of its fields becomes an option. A NamedTuple annotates its fields with Typer's
+        options; a dataclass has a `KEYS`, whose entries have a `metavar` and a `help`, and only
+        fields with an entry become options.
+
+    Returns
+    -------
+    callable
+        Function that takes all options by name and calls the command with the groups.
     """
-    kinds = get_type_hints(command, include_extras=True)
-    groups = {
-        name: kind
-        for name, kind in kinds.items()
-        if hasattr(kind, "_field_defaults") or is_dataclass(kind)
-    }
+    annotations = get_type_hints(command, include_extras=True)
+    groups: dict[str, Any] = {}
     parameters: list[Parameter] = []
-    for parameter in signature(command).parameters.values():
-        name, kind = parameter.name, kinds[parameter.name]
-        own = parameter.replace(annotation=kind, kind=Parameter.KEYWORD_ONLY)
-        parameters += _options(kind) if name in groups else [own]
+    for name, parameter in signature(command).parameters.items():
+        annotation = annotations[name]
+        if hasattr(annotation, "_field_defaults") or is_dataclass(annotation):
+            groups[name] = annotation
+            parameters += _options(annotation)
+        else:
+            parameters.append(
+                parameter.replace(annotation=annotation, kind=Parameter.KEYWORD_ONLY)
+            )
 
     @wraps(command)
-    def called(**given: Any) -> Any:
+    def with_options(**values: Any) -> Any:
         for name, group in groups.items():
-            own = {each.name: given.pop(each.name) for each in _options(group)}
-            given[name] = group(**own)
-        return command(**given)
+            names = [option.name for option in _options(group)]
+            values[name] = group(**{option: values.pop(option) for option in names})
+        return command(**values)
 
-    called.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
-    called.__annotations__ = {each.name: each.annotation for each in parameters}
-    return called
+    with_options.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+    with_options.__annotations__ = {
+        parameter.name: parameter.annotation for parameter in parameters
+    }
+    return with_options
 
 
 @cache
 def _options(group: Any) -> list[Parameter]:
-    """Return the fields of a group as parameters of a function."""
-    kinds = get_type_hints(group, include_extras=True)
-    defaults = getattr(group, "_field_defaults", None)
-    if defaults is None:
+    """Return the options of a group as parameters of a function."""
+    annotations = get_type_hints(group, include_extras=True)
+    if hasattr(group, "_field_defaults"):
+        defaults = group._field_defaults
+    else:
         defaults = {
-            each.name: each.default for each in fields(group) if each.name in group.KEYS
+            field.name: field.default
+            for field in fields(group)
+            if field.name in group.KEYS
         }
         for name in defaults:
-            flag, said = f"--{name.replace('_', '-')}", group.KEYS[name]
-            option = typer.Option(flag, metavar=said.metavar or None, help=said.help)
-            kinds[name] = Annotated[kinds[name], option]
-    return [
-        Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=kinds[name])
-        for name, default in defaults.items()
-    ]
+            key = group.KEYS[name]
+            flag = f"--{name.replace('_', '-')}"
+            option = typer.Option(flag, metavar=key.metavar or None, help=key.help)
+            annotations[name] = Annotated[annotations[name], option]
+    parameters = []
+    for name, default in defaults.items():
+        parameter = Parameter(
+            name, Parameter.KEYWORD_ONLY, default=default, annotation=annotations[name]
+        )
+        parameters.append(parameter)
+    return parameters
 
 
-def typed(context: typer.Context, program: str) -> str:
-    """Return the command line of a program's command, for the record, without the defaults."""
-    words = [*to_type(program).split(), str(context.info_name)]
+def recorded_command_line(context: typer.Context, program: str) -> str:
+    """Return the command line of the running command, as files record it.
+
+    Parameters
+    ----------
+    context : typer.Context
+        Context of the command.
+    program : str
+        Name of its program, as "gen".
+
+    Returns
+    -------
+    str
+        A line that a shell can run: the program as `command_to_type` writes it, the command, and
+        what the user gave; defaults are left out.
+    """
+    words = [*command_to_type(program).split(), str(context.info_name)]
     for parameter in context.command.params:
         name = str(parameter.name)
         source = context.get_parameter_source(name)
-        if source is None or source.name != "COMMANDLINE":
-            continue
-        given = context.params[name]
-        values = given if isinstance(given, list | tuple) else [given]
-        option = [] if parameter.param_type_name == "argument" else [parameter.opts[0]]
-        for value in values:
-            if isinstance(value, bool):
-                words += option if value else [parameter.secondary_opts[0]]
-            else:
-                words += [*option, str(value)]
+        if source is not None and source.name == "COMMANDLINE":
+            words += _words(parameter, context.params[name])
     return shlex.join(words)
+
+
+def _words(parameter: Any, value: Any) -> list[str]:
+    """Return the words of a command line that give a parameter of Typer its value or values."""
+    if isinstance(value, bool):
+        return [parameter.opts[0] if value else parameter.secondary_opts[0]]
+    values = value if isinstance(value, list | tuple) else [value]
+    if parameter.param_type_name == "argument":
+        return [str(word) for word in values]
+    words = []
+    for word in values:
+        words += [parameter.opts[0], str(word)]
+    return words
+
+
+def warn_deprecated(option: str, instead: str) -> None:
+    """Print on standard error that an option leaves with version 2.0.
+
+    Parameters
+    ----------
+    option : str
+        The option that the user gave, as "--solver".
+    instead : str
+        What to do in its place.
+    """
+    echo(f"warning: {option} leaves with version 2.0: {instead}", err=True)
+
+
+@dataclass(frozen=True)
+class _Ending:
+    """How a command has ended on this process."""
+
+    code: int  # exit code
+    message: str = ""  # line for the user; empty without any
+    details: tuple[str, ...] = ()  # list below the message
 
 
 def main(
@@ -149,46 +224,66 @@ def main(
     arguments: Sequence[str],
     name: str,
     *,
-    together: Collection[str] = (),
-    alone: bool = False,
+    collective: Collection[str] = (),
+    single_process: bool = False,
 ) -> int:
-    """Run a command on all its processes and return the same exit code on all of them.
+    """Run a command on all its processes; a collective call.
 
     If the command ends on the master (bad input, a full disk, a missing package), it ends on the
     workers too, wherever they wait, and the master alone prints why. A bug ends all processes at
-    once with its traceback. The workers take part in the commands named in `together`; with `alone`
-    more than one process is refused, for programs that measure times. Commands that are not named
-    there need no MPI: where it does not start, the first process works alone. Codes are those of
-    docs/compatibility.md.
+    once with its traceback.
+
+    Parameters
+    ----------
+    app : typer.Typer
+        The program.
+    arguments : sequence of str
+        Words of the command line after the program.
+    name : str
+        Name of the program, with which messages begin.
+    collective : collection of str
+        Commands in which the workers take part. Any other command is done by the master alone. It
+        needs no MPI: where MPI does not start, the first process runs it.
+    single_process : bool
+        Whether more than one process is refused, for programs that measure times.
+
+    Returns
+    -------
+    int
+        Exit code, the same on all processes: one of docs/compatibility.md.
     """
     world = farm.World()
-    LOST.clear()
+    OUTPUT_ERRORS.clear()
     try:
-        code, message = 0, ""
-        details: tuple[str, ...] = ()
-        with _interruptible(alone):
+        with _interruptible(single_process):
             try:
-                first = arguments[0] if arguments else ""
-                joins = first in together and "--help" not in arguments
+                command = arguments[0] if arguments else ""
+                joins = command in collective and "--help" not in arguments
                 world = _world(needed=joins)
-                _refuse(arguments, world.size if alone else 1)
-                code = _ended(app, arguments, name, world, joins=joins)
+                _refuse(arguments, world.size if single_process else 1)
+                takes_part = world.is_master or joins
+                ending = _Ending(_exit_code(app, arguments, name, world, takes_part))
             except (Exception, SystemExit, KeyboardInterrupt) as error:
-                code, message = _end_after(error, name)
-                details = getattr(error, "details", ())
-        if world.is_master and message:
-            _complain(message, details)
-        try:
-            return world.end(code)
-        except (
-            RuntimeError
-        ) as left:  # the command has failed on this worker alone: all end
-            _complain(f"{message or left} (rank {world.rank})")
-            world.abort(code)
+                ending = _ending_by(error, name)
+        return _end(world, ending)
     except farm.MasterLeft as left:
         return left.code
     except Exception:
         world.abort()
+
+
+def _end(world: farm.World, ending: _Ending) -> int:
+    """Print on the master why a command has ended, and return its exit code on all processes.
+
+    If the command has failed on this worker alone, the worker prints why, and all processes end.
+    """
+    if world.is_master and ending.message:
+        _complain(ending.message, ending.details)
+    try:
+        return world.end(ending.code)
+    except RuntimeError as error:
+        _complain(f"{ending.message or error} (rank {world.rank})")
+        world.abort(ending.code)
 
 
 @contextmanager
@@ -205,7 +300,7 @@ def _interruptible(wanted: bool) -> Iterator[None]:
 
 
 def _world(*, needed: bool) -> farm.World:
-    """Join the other processes; alone if that fails for a command that one process does."""
+    """Join the other processes; if MPI does not start and is not needed, work without it."""
     try:
         return farm.this_world()
     except InputError:
@@ -214,28 +309,28 @@ def _world(*, needed: bool) -> farm.World:
         return farm.without_mpi()
 
 
-def _ended(
+def _exit_code(
     app: typer.Typer,
     arguments: Sequence[str],
     name: str,
     world: farm.World,
-    *,
-    joins: bool,
+    takes_part: bool,
 ) -> int:
-    """Run a command to its end, on a worker if it takes part, and return its exit code."""
+    """Run a command if this process takes part in it, and return its exit code."""
     returned = None
-    if list(arguments[:1]) == ["--version"] and world.is_master:
-        echo(f"asperity {VERSION}")
-    elif world.is_master or joins:
-        with _built(app).make_context(name, list(arguments)) as context:
+    if list(arguments[:1]) == ["--version"]:
+        if world.is_master:
+            echo(f"asperity {VERSION}")
+    elif takes_part:
+        with _parser(app).make_context(name, list(arguments)) as context:
             memory.require_blas()
             returned = context.command.invoke(context)
-    put("", sys.stdout, last=True)
+    finish_output()
     return returned if isinstance(returned, int) else 0
 
 
 def _refuse(arguments: Sequence[str], processes: int) -> None:
-    """Refuse more than one process, and values that are empty, as of a shell's unset variable."""
+    """Refuse more than one process, and arguments without a value."""
     if processes > 1:
         raise InputError(f"started as {processes} processes; start it as one")
     for place, argument in enumerate(arguments):
@@ -262,50 +357,45 @@ def run_script(script: Callable[[list[str]], object]) -> None:
     try:
         script(sys.argv[1:])
     except (Exception, KeyboardInterrupt) as error:
-        code, message = _end_after(error, Path(sys.argv[0]).name)
-        if message:
-            _complain(message)
-        sys.exit(code)
+        ending = _ending_by(error, Path(sys.argv[0]).name)
+        if ending.message:
+            _complain(ending.message)
+        sys.exit(ending.code)
 
 
-def _end_after(error: BaseException, name: str) -> tuple[int, str]:
-    """Return the exit code and the message to the user, or "", of an error; raise a bug again."""
+def _ending_by(error: BaseException, name: str) -> _Ending:
+    """Return how an error ends a command of the program `name`; raise a bug again."""
     match error:
-        case (
-            typer.Exit() | SystemExit()
-        ):  # --help, or a library; the other ranks have to end too
-            code = error.exit_code if isinstance(error, typer.Exit) else error.code
-            return code if isinstance(code, int) else 1, ""
+        case typer.Exit():  # --help; the other ranks have to end too
+            return _Ending(error.exit_code)
+        case SystemExit():  # a library
+            return _Ending(error.code if isinstance(error.code, int) else 1)
         case KeyboardInterrupt() | typer.Abort():
-            return 130, f"{name}: interrupted"
+            return _Ending(130, f"{name}: interrupted")
         case BrokenPipeError():  # the reader of our output, for example `head`, has ended
-            drop(sys.stdout)
-            return 141, ""
-    return 2, f"{name}: {_refusal(error, name)}"
+            discard_pending(sys.stdout)
+            return _Ending(141)
+    details = error.details if isinstance(error, InputError) else ()
+    return _Ending(2, f"{name}: {_refusal(error, name)}", details)
 
 
 def _refusal(error: BaseException, name: str) -> str:
     """Return what input, machine or installation lack, in words; raise a bug again."""
-    text = str(error)
     match error:
         case InputError():
             return str(error.args[0])
         case CommandLineError():
             context = getattr(error, "ctx", None)
-            path = to_type(context.command_path if context else name)
+            path = command_to_type(context.command_path if context else name)
             return f"{error.format_message()} (see {path} --help)"
         case _ if memory.is_shortage(error):
-            last = text.splitlines()[-1] if text else "no more is given"
-            return (
-                f"this needs more memory than there is: {last};"
-                f" {memory.size(memory.allowed())} are allowed here, shared with all else"
-            )
+            return _shortage(error)
         case _ if number := errno_of(error):  # a full device, a folder without rights
-            place = file_of(error)
             reason = getattr(error, "strerror", None) or os.strerror(number)
+            place = file_of(error)
             return f"{place}: {reason}" if place else str(reason)
         case OSError():
-            return text
+            return str(error)
         case ModuleNotFoundError():
             package = (error.name or "").partition(".")[0]
             if package in EXTRAS:  # otherwise it is a module of our own
@@ -315,24 +405,41 @@ def _refusal(error: BaseException, name: str) -> str:
     raise error
 
 
-_built: Any = cache(
-    typer.main.get_command
-)  # the parser of an app, which takes long to build
+def _shortage(error: BaseException) -> str:
+    """Return the words for memory that has run out, with the last line of the error's message."""
+    lines = str(error).splitlines()
+    reason = lines[-1] if lines else "no more is given"
+    allowed = memory.format_bytes(memory.allowed())
+    return (
+        f"this needs more memory than there is: {reason}; {allowed} are allowed here,"
+        " shared with all else"
+    )
+
+
+@cache
+def _parser(app: typer.Typer) -> Any:
+    """Return the parser of a program, which takes long to build."""
+    return typer.main.get_command(app)
 
 
 def _complain(message: str, details: Sequence[str] = ()) -> None:
-    """Write one line on standard error, and the list that belongs to it, if that is possible."""
-    listed = [f"  {_one_line(detail)}" for detail in details[:MOST_DETAILS]]
+    """Print a message as one line on standard error, if that is possible, and its list below it."""
+    lines = [_one_line(message)]
+    lines += [f"  {_one_line(detail)}" for detail in details[:MOST_DETAILS]]
     if len(details) > MOST_DETAILS:
-        listed.append(f"  and {len(details) - MOST_DETAILS} more")
-    with suppress(ValueError):
-        for line in (_one_line(message), *listed):
+        lines.append(f"  and {len(details) - MOST_DETAILS} more")
+    with suppress(ValueError):  # standard error has been closed
+        for line in lines:
             echo(line, err=True)
 
 
 def _one_line(text: str) -> str:
-    """Put a text into one line, and leave the middle of a long one out."""
+    """Put a text into one line, and leave the middle of a long one out.
+
+    A long one has a name or a number in it that nobody has typed by hand.
+    """
     line = " ".join(text.split())
-    if len(line) > LONGEST:  # holds a name or a number that nobody has typed by hand
-        line = f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"
-    return line
+    if len(line) <= LONGEST_LINE:
+        return line
+    half = LONGEST_LINE // 2
+    return f"{line[:half]} ... {line[-half:]}"

@@ -5,21 +5,22 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-HDF5_NUMBER = re.compile(
-    r"errno = (\d+)"
-)  # in what HDF5 says of a call of the system that failed
+HDF5_NUMBER = re.compile(r"errno = (\d+)")
+"""Number of the system's error in HDF5's message about a failed call of the system."""
+
 HDF5_FILE = re.compile(r"name = '(.*?)', ", re.DOTALL)
+"""Name of the file in the same message."""
 
 
 class InputError(ValueError):
-    """Unusable input: one line with the given and the allowed value; commands then exit with 2.
+    """Input that cannot be used; a command prints the message and exits with code 2.
 
     Parameters
     ----------
     message : str
-        The line.
+        One line that names the value, what is allowed, and where it stands.
     details : sequence of str
-        A list that belongs to it, which a command prints below it, an entry a line.
+        Entries of a list that belongs to the message; a command prints one a line below it.
     """
 
     def __init__(self, message: str = "", details: Sequence[str] = ()) -> None:
@@ -27,32 +28,40 @@ class InputError(ValueError):
         self.details = tuple(details)
 
     def __str__(self) -> str:
-        """Return the line and the list below it."""
+        """Return the message and the list below it."""
         return "\n  ".join([str(self.args[0]), *self.details])
 
 
 class SourceError(InputError):
-    """A map or function that a scene names is missing, has changed or fails: the run ends."""
+    """The error of a map or function that a scene names, which ends the run.
+
+    The file or the function is missing, has changed since the database was made, or fails.
+    """
 
 
 @contextmanager
 def input_errors(place: str = "") -> Iterator[None]:
-    """Turn the ValueError of a check, as of `bem.checks`, into an InputError at a place.
+    """Turn a ValueError of the block, as of `bem.checks`, into an InputError.
 
     Parameters
     ----------
     place : str
-        What the input belongs to, as "rough.npy"; the message begins with it.
+        File or option that the input comes from, as "rough.npy"; the message begins with it.
+
+    Yields
+    ------
+    None
 
     Raises
     ------
     InputError
-        Instead of any ValueError of the block.
+        In place of any ValueError of the block.
     """
     try:
         yield
     except ValueError as error:
-        raise InputError(f"{place}: {error}" if place else str(error)) from None
+        message = f"{place}: {error}" if place else str(error)
+        raise InputError(message) from None
 
 
 def errno_of(error: BaseException) -> int:
@@ -66,30 +75,34 @@ def errno_of(error: BaseException) -> int:
     Returns
     -------
     int
-        A number of the module `errno`, such as EIO of a disk that fails, or ESTALE of a server of
-        files that has been restarted; 0 for an error that is not the system's.
+        A number of the module `errno`, such as EIO of a disk that fails, or ESTALE of a file
+        server that has been restarted; 0 for an error that is not the system's.
     """
     if isinstance(error, OSError) and error.errno:
         return error.errno
     number = HDF5_NUMBER.search(str(error))
-    return int(number[1]) if number else 0
+    if number is None:
+        return 0
+    return int(number[1])
 
 
 def file_of(error: BaseException) -> str:
-    """Return the name of the file that an error of the system is about, "" if it is unknown.
+    """Return the name of the file that an error of the system is about.
 
     Parameters
     ----------
     error : BaseException
-        As of `errno_of`.
+        An OSError, or what h5py raises.
 
     Returns
     -------
     str
-        Name or path as it was given.
+        Name or path as the caller of the system wrote it; empty if the error names no file.
     """
     name = getattr(error, "filename", None)
     if isinstance(name, str | bytes):
         return os.fsdecode(name)
     match = HDF5_FILE.search(str(error))
-    return match[1] if match else ""
+    if match is None:
+        return ""
+    return match[1]

@@ -12,24 +12,27 @@ import re
 import stat
 import time
 import zipfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Literal, NamedTuple
+from typing import IO, Literal
 
 from gen.runtime.errors import InputError
 
 Kind = Literal["text", "picture", "surrogate", "heights", "arrays", "maps", "parquet"]
 """Kinds of output besides databases; `arrays` are NumPy's zip archives, `maps` prepared maps."""
 
-Present = Literal[
-    "replace", "keep", "refuse"
-]  # what a new file does to one that has its name
-LARGEST = 64 * 2**20  # most bytes of a file that is read whole; ours have some thousands
-BEGINNING = 4096  # bytes at the beginning of a file that decide its kind
+Present = Literal["replace", "keep", "refuse"]
+"""What a new file does to a file that already has its name."""
+
+LARGEST = 64 * 2**20
+"""Size up to which a file is read whole; files of ours have some thousand bytes [bytes]."""
+
+BEGINNING = 4096  # length of the beginning of a file that decides its kind [bytes]
 
 TEXT = bytes({7, 8, 9, 10, 12, 13, 27} | set(range(32, 256)))
-"""Bytes of texts; the beginnings of nearly all binary files have further ones."""
+"""Bytes of texts; the beginnings of nearly all binary files have bytes beyond these."""
 
 SURROGATE = b"asperity surrogate\n"  # first bytes of a surrogate
 MAPS = b"asperity prepared maps\n"  # first bytes of a file of prepared maps
@@ -45,19 +48,36 @@ SIGNATURES = {
 }
 """Kind of the files that begin with these bytes."""
 
-OURS = re.compile(rb"host .+, process [0-9]+(, job .+)?, since .+\n?")  # a lock's content
+LOCK_CONTENT = re.compile(rb"host .+, process [0-9]+(, job .+)?, since .+\n?")
+"""Content of a lock's file, which names the process that holds the lock."""
 
-LONGEST_HOLDER = 500  # most bytes of that line
+LONGEST_LOCK = 500  # size up to which the content of a lock's file is read [bytes]
 
 
 def require_file(path: Path) -> Path:
-    """Refuse pipes, sockets and devices, which could block their reader for ever.
+    """Refuse a pipe, a socket or a device, which could block its reader for ever.
 
-    Every reader of a user's file calls this first. Folders and missing files pass: it says more.
+    Every reader of a user's file calls this first. Folders and missing files pass, because opening
+    them raises a clearer error.
+
+    Parameters
+    ----------
+    path : Path
+        Path that a user named.
+
+    Returns
+    -------
+    Path
+        The same path.
+
+    Raises
+    ------
+    InputError
+        If the path leads to neither a regular file nor a folder.
     """
     try:
         mode = path.stat().st_mode
-    except (OSError, ValueError):  # a null character in the path
+    except (OSError, ValueError):  # ValueError: a null character in the path
         return path
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
         raise InputError(
@@ -67,9 +87,26 @@ def require_file(path: Path) -> Path:
 
 
 def read_bytes(path: Path, largest: int = LARGEST) -> bytes:
-    """Read a whole regular file of `largest` bytes at most.
+    """Read a whole regular file.
 
-    Raise FileNotFoundError if there is none, otherwise InputError if it cannot be read.
+    Parameters
+    ----------
+    path : Path
+        The file.
+    largest : int
+        Size up to which the file is read [bytes].
+
+    Returns
+    -------
+    bytes
+        Its content.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    InputError
+        If the file is larger than `largest`, is no regular file or cannot be read.
     """
     try:
         size = require_file(path).stat().st_size
@@ -83,65 +120,154 @@ def read_bytes(path: Path, largest: int = LARGEST) -> bytes:
 
 
 def digest(path: Path) -> str:
-    """Compute the SHA-256 of a file's content, in hexadecimal digits."""
+    """Compute the SHA-256 of a file's content.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    str
+        64 hexadecimal digits.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    """
     with _in_words(path, "cannot be read"), path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-class Output(NamedTuple):
+@dataclass(frozen=True)
+class Output:
     """A file that a command is going to write."""
 
-    path: Path | None  # None if the user named none
-    option: str  # that named it
+    path: Path | None  # None if the user gave no name
+    option: str  # option that gave the name, as "--csv", for messages
     kind: Kind = "text"
 
 
 def check_outputs(outputs: Iterable[Output], inputs: Iterable[Path | str] = ()) -> None:
     """Refuse outputs before any work is done for them, without changing existing files.
 
-    Of folders among the inputs all files count. Raise InputError if a file cannot be written, is an
-    input or another output by any name, or holds another kind of content.
+    Parameters
+    ----------
+    outputs : iterable of Output
+        Files that the command is going to write.
+    inputs : iterable of Path or str
+        Files and folders that the command reads; all files of a folder count as inputs.
+
+    Raises
+    ------
+    InputError
+        If an output cannot be written, is an input or an earlier output under any name, or if a
+        file of another kind has its name.
     """
-    wanted = [
-        (output.path, output.option, output.kind) for output in outputs if output.path
-    ]
-    read: list[Path] = []
-    for given in map(Path, inputs):
-        read += given.iterdir() if given.is_dir() else [given]
-    for number, (path, option, kind) in enumerate(wanted):
-        if any(_is_same(path, file) for file in read):
-            raise InputError(f"{option} {path}: is an input: not replaced")
-        for other, name, _ in wanted[:number]:
-            if _is_same(path, other):
-                raise InputError(
-                    f"{option} {path}: is what {name} writes too; give another name"
-                )
+    read = _files_of(inputs)
+    earlier: list[Output] = []
+    for output in outputs:
+        if output.path is None:
+            continue
+        _refuse_same(output, output.path, read, earlier)
         try:
-            _place(path, kind)
+            _output_place(output.path, output.kind)
         except InputError as error:
-            raise InputError(f"{option} {error}") from None
+            raise InputError(f"{output.option} {error}") from None
+        earlier.append(output)
+
+
+def _files_of(inputs: Iterable[Path | str]) -> list[Path]:
+    """Return the paths of inputs, with the content of a folder in the folder's place."""
+    files: list[Path] = []
+    for path in map(Path, inputs):
+        if path.is_dir():
+            files.extend(path.iterdir())
+        else:
+            files.append(path)
+    return files
+
+
+def _refuse_same(
+    output: Output, path: Path, read: Sequence[Path], earlier: Sequence[Output]
+) -> None:
+    """Refuse an output whose path leads to a file that is read, or to an earlier output."""
+    if any(_is_same(path, file) for file in read):
+        raise InputError(f"{output.option} {path}: is an input: not replaced")
+    for other in earlier:
+        if other.path is not None and _is_same(path, other.path):
+            raise InputError(
+                f"{output.option} {path}: is what {other.option} writes too;"
+                " give another name"
+            )
 
 
 def check_folder(folder: Path, *names: str) -> None:
-    """Refuse an output folder that cannot be had, or names in it, pictures (.png) or texts."""
+    """Refuse a folder that cannot be made or written to, or a file in it that may not be replaced.
+
+    Nothing is changed.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder that a command is going to write to, and makes if there is none.
+    *names : str
+        Names of files that it will write there: pictures, which end in ".png", or texts.
+
+    Raises
+    ------
+    InputError
+        If the command would fail.
+    """
     real = place_of(folder, folder=True)
-    home = next(each for each in (real, *real.parents) if each.exists())
-    if not os.access(home, os.W_OK | os.X_OK):
-        raise InputError(f"{folder} cannot be written: no file can be made in {home}")
-    for name in names if real.is_dir() else ():
-        _place(folder / name, "picture" if name.endswith(".png") else "text")
+    nearest = next(parent for parent in (real, *real.parents) if parent.exists())
+    if not os.access(nearest, os.W_OK | os.X_OK):
+        raise InputError(f"{folder} cannot be written: no file can be made in {nearest}")
+    if not real.is_dir():
+        return
+    for name in names:
+        kind: Kind = "picture" if name.endswith(".png") else "text"
+        _output_place(folder / name, kind)
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder, or the one that a link leads to, and those above it, unless they exist."""
+    """Make a folder and those above it, unless they exist; a link stays a link to its target.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder, or a link to it.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be made, or a file has its name.
+    """
     with _in_words(folder, "cannot be written to"):
         place_of(folder, folder=True).mkdir(parents=True, exist_ok=True)
 
 
 def followed(path: Path) -> Path:
-    """Follow all links of a path, whose target may not exist; an OSError if they form a loop.
+    """Follow all links of a path, whose target may not exist.
 
-    `Path.resolve` returns a part of a loop in Python 3.13, and raises RuntimeError before.
+    `Path.resolve` returns a part of a loop of links in Python 3.13, and raises RuntimeError before.
+
+    Parameters
+    ----------
+    path : Path
+        Any path.
+
+    Returns
+    -------
+    Path
+        Absolute path without links.
+
+    Raises
+    ------
+    OSError
+        If the links form a loop.
     """
     real = Path(os.path.realpath(path))
     try:
@@ -153,7 +279,25 @@ def followed(path: Path) -> Path:
 
 
 def inside(folder: Path, name: str) -> Path:
-    """Return the path of a file that we name in a folder, unless a link leads out of the folder."""
+    """Return the path of a file in an output folder, and refuse a link that leads out of it.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder that a user named.
+    name : str
+        Name in the folder, which this program chose; it may have "/" in it.
+
+    Returns
+    -------
+    Path
+        `folder / name`.
+
+    Raises
+    ------
+    InputError
+        If the path leads out of the folder, or links form a loop.
+    """
     path = folder / name
     with suppress(OSError):  # a loop of links
         if followed(path).is_relative_to(followed(folder)):
@@ -164,27 +308,62 @@ def inside(folder: Path, name: str) -> Path:
 
 
 def write(path: Path, content: str | bytes, kind: Kind = "text") -> None:
-    """Write a file as `atomic` does; letters that UTF-8 cannot hold become question marks."""
+    """Write a whole file, which has its old content or the new one at any time.
+
+    Parameters
+    ----------
+    path : Path
+        The file; a link stays a link.
+    content : str or bytes
+        New content. Text is written as UTF-8; letters that UTF-8 cannot hold become "?".
+    kind : Kind
+        Kind of the content. An existing file is replaced only if it is empty or of this kind.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written, or is of another kind. It is unchanged then.
+    """
+    if isinstance(content, str):
+        content = content.encode(errors="replace")
     with atomic(path, kind) as file:
-        file.write(
-            content.encode(errors="replace") if isinstance(content, str) else content
-        )
+        file.write(content)
 
 
 @contextmanager
 def atomic(
     path: Path, kind: Kind = "text", *, replace: bool = True
 ) -> Iterator[IO[bytes]]:
-    """Open a temporary file that is renamed to its final name once the block has succeeded.
+    """Open a temporary file that takes its final name once the block has succeeded.
 
-    A link stays a link. Without `replace` a file that another process has made meanwhile stays.
-    Raise InputError if the file cannot be written, or is of another kind; it is unchanged then.
+    Parameters
+    ----------
+    path : Path
+        Final name; a link stays a link.
+    kind : Kind
+        Kind of the content. An existing file is replaced only if it is empty or of this kind.
+    replace : bool
+        Whether a file is replaced that another process makes under the name during the block.
+        If not, that file stays, and the new one is lost.
+
+    Yields
+    ------
+    binary file
+        Temporary file in the same folder, open for writing.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written, or is of another kind. It is unchanged then.
     """
-    real = _place(path, kind)
-    with _in_words(path, "cannot be written"):
-        present: Present = "replace" if replace else "keep"
-        with unfinished(real, present) as temporary, temporary.open("wb") as file:
-            yield file
+    real = _output_place(path, kind)
+    present: Present = "replace" if replace else "keep"
+    with (
+        _in_words(path, "cannot be written"),
+        unfinished(real, present) as temporary,
+        temporary.open("wb") as file,
+    ):
+        yield file
 
 
 @contextmanager
@@ -193,62 +372,119 @@ def unfinished(
 ) -> Iterator[Path]:
     """Make an empty file beside a target, and give it the target's name once the block succeeds.
 
-    This is the one way in which files, databases among them, come into being: what stands at the
-    target, from `place_of`, stays whole until the new file is on the disk, and passes on mode,
-    owner and group. A file that has come meanwhile is replaced, kept, or refused by
-    FileExistsError. The next attempt removes what a kill has left of a file that begins with
-    `signature`, under a lock.
+    All files, databases among them, are written in this one way. The file that stands at the target
+    stays whole until the new file is on the disk, and passes on its mode, owner and group. The new
+    file is removed if the block fails.
+
+    Parameters
+    ----------
+    real : Path
+        The target, from `place_of`, so that no link is replaced.
+    present : {"replace", "keep", "refuse"}
+        What happens to a file that has the target's name when the block ends: it is replaced, or
+        kept and the new one lost, or it raises an error.
+    signature : bytes
+        First bytes of the new file. If they are given, files beside the target are removed that
+        begin with them and that an earlier process left under the same name when it was killed;
+        the caller holds the target's `lock`.
+
+    Yields
+    ------
+    Path
+        The new file, which is empty.
+
+    Raises
+    ------
+    FileExistsError
+        If there is a file with the target's name when the block ends, and `present` is "refuse".
     """
-    own = os.urandom(8).hex()
-    temporary = real.with_name(
-        f"{real.name}.{own}.part" if signature else f".asperity-{own}"
-    )
-    left = re.compile(re.escape(real.name) + r"\.[0-9a-f]{16}\.part")
-    for path in real.parent.iterdir() if signature else ():
-        if left.fullmatch(path.name) and stat.S_ISREG(path.lstat().st_mode):
-            with suppress(PermissionError), path.open("rb") as file:
-                if file.read(len(signature)) in {signature, b""}:
-                    path.unlink()
-    old = real.stat() if real.exists() else None
-    mode = 0o666 if old is None else 0o600
-    descriptor = os.open(
-        temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode
-    )
+    letters = os.urandom(8).hex()
+    if signature:
+        _remove_remains(real, signature)
+        temporary = real.with_name(f"{real.name}.{letters}.part")
+    else:
+        temporary = real.with_name(f".asperity-{letters}")
+    replaced = real.stat() if real.exists() else None
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
+    descriptor = os.open(temporary, flags, 0o666 if replaced is None else 0o600)
     try:
-        if old is not None:
-            for owner, group in ((old.st_uid, -1), (-1, old.st_gid)):
-                with suppress(PermissionError):
-                    os.fchown(descriptor, owner, group)
-            os.fchmod(descriptor, stat.S_IMODE(old.st_mode))
+        if replaced is not None:
+            _pass_on_rights(descriptor, replaced)
         yield temporary
         os.fsync(descriptor)
-        if present == "replace":
-            temporary.replace(real)
-            return
-        try:
-            real.hardlink_to(temporary)
-        except FileExistsError:
-            if present == "refuse":
-                raise
-        except OSError:  # no links on this file system
-            temporary.replace(real)
+        _give_name(temporary, real, present)
     finally:
         os.close(descriptor)
         temporary.unlink(missing_ok=True)
 
 
+def _remove_remains(real: Path, signature: bytes) -> None:
+    """Remove the unfinished files of a target that begin with a signature or are empty."""
+    remains = re.compile(re.escape(real.name) + r"\.[0-9a-f]{16}\.part")
+    for path in real.parent.iterdir():
+        if not remains.fullmatch(path.name) or not stat.S_ISREG(path.lstat().st_mode):
+            continue
+        with suppress(PermissionError), path.open("rb") as file:
+            if file.read(len(signature)) in {signature, b""}:
+                path.unlink()
+
+
+def _pass_on_rights(descriptor: int, replaced: os.stat_result) -> None:
+    """Give an open file the mode and, if this user may, the owner and group of another file."""
+    with suppress(PermissionError):
+        os.fchown(descriptor, replaced.st_uid, -1)
+    with suppress(PermissionError):
+        os.fchown(descriptor, -1, replaced.st_gid)
+    os.fchmod(descriptor, stat.S_IMODE(replaced.st_mode))
+
+
+def _give_name(temporary: Path, real: Path, present: Present) -> None:
+    """Give a finished file its name; an existing file is replaced, kept, or a FileExistsError."""
+    if present == "replace":
+        temporary.replace(real)
+        return
+    try:
+        real.hardlink_to(temporary)
+    except FileExistsError:
+        if present == "refuse":
+            raise
+    except OSError:  # the file system has no hard links
+        temporary.replace(real)
+
+
 def place_of(path: Path, *, folder: bool = False) -> Path:
-    """Follow all links to the place of a file or folder, which may not exist; else InputError."""
+    """Follow all links to the place of an output, which may not exist yet.
+
+    Parameters
+    ----------
+    path : Path
+        Path that a user named.
+    folder : bool
+        Whether the output is a folder rather than a file.
+
+    Returns
+    -------
+    Path
+        Absolute path without links.
+
+    Raises
+    ------
+    InputError
+        If links form a loop, a folder has the file's name or a file the folder's, or the folder
+        that the file is to be in does not exist.
+    """
     try:
         real = followed(path)
     except OSError as error:  # a loop of links
         raise InputError(f"{path}: {error.strerror or error}") from None
     with _in_words(path, "cannot be written"):
-        if folder and real.exists() and not real.is_dir():
-            raise InputError(f"{path} is a file: give a folder")
-        if not folder and (not real.name or real.is_dir()):
+        if folder:
+            if real.exists() and not real.is_dir():
+                raise InputError(f"{path} is a file: give a folder")
+            return real
+        if not real.name or real.is_dir():
             raise InputError(f"{path}: is a folder; give a file in a folder that exists")
-        if not folder and not real.parent.is_dir():
+        if not real.parent.is_dir():
             missing = real.parent if path.is_symlink() else path.parent
             raise InputError(
                 f"{path}: there is no folder {missing}; give a file in a folder that exists"
@@ -257,17 +493,32 @@ def place_of(path: Path, *, folder: bool = False) -> Path:
 
 
 def require_writable(path: Path) -> None:
-    """Refuse an existing file that may not be written; its mode counts for the superuser too."""
+    """Refuse an existing file that may not be written.
+
+    A file without any write permission is refused also for the superuser, whom the system would
+    let write it.
+
+    Parameters
+    ----------
+    path : Path
+        The file, which is not changed.
+
+    Raises
+    ------
+    InputError
+        If the file may not be written.
+    """
     with _in_words(path, "cannot be written"):
         if not path.stat().st_mode & (stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH):
             raise InputError(f"{path} is read-only; give another name, or chmod u+w it")
         os.close(os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_CLOEXEC))
 
 
-def _place(path: Path, kind: Kind) -> Path:
-    """Return the place of a file; refuse what is no regular file, of another kind, or read-only.
+def _output_place(path: Path, kind: Kind) -> Path:
+    """Return the place of a file, or refuse what must not be replaced or cannot be written.
 
-    So is a folder where no file can be made; a full disk shows only on writing.
+    Refused are folders, devices, files of another kind, read-only files, and files in a folder
+    where none can be made. A full disk shows only on writing.
     """
     real = place_of(path)
     if not os.access(real.parent, os.W_OK | os.X_OK):
@@ -287,33 +538,58 @@ def _place(path: Path, kind: Kind) -> Path:
 
 
 def kind_of(path: Path) -> str:
-    """Return a file's `Kind`, "database" or "binary", by its beginning; "" for an empty file."""
+    """Tell the kind of a file by its beginning.
+
+    Parameters
+    ----------
+    path : Path
+        A regular file.
+
+    Returns
+    -------
+    str
+        A `Kind`, "database", "binary" for any other file that is no text, or "" for an empty file.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    """
     with path.open("rb") as file:
         start = file.read(BEGINNING)
+    if not start:
+        return ""
     for signature, kind in SIGNATURES.items():
         if start.startswith(signature):
             return kind
     if b"<svg" in start:
         return "picture"
-    if start.startswith(b"PK"):
-        with suppress(OSError, zipfile.BadZipFile), zipfile.ZipFile(path) as archive:
-            if all(name.endswith(".npy") for name in archive.namelist()):
-                return "arrays"
+    if start.startswith(b"PK") and _holds_arrays(path):
+        return "arrays"
     if start.translate(None, TEXT):
         return "binary"
-    return "text" if start else ""
+    return "text"
 
 
-def _is_same(one: Path, other: Path) -> bool:
+def _holds_arrays(path: Path) -> bool:
+    """Tell whether a file is a zip archive of NumPy's arrays alone."""
+    with suppress(OSError, zipfile.BadZipFile), zipfile.ZipFile(path) as archive:
+        return all(name.endswith(".npy") for name in archive.namelist())
+    return False
+
+
+def _is_same(first: Path, second: Path) -> bool:
     """Tell whether two paths lead, or would lead, to the same file through links of either kind."""
     with suppress(OSError):  # one path does not exist yet, or is a loop of links
-        return one.samefile(other) if one.exists() else followed(one) == followed(other)
+        if first.exists():
+            return first.samefile(second)
+        return followed(first) == followed(second)
     return False
 
 
 @contextmanager
 def _in_words(path: Path, trouble: str) -> Iterator[None]:
-    """Turn an error of the system into one line for the user."""
+    """Turn an OSError of the block into an InputError: path, trouble and the system's reason."""
     try:
         yield
     except OSError as error:
@@ -322,73 +598,70 @@ def _in_words(path: Path, trouble: str) -> Iterator[None]:
 
 @contextmanager
 def lock(path: Path) -> Iterator[None]:
-    """Hold the lock of a database, which need not exist yet, while the block creates or writes it.
+    """Hold the lock of a database while the block creates or writes it.
 
-    The kernel keeps the lock on the file `<path>.lock`, which names the holder, and drops it when
-    the process ends. With `HDF5_USE_FILE_LOCKING=FALSE`, as usual on file systems without locks,
-    missing locks are accepted. Raise InputError if another process writes, or no lock can be had.
+    The kernel keeps the lock on the file `<path>.lock`, which names the holder, and drops the lock
+    when the process ends. Links to one file share its lock. With `HDF5_USE_FILE_LOCKING=FALSE`, as
+    is usual on file systems without locks, the block runs although there is no lock.
+
+    Parameters
+    ----------
+    path : Path
+        The database, which need not exist yet.
+
+    Yields
+    ------
+    None
+
+    Raises
+    ------
+    InputError
+        If another process holds the lock, or no lock can be had.
     """
-    real = place_of(path)  # one lock for all links to a file
+    real = place_of(path)
     with _held(path, real.with_name(f"{real.name}.lock")):
         yield
 
 
 @contextmanager
 def lock_folder(folder: Path) -> Iterator[None]:
-    """Make a folder if there is none, and hold its lock while the block reads and writes it.
+    """Hold the lock of a folder while the block reads and writes it.
 
-    A folder that has been made for the block and is empty behind it is removed.
+    A missing folder is made, with those above it; they are removed after the block if they are
+    empty.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder.
+
+    Yields
+    ------
+    None
+
+    Raises
+    ------
+    InputError
+        If another process holds the lock, or the folder or its lock cannot be made.
     """
-    made = [each for each in (folder, *folder.parents) if not each.exists()]
+    missing = [parent for parent in (folder, *folder.parents) if not parent.exists()]
     make_folder(folder)
     try:
         with _held(folder, folder / ".asperity.lock"):
             yield
     finally:
-        with suppress(OSError):  # something is in it
-            for each in made:
-                each.resolve().rmdir()
+        with suppress(OSError):  # a folder is not empty
+            for new in missing:
+                new.resolve().rmdir()
 
 
 @contextmanager
 def _held(path: Path, lock_path: Path) -> Iterator[None]:
-    """Hold the lock of a path, which is that of a file; a link or a user's own file is refused."""
-    flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
-    fault, held = "", False
-    while not held:
-        with _in_words(
-            path, f"cannot be written, as {lock_path} is there or cannot be made"
-        ):
-            descriptor = os.open(lock_path, flags, 0o666)
-        regular = stat.S_ISREG(os.fstat(descriptor).st_mode)
-        holder = os.pread(descriptor, LONGEST_HOLDER + 1, 0) if regular else b"no lock"
-        if holder and not OURS.fullmatch(holder):
-            fault = f"cannot be written: {lock_path} is there and no lock of ours; move it away"
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            told = holder.decode(errors="replace").strip() or "another process"
-            fault = fault or f"is being written by {told}; wait until it ends"
-        except OSError as error:
-            if os.environ.get("HDF5_USE_FILE_LOCKING", "").upper() not in {"FALSE", "0"}:
-                fault = fault or (
-                    f"is on a file system without locks ({error.strerror}); set"
-                    " HDF5_USE_FILE_LOCKING=FALSE and let only one run write it"
-                )
-        # The holder before us may have unlinked the file between our open and our lock.
-        held = not fault and _leads_to(lock_path, descriptor)
-        if not held:
-            os.close(descriptor)
-        if fault:
-            raise InputError(f"{path} {fault}")
-    job = f", job {os.environ['SLURM_JOB_ID']}" if "SLURM_JOB_ID" in os.environ else ""
-    now = time.strftime("%Y-%m-%dT%H:%M:%S+00:00", time.gmtime())
+    """Hold the lock of an output, kept on the file `lock_path`, or raise InputError."""
+    descriptor = _locked_file(path, lock_path)
     with suppress(OSError):  # a full disk: the text is missing, the lock holds
         os.ftruncate(descriptor, 0)
-        os.write(
-            descriptor,
-            f"host {os.uname().nodename}, process {os.getpid()}{job}, since {now}\n".encode(),
-        )
+        os.write(descriptor, _holder().encode())
     try:
         yield
     finally:
@@ -399,8 +672,56 @@ def _held(path: Path, lock_path: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
+def _locked_file(path: Path, lock_path: Path) -> int:
+    """Open and lock a lock's file, and return its descriptor; InputError if that fails."""
+    flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+    trouble = f"cannot be written, as {lock_path} is there or cannot be made"
+    while True:
+        with _in_words(path, trouble):
+            descriptor = os.open(lock_path, flags, 0o666)
+        fault = _lock(descriptor, lock_path)
+        # The holder before us may have unlinked the file between our open and our lock.
+        if not fault and _leads_to(lock_path, descriptor):
+            return descriptor
+        os.close(descriptor)
+        if fault:
+            raise InputError(f"{path} {fault}")
+
+
+def _lock(descriptor: int, lock_path: Path) -> str:
+    """Lock an open file; return why it cannot be locked, "" if it is locked or locks are waived."""
+    content = b"no lock"
+    if stat.S_ISREG(os.fstat(descriptor).st_mode):
+        content = os.pread(descriptor, LONGEST_LOCK + 1, 0)
+    if content and not LOCK_CONTENT.fullmatch(content):
+        return (
+            f"cannot be written: {lock_path} is there and no lock of ours; move it away"
+        )
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        holder = content.decode(errors="replace").strip() or "another process"
+        return f"is being written by {holder}; wait until it ends"
+    except OSError as error:
+        if os.environ.get("HDF5_USE_FILE_LOCKING", "").upper() not in {"FALSE", "0"}:
+            return (
+                f"is on a file system without locks ({error.strerror}); set"
+                " HDF5_USE_FILE_LOCKING=FALSE and let only one run write it"
+            )
+    return ""
+
+
+def _holder() -> str:
+    """Return the content of a lock's file that names this process."""
+    job = ""
+    if "SLURM_JOB_ID" in os.environ:
+        job = f", job {os.environ['SLURM_JOB_ID']}"
+    now = time.strftime("%Y-%m-%dT%H:%M:%S+00:00", time.gmtime())
+    return f"host {os.uname().nodename}, process {os.getpid()}{job}, since {now}\n"
+
+
 def _leads_to(path: Path, descriptor: int) -> bool:
-    """Tell whether a name leads to an open file."""
+    """Tell whether a name leads to an open file, and not through a link."""
     with suppress(OSError):
         return os.path.samestat(os.fstat(descriptor), path.lstat())
     return False

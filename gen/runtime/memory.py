@@ -1,4 +1,4 @@
-"""The memory that this process may take, and the memory that a contact problem needs."""
+"""The memory that this process may take, and the memory that the solve of a contact needs."""
 
 import errno
 import mmap
@@ -8,31 +8,32 @@ import resource
 import signal
 from contextlib import suppress
 from pathlib import Path
+from typing import NoReturn
 
 from gen.runtime.errors import InputError
 
 MIB = 2**20
 
-SOLVE_BYTES = (
-    400  # peak memory of a solve per node: 360 were measured on 513 to 2,049 a side
-)
+SOLVE_BYTES = 400
+"""Peak memory of a solve [bytes / node]; 360 were measured on 513 to 2,049 nodes a side."""
 
-BLAS_NODES = 200  # side of matrices whose product needs a buffer; small ones are multiplied without
-BLAS_PATIENCE = (
-    5.0  # CPU time after which a trial of BLAS counts as hanging; imports take 0.3 [s]
-)
+BLAS_NODES = 200
+"""Side of matrices whose product needs a buffer; smaller ones are multiplied without."""
 
-# What the libraries of a command take besides [bytes]; some of them abort where nothing is left.
+BLAS_PATIENCE = 5.0
+"""CPU time after which a trial of BLAS counts as hanging; its imports take 0.3 s [s]."""
+
 HEADROOM = 64 * MIB
+"""Memory that the other libraries of a command need; some abort if there is none [bytes]."""
 
-# What libraries say, in errors of other types than MemoryError, when the system gives no memory.
 SHORTAGE = re.compile(
     "failed to map segment|cannot allocate memory|can't start new thread", re.I
 )
+"""Messages of libraries whose error is no MemoryError although the system gave no memory."""
 
 
 def allowed() -> int:
-    """Return the memory that machine, container, batch job and shell allow here [bytes]."""
+    """Return the memory that machine, container, batch job and shell allow this process [bytes]."""
     limits = [os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")]
     for name in (
         "/sys/fs/cgroup/memory.max",
@@ -49,14 +50,11 @@ def allowed() -> int:
 
 
 def free() -> int:
-    """Return the memory that the system could give now [bytes]; all that is allowed if unknown."""
+    """Return the memory that the system can give now, or else what is `allowed` [bytes]."""
     with suppress(OSError, ValueError, IndexError):
-        told = (
-            Path("/proc/meminfo")
-            .read_text(encoding="ascii")
-            .partition("MemAvailable:")[2]
-        )
-        return int(told.split()[0]) * 1024
+        table = Path("/proc/meminfo").read_text(encoding="ascii")
+        kibibytes = table.partition("MemAvailable:")[2].split()[0]
+        return int(kibibytes) * 1024
     return allowed()
 
 
@@ -66,7 +64,7 @@ def is_shortage(error: BaseException) -> bool:
     Parameters
     ----------
     error : BaseException
-        MemoryError, or what Python raises for a library, a thread or a process without room.
+        MemoryError, or the error of a library, a thread or a process that found no memory.
 
     Returns
     -------
@@ -81,29 +79,23 @@ def is_shortage(error: BaseException) -> bool:
 
 
 def require_blas() -> None:
-    """Let BLAS take its buffers before any work, where the shell limits the address space.
+    """Let BLAS take its buffers before any work, if the shell limits the address space.
 
     OpenBLAS takes a buffer with its first large product, one in NumPy and one in SciPy, and keeps
-    it. Where there is no room for it, it ends the process or asks for ever. A child tries it first.
+    it. If there is no room for the buffer, OpenBLAS ends the process or asks for ever. A child
+    process therefore tries first.
 
     Raises
     ------
     MemoryError
-        If there is no room for the buffers, or none is left beside them.
+        If there is no room for the buffers, or less than `HEADROOM` beside them.
     """
     limit, _ = resource.getrlimit(resource.RLIMIT_AS)
     if limit == resource.RLIM_INFINITY:
         return
     child = os.fork()
     if child == 0:
-        try:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # OpenBLAS complains there
-            signal.signal(signal.SIGPROF, signal.SIG_DFL)
-            signal.setitimer(signal.ITIMER_PROF, BLAS_PATIENCE)
-            _use_blas()
-            os._exit(0)
-        finally:
-            os._exit(1)
+        _try_blas()
     _, status = os.waitpid(child, 0)
     if status:
         raise MemoryError(
@@ -113,13 +105,26 @@ def require_blas() -> None:
     try:
         mmap.mmap(-1, HEADROOM).close()
     except OSError:
-        raise MemoryError(
-            f"{size(HEADROOM)} are wanted besides NumPy and SciPy"
-        ) from None
+        needed = format_bytes(HEADROOM)
+        raise MemoryError(f"{needed} are wanted besides NumPy and SciPy") from None
+
+
+def _try_blas() -> NoReturn:
+    """Use BLAS in a child process and end it, with exit code 0 only if BLAS has its buffers."""
+    try:
+        os.dup2(
+            os.open(os.devnull, os.O_WRONLY), 2
+        )  # OpenBLAS complains on standard error
+        signal.signal(signal.SIGPROF, signal.SIG_DFL)
+        signal.setitimer(signal.ITIMER_PROF, BLAS_PATIENCE)
+        _use_blas()
+        os._exit(0)
+    finally:
+        os._exit(1)
 
 
 def _use_blas() -> None:
-    """Multiply matrices by each BLAS, which takes a buffer for it."""
+    """Multiply matrices by the BLAS of NumPy and of SciPy, which then hold a buffer."""
     import numpy as np
     from scipy.linalg.blas import dgemm
 
@@ -129,18 +134,41 @@ def _use_blas() -> None:
 
 
 def too_little_for_solve(shape: tuple[int, ...]) -> InputError:
-    """Return the error for a solve that ran out of memory, with what it needs and may take."""
+    """Return the error for a contact whose solve ran out of memory.
+
+    Parameters
+    ----------
+    shape : (int, int)
+        Number of nodes along x and y.
+
+    Returns
+    -------
+    InputError
+        With the memory that the contact needs and the memory that is allowed.
+    """
     needed = shape[0] * shape[1] * SOLVE_BYTES
     return InputError(
-        f"a contact of {shape[0]} x {shape[1]} nodes does not fit into memory: it needs about"
-        f" {size(needed)}, {size(allowed())} are allowed here, shared with all else; take fewer"
-        " nodes, or more memory for each process"
+        f"a contact of {shape[0]} x {shape[1]} nodes does not fit into memory: it needs"
+        f" about {format_bytes(needed)}, {format_bytes(allowed())} are allowed here, shared"
+        " with all else; take fewer nodes, or more memory for each process"
     )
 
 
-def size(count: float) -> str:
-    """Format a number of bytes with a suitable unit, as "330 bytes" or "1.5 GB"."""
-    for unit, bytes_of_one in (("TB", 1e12), ("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
-        if abs(count) >= bytes_of_one:
-            return f"{count / bytes_of_one:,.1f} {unit}"
+def format_bytes(count: float) -> str:
+    """Format a number of bytes with a unit.
+
+    Parameters
+    ----------
+    count : float
+        Number of bytes.
+
+    Returns
+    -------
+    str
+        Number with one decimal and the largest unit of which there is one, as "330 bytes" or
+        "1.5 GB"; a kB has 1000 bytes.
+    """
+    for unit, unit_bytes in (("TB", 1e12), ("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+        if abs(count) >= unit_bytes:
+            return f"{count / unit_bytes:,.1f} {unit}"
     return f"{count:.0f} bytes"

@@ -1,7 +1,7 @@
 """Everything that a command prints: lines, tables, progress, and commands as the user types them.
 
 Titles, names of files and messages of libraries come from strangers, and an escape sequence in one
-could forge a line of ours: every text that is printed passes through `printable`.
+could forge a line of ours. Every text that is printed therefore passes through `printable`.
 """
 
 import os
@@ -16,37 +16,66 @@ from typing import Any
 
 from gen.runtime.errors import InputError
 
-OUTPUT = "standard output"  # name of standard output in place of a file's name in errors
-LETTERS = 110  # letters of a name that fit into a line of a picture's title
+OUTPUT = "standard output"  # stands in errors where a file's name would stand
+LONGEST_NAME = 110  # letters of a name that fit into a line of a picture's title
 
 ENDLESS = (
-    1000  # width of a table in a file or a pipe, where no line is broken [characters]
+    1000  # width of a table that no terminal limits, so that no line is broken [letters]
 )
 LINE_SECONDS = 30.0  # time between two lines of progress in a batch log [s]
-RENEWAL = 0.1  # least time between two states of a line of progress on a terminal [s]
-CLEAR = "\r\x1b[K"  # what empties a terminal's line
-COMMAND = "asperity"  # name of the installed command, under which all programs run too
+RENEWAL = 0.1  # shortest time between two states of the line on a terminal [s]
+CLEAR = "\r\x1b[K"  # returns to the start of a terminal's line and empties it
+COMMAND = "asperity"  # installed command, which runs all programs
 
-LOST: list[OSError] = []
-"""Errors of standard output since the command began."""
+OUTPUT_ERRORS: list[OSError] = []
+"""Errors of standard output since the command began; `write_stream` adds to them."""
 
 
 def printable(text: str) -> str:
-    """Replace characters that control, end lines or turn the direction of writing by ?."""
+    """Replace characters that control, end a line or turn the direction of writing by "?".
+
+    Parameters
+    ----------
+    text : str
+        Text of any origin.
+
+    Returns
+    -------
+    str
+        Text of the same length.
+    """
     return "".join(character if character.isprintable() else "?" for character in text)
 
 
 def echo(line: str, *, err: bool = False) -> None:
-    """Print one line, on standard error if wanted."""
-    put(f"{printable(line)}\n", sys.stderr if err else sys.stdout)
+    """Print one line.
+
+    Parameters
+    ----------
+    line : str
+        Text without a line end; characters that are not `printable` become "?".
+    err : bool
+        Whether to print on standard error instead of standard output.
+    """
+    stream = sys.stderr if err else sys.stdout
+    write_stream(f"{printable(line)}\n", stream)
 
 
 def print_columns(
     rows: Iterable[Sequence[str]], titles: Sequence[str] = (), right: Collection[str] = ()
 ) -> None:
-    """Print rows of texts in columns; those whose titles are in `right` end at the right.
+    """Print rows of texts as a table on standard output.
 
-    The table is as wide as the terminal or, without one, as it needs.
+    The table is as wide as the terminal; in a file or a pipe it is as wide as it needs to be.
+
+    Parameters
+    ----------
+    rows : iterable of sequence of str
+        Texts of the cells, row by row.
+    titles : sequence of str
+        Titles of the columns. Without them the table has no header.
+    right : collection of str
+        Titles of the columns that are aligned at the right.
     """
     if sys.stdout is None:
         return
@@ -59,23 +88,30 @@ def print_columns(
         table.add_column(title, justify="right" if title in right else "left")
     for row in rows:
         table.add_row(*row)
-    console = Console(
-        width=None if sys.stdout.isatty() else ENDLESS, markup=False, emoji=False
-    )
-    pieces = [
-        Segment("\n".join(map(printable, piece.text.split("\n"))), piece.style)
-        for piece in console.render(table)
-    ]
+    width = None if sys.stdout.isatty() else ENDLESS
+    console = Console(width=width, markup=False, emoji=False)
+    segments = []
+    for segment in console.render(table):
+        lines = map(printable, segment.text.split("\n"))
+        segments.append(Segment("\n".join(lines), segment.style))
     with console.capture() as captured:
-        console.print(Segments(pieces), end="")
-    put(captured.get(), sys.stdout)
+        console.print(Segments(segments), end="")
+    write_stream(captured.get(), sys.stdout)
 
 
-def put(text: str, stream: Any, *, last: bool = False) -> None:
-    """Write a text without strangers' control characters on a standard stream, if there is one.
+def write_stream(text: str, stream: Any) -> None:
+    """Write a text on a standard stream and flush it, without raising an OSError.
 
-    Errors of standard error are ignored. The first one of standard output is raised by the `last`
-    call of a command, so that it writes its files although nobody reads what it prints any more.
+    An error of standard output is added to `OUTPUT_ERRORS`, so that a command writes its files
+    although nobody reads what it prints; `finish_output` raises it. Errors of standard error are
+    ignored.
+
+    Parameters
+    ----------
+    text : str
+        Text that has passed through `printable`.
+    stream : text file or None
+        `sys.stdout` or `sys.stderr`; None, as Python sets a closed stream, discards the text.
     """
     if stream is None:
         return
@@ -83,15 +119,32 @@ def put(text: str, stream: Any, *, last: bool = False) -> None:
         stream.write(text)
         stream.flush()
     except OSError as error:
-        drop(stream)
+        discard_pending(stream)
         if stream is not sys.stderr:
-            LOST.append(OSError(error.errno, error.strerror, OUTPUT))
-    if last and LOST:
-        raise LOST[0]
+            OUTPUT_ERRORS.append(OSError(error.errno, error.strerror, OUTPUT))
 
 
-def drop(stream: Any) -> None:
-    """Discard what a stream still holds, which Python would try to write again as it exits."""
+def finish_output() -> None:
+    """Flush standard output, and raise the first of its errors since the command began.
+
+    Raises
+    ------
+    OSError
+        With `OUTPUT` in place of a file's name; a BrokenPipeError if the reader has ended.
+    """
+    write_stream("", sys.stdout)
+    if OUTPUT_ERRORS:
+        raise OUTPUT_ERRORS[0]
+
+
+def discard_pending(stream: Any) -> None:
+    """Discard what a stream still holds, which Python would try to write again as it exits.
+
+    Parameters
+    ----------
+    stream : text file or None
+        A standard stream; it leads to the null device from then on.
+    """
     with suppress(OSError, ValueError, AttributeError):
         null = os.open(os.devnull, os.O_WRONLY)
         os.dup2(null, stream.fileno())
@@ -99,77 +152,169 @@ def drop(stream: Any) -> None:
 
 
 def shortened(name: str) -> str:
-    """Return a file's name with its middle left out if it is too long for a line."""
-    return (
-        name
-        if len(name) <= LETTERS
-        else f"{name[: LETTERS // 3]} ... {name[-LETTERS // 2 :]}"
-    )
+    """Return a file's name, with its middle left out if it is too long for a line.
+
+    Parameters
+    ----------
+    name : str
+        Name of any length.
+
+    Returns
+    -------
+    str
+        Name of at most about `LONGEST_NAME` letters.
+    """
+    if len(name) <= LONGEST_NAME:
+        return name
+    return f"{name[: LONGEST_NAME // 3]} ... {name[-LONGEST_NAME // 2 :]}"
 
 
-def shown(text: str, most: int = 60) -> str:
-    """Quote a text of the user's, shortened if it is too long to be typed by hand."""
-    return (
-        repr(text)
-        if len(text) <= most
-        else f"{text[:most]!r}... ({len(text)} characters)"
-    )
+def quoted(text: str, longest: int = 60) -> str:
+    """Put a text of the user's in quotation marks, and shorten a long one.
+
+    Parameters
+    ----------
+    text : str
+        Text of any length.
+    longest : int
+        Number of letters from which on only the beginning and the number of letters are given.
+
+    Returns
+    -------
+    str
+        The text as Python writes it.
+    """
+    if len(text) <= longest:
+        return repr(text)
+    return f"{text[:longest]!r}... ({len(text)} characters)"
 
 
-def brief(reasons: str) -> str:
-    """Shorten reasons to the first one and the number of the others, for a narrow column."""
-    first, _, others = reasons.partition("; ")
-    return f"{first}; and {others.count('; ') + 1} more" if others else first
+def first_reason(reasons: str) -> str:
+    """Shorten a list of reasons to the first one and the number of the others.
+
+    Parameters
+    ----------
+    reasons : str
+        Reasons, joined by "; ".
+
+    Returns
+    -------
+    str
+        Text for a narrow column, as "not resolved; and 2 more".
+    """
+    first, _, remaining = reasons.partition("; ")
+    if not remaining:
+        return first
+    return f"{first}; and {remaining.count('; ') + 1} more"
 
 
-def to_type(words: str) -> str:
-    """Return a command, as "gen info FILE" or "asperity gen info FILE", as the user can type it."""
-    started = Path(sys.argv[0])
-    if words.partition(" ")[0] == COMMAND:
+def command_to_type(words: str) -> str:
+    """Return a command as the user can type it where this process was started.
+
+    Parameters
+    ----------
+    words : str
+        Program, command and arguments, as "gen info FILE" or "asperity gen info FILE".
+
+    Returns
+    -------
+    str
+        The words after "asperity" if this process runs as that command, otherwise after
+        "python -m".
+    """
+    program = words.partition(" ")[0]
+    if program == COMMAND:
         return words
-    return f"{COMMAND if COMMAND in {started.name, started.parent.name} else 'python -m'} {words}"
+    script = Path(sys.argv[0])
+    if COMMAND in {script.name, script.parent.name}:
+        return f"{COMMAND} {words}"
+    return f"python -m {words}"
 
 
 class RunProgress(AbstractContextManager["RunProgress"]):
-    """Progress on standard error: on a terminal a line that renews itself, else one now and then.
+    """Progress on standard error: one line that renews itself on a terminal, else a line at times.
 
-    `noun` is the plural of a row, which words that tell it from others may follow; `work` is the
-    cost of all rows in any unit, from which the remaining time follows, by default their number.
+    Parameters
+    ----------
+    total : int
+        Number of rows to compute.
+    noun : str
+        Plural of a row, as "samples"; further words may follow it, as "fits of ridge".
+    work : float, optional
+        Cost of all rows, in any unit, from which the remaining time follows; by default `total`.
     """
 
     def __init__(
         self, total: int, noun: str = "samples", work: float | None = None
     ) -> None:
-        self._total, self._noun = total, noun
-        self._here = self._failed = 0
-        self._work, self._worked = float(total if work is None else work), 0.0
-        self._began = self._last = time.monotonic()
+        self._total = total
+        self._noun = noun
+        self._rows = 0
+        self._failed = 0
+        self._work = float(total if work is None else work)
+        self._worked = 0.0
+        self._began = time.monotonic()
+        self._printed = self._began
         self._renews = sys.stderr is not None and sys.stderr.isatty()
 
     def __exit__(self, *error: object) -> None:
         """Print a last line, but not above a refusal of the input."""
-        if self._here and not isinstance(error[1], InputError):
-            self.say()
+        if self._rows and not isinstance(error[1], InputError):
+            self.say(self._summary())
 
     def advance(self, rows: int, failed: int, work: float | None = None) -> None:
-        """Count rows that have been written, failed ones, and their cost (by default, 1 each)."""
-        self._here += rows
+        """Count rows that have been written, and print the progress if it is time to.
+
+        Parameters
+        ----------
+        rows : int
+            Number of new rows, failed ones included.
+        failed : int
+            Number of failed rows among them.
+        work : float, optional
+            Cost of the rows in the unit of the whole work; by default 1 a row.
+        """
+        self._rows += rows
         self._failed += failed
         self._worked += rows if work is None else work
-        if time.monotonic() >= self._last + (RENEWAL if self._renews else LINE_SECONDS):
-            self._last = time.monotonic()
-            self.say(renewed=self._renews)
+        pause = RENEWAL if self._renews else LINE_SECONDS
+        now = time.monotonic()
+        if now < self._printed + pause:
+            return
+        self._printed = now
+        if self._renews:
+            columns = shutil.get_terminal_size().columns - 1
+            self._print(self._summary()[:columns])
+        else:
+            self.say(self._summary())
 
-    def say(self, message: str = "", *, renewed: bool = False) -> None:
-        """Print a line, by default of rows, rate, failures and remaining time; or renew it."""
+    def say(self, message: str) -> None:
+        """Print a message as a line of its own, in place of the line that renews itself.
+
+        Parameters
+        ----------
+        message : str
+            Text without a line end.
+        """
+        self._print(message, end="\n")
+
+    def _print(self, line: str, end: str = "") -> None:
+        """Print a text at the start of a line; on a terminal it replaces what stands there."""
+        start = CLEAR if self._renews else ""
+        with suppress(ValueError):  # standard error has been closed
+            write_stream(f"{start}{printable(line)}{end}", sys.stderr)
+
+    def _summary(self) -> str:
+        """Return rows, share, rate, failures and remaining time as one line."""
         elapsed = max(time.monotonic() - self._began, 1e-9)
-        left = elapsed * (self._work / self._worked - 1) if self._worked else 0.0
-        line = message or (
-            f"{self._here} of {self._total} {self._noun} ({100 * self._here / self._total:.1f} %),"
-            f" {self._here / elapsed:.3g} {self._noun.partition(' ')[0]}/s,"
-            f" {self._failed} failed, {timedelta(seconds=round(max(left, 0.0)))} left"
+        seconds = 0.0
+        if self._worked:
+            seconds = elapsed * (self._work / self._worked - 1)
+        remaining = timedelta(seconds=round(max(seconds, 0.0)))
+        percent = 100 * self._rows / self._total
+        rate = self._rows / elapsed
+        row = self._noun.partition(" ")[0]
+        return (
+            f"{self._rows} of {self._total} {self._noun} ({percent:.1f} %),"
+            f" {rate:.3g} {row}/s, {self._failed} failed, {remaining} left"
         )
-        room = shutil.get_terminal_size().columns - 1 if renewed else None
-        with suppress(ValueError):
-            clear, end = CLEAR if self._renews else "", "" if renewed else "\n"
-            put(f"{clear}{printable(line)[:room]}{end}", sys.stderr)

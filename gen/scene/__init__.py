@@ -1,15 +1,15 @@
 """Scenes: the TOML files that describe a database, read and checked in this one room."""
 
-from gen.scene.faults import differences as differences
-from gen.scene.scene import ALL_COLUMNS as ALL_COLUMNS
+from gen.scene.columns import ALL_COLUMNS as ALL_COLUMNS
+from gen.scene.columns import columns_for as columns_for
+from gen.scene.columns import markdown_of_columns as markdown_of_columns
+from gen.scene.columns import parameter_columns as parameter_columns
+from gen.scene.columns import require_distinct_names as require_distinct_names
+from gen.scene.columns import row_bytes as row_bytes
+from gen.scene.columns import stored_columns as stored_columns
 from gen.scene.scene import Scene as Scene
-from gen.scene.scene import columns_for as columns_for
+from gen.scene.scene import differences as differences
 from gen.scene.scene import load as load
-from gen.scene.scene import markdown_of_columns as markdown_of_columns
-from gen.scene.scene import parameter_columns as parameter_columns
 from gen.scene.scene import preset_names as preset_names
-from gen.scene.scene import require_own_names as require_own_names
-from gen.scene.scene import row_bytes as row_bytes
-from gen.scene.scene import stored_columns as stored_columns
 from gen.scene.tables import Piece as Piece
 from gen.scene.tables import Store as Store

@@ -1,12 +1,11 @@
-"""Scenes: the tables of a TOML file that describe a database, and the columns that it gets."""
+"""Scenes: the tables of a TOML file that describe a database, and what makes two of them differ."""
 
 import hashlib
 import json
 import math
 import re
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Self
@@ -22,20 +21,28 @@ from pydantic import (
 from gen.distribution import Distribution, Table, conflict, limits
 from gen.generators import GENERATORS, Surface
 from gen.generators.scans import ScanSurface
-from gen.quantities import Powers, stored_quantities
 from gen.runtime.errors import InputError
 from gen.runtime.files import read_bytes
 from gen.runtime.terminal import printable
-from gen.scene.faults import DOTTED, first_fault
+from gen.scene.faults import Location, dotted, first_fault, shown
 from gen.scene.tables import UNITS, Contact, Delta, Load, Piece, Quantity, Store
-from gen.schema import CHECKSUM, COLUMNS, DRAWN_NAMES, REASON, RUNTIME, Column
-from gen.surface import DisplacedSurface, GeneratedSurface, Grid
+from gen.surface import DisplacedSurface, Grid
 
-INERT = {"samples", "title", "creator", "licence"}  # keys of a scene that change no row
+INERT = {"samples", "title", "creator", "licence"}
+"""Keys of a scene that change no row."""
 
-MOST_BYTES = (
-    200_000  # largest size of a scene's file, which has some hundreds but for its title
-)
+LARGEST_FILE = 200_000
+"""Largest size of a scene's file [bytes]. Without a long title it has some hundreds."""
+
+DEFAULT_GENERATOR = GENERATORS[0].NAMES[0]
+"""Generator of a scene that names none."""
+
+SLOW_KEY = re.compile(r"(?:\.[^=.,\n]*+){100}")
+"""A key of TOML that would keep its parser busy, as the time grows with the square of its dots."""
+
+
+SOURCE_HASHES: set[Location] = {("surface", "source"), ("store", "source")}
+"""Keys with the hash of the source of a user's function, whose values tell people nothing."""
 
 
 class Scene(Table):
@@ -71,32 +78,23 @@ class Scene(Table):
         """Complete a scene by what follows from its other keys."""
         if not isinstance(content, dict):
             return content
-        content, generator = dict(content), GENERATORS[0].NAMES[0]
-        if isinstance(surface := content.get("surface"), dict):
-            content["surface"] = surface = {"generator": generator, **surface}
-            generator = surface["generator"]
-        # A window is a piece of a larger surface: it has no edges.
-        windows = generator in ScanSurface.NAMES or isinstance(surface, ScanSurface)
-        if isinstance(contact := content.get("contact", {}), dict):
-            contact = {"boundary": "mirror", **contact} if windows else contact
-            edgeless = contact.get("boundary", "free") != "free"
-            content["contact"] = {"spacing": "side/n", **contact} if edgeless else contact
-        if not windows and content.keys().isdisjoint({"delta", "load"}):
-            content["delta"] = Delta()
-        return content
+        completed = dict(content)
+        surface = completed.get("surface")
+        if isinstance(surface, dict):
+            surface = {"generator": DEFAULT_GENERATOR, **surface}
+            completed["surface"] = surface
+        windows = _are_windows(surface)
+        contact = completed.get("contact", {})
+        if isinstance(contact, dict):
+            completed["contact"] = _completed_contact(contact, windows=windows)
+        if not windows and "delta" not in completed and "load" not in completed:
+            completed["delta"] = Delta()
+        return completed
 
     @model_validator(mode="after")
     def _require_what_goes_together(self) -> Self:
         """Refuse loads that the contact cannot have, and surfaces that cannot be made."""
-        if self.delta is None and self.load is None:
-            raise conflict(
-                "surfaces of scans need loads: give [load], as quantity = 'pressure/(E* slope_rms)'"
-                " and range = { log_uniform = [0.003, 0.1] }"
-            )
-        if (self.delta is None) == (self.load is None):
-            raise conflict(
-                "[delta] and [load] both say what the loads are: give one of them"
-            )
+        self._require_one_table_of_loads()
         if self.contact.far_field == "compliant" and not self.quantity.startswith(
             "delta"
         ):
@@ -105,31 +103,50 @@ class Scene(Table):
                 " 'compliant'"
             )
         if isinstance(self.surface, ScanSurface) and self.surface.found is None:
-            return self  # a run has to find the maps first
-        if fault := self.surface.fault_on(self.grid):
+            return self  # a run has to find the maps before the grid is known
+        fault = self.surface.fault_on(self.grid)
+        if fault:
             raise conflict(f"surface: {fault}")
+        self._require_loads_that_yielding_bodies_carry()
+        return self
+
+    def _require_one_table_of_loads(self) -> None:
+        """Refuse a scene with both tables of loads, or with none."""
+        if self.delta is None and self.load is None:
+            raise conflict(
+                "surfaces of scans need loads: give [load], as quantity = 'pressure/(E* slope_rms)'"
+                " and range = { log_uniform = [0.003, 0.1] }"
+            )
+        if self.delta is not None and self.load is not None:
+            raise conflict(
+                "[delta] and [load] both say what the loads are: give one of them"
+            )
+
+    def _require_loads_that_yielding_bodies_carry(self) -> None:
+        """Refuse pressures or forces that are all above what the largest hardness carries."""
         hardness = self.contact.hardness_limits
         if hardness is None or self.quantity not in {"pressure", "force"}:
-            return self
-        patch = (
-            math.prod((*self.grid.shape, *self.grid.spacing))
-            if self.quantity == "force"
-            else 1.0
-        )
-        least = min(limits(piece.range)[0] for piece in self.pieces)
-        if least >= hardness[1] * patch:
+            return
+        carried = hardness[1]
+        if self.quantity == "force":
+            carried *= math.prod((*self.grid.shape, *self.grid.spacing))
+        smallest = min(limits(piece.range)[0] for piece in self.pieces)
+        if smallest >= carried:
             raise conflict(
-                f"load: every {self.quantity} is {least:g} {self.load_unit} or more; the patch with"
-                f" a hardness of up to {hardness[1]:g} MPa carries less than"
-                f" {hardness[1] * patch:g} {self.load_unit}"
+                f"load: every {self.quantity} is {smallest:g} {self.load_unit} or more; the patch"
+                f" with a hardness of up to {hardness[1]:g} MPa carries less than"
+                f" {carried:g} {self.load_unit}"
             )
-        return self
 
     @model_serializer(mode="wrap")
     def _without_absent_keys(
         self, handler: SerializerFunctionWrapHandler
     ) -> dict[str, Any]:
-        """Leave out absent keys, and free boundaries unless another one is the default."""
+        """Return the keys of a scene without absent ones, and without free boundaries.
+
+        A free boundary is written where it is not the default, which is on pieces of larger
+        surfaces.
+        """
         content: dict[str, Any] = handler(self)
         if self.contact.boundary == "free" and not self.surface.PLACES:
             content.get("contact", {}).pop("boundary", None)
@@ -154,13 +171,17 @@ class Scene(Table):
 
     @property
     def grid(self) -> Grid:
-        """The grid that surfaces are made on; only free patches may have MIRCO's side/n."""
-        boundary, spacing = self.contact.boundary, self.contact.spacing
-        cells = boundary != "free" or spacing == "side/n"
-        (nx, ny), (x, y) = self.surface.patch(boundary, cells=cells)
-        return Grid(
-            (nx, ny), (x, y), (x / (nx - (not cells)), y / (ny - (not cells))), boundary
-        )
+        """The grid that surfaces are made on.
+
+        The sides hold a whole number of cells with a node each on patches without edges, and on
+        free ones with MIRCO's spacing side/n. Otherwise they reach from the first to the last node.
+        """
+        boundary = self.contact.boundary
+        cells = boundary != "free" or self.contact.spacing == "side/n"
+        shape, sides = self.surface.patch(boundary, cells=cells)
+        intervals = [nodes if cells else nodes - 1 for nodes in shape]
+        spacing = (sides[0] / intervals[0], sides[1] / intervals[1])
+        return Grid(shape, sides, spacing, boundary)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -179,6 +200,8 @@ class Scene(Table):
 
     def resolved(self, home: Path | None = None) -> Self:
         """Complete a scene by hashes of the files and sources that its surfaces depend on.
+
+        The files are read, and what is prepared of them is written into `home`.
 
         Parameters
         ----------
@@ -199,7 +222,7 @@ class Scene(Table):
         surface = self.surface.resolved(home)
         if surface is self.surface:
             return self
-        # Read anew: some rules of a scene need what has been found, as the spacing of maps.
+        # Some rules need what is known only now, as the spacing of maps: check the scene again.
         text = self.model_copy(update={"surface": surface}).text()
         return self.from_text(text, "the scene with its maps")
 
@@ -236,9 +259,14 @@ class Scene(Table):
         """
         content = json.loads(self.text())
         surface = content["surface"]
-        surface.get("parameters", surface).update(values)
-        surface |= {} if nodes is None else {"nodes": nodes}
-        content |= {} if seed is None else {"seed": seed}
+        parameters = surface.get(
+            "parameters", surface
+        )  # a user's generator has such a table
+        parameters.update(values)
+        if nodes is not None:
+            surface["nodes"] = nodes
+        if seed is not None:
+            content["seed"] = seed
         return self.from_text(json.dumps(content), "the values asked for")
 
     def with_powers_of(self, recorded: Self) -> Self:
@@ -288,14 +316,12 @@ class Scene(Table):
             If the text is not TOML, is empty or nested too deeply, or has a key or a value that is
             not allowed.
         """
-        if DOTTED.search(text):
+        if SLOW_KEY.search(text):
             raise InputError(f"{source}: not TOML of a scene: it has a key of 100 dots")
         try:
             content = tomllib.loads(text)
-        except (
-            ValueError,
-            RecursionError,
-        ) as error:  # whole numbers of over 4,300 digits too
+        except (ValueError, RecursionError) as error:
+            # ValueError is raised for whole numbers of over 4,300 digits too.
             raise InputError(printable(f"{source}: not TOML: {error}")) from None
         return cls._validated(content, source, folder)
 
@@ -330,9 +356,12 @@ class Scene(Table):
 
     @classmethod
     def _validated(cls, content: object, source: str, folder: Path | None = None) -> Self:
-        """Make a scene of nested tables, and name the first fault if that is impossible."""
+        """Make a scene of nested tables; raise InputError with the first fault of wrong ones.
+
+        `source` is the scene's name in messages, `folder` the folder that names of maps start from.
+        """
+        context = None if folder is None else {"folder": folder}
         try:
-            context = None if folder is None else {"folder": folder}
             return cls.model_validate(content, context=context)
         except ValidationError as error:
             raise InputError(printable(f"{source}: {first_fault(error, cls)}")) from None
@@ -364,9 +393,8 @@ class Scene(Table):
         str
             The hash in hexadecimal digits.
         """
-        return hashlib.sha256(
-            json.dumps(self.relevant(), sort_keys=True).encode()
-        ).hexdigest()
+        text = json.dumps(self.relevant(), sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()
 
     def relevant(self) -> dict[str, Any]:
         """Return the keys that change results.
@@ -377,18 +405,37 @@ class Scene(Table):
             Tables and keys with their values.
         """
         content = self.model_dump(exclude=INERT, exclude_none=True)
-        content["store"].pop(
-            "powers", None
-        )  # they are measured, and follow from the other keys
-        return {**content, "surface": self.surface.relevant(content["surface"])}
+        # Powers are measured, and follow from the other keys.
+        content["store"].pop("powers", None)
+        content["surface"] = self.surface.relevant(content["surface"])
+        return content
+
+
+def _are_windows(surface: object) -> bool:
+    """Return whether the surfaces are windows of scans, which have no edges.
+
+    `surface` is a table with its generator, a read surface, or None for the default.
+    """
+    if isinstance(surface, dict):
+        return surface["generator"] in ScanSurface.NAMES
+    return isinstance(surface, ScanSurface)
+
+
+def _completed_contact(contact: dict[str, Any], *, windows: bool) -> dict[str, Any]:
+    """Return the table of the contact with the defaults of windows and of patches without edges."""
+    completed = dict(contact)
+    if windows:
+        completed.setdefault("boundary", "mirror")
+    if completed.get("boundary", "free") != "free":
+        completed.setdefault("spacing", "side/n")
+    return completed
 
 
 def preset_names() -> tuple[str, ...]:
     """Return the names of the scenes that are shipped in `gen/scenes`, in alphabetical order."""
-    names = (entry.name for entry in (files("gen") / "scenes").iterdir())
-    return tuple(
-        sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
-    )
+    names = [entry.name for entry in (files("gen") / "scenes").iterdir()]
+    scenes = [name.removesuffix(".toml") for name in names if name.endswith(".toml")]
+    return tuple(sorted(scenes))
 
 
 def load(name_or_path: str) -> Scene:
@@ -414,215 +461,76 @@ def load(name_or_path: str) -> Scene:
     if re.fullmatch(r"[\w-]+", name_or_path) and preset.is_file():
         return Scene.parse(preset.read_text(encoding="utf-8"), f"scene {name_or_path}")
     try:
-        text = read_bytes(Path(name_or_path), MOST_BYTES).decode(
-            "utf-8-sig"
-        )  # some editors' mark
-    except FileNotFoundError:
-        reason = "neither a file nor a preset"
-    except UnicodeDecodeError as error:
-        reason = (
-            f"not UTF-8 text (byte {error.start} is {error.object[error.start]:#04x})"
-        )
-    except (
-        ValueError
-    ) as error:  # no regular file, too large, a null character in the path
-        reason = str(error)
-    else:
-        return Scene.parse(text, name_or_path, Path(name_or_path).parent)
-    presets = f"give a preset ({', '.join(preset_names())}) or the path of a TOML file"
-    raise InputError(printable(f"scene {name_or_path!r}: {reason}; {presets}"))
+        path = Path(name_or_path)
+        # Some editors begin a file with a mark, which utf-8-sig leaves out.
+        text = read_bytes(path, LARGEST_FILE).decode("utf-8-sig")
+    except (FileNotFoundError, ValueError) as error:
+        presets = ", ".join(preset_names())
+        raise InputError(
+            printable(
+                f"scene {name_or_path!r}: {_reason_of(error)}; give a preset ({presets}) or the"
+                " path of a TOML file"
+            )
+        ) from None
+    return Scene.parse(text, name_or_path, path.parent)
 
 
-ARGUMENTS = (
-    "shape",
-    "spacing",
-    "rng",
-)  # of a user's generator, no names of its parameters
+def _reason_of(error: Exception) -> str:
+    """Say why the text of a scene's file cannot be read.
 
-TAKEN = "is the name of something else; give a name of your own"
+    A ValueError has the reason in its own words: the path is not that of a regular file, or the
+    file is too large.
+    """
+    if isinstance(error, FileNotFoundError):
+        return "neither a file nor a preset"
+    if isinstance(error, UnicodeDecodeError):
+        byte = error.object[error.start]
+        return f"not UTF-8 text (byte {error.start} is {byte:#04x})"
+    return str(error)
 
 
-def columns_of_generators(
-    generators: Sequence[type[GeneratedSurface]] = GENERATORS,
-) -> tuple[Column, ...]:
-    """Return the columns of generators: where surfaces were taken from, and parameters.
+def differences(
+    in_file: Scene,
+    asked_for: Scene,
+    places: tuple[str, str] = ("in the file", "asked for"),
+) -> list[str]:
+    """List the keys that change results and differ between two scenes.
 
     Parameters
     ----------
-    generators : sequence of type
-        Tables of surfaces; all that there are by default.
+    in_file, asked_for : Scene
+        The scenes.
+    places : tuple of two str
+        Where the values of the first and of the second scene stand, in words.
 
     Returns
     -------
-    tuple of Column
-        A column for each name, with the words of the first generator that has it.
-
-    Raises
-    ------
-    ValueError
-        If two generators share a name, and state two units for it.
+    list of str
+        A line for each key, as "seed: 1 in the file, 2 asked for".
     """
-    columns: dict[str, Column] = {}
-    owners: dict[str, list[str]] = {}
-    for table in generators:
-        for column in _columns_of(table):
-            first = columns.setdefault(column.name, column)
-            if (column.unit, column.dtype) != (first.unit, first.dtype):
-                raise ValueError(
-                    f"the generators {owners[column.name][0]} and `{table.NAMES[0]}` share the"
-                    f" parameter {column.name}, one in {first.unit!r}, the other in"
-                    f" {column.unit!r}: give it one unit, or two names"
-                )
-            owners.setdefault(column.name, []).extend(f"`{name}`" for name in table.NAMES)
-    for name, column in columns.items():
-        *others, last = owners[name]
-        condition = f"the generator {last}"
-        if others:
-            condition = f"the generators {', '.join(others)} and {last}"
-        columns[name] = replace(column, optional=condition)
-    return tuple(sorted(columns.values(), key=lambda column: column.dtype != "i4"))
-
-
-def _columns_of(table: type[GeneratedSurface]) -> Iterator[Column]:
-    """Yield the columns of one generator."""
-    for name, words in table.PLACES.items():
-        yield Column(name, "i4", "1", words)
-    for name, (unit, words, span) in table.PARAMETERS.items():
-        yield Column(DRAWN_NAMES.get(name, name), "f8", unit, words, paper_range=span)
-
-
-_PLACE = [column.name for column in COLUMNS].index("surface") + 1
-ALL_COLUMNS = (*COLUMNS[:_PLACE], *columns_of_generators(), *COLUMNS[_PLACE:])
-"""Every column that a database can have, in the order of the file."""
-
-
-def markdown_of_columns() -> list[str]:
-    """Return the lines of a table of all columns, with their units and meanings, in Markdown."""
-    lines = ["| Column | Unit | Meaning | Paper's range |", "|---|---|---|---|"]
-    for each in ALL_COLUMNS:
-        span = "{:g} to {:g}".format(*each.paper_range) if each.paper_range else ""
-        nodes = ", nx x ny per sample" if each.shape_of else ""
-        cost = f", costs {each.cost}" if each.cost else ""
-        condition = f" (with {each.optional}{cost})" if each.optional else ""
-        meaning = each.long_name + nodes + condition
-        lines.append(f"| `{each.path}` | {each.unit} | {meaning} | {span} |")
+    first_values = dict(_leaves(in_file.relevant()))
+    second_values = dict(_leaves(asked_for.relevant()))
+    lines = []
+    for location in first_values | second_values:
+        first = first_values.get(location)
+        second = second_values.get(location)
+        if first == second:
+            continue
+        if location in SOURCE_HASHES and first is not None and second is not None:
+            change = "the source of the function's module has changed"
+        else:
+            change = f"{shown(first)} {places[0]}, {shown(second)} {places[1]}"
+        lines.append(f"{dotted(location)}: {change}")
     return lines
 
 
-RESERVED = frozenset(
-    (
-        *(column.name for column in ALL_COLUMNS),
-        *DRAWN_NAMES,
-        RUNTIME,
-        "sample",
-        "x",
-        "y",
-        "area",
-    )
-)
-"""Names that outputs of a user's function cannot have: columns, dimensions, groups and targets."""
-
-
-def columns_for(scene: Scene) -> tuple[Column, ...]:
-    """Return the columns that a scene's rows are computed with: common, asked for, the user's own.
-
-    They are in the order of the file, which has the rows' checksums besides: see `stored_columns`.
-    """
-    store, contact = scene.store, scene.contact
-    parameters = [DRAWN_NAMES.get(name, name) for name in scene.surface.drawn()]
-    asked_for = {*parameters, *scene.surface.PLACES}
-    asked_for |= {name for name, wanted in store if wanted is True}
-    asked_for |= {"load"} if scene.quantity != "delta" else set()
-    if contact.hardness_limits is not None:
-        asked_for |= {
-            quantity.name for quantity in stored_quantities() if quantity.needs_hardness
-        }
-        asked_for |= {"hardness"} if contact.draws_hardness else set()
-    words = {column.name: column for column in _columns_of(type(scene.surface))}
-    chosen = []
-    for column in ALL_COLUMNS:
-        if column.optional and column.name not in asked_for:
-            continue
-        if column.name == "load":
-            chosen.append(replace(column, unit=scene.load_unit, long_name=scene.quantity))
-        elif column.name in words:  # other generators may say it in other words
-            chosen.append(replace(words[column.name], optional=column.optional))
-        else:
-            chosen.append(column)
-    names = [column.name for column in chosen]
-    own = tuple(
-        Column(name, "f8", "1", f"parameter of {scene.surface.generator}")
-        for name in parameters
-        if name not in names
-    )
-    place = names.index("surface") + 1
-    last = next(index for index, column in enumerate(chosen) if column.group)
-    outputs = _columns_of_outputs(store)
-    return (*chosen[:place], *own, *chosen[place:last], *outputs, *chosen[last:])
-
-
-def _columns_of_outputs(store: Store) -> tuple[Column, ...]:
-    """Return the columns of the outputs of a user's function."""
-    powers = store.powers or {}
-    return tuple(
-        Column(
-            name,
-            "f8",
-            unit,
-            f"output of {store.function}",
-            bounds=store.bounds(name),
-            powers=Powers(*powers[name]) if name in powers else None,
-            measured=True,
-        )
-        for name, unit in (store.outputs or {}).items()
-    )
-
-
-def stored_columns(scene: Scene, *, checksums: bool = True) -> tuple[Column, ...]:
-    """Return the columns of a scene's database in the file's order.
-
-    Parameters
-    ----------
-    scene : Scene
-        Scene of the database.
-    checksums : bool
-        Whether the database has a checksum for each row: new ones do, older ones do not.
-
-    Returns
-    -------
-    tuple of Column
-        Those of `columns_for`, with the checksum behind the reason.
-    """
-    columns = columns_for(scene)
-    if not checksums:
-        return columns
-    place = columns.index(REASON) + 1
-    return (*columns[:place], CHECKSUM, *columns[place:])
-
-
-def parameter_columns(scene: Scene) -> dict[str, str]:
-    """Return the columns of the parameters of a scene's surfaces, by the parameters' names."""
-    return {name: DRAWN_NAMES.get(name, name) for name in scene.surface.drawn()}
-
-
-def require_own_names(scene: Scene) -> None:
-    """Refuse parameters and outputs of a user's functions that have the names of other columns."""
-    known = {name for table in GENERATORS for name in table.PARAMETERS}
-    for name in scene.surface.drawn():
-        if name in RESERVED - known or name in ARGUMENTS:
-            raise InputError(f"surface.parameters.{name}: {name} {TAKEN}, as own_{name}")
-    for name in scene.store.outputs or ():
-        if name in RESERVED or name in scene.drawn_parameters:
-            raise InputError(f"store.outputs.{name}: {name} {TAKEN}, as own_{name}")
-    outputs = scene.store.outputs
-    for name in (*(scene.store.least or ()), *(scene.store.most or ())):
-        if outputs is not None and name not in outputs:
-            raise InputError(
-                f"store: {name} has bounds; the outputs are {', '.join(outputs)}"
-            )
-
-
-def row_bytes(scene: Scene) -> int:
-    """Return the size of one row of a scene's new database, all columns together [bytes]."""
-    grid = scene.grid.shape
-    return sum(column.row_bytes(grid) for column in stored_columns(scene))
+def _leaves(value: object, location: Location = ()) -> Iterator[tuple[Location, object]]:
+    """Yield the location of every single value of nested tables and arrays, and the value."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from _leaves(inner, (*location, name))
+    elif isinstance(value, tuple):
+        for index, inner in enumerate(value):
+            yield from _leaves(inner, (*location, index))
+    else:
+        yield location, value

@@ -38,11 +38,12 @@ UNITS: dict[Quantity, str] = {
 HARDNESS = (
     "a finite number above 0, or [low, high] with 0 < low <= high [{}], or a distribution"
 )
+"""Allowed hardnesses in words, with a place for their unit."""
+
 PIECES = "one or more { share = ..., range = [low, high] }, their shares sum to 1"
 
-Unit = Annotated[
-    str, Field(pattern=r"^[^\p{C}\p{Zl}\p{Zp}]{1,20}$")
-]  # in one line of a table
+Unit = Annotated[str, Field(pattern=r"^[^\p{C}\p{Zl}\p{Zp}]{1,20}$")]
+"""Unit of a user's output, which fits into one line of a table."""
 
 
 class Contact(Table):
@@ -76,26 +77,29 @@ class Contact(Table):
     def _require_what_goes_together(self) -> Self:
         """Refuse what a patch without edges does not have, and impossible hardnesses."""
         if self.boundary != "free":
-            cells = {
-                "spacing": "side/n",
-                "far_field": "rigid",
-                "kernel": "uniform-pressure",
-            }
-            for name, allowed in cells.items():
-                if (given := getattr(self, name)) != allowed:
-                    said = f"boundary = '{self.boundary}' needs {name} = '{allowed}', not '{given}'"
-                    raise conflict(said)
+            self._require("spacing", "side/n")
+            self._require("far_field", "rigid")
+            self._require("kernel", "uniform-pressure")
         if self.hardness is not None and self.hardness_ratio is not None:
             raise conflict(
                 "hardness [MPa] and hardness_ratio [E*] are both given: give one"
             )
-        if (limits := self.hardness_limits) is None:
+        if self.hardness_limits is None:
             return self
         if self.far_field == "compliant":
             raise conflict("a hardness needs far_field = 'rigid', not 'compliant'")
-        if not all(sys.float_info.min <= limit <= sys.float_info.max for limit in limits):
-            raise conflict("the hardness is beyond what numbers hold [MPa]")
+        for limit in self.hardness_limits:
+            if not sys.float_info.min <= limit <= sys.float_info.max:
+                raise conflict("the hardness is beyond what numbers hold [MPa]")
         return self
+
+    def _require(self, key: str, allowed: str) -> None:
+        """Refuse every value of a key but the only one that a patch without edges allows."""
+        value = getattr(self, key)
+        if value != allowed:
+            raise conflict(
+                f"boundary = '{self.boundary}' needs {key} = '{allowed}', not '{value}'"
+            )
 
     @property
     def e_star(self) -> float:
@@ -104,28 +108,34 @@ class Contact(Table):
 
     @property
     def hardness_unit(self) -> float:
-        """Unit of the hardness as it is given: E* for a ratio, otherwise 1 [MPa]."""
-        return 1.0 if self.hardness_ratio is None else self.e_star
+        """Pressure that the hardness counts in: E* for a ratio, otherwise 1 MPa [MPa]."""
+        if self.hardness_ratio is None:
+            return 1.0
+        return self.e_star
 
     @property
     def hardness_limits(self) -> tuple[float, float] | None:
         """Smallest and largest hardness [MPa], equal for a fixed one; None for elastic bodies."""
-        if (given := self.hardness or self.hardness_ratio) is None:
+        hardness = self.hardness or self.hardness_ratio
+        if hardness is None:
             return None
-        low, high = limits(given)
+        low, high = limits(hardness)
         return low * self.hardness_unit, high * self.hardness_unit
 
     @property
     def doubts(self) -> list[str]:
-        """What no solid has; hardnesses in shares of E* are taken as they are."""
-        if self.hardness is None and self.modulus == 1.0:  # nothing was given
+        """One line about a modulus and a hardness that no solid has together, or none.
+
+        Hardnesses in shares of E* are not doubted.
+        """
+        if self.hardness is None and not self.has_modulus:
             return []
         ends = (None,) if self.hardness is None else limits(self.hardness)
-        return [
-            line
-            for end in ends
-            for line in material_doubts(Bodies(self.e_star, end, self.has_modulus))
-        ][:1]
+        for hardness in ends:
+            doubts = material_doubts(Bodies(self.e_star, hardness, self.has_modulus))
+            if doubts:
+                return doubts
+        return []
 
     @property
     def has_modulus(self) -> bool:
@@ -139,8 +149,8 @@ class Contact(Table):
     @property
     def draws_hardness(self) -> bool:
         """Whether every sample has a hardness of its own."""
-        given = self.hardness or self.hardness_ratio
-        return given is not None and is_drawn(given)
+        hardness = self.hardness or self.hardness_ratio
+        return hardness is not None and is_drawn(hardness)
 
 
 class Piece(Table):
@@ -152,25 +162,26 @@ class Piece(Table):
     range: AtLeastZero = Field(description=SPANNED)
 
 
-def _whole(pieces: tuple[Piece, ...]) -> tuple[Piece, ...]:
-    """Refuse pieces whose shares do not sum to 1."""
+def _shares_of_one(pieces: tuple[Piece, ...]) -> tuple[Piece, ...]:
+    """Return the pieces; refuse them if their shares do not sum to 1."""
     total = sum(piece.share for piece in pieces)
     if abs(total - 1.0) > 1e-9:
         raise ValueError(f"the shares sum to {total:.10g}")
     return pieces
 
 
-Pieces = Annotated[tuple[Piece, ...], Strict(False), AfterValidator(_whole)]
+Pieces = Annotated[tuple[Piece, ...], Strict(False), AfterValidator(_shares_of_one)]
 
 
-def _of_one_range(content: Any) -> Any:
-    """Read the range of a table of loads as one piece."""
-    if isinstance(content, dict) and "range" in content:
-        if "pieces" in content:
-            raise conflict("range and pieces are both given: give one")
-        rest = {name: value for name, value in content.items() if name != "range"}
-        return rest | {"pieces": [{"share": 1.0, "range": content["range"]}]}
-    return content
+def _with_pieces(content: Any) -> Any:
+    """Return the content of a table of loads with one piece in place of its key `range`."""
+    if not isinstance(content, dict) or "range" not in content:
+        return content
+    if "pieces" in content:
+        raise conflict("range and pieces are both given: give one")
+    completed = dict(content)
+    completed["pieces"] = [{"share": 1.0, "range": completed.pop("range")}]
+    return completed
 
 
 class Delta(Table):
@@ -184,7 +195,7 @@ class Delta(Table):
         description=f"range = [low, high], or pieces: {PIECES}",
     )
 
-    _range = model_validator(mode="before")(_of_one_range)
+    _range = model_validator(mode="before")(_with_pieces)
 
 
 class Load(Table):
@@ -197,20 +208,19 @@ class Load(Table):
     quantity: Quantity
     pieces: Pieces = Field(description=f"range = [low, high], or pieces: {PIECES}")
 
-    _range = model_validator(mode="before")(_of_one_range)
+    _range = model_validator(mode="before")(_with_pieces)
 
 
-# A later flag: absent where it is off, so that it changes no scene that does not set it.
-Flag = Annotated[bool | None, AfterValidator(lambda wanted: wanted or None)]
+Flag = Annotated[bool | None, AfterValidator(lambda on: on or None)]
+"""Flag of `[store]` that is absent where it is off, so that it changes no scene without it."""
 
 
 def _keys_of_quantities() -> type[Table]:
-    """Make the keys of `[store]` that ask for a quantity of contacts each."""
-    keys: dict[str, Any] = {
-        quantity.name: (bool, False) if quantity.early else (Flag, None)
-        for quantity in stored_quantities()
-        if quantity.stored == "asked"
-    }
+    """Make a table with the keys of `[store]` that ask for a quantity of contacts each."""
+    keys: dict[str, Any] = {}  # types and defaults
+    for quantity in stored_quantities():
+        if quantity.stored == "asked":
+            keys[quantity.name] = (bool, False) if quantity.early else (Flag, None)
     return create_model("StoredQuantities", __base__=Table, **keys)
 
 
@@ -227,7 +237,7 @@ class Store(StoredQuantities):
         default=None,
         description=f"{FUNCTION_WORDS}, whose outputs of each contact become columns",
     )
-    # Without it the first contact's outputs count; every database records them.
+    # Without this key the outputs of the first contact count. Every database records them.
     outputs: (
         Annotated[dict[str, Unit], Field(min_length=1), AfterValidator(named)] | None
     ) = Field(
@@ -240,7 +250,7 @@ class Store(StoredQuantities):
     most: dict[str, float] | None = Field(
         default=None, description="a table of bounds of outputs, { name = largest value }"
     )
-    # Both are written when a run begins. Powers are measured, and change no row.
+    # A run writes the powers and the source when it begins. Powers are measured, and change no row.
     powers: dict[str, Annotated[tuple[int, int, int], Strict(False)]] | None = Field(
         default=None,
         description="a table of powers of heights, lengths and E*, { name = [1, 1, 1] }",
@@ -251,23 +261,46 @@ class Store(StoredQuantities):
 
     @model_validator(mode="after")
     def _require_function(self) -> Self:
-        """Refuse outputs of no function."""
+        """Refuse keys about outputs without a function that has outputs, and crossed bounds."""
         for name in ("outputs", "powers", "source", "least", "most"):
             if self.function is None and getattr(self, name) is not None:
                 raise conflict(f"{name} needs function, which gives them")
         for name in self.least or ():
-            least, most = self.bounds(name)
-            if not least < most:
-                said = f"least.{name} = {least:g} is not below most.{name} = {most:g}"
-                raise conflict(said)
+            low, high = self.bounds(name)
+            if not low < high:
+                raise conflict(
+                    f"least.{name} = {low:g} is not below most.{name} = {high:g}"
+                )
         return self
 
     def wants(self, quantity: str) -> bool:
-        """Return whether the column of an optional quantity is asked for."""
+        """Return whether the column of an optional quantity is asked for.
+
+        Parameters
+        ----------
+        quantity : str
+            Name of the quantity, which is a key of the table.
+
+        Returns
+        -------
+        bool
+            Whether the key is true.
+        """
         return bool(getattr(self, quantity))
 
     def bounds(self, name: str) -> tuple[float, float]:
-        """Return the least and the largest value of an output, infinite where none is stated."""
-        return (self.least or {}).get(name, -math.inf), (self.most or {}).get(
-            name, math.inf
-        )
+        """Return the bounds of an output of the function.
+
+        Parameters
+        ----------
+        name : str
+            Name of the output.
+
+        Returns
+        -------
+        tuple of two float
+            Least and largest value, infinite where the scene states none.
+        """
+        low = (self.least or {}).get(name, -math.inf)
+        high = (self.most or {}).get(name, math.inf)
+        return low, high

@@ -14,7 +14,7 @@ import typer
 from gen.runtime.command_line import Trust, grouped
 from gen.runtime.errors import InputError
 from gen.runtime.files import check_folder, lock_folder
-from gen.runtime.terminal import echo, to_type
+from gen.runtime.terminal import command_to_type, echo
 from learn.commands.fit import (
     SEEDS,
     AreaMax,
@@ -160,7 +160,7 @@ def _led(
                 echo(f"stopped by {name}; the same command goes on with what is left")
                 return 128 + number
             shown = _write_and_print(output, pictures=False)
-            echo(f"pictures: {to_type(f'learn show {output}')}")
+            echo(f"pictures: {command_to_type(f'learn show {output}')}")
             for each in shown if work is jobs.tune else ():
                 for row, said in tables.no_better_than_constant(each):
                     if row["result"] == "tuned" and row["model"] in (

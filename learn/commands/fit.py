@@ -12,7 +12,7 @@ import typer
 from gen.runtime.command_line import Trust, grouped
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, check_outputs
-from gen.runtime.terminal import echo, to_type
+from gen.runtime.terminal import command_to_type, echo
 
 if TYPE_CHECKING:
     from learn.dataset import Request
@@ -153,7 +153,7 @@ def fit(
             note("stopped; the same command goes on with what is left")
             return 128 + interruption.signal
         surrogate.save(output)
-        echo(f"wrote {output}: {to_type(f'learn card {output}')}")
+        echo(f"wrote {output}: {command_to_type(f'learn card {output}')}")
     return 0
 
 

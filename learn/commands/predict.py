@@ -11,11 +11,11 @@ import typer
 from gen import options
 from gen.maps.settings import Reading
 from gen.material import combined_modulus, loads_from
-from gen.runtime.command_line import Trust, grouped, typed
+from gen.runtime.command_line import Trust, grouped, recorded_command_line
 from gen.runtime.errors import InputError
-from gen.runtime.figure import empty_figure
+from gen.runtime.figure import figure_for
 from gen.runtime.files import Output, check_outputs, kind_of
-from gen.runtime.terminal import brief, echo, print_columns, shown
+from gen.runtime.terminal import echo, first_reason, print_columns, quoted
 
 REASONS = 12  # reasons that are printed at most
 VALUE = re.compile(r" \S+ outside")  # the part of a reason that differs between rows
@@ -151,7 +151,7 @@ def _show(rows: Sequence[dict[str, Any]], title: str, doubts: Sequence[str] = ()
             if f"{name}_low" in row:  # `-` for an interval that is withheld
                 low, high = row[f"{name}_low"], row[f"{name}_high"]
                 text += " (-)" if flagged else f" ({low:.4g} to {high:.4g})"
-            cells.append(brief(text) if name == "reason" else text)
+            cells.append(first_reason(text) if name == "reason" else text)
         lines.append(cells)
     echo(f"{title}:")
     print_columns(lines, names, right={*names} - {"input", "flag", "reason"})
@@ -196,7 +196,7 @@ def _parameters(
             value = math.nan
         if math.isnan(value) or name.strip() in found:
             raise InputError(
-                f"--at {shown(text)}: give NAME=NUMBER once a name, with commas between, as"
+                f"--at {quoted(text)}: give NAME=NUMBER once a name, with commas between, as"
                 " hurst=0.7"
             )
         found[name.strip()] = value
@@ -241,16 +241,16 @@ def law(
     it from the slope of the force, for elastic bodies only.
     """
     from gen.law import Order, by_solver
-    from gen.law.contact_law import require_also
     from gen.law.files import show, write_files
+    from gen.law.order import require_also
     from gen.law.surfaces import files_read, scene_of
     from gen.maps.contacts import require_conductivities
     from learn.features.scene import SCENE
     from learn.surrogate import Surrogate
     from learn.surrogate.law import make, of_parameters
 
-    files = files.ready(output, files_read(inputs))
-    figure = empty_figure(files.picture, 12.0, 7.0)
+    files = files.resolved(output, files_read(inputs))
+    figure = figure_for(files.picture, 12.0, 7.0)
     first, *others = inputs
     known = Path(first).is_file() and kind_of(Path(first)) == "surrogate"
     if solver and known:
@@ -289,9 +289,9 @@ def law(
         conductivities=require_conductivities(conductivity) if conductivity else None,
         also=require_also(also or []),
         reading=reading,
-        between=files.joined,
-        straight=files.straight,
-        command=typed(context, "learn"),
+        between=files.refined_tables,
+        straight=files.straight_lines,
+        command=recorded_command_line(context, "learn"),
     )
     if solver:
         made = by_solver(order)

@@ -129,10 +129,10 @@ class Trials(AbstractContextManager["Trials"]):
         ]  # a kill may have cut the last line short
         agreed = json.dumps(conditions, sort_keys=True)
         first, *lines = whole.split(b"\n")[:-1] or [agreed.encode()]
-        stored = documents.checked(path, first, documents.Document)
+        stored = documents.parse(path, first, documents.Document)
         require_same(path, stored, json.loads(agreed))
         for number, line in enumerate(lines, start=2):
-            trial = Trial(**documents.checked(f"{path}, line {number}", line, Trial))
+            trial = Trial(**documents.parse(f"{path}, line {number}", line, Trial))
             self.finished[trial.place] = trial
         files.make_folder(path.parent)
         files.write(path, b"\n".join([first, *lines, b""]))

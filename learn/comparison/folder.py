@@ -278,7 +278,7 @@ class Folder:
 
     def write_json(self, name: str, content: dict[str, Any]) -> Path:
         """Write a JSON file of the folder, and return its path."""
-        return self._write(name, documents.text_of(content))
+        return self._write(name, documents.json_text(content))
 
     def write_table(
         self, name: str, header: Sequence[str], rows: Iterable[Sequence[Any]]

@@ -15,7 +15,7 @@ import numpy as np
 from gen.runtime.errors import InputError
 from gen.runtime.figure import draw_parity, new_figure, parity_axes, save
 from gen.runtime.files import inside
-from gen.runtime.terminal import echo, print_columns, to_type
+from gen.runtime.terminal import command_to_type, echo, print_columns
 from learn.comparison import paper
 from learn.comparison.folder import Folder
 from learn.comparison.grid import LEAST_JUDGED, LIBRARY, LIBRARY_ROWS, TABLE_2, space_of
@@ -279,7 +279,8 @@ def _remarks(tables: Tables) -> Iterator[str]:
         best = min(known, key=lambda row: float(row["nmae"]))
         name = f"{EVERY[best['model']].title}, {label(best['model'], best['result'])}"
         usual = EVERY[default_model(features)].title
-        yield f"smallest nMAE: {name}; {to_type('learn fit')} takes {usual} unless told otherwise"
+        fit = command_to_type("learn fit")
+        yield f"smallest nMAE: {name}; {fit} takes {usual} unless told otherwise"
 
 
 def _at_ends(row: Row, space: paper.Space) -> Iterator[str]:

@@ -16,13 +16,13 @@ from gen import database
 from gen.arrays import Columns
 from gen.database import Reader, Writer
 from gen.generation.completion import completed
-from gen.generation.run import Block, blocks_of
+from gen.generation.run import blocks_of
 from gen.generation.sample import compute_rows
 from gen.generation.trial import doubts_before
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.figure import draw_parity, log_axis, parity_axes
-from gen.runtime.terminal import RunProgress, echo, print_columns, to_type
+from gen.runtime.terminal import RunProgress, command_to_type, echo, print_columns
 from gen.scene import Scene, differences
 from gen.schema import Status
 from learn import dataset
@@ -81,7 +81,9 @@ def stock(path: Path) -> tuple[int, int, float]:
         return 0, 0, 0.0
     with Reader(path) as reader:
         if reader.rows != range(reader.scene.samples):
-            raise InputError(f"{path}: is a part: {to_type('gen merge')} makes it whole")
+            raise InputError(
+                f"{path}: is a part: {command_to_type('gen merge')} makes it whole"
+            )
         status = reader.column("status")
         seconds = reader.column("solve_seconds") + reader.column("surface_seconds")
     pending = np.flatnonzero(status == Status.PENDING)
@@ -237,28 +239,24 @@ class Growth:
         scene.surface.make_ready(path.parent)
         with Writer(path, wider) as writer:
             pending = writer.pending()
-            todo = sum(stop - start for start, stop in pending)
+            todo = sum(map(len, pending))
             with RunProgress(todo, "rows") as progress:
                 progress.say(f"{path}: {todo} new rows, {before} there")
                 made, began = 0, time.time()
 
-                def take(block: Block, columns: Columns) -> None:
+                def take(block: range, columns: Columns) -> None:
                     nonlocal made
-                    writer.write_block(*block, columns)
-                    made += block[1] - block[0]
+                    writer.write_block(block.start, block.stop, columns)
+                    made += len(block)
                     self.row = (time.time() - began) / made
                     failed = int(np.count_nonzero(columns["status"] == Status.FAILED))
-                    progress.advance(block[1] - block[0], failed)
+                    progress.advance(len(block), failed)
 
                 # Rows in the hands of the workers are finished before another look.
                 hands = farm.IN_FLIGHT * workers if workers > 1 else 1
                 blocks = blocks_of(writer.scene, pending, workers)
                 if self.until < math.inf:  # a stop waits for the tasks under way
-                    blocks = (
-                        (row, row + 1)
-                        for start, stop in blocks
-                        for row in range(start, stop)
-                    )
+                    blocks = (range(row, row + 1) for block in blocks for row in block)
                 self.executor.run(
                     _compute,
                     (writer.scene, path.parent),
@@ -297,11 +295,11 @@ def _refuse_others(request: Request, scene: Scene) -> None:
             )
 
 
-def _compute(shared: tuple[Scene, Path], block: Block) -> Columns:
+def _compute(shared: tuple[Scene, Path], block: range) -> Columns:
     """Compute a block of the rows of a scene, whose database lies in a folder."""
     scene, folder = shared
     scene.surface.make_ready(folder, verify=False)
-    return compute_rows(scene, *block, rank=farm.this_world().rank)
+    return compute_rows(scene, block.start, block.stop, rank=farm.this_world().rank)
 
 
 def show(growth: Growth, ending: Ending, found: Look) -> None:

@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gen.arrays import Values
-from gen.maps.prepare import read_surface
-from gen.maps.read import files_in, sides_from
+from gen.maps.bodies import read_surface
+from gen.maps.read import files_in, parse_sides
 from gen.maps.settings import Reading
 from gen.maps.several import OF_MAP
 from gen.material import Bodies
 from gen.runtime.documents import Row
 from gen.runtime.errors import InputError
 from gen.runtime.files import require_file
-from gen.runtime.terminal import echo, to_type
+from gen.runtime.terminal import command_to_type, echo
 from learn.features import SurfaceFeatures, Undefined
 from learn.features.scene import LOADS, unit_of
 from learn.features.sets import STATISTICS, Rows
@@ -102,7 +102,7 @@ def answers_of_parameters(
             if table.suffix.lower() not in {".csv", ".txt"}:
                 raise InputError(
                     f"{table}: the surrogate answers for {', '.join(surrogate.features.names)}, not"
-                    f" for surfaces: ask {to_type('learn predict --at')}"
+                    f" for surfaces: ask {command_to_type('learn predict --at')}"
                 )
             cells = _cells(table, names, f"the surrogate asks for {', '.join(names)}")
             if twice := sorted(fixed.keys() & cells[0].keys()):
@@ -165,7 +165,9 @@ def rows_of_table(
     columns are ignored. So are the rows of mean and deviation of several maps. InputError names the
     row and column that is missing or no number.
     """
-    cells = _cells(path, STATISTICS, f"{to_type('gen describe --csv')} writes all 22")
+    cells = _cells(
+        path, STATISTICS, f"{command_to_type('gen describe --csv')} writes all 22"
+    )
     # a table of several maps ends with their mean and deviation
     cells = [row for row in cells if row.get("row", OF_MAP) == OF_MAP] or cells
     for boundary in sorted({row.get("boundary") or "free" for row in cells}):
@@ -177,7 +179,7 @@ def rows_of_table(
     wanted = STATISTICS, ("side_x_um", "side_y_um")
     statistics, sides = (_numbers(path, cells, names) for names in wanted)
     if side:
-        given = sides_from(side)
+        given = parse_sides(side)
         if not np.allclose(sides[~np.isnan(sides[:, 0])], given, rtol=1e-3):
             raise InputError(
                 f"{path}: names other sides than --side {side}: leave that out"

@@ -12,7 +12,7 @@ import numpy as np
 
 from gen.arrays import Indices, Values
 from gen.runtime.errors import InputError
-from gen.runtime.terminal import to_type
+from gen.runtime.terminal import command_to_type
 from learn import dataset, split
 from learn.comparison.folder import Folder, Settings, targets
 from learn.comparison.paper import OPTIMA
@@ -122,7 +122,7 @@ def _tuned(folder: Folder, model: str) -> Settings:
             part.path.name for part in targets(folder.path.parent) if part.winner(model)
         ]
         instead = f"give --target {','.join(others)}, or first " if others else ""
-        tune = to_type(f"learn tune --model {model} --target {folder.path.name}")
+        tune = command_to_type(f"learn tune --model {model} --target {folder.path.name}")
         raise InputError(f"--from: {folder.path} has no tuned {model}: {instead}{tune}")
     return winner
 

@@ -34,18 +34,21 @@ from scipy.interpolate import PchipInterpolator
 from bem.derived.stiffness import without_patch
 from gen.arrays import Values
 from gen.law import Law, Order
-from gen.law.contact_law import ARGUMENTS, STEPS, Tables, law_of
+from gen.law.contact_law import STEPS, Making, Tables, law_of, mean_at_rest
 from gen.law.curves import (
     Curves,
+    Monotone,
     Points,
     continued,
     monotone,
     risen,
     slopes,
     tabulated,
+    texts_at,
     trend,
 )
-from gen.law.surfaces import LawSurface, LawSurfaces, Load, read_subjects
+from gen.law.order import ARGUMENTS, Load
+from gen.law.surfaces import LawInput, LawSurface, LawSurfaces, read_law_surfaces
 from gen.material import Bodies
 from gen.quantities import (
     ALSO,
@@ -95,8 +98,8 @@ def make(surrogate: Surrogate, order: Order) -> Law:
             f"--boundary {order.boundary}: the surrogate was trained on patches with a"
             f" {surrogate.boundary} one: leave that out, or fit one to a database of this boundary"
         )
-    deltas, pressures = order.loads()
-    subjects = read_subjects(order, only=surrogate.boundary)
+    loads = order.loads()
+    subjects = read_law_surfaces(order, only=surrogate.boundary)
     kept, left_out = _defined(surrogate, subjects.surfaces)
     surfaces = [patch for patch, _ in kept]
     without = {each.name for each in subjects.surfaces} - {each.name for each in surfaces}
@@ -119,20 +122,19 @@ def make(surrogate: Surrogate, order: Order) -> Law:
         points = [_predicted(*each, kind, level, bodies, at, order.also) for each in kept]
         tables = _learnt_tables(subjects.surfaces, points, kind, order, bodies)
     else:
+        deltas = loads.get("delta")
         if deltas is None:
             deltas = np.unique(np.linspace(float(low), float(high), STEPS))
-        tables = _tables(kept, level, deltas, pressures, order, bodies)
-    over_delta, over_pressure, notes = tables
-    notes = [*level_notes, *notes]
+        tables = _tables(kept, level, deltas, loads.get("pressure"), order, bodies)
+    remarks = [*level_notes, *tables.remarks]
     if len(kept) > 1:
-        notes = [PREDICTED_BAND, *notes]
-    said = (
+        remarks = [PREDICTED_BAND, *remarks]
+    making = Making(
         f"predicted by {surrogate.card['title']}",
         f"{100 * order.coverage:g} % conformal interval",
     )
-    return law_of(
-        order, subjects, bodies, (over_delta, over_pressure, [*left_out, *notes]), said
-    )
+    tables = replace(tables, remarks=[*left_out, *remarks])
+    return law_of(order, subjects, bodies, tables, making)
 
 
 def of_parameters(
@@ -148,7 +150,7 @@ def of_parameters(
         np.zeros(scene.grid.shape),
         scene.grid.sides,
         boundary=surrogate.boundary,
-        apart=scene.grid.spacing,
+        exact_spacing=scene.grid.spacing,
         settings=settings,
     )
     unit = patch.nominal if load == "force" else 1.0
@@ -162,18 +164,16 @@ def of_parameters(
     hardness = numbers.get("hardness")
     if (limits := surrogate.hardness_limits) is not None and hardness is None:
         hardness = numbers.get("hardness_ratio", limits[0]) * surrogate.modulus
-    bodies = Bodies(surrogate.modulus, hardness, known=True)
+    bodies = Bodies(surrogate.modulus, hardness, has_modulus=True)
     points = _points_at(answer, kind, at, patch, bodies, also=order.also)
-    over_delta, over_pressure, notes = _learnt_tables(
-        [patch], [points], kind, order, bodies
-    )
-    tables = over_delta, over_pressure, [*level_notes, *notes]
-    subjects = LawSurfaces([patch], [scene], [f"{order.inputs[0]}: {patch.name}"])
-    said = (
+    tables = _learnt_tables([patch], [points], kind, order, bodies)
+    tables = replace(tables, remarks=[*level_notes, *tables.remarks])
+    about = LawInput(f"{order.inputs[0]}: {patch.name}", scene)
+    making = Making(
         f"predicted by {surrogate.card['title']}",
         f"{100 * order.coverage:g} % of new surfaces",
     )
-    return law_of(order, subjects, bodies, tables, said)
+    return law_of(order, LawSurfaces([patch], [about]), bodies, tables, making)
 
 
 def _with_level(surrogate: Surrogate, order: Order) -> tuple[Order, list[str]]:
@@ -185,10 +185,8 @@ def _with_level(surrogate: Surrogate, order: Order) -> tuple[Order, list[str]]:
 
 def _asked(surrogate: Surrogate, order: Order) -> tuple[Load, Values | None]:
     """Return the kind of the loads that a surrogate has learnt, and the loads asked for, (k,)."""
-    load, asked = (
-        surrogate.features.load,
-        dict(zip(ARGUMENTS, order.loads(), strict=True)),
-    )
+    load = surrogate.features.load
+    loads = order.loads()
     kind: Load = "delta" if load == "delta" else "pressure"
     needed = {"area", "force" if kind == "delta" else "delta"}
     if (
@@ -207,14 +205,11 @@ def _asked(surrogate: Surrogate, order: Order) -> tuple[Load, Values | None]:
                 f"--also {name}: was not learnt: fit one with --target {targets}"
             )
     inverted = kind == "delta" and surrogate.features.name != SCENE
-    if (
-        any(each is not None for other, each in asked.items() if other != kind)
-        and not inverted
-    ):
+    if loads.keys() - {kind} and not inverted:
         raise InputError(
             f"the surrogate has learnt what a {load} leads to: give --{kind} instead"
         )
-    return kind, asked[kind]
+    return kind, loads.get(kind)
 
 
 def _learnt_tables(
@@ -224,13 +219,10 @@ def _learnt_tables(
     order: Order,
     bodies: Bodies,
 ) -> Tables:
-    """Tabulate surfaces at learnt loads, and the same contacts against the other quantity.
-
-    Also return remarks.
-    """
-    smooth, corrections = zip(*map(monotone, points), strict=True)
+    """Tabulate surfaces at learnt loads, and the same contacts against the other quantity."""
+    smooth = [monotone(each) for each in points]
     pairs = zip(smooth, patches, strict=True)
-    parts = [_with_stiffness(each, patch, order, bodies) for each, patch in pairs]
+    parts = [_with_stiffness(each.points, patch, order, bodies) for each, patch in pairs]
     gap, made = MEAN_GAP.in_laws, dict[Load, Curves]()
     rest = {gap: 0.0}
     if gap in parts[0].values:  # at first touch, but for what a free patch gives way
@@ -249,7 +241,8 @@ def _learnt_tables(
             own = [read_at(each, argument, over) for each in own]
         made[load] = tabulated(argument, over, own, order.coverage, rest)
     alone = [f"only the table over {kind} has a band"] if len(parts) == 1 else []
-    return made["delta"], made["pressure"], [*_corrected(made[kind], corrections), *alone]
+    remarks = [*_corrected(made[kind], smooth), *alone]
+    return Tables(made["delta"], made["pressure"], remarks)
 
 
 def _points_at(
@@ -332,34 +325,34 @@ def _tables(
 ) -> Tables:
     """Predict all surfaces with intervals of a level, and tabulate them.
 
-    The tables are against Delta and against pressure; lines of warnings come with them.
+    Lines of warnings come with the tables.
     """
-    rests, parts, whole, corrections = (
-        [patch.at_rest() for patch, _ in surfaces],
-        [],
-        [],
-        [],
-    )
+    rests = [patch.at_rest() for patch, _ in surfaces]
+    parts: list[Points] = []
+    whole: list[Points] = []
+    smoothed: list[Monotone] = []
     with RunProgress(len(surfaces), "surfaces") as progress:
         for (patch, on_surface), rest in zip(surfaces, rests, strict=True):
             predicted = partial(
                 _predicted, patch, on_surface, "delta", level, bodies, also=order.also
             )
-            smooth, correction = monotone(predicted(deltas).from_rest(rest))
-            extended = smooth
+            smooth = monotone(predicted(deltas).from_rest(rest))
+            extended = smooth.points
             with suppress(
                 InputError
             ):  # larger displacements, where they can be predicted
-                extended = continued(smooth, predicted(deltas[-1] * np.array(BEYOND)))
-            parts.append(_with_stiffness(smooth, patch, order, bodies))
+                extended = continued(
+                    smooth.points, predicted(deltas[-1] * np.array(BEYOND))
+                )
+            parts.append(_with_stiffness(smooth.points, patch, order, bodies))
             whole.append(_with_stiffness(extended, patch, order, bodies))
-            corrections.append(correction)
+            smoothed.append(smooth)
             progress.advance(1, 0)
-    rest = {name: float(np.mean([each[name] for each in rests])) for name in rests[0]}
+    rest = mean_at_rest(rests)
     over_delta = tabulated(
         DELTA.in_laws, np.append(0.0, deltas), parts, order.coverage, rest
     )
-    notes = _corrected(over_delta, corrections)
+    notes = _corrected(over_delta, smoothed)
     if beyond := sum(share > 0 for share in over_delta.outside):
         many = f"{beyond} of {over_delta.at.size - 1} displacements"
         line = f"warning: {many} are outside the training ranges for one surface or more"
@@ -377,7 +370,7 @@ def _tables(
     chosen, late = _pressures(over_delta, whole, pressures)
     inverted = [at_pressures(each, chosen) for each in whole]
     over_pressure = tabulated(PRESSURE.in_laws, chosen, inverted, order.coverage, rest)
-    return over_delta, over_pressure, [*notes, *late]
+    return Tables(over_delta, over_pressure, [*notes, *late])
 
 
 def _predicted(
@@ -439,13 +432,13 @@ def _of_interface(stiffness: Values, behind: float) -> Values:
     )
 
 
-def _corrected(over_delta: Curves, corrections: Sequence[Points]) -> list[str]:
+def _corrected(over_delta: Curves, smoothed: Sequence[Monotone]) -> list[str]:
     """Warn of curves that were far from monotone."""
     lines = []
     for name in (
-        over_delta.curves.keys() & corrections[0].values.keys()
+        over_delta.curves.keys() & smoothed[0].corrections.keys()
     ):  # slopes are not corrected
-        change = np.mean([each.values[name] for each in corrections], axis=0)
+        change = np.mean([each.corrections[name] for each in smoothed], axis=0)
         largest = np.nanmax(np.abs(over_delta.curves[name].value), initial=0.0) or 1.0
         if np.abs(change).max() > CORRECTED * largest:
             fell, rising = (
@@ -531,7 +524,7 @@ def read_at(points: Points, argument: str, over: Values) -> Points:
     )
     return points.changed(
         lambda _, each: _read(points.values[argument], each, over),
-        *np.array(points.reasons, dtype=object)[place],
+        texts_at(points.reasons, place),
     )
 
 

@@ -35,7 +35,7 @@ from gen.quantities import QUANTITIES, Powers
 from gen.runtime.errors import InputError
 from gen.runtime.files import SURROGATE, atomic, kind_of, require_file
 from gen.runtime.memory import is_shortage
-from gen.runtime.terminal import printable, to_type
+from gen.runtime.terminal import command_to_type, printable
 from learn.features.sets import PURE, SETS, SKEWNESS, Scaling
 from learn.models import STEP
 from learn.surrogate.interval import (
@@ -355,11 +355,11 @@ def read(path: Path) -> tuple[dict[str, Any], Values, Values, bytes]:
     if head is None:
         what = "; it is a database" if kind_of(path) == "database" else ""
         raise InputError(
-            f"{path}: is no surrogate{what}: {to_type('learn fit')} makes one of a database"
+            f"{path}: is no surrogate{what}: {command_to_type('learn fit')} makes one of a database"
         )
     other = f"{path}: has format {int(head[1])}, this version reads {FORMAT}: "
     if int(head[1]) not in (*OLDER, WITHOUT_POWERS, FORMAT):
-        raise InputError(f"{other}fit it anew with {to_type('learn fit')}")
+        raise InputError(f"{other}fit it anew with {command_to_type('learn fit')}")
     body = memoryview(data)[head.end() :]
     if hashlib.sha256(body).hexdigest() != head[2].decode():
         raise InputError(
@@ -406,4 +406,4 @@ def _anew(path: Path, card: Mapping[str, Any]) -> str:
     command = " ".join(
         shlex.quote(str(word)) for word in [*databases, *given, "-o", path]
     )
-    return f"fit it anew: {to_type(printable(f'learn fit {command}'))}"
+    return f"fit it anew: {command_to_type(printable(f'learn fit {command}'))}"

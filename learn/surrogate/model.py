@@ -282,7 +282,7 @@ class Surrogate:
                     f" {between(limits)} E*"
                 )
             hardness = limits[0] * modulus
-        return Bodies(modulus, hardness, known=e_star is not None)
+        return Bodies(modulus, hardness, has_modulus=e_star is not None)
 
     def of_numbers(self, given: Mapping[str, ArrayLike]) -> Rows:
         """Turn parameters and loads into rows for `predict_rows`.

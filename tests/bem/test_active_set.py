@@ -14,7 +14,7 @@ from bem.influence import KERNELS
 from bem.operators.patch import Patch
 from bench.references import dense
 from bench.references.surfaces import SURFACES, surface
-from gen.runtime.farm import at_most
+from gen.runtime.farm import time_limit
 
 pytestmark = pytest.mark.usefixtures("both_ways")
 
@@ -116,7 +116,7 @@ def spoiled(spoil):
     heights = surface("self-affine", (9, 9))
     below = (heights - heights.max()) / 0.4
     solve = ActiveSet(Spoiled(spoil), below, shift=1.0, rtol=1e-9, most=10**6)
-    with at_most(20):
+    with time_limit(20):
         return solve, solve.run()
 
 

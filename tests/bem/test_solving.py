@@ -16,7 +16,7 @@ from bem.influence import KERNELS
 from bem.operators import filters
 from bem.problem import FAR_FIELDS
 from bench.references.surfaces import SURFACES, surface
-from gen.runtime.farm import at_most
+from gen.runtime.farm import time_limit
 from gen.surface import generate
 
 pytestmark = pytest.mark.usefixtures("both_ways")
@@ -165,7 +165,7 @@ def test_ties_under_tight_tolerances_end(shape, row, columns, pressure, rtol):
     """Rounding in the displacement of the far field must not add to the residual."""
     heights = np.zeros(shape)
     heights[row] = heights[:, columns] = 1
-    with at_most(20):
+    with time_limit(20):
         contact = bem.solve(heights, 1.0, pressure=pressure, spacing=1.0, rtol=rtol)
     assert contact.residual <= rtol
     assert contact.iterations < 60
@@ -232,7 +232,7 @@ def test_a_peak_between_the_coarser_nodes_starts_from_nothing(monkeypatch):
 @pytest.mark.parametrize("amount", [1e50, 1e300])
 def test_a_start_beyond_all_bounds_is_left_aside(amount):
     heights = surface("white noise", (65, 65))
-    with at_most(20):
+    with time_limit(20):
         contact = bem.solve(heights, 1.0, 0.3, near=np.full((65, 65), amount))
     assert contact.force == bem.solve(heights, 1.0, 0.3).force
 

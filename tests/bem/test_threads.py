@@ -15,7 +15,7 @@ from threadpoolctl import ThreadpoolController, threadpool_limits
 
 import bem
 from bem import dense, threads
-from gen.runtime.farm import Overtime, at_most
+from gen.runtime.farm import Overtime, time_limit
 from gen.surface import generate
 
 ROUGH = generate("diamond-square", 65, 0.7, 12.0, np.random.default_rng(0))
@@ -180,7 +180,7 @@ def test_alarms_between_any_two_steps_leave_no_lock_and_no_thread_behind(section
         pass  # everything is loaded
     with other:
         for _ in range(300):
-            with suppress(Overtime), at_most(random.uniform(2e-5, 2e-4)):
+            with suppress(Overtime), time_limit(random.uniform(2e-5, 2e-4)):
                 while True:
                     with section():
                         pass

@@ -17,7 +17,7 @@ def test_rows_out_of_place_are_found(tmp_path):
     assert farms.time_writers(spec, path, farm.World()).keys() >= {"single"}
     with h5py.File(path, "r+") as file:
         file["pressure"][29] = np.zeros((9, 9))
-    blocks = list(blocks_of(spec.scene, [(0, 30)], workers=1))
+    blocks = list(blocks_of(spec.scene, [range(30)], workers=1))
     template = farms.template_of(spec.scene, blocks)
     farms.require_rows(path, blocks[:-1], template)
     with pytest.raises(ValueError, match="row 29"):

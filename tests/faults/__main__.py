@@ -156,5 +156,5 @@ def faults(
 
 if __name__ == "__main__":
     with farm.process():
-        code = command_line.main(app, sys.argv[1:], "faults", alone=True)
+        code = command_line.main(app, sys.argv[1:], "faults", single_process=True)
     sys.exit(code)

@@ -167,5 +167,5 @@ def fuzz(
 
 if __name__ == "__main__":
     with farm.process():
-        code = command_line.main(app, sys.argv[1:], "fuzz", alone=True)
+        code = command_line.main(app, sys.argv[1:], "fuzz", single_process=True)
     sys.exit(code)

@@ -47,8 +47,8 @@ def test_a_part_is_as_large_as_its_rows(folder):
     create(folder / "part.h5", scene, range(123_400, 123_800))
     assert (folder / "part.h5").stat().st_size < 400 * row_bytes(scene) + 40_000
     with Writer(folder / "part.h5", scene) as writer:
-        assert writer.pending() == [(123_400, 123_800)]
-        assert writer.pending(0, 123_500) == [(123_400, 123_500)]
+        assert writer.pending() == [range(123_400, 123_800)]
+        assert writer.pending(0, 123_500) == [range(123_400, 123_500)]
         assert writer.pending(0, 50) == writer.pending(10**6 - 1) == []
 
 

@@ -9,7 +9,7 @@ import pytest
 
 import bem
 from gen.generation.sample import compute_rows
-from gen.law.contact_law import require_also
+from gen.law.order import require_also
 from gen.material import Gas
 from gen.quantities import (
     ALSO,

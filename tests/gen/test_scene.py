@@ -16,12 +16,12 @@ from launch import python
 
 from bem.problem import BOUNDARIES, MAX_ITERATIONS, RTOL, node_spacing
 from gen import cli
-from gen.generation.run import planned_loads
+from gen.generation.forecast import planned_loads
 from gen.generators import GENERATORS, TAGS
 from gen.quantities import stored_quantities
 from gen.runtime.errors import InputError
 from gen.scene import Piece, Scene, Store, differences, load
-from gen.scene.scene import columns_of_generators
+from gen.scene.columns import columns_of_generators
 from gen.scene.tables import Contact, Delta, Load
 from gen.surface import Drawn, GeneratedSurface
 
@@ -374,8 +374,11 @@ class Crests(GeneratedSurface):
 
 
 def test_generators_share_a_parameter_whose_words_differ():
-    (column,) = [each for each in columns_of_generators([*GENERATORS, Ripples])
-                 if each.name == "hurst"]  # fmt: skip
+    (column,) = [
+        each
+        for each in columns_of_generators([*GENERATORS, Ripples])
+        if each.name == "hurst"
+    ]
     assert column.long_name == "Hurst exponent of the surface"
     assert column.optional.endswith("and `ripples`")
 

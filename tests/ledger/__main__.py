@@ -54,5 +54,5 @@ def ledger(
 
 if __name__ == "__main__":
     with farm.process():
-        code = command_line.main(app, sys.argv[1:], "ledger", alone=True)
+        code = command_line.main(app, sys.argv[1:], "ledger", single_process=True)
     sys.exit(code)

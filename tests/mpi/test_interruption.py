@@ -148,8 +148,8 @@ FAULTS = {
     "a disk full while rows come in": (0, Writer, "write_block", full),
     "a package that is missing": (0, run, "blocks_of", missing),
     "an error of the system at the start": (0, run, "completed", full),
-    "a refusal after the start": (0, run, "opened", InputError("no file")),
-    "a worker alone": (1, run, "opened", InputError("no file")),
+    "a refusal after the start": (0, run, "open_sink", InputError("no file")),
+    "a worker alone": (1, run, "open_sink", InputError("no file")),
 }
 for name, (rank, home, attribute, error) in FAULTS.items():
     err = io.StringIO() if name != "a worker alone" else sys.stderr

@@ -47,7 +47,7 @@ def test_more_samples_extend_the_file(path):
     more = small(15, store=Store(heights=True))
     assert open_or_create(path, more) == "extended"
     with Writer(path, more) as writer:
-        assert writer.pending() == [(0, 2), (5, 7), (8, 15)]
+        assert writer.pending() == [range(2), range(5, 7), range(8, 15)]
     wanted = block(scene, 2, 5)
     with Reader(path) as reader:
         assert reader.scene == more
@@ -137,7 +137,7 @@ def test_merge_takes_the_best_of_every_row(tmp_path, monkeypatch):
             np.testing.assert_array_equal(reader.column(name)[known], wanted[name][known])
         assert not reader.damaged_rows().size
     with Writer(target, scene) as writer:
-        assert writer.pending() == [(9, 14)]
+        assert writer.pending() == [range(9, 14)]
     assert sorted(tmp_path.iterdir()) == sorted([one, two, target])
 
 
@@ -183,12 +183,11 @@ def test_files_without_checksums_are_read_continued_extended_and_merged(
             database_of(here, scene.format(12), name, "--rows", rows)
     del whole["checksum"]
     for line in (
-        *(
-            "run one.toml -o one.h5 --rows 0:7",
-            "info one.h5",
-            "check one.h5 --recompute 2",
-        ),
-        *("merge one.h5 two.h5 -o merged.h5", "run whole.toml -o one.h5"),
+        "run one.toml -o one.h5 --rows 0:7",
+        "info one.h5",
+        "check one.h5 --recompute 2",
+        "merge one.h5 two.h5 -o merged.h5",
+        "run whole.toml -o one.h5",
     ):
         assert cli.main(line.split()) == 0
     assert deterministic_bytes(here / "merged.h5") == whole
@@ -317,8 +316,11 @@ def test_files_with_older_names_are_read_continued_extended_and_merged(
         file.move(drawn, older)
     columns("old.h5")
     for line in (
-        *("run old.toml -o old.h5", "info old.h5", "check old.h5 --recompute 2"),
-        *("merge old.h5 whole.h5 -o merged.h5", "run whole.toml -o old.h5"),
+        "run old.toml -o old.h5",
+        "info old.h5",
+        "check old.h5 --recompute 2",
+        "merge old.h5 whole.h5 -o merged.h5",
+        "run whole.toml -o old.h5",
     ):
         assert cli.main(line.split()) == 0
     whole = columns("whole.h5")

@@ -52,7 +52,7 @@ def test_kill_between_columns_and_status_leaves_rows_pending(path):
         assert (reader.column("force", 0, 4) == 1.0).all()
     assert open_or_create(path, scene) == "resumed"
     with Writer(path, scene) as writer:
-        assert writer.pending() == [(4, 10)]
+        assert writer.pending() == [range(4, 10)]
 
 
 @pytest.mark.parametrize(("name", "rows"), [("weight", 3), ("force", 4)])
@@ -86,10 +86,10 @@ def test_pending_is_what_a_plain_loop_finds(twenty_rows, statuses, first, last, 
     wanted = []
     for row in range(first, min(20 if last is None else last, 20)):
         if statuses[row] == Status.PENDING:
-            if wanted and wanted[-1][1] == row:
-                wanted[-1] = (wanted[-1][0], row + 1)
+            if wanted and wanted[-1].stop == row:
+                wanted[-1] = range(wanted[-1].start, row + 1)
             else:
-                wanted.append((row, row + 1))
+                wanted.append(range(row, row + 1))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(database.reader, "CHUNK_BYTES", chunk)
         assert twenty_rows.pending(first, last) == wanted

@@ -105,7 +105,8 @@ def pending_plans(draw):
     """Ascending ranges of pending rows, the number of planned rows, and of rows a surface."""
     samples = draw(st.integers(1, 500))
     borders = sorted(draw(st.lists(st.integers(0, samples), max_size=20)))
-    ranges = list(itertools.pairwise(borders))[:: draw(st.sampled_from([1, 2]))]
+    pairs = list(itertools.pairwise(borders))[:: draw(st.sampled_from([1, 2]))]
+    ranges = [range(start, stop) for start, stop in pairs]
     return ranges, samples, draw(st.sampled_from([1, 2, 5, 7]))
 
 
@@ -115,13 +116,13 @@ def test_blocks_hold_every_pending_row_once(plan, workers, largest):
     ranges, _, m = plan
     with mock.patch.multiple("gen.generation.run", BLOCK_ROWS=largest, ANSWER_NODES=0):
         cut = list(blocks_of(scene(m=m), ranges, workers))
-    held = [row for start, stop in cut for row in range(start, stop)]
+    held = [row for block in cut for row in block]
     assert held == sorted(set(held))
-    assert held == [row for start, stop in ranges for row in range(start, stop)]
-    ends = {stop for _, stop in ranges}
-    for start, stop in cut:
-        assert stop % m == 0 or stop in ends or m > largest
-        assert 0 < stop - start <= largest
+    assert held == [row for rows in ranges for row in rows]
+    ends = {rows.stop for rows in ranges}
+    for block in cut:
+        assert block.stop % m == 0 or block.stop in ends or m > largest
+        assert 0 < len(block) <= largest
 
 
 @pytest.mark.parametrize(
@@ -146,7 +147,7 @@ def test_blocks_grow_with_the_workers_that_one_master_answers(
     workers, rows, fewest, most
 ):
     paper = load("paper").model_copy(update={"samples": rows})
-    sizes = [stop - start for start, stop in blocks_of(paper, [(0, rows)], workers)]
+    sizes = [len(block) for block in blocks_of(paper, [range(rows)], workers)]
     assert sum(sizes) == rows
     assert fewest <= min(sizes[:-1])
     assert max(sizes) <= most
@@ -156,5 +157,5 @@ def test_fields_bound_blocks_whatever_the_number_of_workers():
     paper = load("paper")
     store = paper.store.model_copy(update={"pressure": True, "heights": True})
     heavy = paper.model_copy(update={"store": store})
-    sizes = [stop - start for start, stop in blocks_of(heavy, [(0, heavy.samples)], 5000)]
+    sizes = [len(block) for block in blocks_of(heavy, [range(heavy.samples)], 5000)]
     assert max(sizes) * 2 * 8 * 129**2 <= BLOCK_BYTES

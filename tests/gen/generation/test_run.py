@@ -15,7 +15,7 @@ from launch import TIMEOUT, command, environment, launch
 from bem.operators import patch
 from gen import cli, database
 from gen.database import writer
-from gen.generation.run import in_parallel
+from gen.generation.sinks import in_parallel
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.scene import markdown_of_columns

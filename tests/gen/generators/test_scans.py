@@ -11,8 +11,8 @@ from gen.database import Reader
 from gen.generation.plan import parameters, surface_random
 from gen.generation.sample import surface_of
 from gen.generators import scans
-from gen.generators.scans import Found, ScannedMap, ScanSurface
-from gen.maps.library import Tiling, cut, drawn
+from gen.generators.scans import RecordedMap, RecordedMaps, ScanSurface
+from gen.maps.library import Tiling, cut_window, draw_window
 from gen.maps.prepare import prepare
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
@@ -81,12 +81,12 @@ def test_a_surface_is_a_window_of_a_prepared_map(folder, nodes, symmetries):
     )
     seen = set()
     for row in range(0, scene.samples, 2):
-        window = drawn(surface_random(scene, row // 2), tiling)
+        window = draw_window(surface_random(scene, row // 2), tiling)
         assert (plan.places["map"][row], plan.places["tile"][row]) == (
             window.map,
             window.tile,
         )
-        own = cut(maps[window.map], window, scene.shape)
+        own = cut_window(maps[window.map], window, scene.shape)
         assert np.array_equal(surface_of(scene, plan, row), own)
         seen.add(window.symmetry)
     assert seen == set(range(symmetries))
@@ -149,7 +149,7 @@ def nodes_of(window, shape):
 def test_a_second_body_is_a_window_of_its_group_of_tiles(second, monkeypatch, against):
     write_scene(second, samples=400, keys=f"against = {against}")
     scene = scene_of(second)
-    first = scene.model_copy(update={"surface": scene.surface.alone()})
+    first = scene.model_copy(update={"surface": scene.surface.first_body()})
     windows = []
     cut_out = ScanSurface._cut
 
@@ -173,12 +173,14 @@ def test_a_second_body_is_a_window_of_its_group_of_tiles(second, monkeypatch, ag
                 group = groups.setdefault((body, *node), plan.places["tile"][row])
                 assert group == plan.places["tile"][row], "parts of a split share a node"
         alone = surface_of(first, parameters(first, row, row + 1), 0)
-        opposite = cut_out(scene.surface.opposite(), other)
+        opposite = cut_out(scene.surface.second_body(), other)
         np.testing.assert_allclose(
             whole, alone + opposite - (alone + opposite).min(), atol=1e-12
         )
     tiles = (
-        12 if "another" in against else min(12, scene.surface.opposite()._tiling().total)
+        12
+        if "another" in against
+        else min(12, scene.surface.second_body()._tiling().total)
     )
     assert set(plan.places["tile"]) == set(range(tiles))
 
@@ -229,10 +231,10 @@ def parsed(files='"maps"', more=""):
 
 def with_maps(made, *, folder="/here", spacing=(0.5, 0.5), sha256s=("a" * 64, "b" * 64)):
     maps = tuple(
-        ScannedMap(file=f"{folder}/{n}", sha256=each, nodes=(90, 80 + n))
+        RecordedMap(file=f"{folder}/{n}", sha256=each, nodes=(90, 80 + n))
         for n, each in enumerate(sha256s)
     )
-    found = Found(spacing=spacing, maps=maps)
+    found = RecordedMaps(spacing=spacing, maps=maps)
     return made.model_copy(
         update={"surface": made.surface.model_copy(update={"found": found})}
     )

@@ -14,7 +14,7 @@ import bem
 from bem.contact import mean_conductivity
 from bem.derived.stiffness import patch_stiffness
 from gen import cli
-from gen.law import contact_law
+from gen.law import solver
 from gen.law.bands import further_surface
 from gen.maps.settings import Reading
 from gen.material import Gas
@@ -237,7 +237,10 @@ def test_one_surface_has_neither_deviation_nor_columns_of_surfaces(surfaces, run
     names = Path("law.csv").read_text().splitlines()[0].split(",")
     assert not [name for name in names if name.endswith("_std") or "_surface_" in name]
     assert {*json_of("law.json")["tables"][1]["curves"]["closure_um"]} == {
-        *("value", "low", "high", "slope")
+        "value",
+        "low",
+        "high",
+        "slope",
     }
 
 
@@ -275,7 +278,7 @@ def test_a_scene_is_solved_without_edges_unless_told_otherwise(surfaces, capsys)
 def test_a_long_law_shows_progress(surfaces, run, monkeypatch, capsys):
     run("many/s0.npy", "--pressure", "1,10")
     assert "contacts (" not in capsys.readouterr().err
-    monkeypatch.setattr(contact_law, "LONG", 6 * 20**2)
+    monkeypatch.setattr(solver, "LONG", 6 * 20**2)
     run("many", "--pressure", "1,10")
     told = capsys.readouterr().err
     for name in ("pressure", "Delta"):  # the table asked for, and the other one
@@ -330,16 +333,12 @@ def test_loads_that_are_not_solved_are_named_and_cost_no_others(
 ):
     """Of one surface and of a population; the other numbers are those of these loads alone."""
     with monkeypatch.context() as few:
-        few.setattr(
-            contact_law, "solve_loads", partial(contact_law.solve_loads, max_iterations=3)
-        )
+        few.setattr(solver, "solve_loads", partial(solver.solve_loads, max_iterations=3))
         run(name, "--pressure", "1:3000:9:log", "--csv", "few.csv")
         lines = [
             line for line in capsys.readouterr().out.splitlines() if "not solved" in line
         ]
-        few.setattr(
-            contact_law, "solve_loads", partial(contact_law.solve_loads, max_iterations=1)
-        )
+        few.setattr(solver, "solve_loads", partial(solver.solve_loads, max_iterations=1))
         run(name, "--pressure", "500:600:3", ends=2)
         assert re.search(r"s0.npy: 600 MPa: residual .* after", capsys.readouterr().err)
     one = table("few.csv")
@@ -554,8 +553,17 @@ def test_further_quantities_are_in_a_law_where_they_are_asked_for(surfaces, run)
     """In the table and the C header; without the option the files are the same but for that."""
     loads = ["many/s0.npy", "--pressure", "1,10,100"]
     run(*loads, "-o", "plain")
-    run(*loads, "--also", "largest_spot_area,perimeter", "--also", "yielded_percent",
-        "--hardness", "2000", "-o", "further")  # fmt: skip
+    run(
+        *loads,
+        "--also",
+        "largest_spot_area,perimeter",
+        "--also",
+        "yielded_percent",
+        "--hardness",
+        "2000",
+        "-o",
+        "further",
+    )
     run(*loads, "--hardness", "2000", "-o", "bare")
     rows, bare = table("further.csv"), table("bare.csv")
     further = ["largest_spot_um2", "perimeter_um", "yielded_percent"]

@@ -76,11 +76,13 @@ def test_points_outside_the_training_do_not_move_those_inside():
     points = Points(
         values, values, values, ("", "", "", "", "delta is large", "delta is large")
     )
-    smooth, correction = monotone(points)
+    smooth = monotone(points)
     for name in QUANTITIES:
-        np.testing.assert_allclose(smooth.values[name][:4], values[name][:4], rtol=1e-7)
-        assert (np.diff(np.abs(smooth.values[name])) >= 0).all()
-        assert correction.values[name][4] != 0
+        np.testing.assert_allclose(
+            smooth.points.values[name][:4], values[name][:4], rtol=1e-7
+        )
+        assert (np.diff(np.abs(smooth.points.values[name])) >= 0).all()
+        assert smooth.corrections[name][4] != 0
 
 
 @given(arrays(np.float64, (3, 12), elements=st.floats(0, 100)), st.integers(0, 2**12 - 1))
@@ -89,7 +91,7 @@ def test_laws_are_monotone_whatever_is_predicted(predicted, outside):
     """Values and both ends of the intervals; the values stay between the ends."""
     parts = [dict.fromkeys(QUANTITIES, each) for each in predicted]
     reasons = tuple("far" if outside >> place & 1 else "" for place in range(12))
-    smooth, _ = monotone(Points(*parts, reasons))
+    smooth = monotone(Points(*parts, reasons)).points
     for name in QUANTITIES:
         sign = -1 if name == "mean_gap_um" else 1
         curves = [part[name] for part in (smooth.low, smooth.values, smooth.high)]

@@ -56,8 +56,13 @@ def test_every_file_names_the_maps_their_hashes_and_each_step(surfaces, run, aga
         assert row.files.split("; ")[:: 1 + len(against) // 2] == maps
         assert row.sha256.split("; ") == [sha256(name) for name in row.files.split("; ")]
         assert all(row.prepared.count(step) >= len(maps) for step in done)
-    for name in ("law.h", "law-calculix.inp", "law-calculix-soft.inp", "law-abaqus.inp",
-                 "law_4c.py"):  # fmt: skip
+    for name in (
+        "law.h",
+        "law-calculix.inp",
+        "law-calculix-soft.inp",
+        "law-abaqus.inp",
+        "law_4c.py",
+    ):
         text = words(name)
         for path in maps:
             assert f"{path} (SHA-256 {sha256(path)})" in text, name

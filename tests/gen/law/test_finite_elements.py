@@ -16,7 +16,7 @@ from strict import json_of, rows_of
 import bem
 from bench.calculix import QUANTITIES, pressed
 from gen import cli
-from gen.law import contact_law, finite_elements
+from gen.law import finite_elements, solver
 from gen.law.curves import slopes
 from gen.law.finite_elements import outwards, short_name
 from gen.maps.settings import Reading
@@ -538,13 +538,13 @@ def test_without_the_check_no_contact_is_solved_between_the_loads(rough, monkeyp
     """Nor where no file joins the points of a table."""
     folder, _ = rough
     solved = []
-    solve_loads = contact_law.solve_loads
+    solve_loads = solver.solve_loads
 
     def counted(surface, load, loads, **settings):
         solved.extend(loads)
         return solve_loads(surface, load, loads, **settings)
 
-    monkeypatch.setattr(contact_law, "solve_loads", counted)
+    monkeypatch.setattr(solver, "solve_loads", counted)
     ask = ["law", f"{folder}/s.npy", "--side", "100", "--e-star", "230e3"]
     ask += ["--pressure", "100:1600:5:log"]
     for files in (
@@ -673,8 +673,11 @@ def test_between_the_points_it_is_a_monotone_cubic_with_a_continuous_tangent(
         assert (np.diff(here[:300]) >= -1e-12 * here.max()).all()
         assert (tangent >= 0).all()
         # Continuous where the pieces of the cubic meet.
-        ends = [f"{own}_tangent({p * (1 + h):.17g})" for p in np.geomspace(1, 100, 6)[:-1]
-                for h in (-1e-12, 1e-12)]  # fmt: skip
+        ends = [
+            f"{own}_tangent({p * (1 + h):.17g})"
+            for p in np.geomspace(1, 100, 6)[:-1]
+            for h in (-1e-12, 1e-12)
+        ]
         before, behind = said_by(ends, "law.h").reshape(-1, 2).T
         np.testing.assert_allclose(before, behind, rtol=1e-8, atol=1e-9 * tangent.max())
 
@@ -749,7 +752,9 @@ def test_a_header_says_what_it_is_and_a_second_of_its_name_is_an_error(surfaces,
     text = Path("steel.h").read_text()
     said = " ".join(text.partition("*/")[0].replace("\n *", "").split())
     for words in (
-        *("E* = 230769.23076923075 MPa", "Surface: many/s0.npy", "Made: 20"),
+        "E* = 230769.23076923075 MPa",
+        "Surface: many/s0.npy",
+        "Made: 20",
         "python -m gen law many/s0.npy --delta 0.1,0.2",
         "Pressure, force, Delta and closure follow their last slope beyond",
         "Band: the error of the grid, 9 times in 10",

@@ -102,9 +102,9 @@ def test_who_is_pressed_against_whom_does_not_matter(shapes, sides, shift, bound
 def test_placements_that_are_none_are_refused(turned, shift, word):
     path, first = Path("b.npy"), Reading()
     with pytest.raises(InputError, match=word):
-        Against(path, None, turned, shift).body(first)
-    assert Against(path).body(first) == Opposite(path, first)
-    laid = Against(path, None, "y", "1,-2.5").body(first)
+        Against(path, None, turned, shift).second_body(first)
+    assert Against(path).second_body(first) == Opposite(path, first)
+    laid = Against(path, None, "y", "1,-2.5").second_body(first)
     assert laid == Opposite(path, first, "y", (1.0, -2.5))
 
 

@@ -11,7 +11,7 @@ import pytest
 
 import bem
 from gen import cli
-from gen.maps.contacts import Wanted, answers
+from gen.maps.contacts import AnswerOptions, answers
 from gen.surface import generate
 from tests.bem.waves import random_waves
 
@@ -238,9 +238,9 @@ def test_answers_are_printed_and_written(surface, capsys):
 
 def test_nothing_is_computed_that_is_not_asked_for(surface, monkeypatch):
     solved = bem.solve(ROUGH, 200.0, **LOAD)
-    answers(solved, Wanted())
+    answers(solved, AnswerOptions())
     assert not {"spots", "punch", "_flows"} & vars(solved).keys()
-    answers(solved, Wanted(spots=True))
+    answers(solved, AnswerOptions(spots=True))
     assert "punch" not in vars(solved)
     assert pressed(surface, *STEEL, "--pressure", "100", "--csv", "one.csv") == 0
     columns = pd.read_csv("one.csv").columns

@@ -15,21 +15,21 @@ from gen.maps.library import (
     DRAWS,
     PAGE,
     PreparedMap,
+    Recipe,
     Tiling,
-    Wanted,
     Window,
-    cut,
+    cut_window,
     digests,
-    drawn,
+    draw_window,
     map_files,
-    opened,
-    prepared,
+    open_maps,
+    prepared_maps,
     write_maps,
 )
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 
-CLEAN = Reading(asked="key", despike=7.0, level="plane", fill=True)
+CLEAN = Reading(despike=7.0, level="plane", fill=True)
 SMALL = (
     MadeMap("honed", 0, (40, 30), 0.5, 10.0, faults=Faults(spikes=2, holes=2)),
     MadeMap(
@@ -53,11 +53,11 @@ def home(tmp_path, monkeypatch):
     return tmp_path / "home"
 
 
-CLEANED = Wanted((9, 9), None, CLEAN)
+CLEANED = Recipe((9, 9), None, CLEAN)
 
 
 def made(paths, home, wanted=CLEANED):
-    return prepared(paths, digests(paths), wanted, home)
+    return prepared_maps(paths, digests(paths), wanted, home)
 
 
 def test_maps_are_prepared_once(paths, home, monkeypatch):
@@ -66,11 +66,14 @@ def test_maps_are_prepared_once(paths, home, monkeypatch):
     monkeypatch.setattr(
         library, "read", lambda *_, **__: pytest.fail("a map is read again")
     )
-    for again in (made(paths, home), opened(digests(paths), CLEANED, home, verify=False)):
+    for again in (
+        made(paths, home),
+        open_maps(digests(paths), CLEANED, home, verify=False),
+    ):
         for one, other in zip(first.maps, again.maps, strict=True):
             assert np.array_equal(one.heights, other.heights)
     assert list(home.iterdir()) == [file]
-    assert made(paths, home, Wanted((30, 30), None, CLEAN)).shapes == first.shapes
+    assert made(paths, home, Recipe((30, 30), None, CLEAN)).shapes == first.shapes
 
 
 @pytest.mark.parametrize("place", [PAGE, -1])
@@ -83,7 +86,7 @@ def test_a_damaged_file_is_made_anew(paths, home, place):
     assert np.array_equal(made(paths, home).maps[0].heights, whole)
     assert file.read_bytes() != bytes(content)
     file.write_bytes(content[: len(content) // 2])
-    assert opened(digests(paths), CLEANED, home, verify=False) is None
+    assert open_maps(digests(paths), CLEANED, home, verify=False) is None
 
 
 @pytest.mark.parametrize("make", [os.mkfifo, os.mkdir])
@@ -120,27 +123,26 @@ def test_spacings_have_to_agree(tmp_path, home):
         " are resampled, or downsample"
     )
     assert not list(home.iterdir())
-    found = made(paths, home, Wanted((9, 9), (1.0, 1.0), CLEAN))
+    found = made(paths, home, Recipe((9, 9), (1.0, 1.0), CLEAN))
     assert found.shapes == ((33, 33), (29, 29))
 
 
 def test_a_map_smaller_than_the_window_is_refused(paths, home):
     message = "honed-0.x3p: has 40 x 30 nodes after its preparation, less than the window of 33 x"
     with pytest.raises(InputError, match=message):
-        made(paths, home, Wanted((33, 33), None, CLEAN))
+        made(paths, home, Recipe((33, 33), None, CLEAN))
     made(paths, home)
     with pytest.raises(
         InputError, match=message
     ):  # also where the maps are prepared already
-        made(paths, home, Wanted((33, 33), None, CLEAN))
+        made(paths, home, Recipe((33, 33), None, CLEAN))
 
 
 MAPS = [
-    (
-        PreparedMap(np.random.default_rng(1).normal(size=(30, 41)), ("a remark",)),
-        (0.5, 0.5),
+    PreparedMap(
+        np.random.default_rng(1).normal(size=(30, 41)), (0.5, 0.5), ("a remark",)
     ),
-    (PreparedMap(np.asfortranarray(np.arange(12.0).reshape(3, 4))), (0.5, 0.5)),
+    PreparedMap(np.asfortranarray(np.arange(12.0).reshape(3, 4)), (0.5, 0.5)),
 ]
 
 
@@ -220,10 +222,10 @@ def tilings(draw):
 def test_tiles_cover_each_map_once_and_hold_a_window(tiling):
     for index, shape in enumerate(tiling.shapes):
         covered = np.zeros(shape, dtype=int)
-        for (x0, x1), (y0, y1) in tiling.tiles[index]:
-            assert x1 - x0 >= tiling.window[0]
-            assert y1 - y0 >= tiling.window[1]
-            covered[x0:x1, y0:y1] += 1
+        for tile in tiling.tiles[index]:
+            assert tile.x.nodes >= tiling.window[0]
+            assert tile.y.nodes >= tiling.window[1]
+            covered[tile.x.start : tile.x.stop, tile.y.start : tile.y.stop] += 1
         assert (covered == 1).all()
 
 
@@ -253,13 +255,12 @@ def stream(seed, surface):
 @given(tilings(), st.integers(0, 2**63 - 1), st.booleans())
 def test_a_window_lies_in_its_tile(tiling, seed, square):
     tiling = replace(tiling, square=square)
-    window = drawn(stream(seed, 3), tiling)
-    assert window == drawn(stream(seed, 3), tiling)
-    ends = tiling.tiles[window.map][window.tile - tiling.starts[window.map]]
-    for corner, nodes, (start, stop) in zip(
-        window.corner, tiling.window, ends, strict=True
-    ):
-        assert start <= corner <= corner + nodes <= stop
+    window = draw_window(stream(seed, 3), tiling)
+    assert window == draw_window(stream(seed, 3), tiling)
+    tile = tiling.tiles[window.map][window.tile - tiling.starts[window.map]]
+    spans = (tile.x, tile.y)
+    for corner, nodes, span in zip(window.corner, tiling.window, spans, strict=True):
+        assert span.start <= corner <= corner + nodes <= span.stop
     assert 0 <= window.symmetry < (8 if square else 4)
 
 
@@ -267,7 +268,7 @@ def test_maps_tiles_places_and_symmetries_are_uniform():
     """Counts of 20,000 draws within four standard deviations."""
     tiling = Tiling(((8, 8), (21, 10)), (5, 5), square=True)
     random = np.random.default_rng(5)
-    draws = [drawn(random, tiling) for _ in range(20_000)]
+    draws = [draw_window(random, tiling) for _ in range(20_000)]
 
     def check(values, share):
         _, counts = np.unique(values, return_counts=True, axis=0)
@@ -286,7 +287,7 @@ def test_maps_tiles_places_and_symmetries_are_uniform():
 
 def test_a_window_takes_as_many_numbers_as_it_says():
     one, other = np.random.default_rng(1), np.random.default_rng(1)
-    drawn(one, Tiling(((9, 9),), (3, 3), square=True))
+    draw_window(one, Tiling(((9, 9),), (3, 3), square=True))
     other.random(DRAWS)
     assert one.random() == other.random()
 
@@ -296,7 +297,7 @@ def test_the_eight_symmetries_are_those_of_the_square():
     heights = np.arange(30.0).reshape(5, 6) ** 2
     patch = heights[1:4, 2:5] - heights[1, 2]
     windows = (Window(0, 0, (1, 2), symmetry) for symmetry in range(8))
-    made = {cut(heights, window, (3, 3)).tobytes() for window in windows}
+    made = {cut_window(heights, window, (3, 3)).tobytes() for window in windows}
     known = {np.rot90(side, k).tobytes() for k in range(4) for side in (patch, patch.T)}
     assert made == known
     assert len(made) == 8

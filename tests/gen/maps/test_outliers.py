@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter
 from bench.made_maps import KINDS, MadeMap, surface
 from gen import cli
 from gen.maps.bodies import composite
-from gen.maps.outliers import find_codes, find_single
+from gen.maps.outliers import find_codes, find_outliers
 from gen.maps.prepare import prepare, surface_warnings
 from gen.maps.read import Topography
 from gen.maps.settings import Reading
@@ -19,8 +19,17 @@ from gen.surface import generate
 from tests.maps import read
 
 CODES = (
-    *(-1.0, 0.0, -999.25, -9999.0, -32768.0, 9999.0, 99999.0),
-    *(2147483647.0, 1e38, -1e38, 1.70141e38),
+    -1.0,
+    0.0,
+    -999.25,
+    -9999.0,
+    -32768.0,
+    9999.0,
+    99999.0,
+    2147483647.0,
+    1e38,
+    -1e38,
+    1.70141e38,
 )
 NODES = 80
 
@@ -243,8 +252,8 @@ NATURAL = {
 def test_natural_and_made_surfaces_have_nothing_apart(name):
     for heights in (NATURAL[name], -NATURAL[name]):
         assert not find_codes(heights)
-        assert find_single(heights, 1) is None
-        assert find_single(heights, -1) is None
+        assert find_outliers(heights, 1) is None
+        assert find_outliers(heights, -1) is None
 
 
 COMMANDS = {

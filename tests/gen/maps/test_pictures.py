@@ -21,8 +21,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgba
 
 from gen.maps import pictures
-from gen.maps.contacts import Wanted, answers
-from gen.maps.pictures import Map, draw_contacts
+from gen.maps.contacts import AnswerOptions, answers
+from gen.maps.pictures import Map, plot_contacts
 from gen.material import Bodies
 
 ROUGH = generate_spectral(
@@ -89,15 +89,16 @@ PATCHES = {
 def drawn(contacts, **changes):
     """A figure as it would be written, without the work of drawing its pixels."""
     figure = new_figure(11, 8.2, dpi=110)
-    bodies = Bodies(E_STAR, contacts[0].problem.hardness, known=True)
+    bodies = Bodies(E_STAR, contacts[0].problem.hardness, has_modulus=True)
     subject = {"name": NAME, "load": "delta", "bodies": bodies, "warnings": (), **changes}
-    subject = {"wanted": Wanted(), **subject}
+    subject = {"options": AnswerOptions(), **subject}
     rows = [
-        {row.column: row.value for row in answers(each, Wanted())} for each in contacts
+        {row.column: row.value for row in answers(each, AnswerOptions())}
+        for each in contacts
     ]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pictures, "save", lambda *_: None)
-        draw_contacts(figure, contacts[-1], rows, Path("contact.png"), **subject)
+        plot_contacts(figure, contacts[-1], rows, Path("contact.png"), **subject)
     return figure
 
 
@@ -137,7 +138,7 @@ def map_with(value):
     heights[7, 3] = value
     figure = new_figure(6, 5)
     axis = figure.subplots()
-    pictures.draw_map(
+    pictures.plot_map(
         axis, Map(heights, (39.0, 39.0), "heights", "height", "µm", "viridis")
     )
     return axis, axis.images[0].colorbar
@@ -188,11 +189,13 @@ def test_the_flow_takes_the_place_of_the_pressure():
     light, full = (
         bem.solve(FRACTAL, 100.0, pressure=p, modulus=E_STAR) for p in (1e-2, 1e7)
     )
-    figure = drawn([light], wanted=Wanted(flow=True))
+    figure = drawn([light], options=AnswerOptions(flow=True))
     assert titled(figure, "gap: connects")
     assert titled(figure, f"flux along x: flow factor {light.flow().factor:.3g}")
-    assert titled(drawn([full], wanted=Wanted(spots=True, flow=True)), "1 spots")
-    assert titled(drawn([full], wanted=Wanted(flow=True)), "flux along x: no flow")
+    assert titled(drawn([full], options=AnswerOptions(spots=True, flow=True)), "1 spots")
+    assert titled(
+        drawn([full], options=AnswerOptions(flow=True)), "flux along x: no flow"
+    )
 
 
 @pytest.mark.parametrize("values", [(2.1, 4.4), (7.0, 45.0), (1, 1e6)])

@@ -21,7 +21,7 @@ from gen.maps.filters import (
 from gen.maps.prepare import STEPS as TAKEN
 from gen.maps.prepare import downsampled, least_squares, masked, prepare, surface_warnings
 from gen.maps.read import Topography
-from gen.maps.settings import KEYS, Reading, keys, said
+from gen.maps.settings import KEYS, Reading, as_option, keys
 from gen.material import combined_modulus
 from gen.runtime.errors import InputError
 from gen.spectral import SelfAffineSpectrum, generate_spectral
@@ -32,7 +32,7 @@ SIDES = (22.0, 4.0)
 
 
 def topography(heights, sides=SIDES):
-    return Topography("scan", heights, sides, asked="option")
+    return Topography("scan", heights, sides)
 
 
 def shaped(shape, spacing, height, boundary="free"):
@@ -42,9 +42,7 @@ def shaped(shape, spacing, height, boundary="free"):
         step * (nodes - (boundary == "free"))
         for nodes, step in zip(shape, spacing, strict=True)
     )
-    return Topography(
-        "map", height(x[:, None], y[None, :]), sides, (), (), boundary, asked="option"
-    )
+    return Topography("map", height(x[:, None], y[None, :]), sides, (), (), boundary)
 
 
 def spaced(heights, boundary="free"):
@@ -84,7 +82,8 @@ def test_a_level_takes_its_shape_away_whatever_is_missing(level, shape):
 def test_a_crop_without_edges_keeps_the_pixels(boundary):
     heights = np.add.outer(np.arange(10.0), 3 * np.arange(8.0))
     whole = Topography("scan", heights, (20.0, 4.0), boundary=boundary)
-    assert least_squares(whole)[1] == pytest.approx((0.5, 6.0))
+    tilt = least_squares(whole).tilt
+    assert (tilt.x, tilt.y) == pytest.approx((0.5, 6.0))
     part = prepare(whole, Reading(crop="4:12,1:3"))
     assert part.heights.shape == (5, 5)
     assert part.sides == (10.0, 2.5)
@@ -177,8 +176,12 @@ def test_surfaces_without_a_roll_off_are_not_called_tilted():
 
 
 STEPS: list[dict[str, Any]] = [
-    *({}, {"despike": 7.0}, {"despike": 20.0}, {"crop": "10:35,10:35"}),
-    *({"level": "plane"}, {"form": 2}),
+    {},
+    {"despike": 7.0},
+    {"despike": 20.0},
+    {"crop": "10:35,10:35"},
+    {"level": "plane"},
+    {"form": 2},
 ]
 
 
@@ -304,7 +307,7 @@ def test_steps_that_do_not_suit_the_map_are_refused():
     with pytest.raises(
         InputError, match=r"map: --mask 50:60 leaves no height, they are 0 to 14"
     ):
-        masked(plane, (50, 60))
+        masked(plane, 50, 60)
     with pytest.raises(
         InputError, match="map: --downsample 4 leaves fewer than 2 x 2 of 9 x 7"
     ):
@@ -369,7 +372,7 @@ def test_settings_out_of_their_ranges_are_refused(settings, word):
 
 def test_commands_and_scenes_have_every_key(capsys):
     """Each key is declared once; what is not made of it is forgotten."""
-    assert {each.name for each in fields(Reading)} == {*KEYS, "asked"}
+    assert {each.name for each in fields(Reading)} == {*KEYS}
     assert list(keys("preparation")) == list(TAKEN)
     assert cli.main(["describe", "--help"]) == 0
     described = capsys.readouterr().out
@@ -377,5 +380,5 @@ def test_commands_and_scenes_have_every_key(capsys):
     for table, model in scanned.items():
         assert list(model.model_fields) == list(keys(table))
         for name, key in keys(table).items():
-            assert said(name, "option") in described
+            assert as_option(name) in described
             assert model.model_fields[name].description == key.allowed

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gen import cli
-from gen.maps.scan import Scan, arranged
+from gen.maps.scan import Scan, arrange
 from tests.maps import read
 
 RANDOM = np.random.default_rng(11)
@@ -239,7 +239,7 @@ def test_points_on_any_grid_become_the_map_they_were_taken_from(
         [start + step * x[kept], 7 - 3 * step * y[kept], heights[kept]]
     )
     table = Scan(random.permutation(columns), names=("x", "y", "z"))
-    found = arranged(Path("points.txt"), table)
+    found = arrange(Path("points.txt"), table)
     assert found.widths == pytest.approx((step * nx, 3 * step * ny), rel=1e-6)
     np.testing.assert_array_equal(found.heights, np.where(kept, heights, np.nan)[:, ::-1])
 
@@ -259,7 +259,7 @@ def test_rough_maps_are_not_taken_for_coordinates(shape, hurst, tilt, seed):
     heights += tilt * np.arange(shape[1])
     if min(shape) < 4:
         return
-    assert arranged(Path("map.txt"), Scan(heights)).heights is heights
+    assert arrange(Path("map.txt"), Scan(heights)).heights is heights
 
 
 def test_smooth_maps_are_maps():
@@ -268,4 +268,4 @@ def test_smooth_maps_are_maps():
     levels = RANDOM.integers(0, 4, size=(8, 5)).astype(float)
     smooth = (x, y, x + y, 2 * x - y, x * x + y * y, x * y, np.abs(x), 0 * x, np.sin(x))
     for heights in (*smooth, noisy, noisy[::-1].T, np.maximum(x, y), levels, levels.T):
-        assert arranged(Path("map.npy"), Scan(heights)).heights is heights
+        assert arrange(Path("map.npy"), Scan(heights)).heights is heights

@@ -18,7 +18,7 @@ from databases import database_of, seal, status
 from launch import TIMEOUT, command, environment
 
 from gen import cli
-from gen.runtime.command_line import typed
+from gen.runtime.command_line import recorded_command_line
 from gen.runtime.documents import cell, write_csv
 from gen.runtime.terminal import RunProgress, echo, print_columns, printable
 
@@ -237,6 +237,6 @@ def test_a_recorded_command_is_the_one_that_was_given(program):
         spelled = [word for each in flags for word in (*each.opts, *each.secondary_opts)]
         for flag in ([], *([each] for each in spelled if each != "--help")):
             with parser.make_context(name, [*words, *flag]) as given:
-                again = shlex.split(typed(given, program))
+                again = shlex.split(recorded_command_line(given, program))
             with parser.make_context(name, again[again.index(name) + 1 :]) as read:
                 assert read.params == given.params, again

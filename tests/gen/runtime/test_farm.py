@@ -22,7 +22,7 @@ from gen.generation.plan import parameters
 from gen.generation.sample import compute_rows
 from gen.runtime import farm
 from gen.runtime.errors import InputError
-from gen.runtime.farm import Interruption, Overtime, at_most
+from gen.runtime.farm import Interruption, Overtime, time_limit
 from gen.scene import load
 from gen.schema import Status
 
@@ -200,7 +200,7 @@ def folder(here):
 def test_a_block_that_takes_too_long_ends_and_leaves_nothing_behind():
     before = signal.getsignal(signal.SIGALRM)
     began = time.monotonic()
-    with pytest.raises(Overtime), at_most(0.05):
+    with pytest.raises(Overtime), time_limit(0.05):
         time.sleep(600.0)
     assert time.monotonic() - began < 300.0
     assert signal.getsignal(signal.SIGALRM) is before
@@ -213,7 +213,7 @@ def test_an_alarm_that_is_swallowed_rings_again():
             time.sleep(600.0)
         time.sleep(600.0)
 
-    with pytest.raises(Overtime), at_most(0.05):
+    with pytest.raises(Overtime), time_limit(0.05):
         swallow()
 
 

@@ -87,7 +87,7 @@ REFUSED = [
 @pytest.mark.parametrize(("program", "arguments", "word"), REFUSED)
 def test_refused_before_any_work(folder, refused, monkeypatch, program, arguments, word):
     failing = mock.Mock(side_effect=AssertionError("worked before the refusal"))
-    monkeypatch.setattr("gen.maps.prepare.read", failing)
+    monkeypatch.setattr("gen.maps.bodies.read", failing)
     before = contents(folder)
     assert word.lower() in refused(program, *arguments).lower()
     assert contents(folder) == before
@@ -152,7 +152,7 @@ def test_a_file_that_appears_meanwhile_is_replaced_only_if_it_may_be(
     target = tmp_path / "rows.h5"
 
     def make():
-        with files.unfinished(target, present, ".part") as made:
+        with files.unfinished(target, present, b"signature") as made:
             assert made.parent == tmp_path
             made.write_text("ours")
             target.write_text("theirs")

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from gen.runtime.errors import SourceError
-from gen.runtime.farm import Overtime, at_most
+from gen.runtime.farm import Overtime, time_limit
 from gen.runtime.user_code import (
     TRUSTED,
-    faults_of,
     load_function,
+    source_errors,
     source_hash,
     source_of,
 )
@@ -106,18 +106,18 @@ def test_a_bound_on_the_time_is_no_fault_of_the_function():
         while True:
             pass
 
-    with pytest.raises(Overtime), at_most(0.05), faults_of("f"):
+    with pytest.raises(Overtime), time_limit(0.05), source_errors("f"):
         endless()
 
 
 def test_arithmetic_is_handled_elsewhere():
-    with pytest.raises(ZeroDivisionError), faults_of("f"):
+    with pytest.raises(ZeroDivisionError), source_errors("f"):
         raise ZeroDivisionError
 
 
 def test_memory_that_runs_out_in_a_function_is_the_functions(here):
     fault = "f, row 3: this code of your own has run out of memory: Unable to allocate"
-    with pytest.raises(SourceError, match=fault), faults_of("f, row 3"):
+    with pytest.raises(SourceError, match=fault), source_errors("f, row 3"):
         np.empty(2**58)
     source = write(here, "raise MemoryError\n")
     with pytest.raises(

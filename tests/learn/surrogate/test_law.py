@@ -315,8 +315,18 @@ def test_the_inverse_of_a_law_knows_its_level_stretches():
 def test_a_further_quantity_of_a_predicted_law_is_one_that_was_learnt(
     work, solved, capsys
 ):
-    run("fit", solved, "--model", "kernel-ridge", "--features", "dimensionless", "--target",
-        "area,force,contact_nodes", "-o", "nodes.surrogate")  # fmt: skip
+    run(
+        "fit",
+        solved,
+        "--model",
+        "kernel-ridge",
+        "--features",
+        "dimensionless",
+        "--target",
+        "area,force,contact_nodes",
+        "-o",
+        "nodes.surrogate",
+    )
     ask = ["nodes.surrogate", "many/s0.npy", "--side", "1000", "--delta", "5:25:5"]
     run("law", *ask, "--also", "contact_nodes", "--csv", "nodes.csv")
     rows = rows_of("nodes.csv", "delta_um")

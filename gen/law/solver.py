@@ -1,0 +1,344 @@
+"""The solver of a contact law: contacts of all its surfaces under the same loads."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from bem import Contact
+from gen.arrays import Values
+from gen.doubts import Pressed, contact_doubts
+from gen.law.curves import APART, Points
+from gen.law.order import Load, Order
+from gen.law.surfaces import LawSurface
+from gen.maps.contacts import solve_loads
+from gen.material import Bodies
+from gen.quantities import AREA, CONTINUUM, LOADS, MEAN_GAP
+from gen.runtime.errors import InputError
+from gen.runtime.terminal import RunProgress
+
+LONG = 10**6
+"""Number of nodes of all contacts together from which on the progress is printed."""
+
+PASSES: Mapping[Load, str] = {"delta": "over Delta", "pressure": "over pressure"}
+"""Which contacts the progress counts: a population has one pass for each table."""
+
+NOT_SOLVED = "warning: not solved"
+"""Beginning of a remark on loads that are left out of a law."""
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedContact:
+    """One contact of a surface under one load, or the reason why it was not solved."""
+
+    quantities: dict[str, float]  # by names in laws; empty if the contact was not solved
+    fault: str = ""  # why it was not solved; "" if it was
+    grid_error: float = np.nan  # of the area in the continuum [%]; NaN if not resolved
+    unresolved: str = (
+        ""  # why the grid does not resolve it; "" if it does or is not judged
+    )
+    pressed: Pressed | None = None  # what warnings take of it; None if it was not solved
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedSurface:
+    """Contacts of one surface under k loads."""
+
+    name: str
+    points: Points  # NaN at loads that were not solved
+    faults: tuple[str, ...]  # for each load why it was not solved; "" where it was
+    doubts: list[str]  # the first reason to distrust the contacts, if there is one
+    remarks: list[str]  # a line on loads at which the grid does not resolve the contact
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedLoads:
+    """Contacts of all surfaces of a law under the same loads."""
+
+    loads: Values  # ascending loads that were solved on every surface [um or MPa], (k,)
+    points: list[Points]  # of each surface, k contacts each
+    warnings: list[str] = field(default_factory=list)  # reasons to distrust the contacts
+    remarks: list[str] = field(default_factory=list)  # loads that were left out
+
+    @property
+    def in_full_contact(self) -> bool:
+        """True if the first load brings a surface into full contact, or no load was solved."""
+        if not self.loads.size:
+            return True
+        return any(bool(part.values[AREA.in_laws][0] >= 100) for part in self.points)
+
+
+@dataclass(frozen=True, eq=False)
+class PossibleLoads:
+    """Loads that are below full contact, and a remark if some were not."""
+
+    loads: Values  # ascending [um or MPa]
+    remarks: list[str]  # one line or none
+
+
+@dataclass(frozen=True, eq=False)
+class LawSolver:
+    """The solver of all surfaces of a law, under one load after another."""
+
+    order: Order
+    surfaces: Sequence[LawSurface]
+    bodies: Bodies
+    judges: bool = (
+        True  # whether it computes the error of the grid that an order asks for
+    )
+    # What the progress counts, by the kind of the loads.
+    passes: Mapping[Load, str] = field(default_factory=lambda: PASSES)
+
+    def solve(self, load: Load, loads: Values) -> SolvedLoads:
+        """Solve every surface under loads that the user gave, and print the progress if it is long.
+
+        Loads that are not solved on every surface, and displacements of full contact of elastic
+        patches without edges, are left out with a remark.
+
+        Parameters
+        ----------
+        load : {"delta", "pressure"}
+            Kind of the loads.
+        loads : ndarray, shape (k,)
+            Ascending loads [um or MPa].
+
+        Returns
+        -------
+        SolvedLoads
+            Contacts under at least one load.
+
+        Raises
+        ------
+        InputError
+            If a load is not allowed, or none is solved on every surface.
+        """
+        possible = self._below_full_contact(load, loads)
+        if not possible.loads.size:
+            full_contact = possible.remarks[0].partition(":")[0]
+            raise InputError(f"{full_contact}: give smaller loads")
+        return self._solve(load, possible)
+
+    def solve_some(
+        self, load: Load, loads: Values, like: Sequence[Points] = ()
+    ) -> SolvedLoads:
+        """Solve every surface as `solve` does, but leave out loads that `solve` would refuse.
+
+        Parameters
+        ----------
+        load : {"delta", "pressure"}
+            Kind of the loads.
+        loads : ndarray, shape (k,)
+            Ascending loads [um or MPa].
+        like : sequence of Points
+            Points of each surface, with the quantities that points without any load shall have.
+
+        Returns
+        -------
+        SolvedLoads
+            Contacts under some of the loads. If there are none, the points have no load, and are
+            empty if `like` is.
+        """
+        possible = self._below_full_contact(load, loads)
+        remarks = possible.remarks
+        if possible.loads.size:
+            try:
+                return self._solve(load, possible)
+            except InputError as error:
+                remarks = [f"{NOT_SOLVED}, left out: {error}"]
+        nowhere = np.empty(0, dtype=np.int64)
+        points = [part.chosen(nowhere) for part in like]
+        return SolvedLoads(np.empty(0), points, remarks=remarks)
+
+    def _below_full_contact(self, load: Load, loads: Values) -> PossibleLoads:
+        """Leave out displacements at which an elastic patch without edges is in full contact."""
+        if load != "delta" or self.bodies.hardness is not None:
+            return PossibleLoads(loads, [])
+        gaps = [
+            surface.at_rest()[MEAN_GAP.in_laws]
+            for surface in self.surfaces
+            if surface.boundary != "free"
+        ]
+        full = min(gaps, default=np.inf)
+        possible = loads[loads < (1 - APART) * full]
+        if possible.size == loads.size:
+            return PossibleLoads(loads, [])
+        return PossibleLoads(possible, [ends_below(full)])
+
+    def _solve(self, load: Load, possible: PossibleLoads) -> SolvedLoads:
+        """Solve every surface under loads, of which there is one or more; see `solve`."""
+        loads = possible.loads
+        solved: list[SolvedSurface] = []
+        with self._progress(load, loads) as progress:
+            for surface in self.surfaces:
+                judged = self.order.grid_error and self.judges and not solved
+                contacts: list[SolvedContact] = []
+                for contact in self._contacts(surface, load, loads, judged=judged):
+                    contacts.append(contact)
+                    if progress is not None:
+                        progress.advance(1, int(contact.pressed is None))
+                solved.append(
+                    self._solved_surface(surface, load, loads, contacts, judged=judged)
+                )
+        losses = [self._loss(solved, place) for place in range(loads.size)]
+        lost = [line for line in losses if line]
+        kept = np.array([not line for line in losses])
+        if not kept.any():
+            raise InputError(f"no load was solved on every surface; {lost[0]}")
+        return SolvedLoads(
+            loads=loads[kept],
+            points=[surface.points.chosen(kept) for surface in solved],
+            warnings=self._warnings(solved),
+            remarks=[*possible.remarks, *lost],
+        )
+
+    def _progress(
+        self, load: Load, loads: Values
+    ) -> AbstractContextManager[RunProgress | None]:
+        """Return what shows the progress, or a context without it for a law that is soon solved."""
+        contacts = len(self.surfaces) * loads.size
+        if contacts * self.surfaces[0].heights.size < LONG:
+            return nullcontext()
+        return RunProgress(contacts, f"contacts {self.passes[load]}")
+
+    def _contacts(
+        self, surface: LawSurface, load: Load, loads: Values, *, judged: bool
+    ) -> Iterator[SolvedContact]:
+        """Solve a surface and yield its contact at each load; judge the grid if `judged`."""
+        settings = {
+            "modulus": self.bodies.e_star,
+            "hardness": self.bodies.hardness,
+            **surface.settings,
+        }
+        for solution in solve_loads(surface, load, loads.tolist(), **settings):
+            contact = solution.contact
+            if contact is None:
+                yield SolvedContact({}, solution.fault)
+                continue
+            try:
+                quantities = {
+                    quantity.in_laws: quantity.in_law(contact, self.order.media)
+                    for quantity in self.order.quantities
+                }
+            except ArithmeticError as error:
+                raise InputError(f"{surface.name}: {error}") from None
+            yield _solved_contact(contact, quantities, judged=judged)
+
+    def _solved_surface(
+        self,
+        surface: LawSurface,
+        load: Load,
+        loads: Values,
+        contacts: Sequence[SolvedContact],
+        *,
+        judged: bool,
+    ) -> SolvedSurface:
+        """Put the contacts of one surface into arrays, and say what is doubtful about them."""
+        pressed = [contact.pressed for contact in contacts if contact.pressed is not None]
+        doubts = contact_doubts(surface.heights, self.bodies, load, pressed)
+        points = _points(contacts)
+        remarks: list[str] = []
+        if judged:
+            points = _with_grid_error(points, contacts)
+            remarks = _unresolved_remark(surface, load, loads, contacts)
+        return SolvedSurface(
+            name=surface.name,
+            points=points,
+            faults=tuple(contact.fault for contact in contacts),
+            doubts=doubts[:1],
+            remarks=remarks,
+        )
+
+    def _loss(self, solved: Sequence[SolvedSurface], place: int) -> str:
+        """Say on which surfaces the load at a place was not solved; "" if it was on all."""
+        faults = [
+            f"{surface.name}: {surface.faults[place]}"
+            for surface in solved
+            if surface.faults[place]
+        ]
+        if not faults:
+            return ""
+        where = ""
+        if len(solved) > 1:
+            where = f" on {len(faults)} of {len(solved)} surfaces"
+        return f"{NOT_SOLVED}{where}, left out: {faults[0]}"
+
+    def _warnings(self, solved: Sequence[SolvedSurface]) -> list[str]:
+        """Return the first doubt about all surfaces as a warning, and the remarks on the grid."""
+        doubts = [doubt for surface in solved for doubt in surface.doubts]
+        remarks = [remark for surface in solved for remark in surface.remarks]
+        if not doubts:
+            return remarks
+        share = ""
+        if len(solved) > 1:
+            share = f"{len(doubts)} of {len(solved)} surfaces, the first: "
+        return [f"warning: {share}{doubts[0]}", *remarks]
+
+
+def ends_below(full: float) -> str:
+    """Say that the table against Delta ends at full contact.
+
+    Parameters
+    ----------
+    full : float
+        Displacement of full contact [um].
+
+    Returns
+    -------
+    str
+        One line.
+    """
+    return f"full contact from {full:.4g} um on: the table against delta_um ends below it"
+
+
+def _solved_contact(
+    contact: Contact, quantities: dict[str, float], *, judged: bool
+) -> SolvedContact:
+    """Return a contact with its quantities and, if it is judged, the error of the grid."""
+    pressed = Pressed(contact.delta, contact.largest_pressure, contact.contact_nodes)
+    if not judged:
+        return SolvedContact(quantities, pressed=pressed)
+    error = contact.grid_error()
+    if not error.resolved:
+        return SolvedContact(quantities, unresolved=error.reason, pressed=pressed)
+    return SolvedContact(quantities, grid_error=error.area_percent, pressed=pressed)
+
+
+def _points(contacts: Sequence[SolvedContact]) -> Points:
+    """Return the quantities of contacts of one surface, at least one of which was solved."""
+    names = next(contact.quantities for contact in contacts if contact.quantities)
+    values = {
+        name: np.array([contact.quantities.get(name, np.nan) for contact in contacts])
+        for name in names
+    }
+    return Points(values, reasons=("",) * len(contacts))
+
+
+def _with_grid_error(points: Points, contacts: Sequence[SolvedContact]) -> Points:
+    """Give the area in the continuum the error of the grid as its band."""
+    name = CONTINUUM.in_laws
+    area = points.values[name]
+    error = np.array([contact.grid_error for contact in contacts])
+    return Points(
+        points.values,
+        low={name: np.clip(area - error, *CONTINUUM.bounds)},
+        high={name: np.clip(area + error, *CONTINUUM.bounds)},
+        reasons=points.reasons,
+        grid=tuple(contact.unresolved for contact in contacts),
+    )
+
+
+def _unresolved_remark(
+    surface: LawSurface, load: Load, loads: Values, contacts: Sequence[SolvedContact]
+) -> list[str]:
+    """Return a line on the loads at which the grid does not resolve the contact, if there are."""
+    reasons = [contact.unresolved for contact in contacts]
+    unresolved = loads[[bool(reason) for reason in reasons]]
+    if not unresolved.size:
+        return []
+    up_to = f"up to {unresolved[-1]:.4g} {LOADS[load].unit}"
+    where = f"at {unresolved.size} of {loads.size} loads, {up_to}"
+    first = next(filter(None, reasons))
+    return [
+        f"{surface.name}: the area is that of the grid {where}; at the first, {first}"
+    ]

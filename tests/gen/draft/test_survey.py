@@ -1,0 +1,100 @@
+"""Surveys of maps: what their files hold, and which of their nodes are spikes."""
+
+import numpy as np
+import pytest
+
+from bench.made_maps import MAPS, measured, write
+from gen.draft.survey import common_threshold, find_spikes, measure, survey
+from gen.maps.prepare import despiked
+from gen.maps.read import Topography
+from gen.maps.settings import Reading
+
+pytest.importorskip("SurfaceTopography")
+
+MADE = {made.name: made for made in MAPS}
+
+
+@pytest.fixture
+def saved(tmp_path):
+    """Save heights as a text file, whose side is given, and look at it."""
+
+    def look(heights, side="10"):
+        path = tmp_path / "scan.txt"
+        np.savetxt(path, heights)
+        return survey([path], Reading(side=side))[0]
+
+    return look
+
+
+@pytest.mark.parametrize("name", ["turned-3", "ground-3", "honed-4"])
+def test_a_made_map_is_seen_as_it_was_made(tmp_path, name):
+    made = MADE[name]
+    [look] = survey([write(made, tmp_path)], Reading())
+    assert (look.fault, look.shape, look.unit != "") == ("", made.shape, True)
+    assert look.spacing == pytest.approx(made.spacing)
+    assert (look.missing > 0) == (made.faults.holes > 0)
+    assert look.spikes is not None
+    assert look.spikes.number == made.faults.spikes
+    assert look.tilt == pytest.approx(made.faults.tilt, abs=3e-3)
+    assert look.form < 0.9
+
+
+def test_files_that_are_no_use_say_why(tmp_path):
+    (tmp_path / "notes.txt").write_text("once upon a time")
+    (tmp_path / "noise.x3p").write_bytes(b"PK no map")
+    np.savetxt(tmp_path / "a.txt", np.random.default_rng(1).normal(size=(20, 20)))
+    np.savetxt(tmp_path / "b.txt", np.random.default_rng(1).normal(size=(20, 20)))
+    names = ["notes.txt", "noise.x3p", "a.txt", "b.txt", "none.txt"]
+    looks = survey([tmp_path / name for name in names], Reading(side="10"))
+    faults = [look.fault for look in looks]
+    assert "number" in faults[0]
+    assert faults[1]
+    assert faults[2:4] == ["", "the same map as a.txt"]
+    assert "No such file" in faults[4]
+    assert not any(str(tmp_path) in fault for fault in faults)
+
+
+def test_maps_without_heights_are_left_out(saved):
+    rough = np.random.default_rng(2).normal(size=(20, 20))
+    assert "missing" in saved(np.where(rough > -0.5, np.nan, rough)).fault
+    assert saved(np.ones((20, 20))).fault == "all its heights are equal"
+    assert saved(rough[:3, :3]).fault == "3 x 3 nodes are too few"
+
+
+def test_a_map_without_roughness_is_left_out(saved):
+    flat = saved(1e-9 * np.random.default_rng(2).normal(size=(20, 20)))
+    measured_map = measure(flat, Reading(side="10"))
+    assert measured_map.topography is None
+    assert "check the unit" in measured_map.survey.fault
+
+
+SOME = [made for made in MAPS if made.number in {2, 3}]
+
+
+def test_the_threshold_takes_out_the_spikes_of_all_maps_and_nothing_else():
+    maps = [measured(made) for made in SOME]
+    threshold = common_threshold([find_spikes(heights) for heights in maps])
+    assert threshold is not None
+    for made, heights in zip(SOME, maps, strict=True):
+        clear = despiked(Topography("map", heights, (1.0, 1.0)), threshold)
+        moved = (clear.heights != heights) & ~np.isnan(heights)
+        assert np.count_nonzero(moved) == made.faults.spikes
+
+
+def test_many_spikes_and_those_that_no_gap_parts_are_found():
+    random = np.random.default_rng(5)
+    rough = random.normal(size=(200, 200))
+    many = rough.copy()
+    many.flat[random.choice(many.size, 300, replace=False)] += 40.0
+    assert find_spikes(many).number == 300
+    tail = rough.copy()
+    tail.flat[random.choice(tail.size, 8, replace=False)] = 10.0 * 1.7 ** np.arange(8)
+    assert find_spikes(tail).number >= 5
+    assert find_spikes(rough).number == 0
+
+
+def test_a_map_of_half_flat_parts_has_no_division_by_zero():
+    heights = np.zeros((40, 40))
+    heights[20:] = 1.0
+    heights[5, 5] = 30.0
+    assert find_spikes(heights).number == 1
