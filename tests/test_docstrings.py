@@ -99,15 +99,19 @@ def imported_elsewhere() -> set[tuple[Path, str]]:
 
 
 @functools.cache
-def attributes_outside(folder: Path) -> set[str]:
-    """Names of the attributes that files outside of a folder read."""
-    return {
-        node.attr
-        for path in files_of(PACKAGES)
-        if path.parent != folder
-        for node in ast.walk(tree_of(path))
-        if isinstance(node, ast.Attribute)
-    }
+def folders_that_read() -> dict[str, set[Path]]:
+    """Folders whose files read an attribute, by its name."""
+    folders: dict[str, set[Path]] = {}
+    for path in files_of(PACKAGES):
+        for node in ast.walk(tree_of(path)):
+            if isinstance(node, ast.Attribute):
+                folders.setdefault(node.attr, set()).add(path.parent)
+    return folders
+
+
+def read_outside(name: str, folder: Path) -> bool:
+    """Whether a file outside of a folder reads an attribute of this name."""
+    return bool(folders_that_read().get(name, set()) - {folder})
 
 
 def overrides(method: Function, owner: ast.ClassDef) -> bool:
@@ -136,12 +140,11 @@ def called_elsewhere(packages: tuple[str, ...]) -> Iterator[Documented]:
                 yield Documented(f"{place}:{node.lineno} {node.name}", node, method=False)
             if not isinstance(node, ast.ClassDef):
                 continue
-            outside = attributes_outside(path.parent)
             for method in node.body:
                 if (
                     isinstance(method, Function)
                     and not method.name.startswith("_")
-                    and method.name in outside
+                    and read_outside(method.name, path.parent)
                     and not overrides(method, node)
                     and not _decorated(method, "overload")
                 ):

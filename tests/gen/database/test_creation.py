@@ -169,6 +169,7 @@ def test_merge_names_the_database_in_which_a_row_is_damaged(tmp_path):
         merge(tmp_path / "both.h5", [one, two])
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("older", [("one",), ("one", "two")])
 def test_files_without_checksums_are_read_continued_extended_and_merged(
     here, monkeypatch, older
@@ -295,6 +296,7 @@ def test_refusing_asks_for_no_memory(paths, opening):
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 20_000  # kB
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("older", "drawn"), DRAWN_NAMES.items())
 def test_files_with_older_names_are_read_continued_extended_and_merged(
     here, older, drawn

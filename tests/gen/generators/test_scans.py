@@ -185,6 +185,7 @@ def test_a_second_body_is_a_window_of_its_group_of_tiles(second, monkeypatch, ag
     assert set(plan.places["tile"]) == set(range(tiles))
 
 
+@pytest.mark.long
 def test_a_run_with_two_sets_of_maps_is_checked_and_told(second, capsys, refused):
     write_scene(second, keys='against = "second"')
     assert run("run", second / "s.toml", "-o", second / "a.h5") == 0

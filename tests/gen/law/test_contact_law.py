@@ -82,6 +82,7 @@ def test_a_law_is_that_of_a_piece_between_its_mirror_images(surfaces, run, capsy
     np.testing.assert_allclose(found.mean_gap_um + found.closure_um, rest, rtol=1e-6)
 
 
+@pytest.mark.long
 def test_the_law_of_two_rough_bodies_is_that_of_their_sum(surfaces, run, capsys):
     first, second = np.load("many/s0.npy"), np.load("many/s1.npy")
     loads = ["--pressure", "1,10"]
