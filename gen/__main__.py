@@ -5,10 +5,9 @@ import sys
 
 
 def main() -> int:
-    """Run the command line, with the other ranks if there are any."""
-    signal.signal(
-        signal.SIGINT, signal.SIG_DFL
-    )  # first: Ctrl-C ends imports without a traceback
+    """Run the command line, with the other ranks if there are any, and return its exit code."""
+    # Before all imports, so that Ctrl-C ends them without a traceback.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
     from gen.runtime import farm
 
     with farm.process():

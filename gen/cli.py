@@ -1,4 +1,4 @@
-"""The command line of `python -m gen`: its commands, of which each has a home in `commands`."""
+"""The command line of `python -m gen`; its commands have their homes in `gen.commands`."""
 
 from functools import partial
 
@@ -33,7 +33,7 @@ COMMANDS = (
     estimate,
     scene,
 )
-"""In the order of the help."""
+"""Commands, in the order of the help."""
 
 for _command in COMMANDS:
     app.command()(_command)
@@ -43,4 +43,7 @@ app.callback(
 )(command_line.take_version)
 
 main = partial(command_line.main, app, name="gen", collective=["run"])
-"""Run one command line, a sequence of words, under a `name`; return its exit code."""
+"""Run a command line, given as a sequence of words, and return its exit code.
+
+See `gen.runtime.command_line.main`; its `name` may be given, as "asperity gen".
+"""

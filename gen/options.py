@@ -3,8 +3,8 @@
 import math
 import shlex
 import sys
-from collections.abc import Iterable
-from dataclasses import replace
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from gen.maps.bodies import Opposite
 
 
-OUT = "--output", "-o"
+OUT = ("--output", "-o")
 
 
-def _file(said: str, *names: str) -> Any:
-    """Return an option that names a file to write."""
-    return Option(*names, metavar="FILE", help=said)
+def _file(help_text: str, *names: str) -> Any:
+    """Return an option that names a file to write, called as its field unless names are given."""
+    return Option(*names, metavar="FILE", help=help_text)
 
 
 Database = Annotated[Path, Argument(metavar="FILE", help="A database (HDF5).")]
@@ -70,7 +70,7 @@ Force = Annotated[
     bool, Option("--force", help="Continue a file of another physics number.")
 ]
 SampleLimit = Annotated[
-    float | None, Option(metavar="SECONDS", help="Leave slower rows pending.")
+    float | None, Option(metavar="SECONDS", help="Leave rows pending that take longer.")
 ]
 Writer = Annotated[
     Literal["auto", "single", "parallel"],
@@ -88,7 +88,7 @@ Pressure = Annotated[
     str, Option(metavar="MPA", help="Pressures over the patch in MPa, likewise.")
 ]
 Spots = Annotated[
-    bool, Option("--spots", help="Count spots; see if contact and gap cross.")
+    bool, Option("--spots", help="Count spots; tell if contact and gap cross.")
 ]
 Flow = Annotated[
     bool, Option("--flow", help="Let a fluid flow through the gap along x and y.")
@@ -97,7 +97,8 @@ GridError = Annotated[
     bool, Option(help="Give the area in the continuum, and the grid's error.")
 ]
 Stiffness = Annotated[
-    bool, Option("--stiffness", help="Solve for stiffness and the interface's.")
+    bool,
+    Option("--stiffness", help="Solve for the stiffness, and that of the interface."),
 ]
 Conductivity = Annotated[
     list[float] | None,
@@ -126,7 +127,7 @@ Also = Annotated[
     ),
 ]
 Flattened = Annotated[
-    Path | None, Option(metavar="NPY", help="Write the heights that are left.")
+    Path | None, Option(metavar="NPY", help="Write the heights after yielding.")
 ]
 Kernel = Annotated[str, Option(help="uniform-pressure or concentrated-force.")]
 Boundary = Annotated[
@@ -148,7 +149,7 @@ Threads = Annotated[
     ),
 ]
 Depth = Annotated[
-    float | None, Option(metavar="UM", min=0, help="Add Smr so far below the top.")
+    float | None, Option(metavar="UM", min=0, help="Add Smr at this depth below the top.")
 ]
 SpectrumTable = Annotated[
     Path | None,
@@ -181,11 +182,13 @@ Surfaces = Annotated[
     ),
 ]
 Population = Annotated[
-    int, Option(min=2, max=10_000, help="Surfaces of a scene or database.")
+    int, Option(min=2, max=10_000, help="Number of surfaces of a scene or database.")
 ]
 Band = Annotated[
     float,
-    Option(metavar="SHARE", help="Share of further surfaces in the band of several."),
+    Option(
+        metavar="SHARE", help="Share of further surfaces that the band of several holds."
+    ),
 ]
 LawFiles = Annotated[
     Path | None,
@@ -202,7 +205,7 @@ NewScene = Annotated[
     Path, Option(*OUT, metavar="TOML", help="The scene to write, a new file.")
 ]
 Like = Annotated[
-    Path | None, Option(metavar="MAP", help="Instead: surfaces like this map.")
+    Path | None, Option(metavar="MAP", help="Instead of MAPS: surfaces like this one.")
 ]
 
 
@@ -246,7 +249,8 @@ class Against(NamedTuple):
         str | None,
         Option(
             metavar="OPTIONS",
-            help="Read and prepare the second body by these alone, in quotes: '--side 500 --fill'.",
+            help="Read and prepare the second body by these alone, in quotes: '--side 500 --fill'."
+            " Leaves with version 2.0.",
         ),
     ] = None
     turned: Annotated[
@@ -265,67 +269,110 @@ class Against(NamedTuple):
     ] = ""
 
     def second_body(self, first: Reading) -> "Opposite | None":
-        """Return the second body, if any, read as the first unless it has options of its own."""
-        path, text, turned, shift = self
-        if path is None:
-            given = {
-                "--against-options": text is not None,
-                "--turned": turned,
-                "--shift": shift,
-            }
-            for option in (name for name, value in given.items() if value):
-                raise InputError(f"{option}: needs --against, the second rough body")
+        """Return the second body, and how it lies on the first one.
+
+        A line on standard error says that `--against-options` leaves, if it is given.
+
+        Parameters
+        ----------
+        first : Reading
+            How the first body is read and prepared, and the second one too unless it has options
+            of its own.
+
+        Returns
+        -------
+        Opposite or None
+            The second body, whose file is not read yet; None if the user gave none.
+
+        Raises
+        ------
+        InputError
+            If an option has no such value, or is given without a second body.
+        """
+        if self.against is None:
+            self._refuse_alone()
             return None
         from gen.maps.bodies import TURNS, Opposite
 
-        if (turned := turned or TURNS[0]) not in TURNS:
+        turned = self.turned or TURNS[0]
+        if turned not in TURNS:
             raise InputError(f"--turned {quoted(turned)}: give one of {', '.join(TURNS)}")
-        distances = numbers_in(shift or "0,0")
+        distances = numbers_in(self.shift or "0,0")
         if len(distances) != 2 or not all(map(math.isfinite, distances)):
             raise InputError(
-                f"--shift {quoted(shift)}: give the distances along x and y in um: 5,0"
+                f"--shift {quoted(self.shift)}: give the distances along x and y in um: 5,0"
             )
-        laid = Opposite(path, first, turned, (distances[0], distances[1]))
-        if text is None:
-            return laid
-        named = f"--against-options {quoted(text)}"
-        alone = typer.Typer(add_completion=False, rich_markup_mode=None)
-        alone.command()(command_line.grouped(_one_body))
-        try:
-            arguments = [str(path.absolute()), *shlex.split(text)]
-            parser = typer.main.get_command(alone)
-            context = parser.make_context("describe", arguments, help_option_names=[])
-        except command_line.CommandLineError as error:
-            raise InputError(f"{named}: {error.format_message()}") from None
-        except ValueError as error:  # a quotation mark that is not closed
-            raise InputError(f"{named}: {error}") from None
-        own = {name: value for name, value in context.params.items() if name != "surface"}
-        return replace(laid, reading=Reading(**own), shared=False)
+        body = Opposite(self.against, first, turned, (distances[0], distances[1]))
+        if self.against_options is None:
+            return body
+        reading = _reading_of(self.against_options)
+        command_line.warn_deprecated(
+            "--against-options",
+            "prepare the second map in another program, which saves it with its lengths",
+        )
+        return replace(body, reading=reading, shared=False)
+
+    def _refuse_alone(self) -> None:
+        """Refuse the options of a second body that are given without one."""
+        given_options = {
+            "--against-options": self.against_options is not None,
+            "--turned": bool(self.turned),
+            "--shift": bool(self.shift),
+        }
+        for option, is_given in given_options.items():
+            if is_given:
+                raise InputError(f"{option}: needs --against, the second rough body")
 
 
-def _one_body(surface: SurfaceFile, *, reading: Reading) -> None:
-    """Take the options of one body, which are parsed and nothing more."""
+def _reading_of(text: str) -> Reading:
+    """Return how a body is read and prepared by the quoted options of a text, or refuse them."""
+    place = f"--against-options {quoted(text)}"
+    program = typer.Typer(add_completion=False, rich_markup_mode=None)
+    program.command()(command_line.grouped(_one_body))
+    parser = typer.main.get_command(program)
+    try:
+        words = shlex.split(text)
+        context = parser.make_context("describe", words, help_option_names=[])
+    except command_line.CommandLineError as error:
+        raise InputError(f"{place}: {error.format_message()}") from None
+    except ValueError as error:  # a quotation mark that is not closed
+        raise InputError(f"{place}: {error}") from None
+    return Reading(**context.params)
+
+
+def _one_body(*, reading: Reading) -> None:
+    """Do nothing: this is the command whose options `_reading_of` parses."""
 
 
 Units = Literal["mm", "si", "um"]
 
 
-BAND_SIDES = "soft", "stiff"
+BAND_SIDES = ("soft", "stiff")
 """Sides of a law's band that have files of their own beside the law's, as law-abaqus-soft.inp."""
 
-LAW_ENDS = {
-    "table": ".csv",
-    "json": ".json",
-    "header": ".h",
-    "calculix": "-calculix.inp",
-    "abaqus": "-abaqus.inp",
-    "for_4c": "_4c.py",
+
+@dataclass(frozen=True)
+class LawFormat:
+    """A format in which a law is written."""
+
+    option: str  # option that names the file, for messages
+    ending: str  # end of the name that `--output NAME` gives the file
+    has_sides: bool = False  # whether the `BAND_SIDES` have files beside it
+
+
+LAW_FORMATS = {
+    "table": LawFormat("--csv", ".csv"),
+    "json": LawFormat("--json", ".json"),
+    "header": LawFormat("--header", ".h"),
+    "calculix": LawFormat("--calculix", "-calculix.inp", has_sides=True),
+    "abaqus": LawFormat("--abaqus", "-abaqus.inp", has_sides=True),
+    "for_4c": LawFormat("--4c", "_4c.py"),
 }
-"""Ends of the names of a law's files that `--output NAME` writes."""
+"""Formats by the fields of `LawOutputs` that name their files; all are written by `--output`."""
 
 
 class LawOutputs(NamedTuple):
-    """Files to write a law to, each None if it is not asked for, and units for two of them."""
+    """Files to write a law to, each None unless the user names it, and the units of some."""
 
     table: Annotated[Path | None, _file("Write the table.", "--csv")] = None
     json: Annotated[Path | None, _file("Write the tables as JSON.")] = None
@@ -357,50 +404,85 @@ class LawOutputs(NamedTuple):
 
     @property
     def refined_tables(self) -> tuple[Literal["delta", "pressure"], ...]:
-        """Tables between whose loads contacts are to be solved, for programs that join points."""
+        """Tables for which contacts are solved between the loads too, as programs join points."""
         if not self.check:
             return ()
         if self.header is not None:
             return ("delta", "pressure")
-        return ("pressure",) if self.straight_lines or self.for_4c else ()
+        if self.straight_lines or self.for_4c is not None:
+            return ("pressure",)
+        return ()
 
     @property
     def straight_lines(self) -> bool:
-        """Whether programs that join the points by straight lines have files, which are judged."""
-        return self.check and bool(self.calculix or self.abaqus)
+        """Whether a file is for a program that joins points by straight lines, to be judged."""
+        return self.check and (self.calculix is not None or self.abaqus is not None)
 
     def resolved(self, stem: Path | None, inputs: Iterable[Path | str]) -> "LawOutputs":
-        """Return the files, those that `--output` names among them, once they can be written."""
+        """Add the files that `--output` names, and refuse what cannot be written.
+
+        Parameters
+        ----------
+        stem : Path or None
+            Value of `--output`, with which the names of the files begin; None if it is not given.
+        inputs : iterable of Path or str
+            Files and folders that the command reads, which are not replaced.
+
+        Returns
+        -------
+        LawOutputs
+            These files, and one more for each format of `LAW_FORMATS` that has no name yet.
+
+        Raises
+        ------
+        InputError
+            If a name is none of a file, 4C cannot import its file, or a file cannot be written; see
+            `gen.runtime.files.check_outputs`.
+        """
+        files = self
         if stem is not None:
-            if stem.name in {"", ".."}:
-                raise InputError(
-                    f"--output {stem}: give what the names of the files begin with, as law"
-                )
-            names = {name: f"{stem.name}{end}" for name, end in LAW_ENDS.items()}
-            names["for_4c"] = (
-                stem.name.replace(".", "_") + LAW_ENDS["for_4c"]
-            )  # to be imported
-            missing = {name for name in names if getattr(self, name) is None}
-            given: dict[str, Any] = {
-                name: stem.with_name(names[name]) for name in missing
-            }
-            self = self._replace(**given)  # noqa: PLW0642
-        path = self.for_4c
-        if path and (
-            path.suffix != ".py"
-            or "." in path.stem
-            or path.stem in sys.stdlib_module_names
-        ):
-            raise InputError(
-                f"--4c {path}: 4C imports it by its name, which has to end in .py, to have no other"
-                " point, and not to be that of a module of Python"
-            )
-        found = [Output(self.picture, "--plot", "picture")]
-        for name in LAW_ENDS:
-            path = getattr(self, name)
-            option = {"table": "--csv", "for_4c": "--4c"}.get(name, f"--{name}")
-            sides = BAND_SIDES if path and name in {"calculix", "abaqus"} else ()
-            beside = [path.parent / f"{path.stem}-{side}{path.suffix}" for side in sides]
-            found += [Output(each, option) for each in (path, *beside)]
-        check_outputs(found, inputs)
-        return self
+            files = _named(files, stem)
+        if files.for_4c is not None:
+            _require_importable(files.for_4c)
+        check_outputs(_outputs(files), inputs)
+        return files
+
+
+def _named(files: LawOutputs, stem: Path) -> LawOutputs:
+    """Return files of a law with a name, which begins with that of `stem`, for each format."""
+    if stem.name in {"", ".."}:
+        raise InputError(
+            f"--output {stem}: give what the names of the files begin with, as law"
+        )
+    paths: dict[str, Any] = {}
+    for field, law_format in LAW_FORMATS.items():
+        beginning = stem.name
+        if field == "for_4c":  # a module of Python has no further point in its name
+            beginning = beginning.replace(".", "_")
+        if getattr(files, field) is None:
+            paths[field] = stem.with_name(beginning + law_format.ending)
+    return files._replace(**paths)
+
+
+def _require_importable(path: Path) -> None:
+    """Refuse a name of the file for 4C by which Python cannot import it."""
+    is_module = path.suffix == ".py" and "." not in path.stem
+    if not is_module or path.stem in sys.stdlib_module_names:
+        raise InputError(
+            f"--4c {path}: 4C imports it by its name, which has to end in .py, to have no other"
+            " point, and not to be that of a module of Python"
+        )
+
+
+def _outputs(files: LawOutputs) -> Iterator[Output]:
+    """Yield all files that a law is written to, also those of the sides of its band."""
+    yield Output(files.picture, "--plot", "picture")
+    for field, law_format in LAW_FORMATS.items():
+        path = getattr(files, field)
+        if path is None:
+            continue
+        yield Output(path, law_format.option)
+        if law_format.has_sides:
+            for side in BAND_SIDES:
+                beside = path.parent / f"{path.stem}-{side}{path.suffix}"
+                yield Output(beside, law_format.option)

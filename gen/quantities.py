@@ -1,16 +1,17 @@
-"""What a contact tells: one record for each quantity, which everything else takes from here.
+"""The quantities of a contact: one record for each, which everything else takes from here.
 
 A record says what a quantity is: its name, unit and words, its least and largest value, the powers
 of heights, lengths and E* that it scales with, how it is read off a solved contact and what that
 costs, what it is at first touch and at full contact, and how it changes with the load. From these
 records come the columns of databases and the keys of `[store]`, the rows of `gen contact`, the
 curves of contact laws, the scales of surrogates, and the outputs of functions and of the server.
-A new quantity is one more record in `QUANTITIES`.
+A new quantity is one more record in `RECORDS`.
 
-Lengths are in um, pressures and moduli in MPa, forces in uN. A contact of heights z, sides L and
-modulus E* is the same as one of a z, b L and c E* under a Delta of a times its own: displacements
-are proportional to p L / E*, so that pressures scale with c a / b, and forces with a b c. A
-hardness has to scale as pressures do (K. L. Johnson, Contact Mechanics, 1985, section 3.3).
+Lengths are in um, pressures and moduli in MPa, forces in uN. Multiply the heights of a contact by
+a, its sides by b and its modulus E* by c, and press it by a times the Delta: the contact is the
+same. Displacements are proportional to p L / E*, so that pressures are c a / b times as large, and
+forces a b c times. A hardness has to be multiplied as pressures are (K. L. Johnson, Contact
+Mechanics, 1985, section 3.3).
 """
 
 from __future__ import annotations
@@ -26,11 +27,14 @@ if TYPE_CHECKING:
     from bem.problem import Problem
     from gen.material import Gas
 
-SHARE, AMOUNT = (
-    (0.0, 100.0),
-    (0.0, math.inf),
-)  # bounds of shares in percent, and of amounts
-SIDES = (1, 2)  # codes of opposite sides along x and y; that of both is their sum
+SHARE = (0.0, 100.0)
+"""Bounds of a share in percent."""
+
+AMOUNT = (0.0, math.inf)
+"""Bounds of an amount."""
+
+SIDES = (1, 2)
+"""Codes of opposite sides that are connected along x and along y; the code of both is their sum."""
 
 Cost = Literal[
     "", "a linear solve", "a solve on a coarser grid", "the flow through the gap"
@@ -57,10 +61,18 @@ LIKE_STIFFNESSES = Powers(0, 1, 1)
 
 @dataclass(frozen=True)
 class Media:
-    """What conducts through an interface, for the quantities that ask for it."""
+    """What conducts heat through an interface, for the quantities that depend on it.
 
-    conductivities: tuple[float, float] | None = None  # of both bodies [W/(m K)]
-    gas: Gas | None = None  # in the gap
+    Attributes
+    ----------
+    conductivities : tuple of two float or None
+        Conductivities of both bodies [W/(m K)]; None if no conductance is read.
+    gas : Gas or None
+        Gas in the gap; None if there is none.
+    """
+
+    conductivities: tuple[float, float] | None = None
+    gas: Gas | None = None
 
 
 BODIES_ALONE = Media()
@@ -68,24 +80,43 @@ BODIES_ALONE = Media()
 
 @dataclass(frozen=True)
 class InLaw:
-    """How contact laws have a quantity."""
+    """How a quantity stands in contact laws.
 
-    short: str  # name in the functions of a C header
-    trend: Trend = "rises"  # with the load; a quantity that turns may do both
-    # Unit of the quantity over the nominal area, where laws have it so; "" where they do not.
+    Attributes
+    ----------
+    short : str
+        Name in the functions of a C header.
+    trend : {"rises", "falls", "turns"}
+        How the quantity changes with the load; one that turns may do both.
+    per_area : str
+        Unit of the quantity over the nominal area, if laws have it so; "" if they do not.
+    factor : float
+        Factor from the quantity's unit over um2 to `per_area`.
+    noun : str
+        Name on the axes of laws; the noun of the quantity if left out.
+    key : str
+        Name of the column, with its unit; that of the quantity if left out.
+    goes_on : bool
+        Whether functions of a C header continue it with its last slope beyond the last point of a
+        table.
+    derived : bool
+        Whether surrogates compute it from predicted quantities, so that its errors are larger than
+        theirs.
+    """
+
+    short: str
+    trend: Trend = "rises"
     per_area: str = ""
-    factor: float = 1.0  # of that unit, in the quantity's own over um2
-    noun: str = ""  # what the axes of laws call it; the noun of the quantity if left out
-    key: str = ""  # name of the column, with its unit; that of the quantity if left out
-    # Whether functions of a C header go on with its last slope beyond the last point of a table.
+    factor: float = 1.0
+    noun: str = ""
+    key: str = ""
     goes_on: bool = False
-    # Whether it follows from predicted quantities, and misses by more than these do.
     derived: bool = False
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """One quantity that a contact tells.
+    """One quantity of a contact.
 
     Attributes
     ----------
@@ -94,27 +125,28 @@ class Quantity:
     unit : str
         Unit of the column; "1" for pure numbers.
     words : str
-        What it is, in databases and exports.
+        Meaning of the quantity, in databases and exports.
     read : callable
-        Reads the value off a solved contact, with the media of its interface.
+        Function of a solved contact and the media of its interface, which returns the value.
     powers : Powers or None
         Powers of heights, lengths and E* that it scales with; None if it scales with none.
     noun : str
-        What people call it, in `gen contact` and on the axes of pictures.
+        Name in `gen contact` and on the axes of pictures.
     remark : str
-        What `gen contact` prints behind the unit.
+        Text that `gen contact` prints behind the unit.
     key : str
         Name with the unit, in tables; `NAME_UNIT` if left out.
     stored : str
-        When databases have it: "always", "hardness" for bodies that yield, "asked" with its key in
-        `[store]`; "" if they never do.
+        When databases have the column: "always"; "hardness", for bodies that yield; "asked", if
+        the scene has the key in `[store]`; "" if they never have it.
     early : bool
-        Whether scenes write the key of `[store]` also where it is off, as the first keys did.
+        Whether scenes write the key of `[store]` also where it is off, as they do for the oldest
+        keys.
     option : str
-        What shows it in `gen contact`: "always", a field of `gen.maps.contacts.AnswerOptions`, or
-        "" if nothing does.
+        When `gen contact` shows it: "always", with a field of `gen.maps.contacts.AnswerOptions`, or
+        "" for never.
     cost : str
-        What is computed for it beside the contact; "" for nothing.
+        What has to be computed besides the contact; "" for nothing.
     needs_hardness : bool
         Whether only bodies that yield have it.
     dtype : str
@@ -126,18 +158,21 @@ class Quantity:
     per_node : bool
         Whether it is a field of shape (nx, ny).
     code : bool
-        Whether its numbers stand for words, so that they are neither learnt nor drawn as a curve.
+        Whether its numbers stand for words. Such numbers are neither learnt nor drawn as a curve.
     counts_nodes : bool
-        Whether it is the number of nodes in contact or its share, which begins at 0 with an
-        infinite slope: surrogates learn its square root.
+        Whether it is the number or the share of nodes in contact. These begin at 0 with an
+        infinite slope, so that surrogates learn their square root.
     single : bool
-        Whether people see it of a single load alone, as tables of several would not fit.
+        Whether `gen contact` prints it for a single load only. Tables of several loads would
+        become too wide.
     at_rest : callable or None
-        Value at first touch of a posed problem; None where it is 0.
+        Function of a posed problem and the media, which returns the value at first touch; None for
+        0.
     at_full : callable or None
-        Value at full contact of a posed problem; None where it depends on the load.
+        Function of a posed problem, which returns the value at full contact; None if it depends on
+        the load.
     law : InLaw or None
-        How laws have it; None if they never do.
+        How it stands in contact laws; None if they never have it.
     """
 
     name: str
@@ -172,7 +207,7 @@ class Quantity:
         contact : bem.Contact
             A solved contact.
         media : Media
-            Conductivities and gas, for the conductances.
+            Conductivities of the bodies and the gas. Only conductances need them.
 
         Returns
         -------
@@ -183,28 +218,82 @@ class Quantity:
         ------
         ArithmeticError
             If a linear solve, or the flow through the gap, does not converge.
+        ValueError
+            If the quantity depends on a medium that `media` lacks.
         """
         return self.read(contact, media)
 
     def in_law(self, contact: Contact, media: Media = BODIES_ALONE) -> float:
-        """Read the quantity off a contact as laws have it: within its bounds, and per area."""
-        low, high = self.bounds  # left by rounding alone
+        """Read the quantity off a contact for a contact law.
+
+        Parameters
+        ----------
+        contact : bem.Contact
+            A solved contact.
+        media : Media
+            Conductivities of the bodies and the gas. Only conductances need them.
+
+        Returns
+        -------
+        float
+            The value in `law_unit`, per nominal area if laws have it so. Values that rounding puts
+            beyond the bounds are those of the bounds.
+
+        Raises
+        ------
+        ArithmeticError
+            If a linear solve, or the flow through the gap, does not converge.
+        ValueError
+            If the quantity depends on a medium that `media` lacks.
+        """
+        low, high = self.bounds
         value = min(max(float(self.of(contact, media)), low), high)
         if self.law is not None and self.law.per_area:
             return self.law.factor * value / nominal_area(contact)
         return value
 
     def resting(self, problem: Problem, media: Media = BODIES_ALONE) -> float:
-        """Return the value at first touch of a problem."""
-        return 0.0 if self.at_rest is None else self.at_rest(problem, media)
+        """Return the value at first touch of a problem.
+
+        Parameters
+        ----------
+        problem : bem.problem.Problem
+            A posed problem; its load does not matter.
+        media : Media
+            Conductivities of the bodies and the gas. Only conductances need them.
+
+        Returns
+        -------
+        float
+            The value in `unit`.
+
+        Raises
+        ------
+        ValueError
+            If the quantity depends on a medium that `media` lacks.
+        """
+        if self.at_rest is None:
+            return 0.0
+        return self.at_rest(problem, media)
 
     def is_infinite_at_full_contact(self, problem: Problem) -> bool:
-        """Return whether full contact of a problem makes it infinite."""
+        """Return whether the quantity is infinite at full contact of a problem.
+
+        Parameters
+        ----------
+        problem : bem.problem.Problem
+            A posed problem; its load does not matter.
+
+        Returns
+        -------
+        bool
+            Whether it is; False for a quantity that depends on the load there.
+        """
         return self.at_full is not None and math.isinf(self.at_full(problem))
 
     @property
     def diverges(self) -> bool:
-        """Whether full contact may make it infinite, depending on the problem."""
+        """Whether the quantity is infinite at full contact of some problems."""
         return self.at_full in DIVERGING
 
     @property
@@ -215,46 +304,78 @@ class Quantity:
     @property
     def in_laws(self) -> str:
         """Name of its column in the tables of laws, with the unit."""
-        return (self.law.key if self.law else "") or self.in_tables
+        if self.law is not None and self.law.key:
+            return self.law.key
+        return self.in_tables
 
     @property
     def law_unit(self) -> str:
         """Unit in laws."""
-        return (self.law.per_area if self.law else "") or self.unit
+        if self.law is not None and self.law.per_area:
+            return self.law.per_area
+        return self.unit
 
     @property
     def label(self) -> str:
         """Label of an axis of a law's picture, with the unit as it is printed."""
-        noun = (self.law.noun if self.law else "") or self.noun
+        noun = self.noun
+        if self.law is not None and self.law.noun:
+            noun = self.law.noun
         return f"{noun.replace('Delta', 'Δ')} [{typographic(self.law_unit)}]"
 
 
 def _with_unit(name: str, unit: str) -> str:
-    """Append a unit to a name, as um to mean_gap; names that end in percent have theirs."""
+    """Append a unit to a name, as in mean_gap_um; names in percent say so themselves."""
     if unit in {"1", "%"}:
         return name
     return f"{name}_{unit.replace('/', '_per_')}"
 
 
 def typographic(unit: str) -> str:
-    """Write a unit with its signs, for pictures: um as µm, mm2 as mm²."""
+    """Write a unit for pictures, with the signs of printed texts.
+
+    Parameters
+    ----------
+    unit : str
+        Unit as in tables, for example um or mm2.
+
+    Returns
+    -------
+    str
+        The unit with µ for the prefix u and ² for squares, for example µm or mm².
+    """
     return re.sub(r"m2\b", "m²", re.sub(r"\bu(?=[mN])", "µ", unit))
 
 
 def nominal_area(contact: Contact) -> float:
-    """Return the area of the cells of all nodes, over which a mean pressure is taken [um2]."""
+    """Return the area of a patch that mean pressures refer to.
+
+    Parameters
+    ----------
+    contact : bem.Contact
+        A solved contact.
+
+    Returns
+    -------
+    float
+        Area of the cells of all nodes [um2].
+    """
     return contact.pressure.size * math.prod(contact.problem.spacing)
 
 
-# Readings of a contact that are more than one of its properties.
+# Quantities that are more than one property of a contact.
 
 
 def _nominal_pressure(contact: Contact, _: Media) -> float:
+    """Return the force over the nominal area [MPa]."""
     return contact.force / nominal_area(contact)
 
 
 def _closure(contact: Contact, media: Media) -> float:
-    """Take what the half-space behind a free patch gives way out of Delta."""
+    """Return Delta without the displacement of the half-space behind a free patch [um].
+
+    Rounding may make the difference negative: then it is 0.
+    """
     compliance = patch_compliance(contact.problem)
     return max(contact.delta - compliance * _nominal_pressure(contact, media), 0.0)
 
@@ -283,20 +404,35 @@ def patch_compliance(problem: Problem) -> float:
     return nominal / patch_stiffness(problem)
 
 
-def _sides_connected(connects: tuple[bool, bool]) -> int:
-    return sum(code for code, along in zip(SIDES, connects, strict=True) if along)
+def _code_of_sides(connected: tuple[bool, bool]) -> int:
+    """Return the sum of the codes of the axes, x and y, whose opposite sides are connected."""
+    code = 0
+    if connected[0]:
+        code += SIDES[0]
+    if connected[1]:
+        code += SIDES[1]
+    return code
 
 
 def _largest_spot(contact: Contact, _: Media) -> float:
-    return float(contact.spots.areas[0]) if contact.spots.number else 0.0
+    """Return the area of the largest spot of contact, 0 without contact [um2]."""
+    if not contact.spots.number:
+        return 0.0
+    return float(contact.spots.areas[0])
 
 
 def _mean_spot(contact: Contact, _: Media) -> float:
-    return float(contact.spots.areas.mean()) if contact.spots.number else 0.0
+    """Return the mean area of the spots of contact, 0 without contact [um2]."""
+    if not contact.spots.number:
+        return 0.0
+    return float(contact.spots.areas.mean())
 
 
 def _conductance(stiffness: float, contact: Contact, media: Media) -> float:
-    """Return k S / E* of both bodies (Barber 2003) [W/(m K) um]."""
+    """Return the conductance k S / E* of both bodies for a stiffness S [uN/um] (Barber 2003).
+
+    The mean conductivity k counts in W/(m K), so that the result has the unit W/(m K) um, 1e-6 W/K.
+    """
     from bem.contact import mean_conductivity
 
     if media.conductivities is None:
@@ -305,17 +441,17 @@ def _conductance(stiffness: float, contact: Contact, media: Media) -> float:
 
 
 def _gas_conductance(contact: Contact, media: Media) -> float:
-    """Return the conductance of a gas where the gap is open [W/(mm2 K)]."""
+    """Return the conductance of the gas where the gap is open, per nominal area [W/(mm2 K)]."""
     import numpy as np
 
     if media.gas is None:
         raise ValueError("the conductance of a gas needs a gas")
-    # A node in contact has a gap of 0 within the tolerance of the solver alone.
+    # Nodes in contact have a gap of 0 only within the tolerance of the solver.
     return media.gas.conductance(np.where(contact.pressure > 0, 0.0, contact.gap))
 
 
 def _joint_conductance(contact: Contact, media: Media) -> float:
-    """Return the conductance of spots and gas together [W/(mm2 K)]."""
+    """Return the conductance of spots and gas together, per nominal area [W/(mm2 K)]."""
     spots = _conductance(1.0, contact, media) / nominal_area(contact)
     return spots * contact.interface_stiffness + _gas_conductance(contact, media)
 
@@ -324,21 +460,27 @@ def _joint_conductance(contact: Contact, media: Media) -> float:
 
 
 def _undeformed_gap(problem: Problem) -> Any:
+    """Return the gap below a plane on the highest node [um], of the shape of the heights."""
     return problem.heights.max() - problem.heights
 
 
 def _mean_gap_at_rest(problem: Problem, _: Media) -> float:
+    """Return the mean gap below a plane on the highest node [um]."""
     return float(problem.heights.max()) - float(problem.heights.mean())
 
 
 def _gas_at_rest(problem: Problem, media: Media) -> float:
+    """Return the conductance of the gas in the undeformed gap, per nominal area [W/(mm2 K)]."""
     if media.gas is None:
         raise ValueError("the conductance of a gas needs a gas")
     return media.gas.conductance(_undeformed_gap(problem))
 
 
 def _aperture_at_rest(axis: int) -> Callable[[Problem, Media], float]:
+    """Return a function for the hydraulic aperture of the undeformed gap along axis 0 or 1 [um]."""
+
     def aperture(problem: Problem, _: Media) -> float:
+        """Return the aperture [um], or raise ArithmeticError if the flow does not converge."""
         from bem.derived.flow import flows_through
 
         periodic = problem.boundary == "periodic"
@@ -354,19 +496,25 @@ def _aperture_at_rest(axis: int) -> Callable[[Problem, Media], float]:
 
 
 def _everything(_: Problem) -> float:
+    """Return a share of all nodes [%]."""
     return 100.0
 
 
 def _nothing(_: Problem) -> float:
+    """Return 0, for a quantity that vanishes at full contact."""
     return 0.0
 
 
 def _all_nodes(problem: Problem) -> float:
+    """Return the number of nodes."""
     return float(problem.heights.size)
 
 
 def _stiffness_at_full(problem: Problem) -> float:
-    """Return the stiffness of the patch as a flat punch; no edge, no limit."""
+    """Return the stiffness of a flat punch of the size of the patch [N/m].
+
+    It is infinite for a patch without edges, on which full contact moves as one.
+    """
     if problem.boundary != "free":
         return math.inf
     from bem.derived.stiffness import patch_stiffness
@@ -375,18 +523,19 @@ def _stiffness_at_full(problem: Problem) -> float:
 
 
 def _interface_at_full(_: Problem) -> float:
-    """Return the stiffness of an interface of which nothing but the half-spaces is left."""
+    """Return infinity: at full contact the interface adds no compliance to the half-spaces'."""
     return math.inf
 
 
 DIVERGING = (_stiffness_at_full, _interface_at_full)
-"""Values at full contact that are infinite for some problems."""
+"""Functions of values at full contact that are infinite for some problems."""
 
 _CONNECTS = "opposite sides that contact connects: 0 none, 1 along x, 2 along y, 3 both"
 _APERTURE = "distance of plates with the same flow along {} as the gap, 0 where it seals"
 
 
 def _flow_factor(axis: int) -> Quantity:
+    """Make the record of the flow factor along axis 0 or 1."""
     name = "xy"[axis]
     return Quantity(
         name=f"flow_factor_{name}",
@@ -402,6 +551,7 @@ def _flow_factor(axis: int) -> Quantity:
 
 
 def _hydraulic_aperture(axis: int) -> Quantity:
+    """Make the record of the hydraulic aperture along axis 0 or 1."""
     name = "xy"[axis]
     return Quantity(
         name=f"hydraulic_aperture_{name}",
@@ -728,7 +878,7 @@ RECORDS: tuple[Quantity, ...] = (
         name="contact_connects",
         unit="1",
         words=_CONNECTS,
-        read=lambda contact, _: _sides_connected(contact.spots.contact_connects),
+        read=lambda contact, _: _code_of_sides(contact.spots.contact_connects),
         powers=PURE,
         noun="contact connects sides",
         stored="asked",
@@ -741,7 +891,7 @@ RECORDS: tuple[Quantity, ...] = (
         name="gap_connects",
         unit="1",
         words="opposite sides that the gap connects, in the same way",
-        read=lambda contact, _: _sides_connected(contact.spots.gap_connects),
+        read=lambda contact, _: _code_of_sides(contact.spots.gap_connects),
         powers=PURE,
         noun="gap connects sides",
         stored="asked",
@@ -803,7 +953,7 @@ YIELDED = QUANTITIES["yielded_percent"]
 PRESSURE = QUANTITIES["nominal_pressure"]
 CLOSURE = QUANTITIES["closure"]
 MEAN_GAP = QUANTITIES["mean_gap"]
-UNLOADING = QUANTITIES["stiffness"]  # of the whole patch
+UNLOADING = QUANTITIES["stiffness"]  # the stiffness of the whole patch
 STIFFNESS = QUANTITIES["interface_stiffness"]
 CONDUCTANCE = QUANTITIES["interface_conductance"]
 GAS = QUANTITIES["gas_conductance"]
@@ -812,10 +962,10 @@ CONTINUUM = QUANTITIES["continuum_area_percent"]
 APERTURES = (QUANTITIES["hydraulic_aperture_x"], QUANTITIES["hydraulic_aperture_y"])
 
 USUAL = (AREA.name, FORCE.name, DELTA.name)
-"""Outputs of functions and of the server, unless others are asked for."""
+"""Default outputs of functions and of the server."""
 
 LOADS = {"delta": DELTA, "pressure": PRESSURE, "force": FORCE}
-"""Quantities that a contact is solved at, by the names of the loads."""
+"""Quantities in which the load of a contact can be given, by the names of the loads."""
 
 IN_LAWS: dict[str, Quantity] = {
     quantity.in_laws: quantity for quantity in RECORDS if quantity.law is not None
@@ -832,11 +982,11 @@ ALSO: dict[str, Quantity] = {
     for quantity in RECORDS
     if quantity.law is not None and quantity not in (*ALWAYS_IN_LAWS, *_WITH_OPTIONS)
 }
-"""Quantities that a law has only where they are asked for by name, by these names."""
+"""Quantities that a law has only if `gen law --also` names them, by these names."""
 
 
 def _columns_against(*first: Quantity) -> tuple[str, ...]:
-    """Return the names of the columns of a law's table, those that are asked for by name last."""
+    """Return the names of the columns of a law's table; those of `--also` come last."""
     columns = (*first, *_WITH_OPTIONS, *ALSO.values())
     return tuple(quantity.in_laws for quantity in columns)
 
@@ -845,7 +995,7 @@ LAW_COLUMNS: dict[str, tuple[str, ...]] = {
     DELTA.in_laws: _columns_against(AREA, FORCE, MEAN_GAP, PRESSURE, CLOSURE),
     PRESSURE.in_laws: _columns_against(DELTA, CLOSURE, AREA, MEAN_GAP),
 }
-"""Columns that the tables of a law can have, by what they are tabulated against."""
+"""Columns that the tables of a law can have, by the column of the loads that they begin with."""
 
 
 def stored_quantities() -> tuple[Quantity, ...]:

@@ -16,6 +16,7 @@ from gen.runtime.terminal import command_to_type, echo, quoted
 
 if TYPE_CHECKING:  # each command imports no more than it needs
     from gen.generation.check import Fault
+    from gen.generation.run import RunResult
 
 
 def run(
@@ -33,24 +34,14 @@ def run(
 
     A single process works serially. Under `mpiexec -n 9 python -m mpi4py -m gen run ...` rank 0
     hands out the samples and 8 workers compute them. An interrupted run finishes the samples that
-    it has begun; the same command continues it.
+    it has begun. The same command continues the run.
     """
     world = farm.this_world()
-    ends = re.fullmatch(r"([0-9]{1,18}):([0-9]{1,18})", rows)
-    if rows and not ends:
-        raise InputError(f"--rows {quoted(rows)}: give two row numbers, as 0:1000")
-    if sample_limit is not None and not 0 < sample_limit <= farm.LONGEST_LIMIT:
-        raise InputError(
-            f"--sample-limit {sample_limit:g}: give seconds, a number above 0, at most"
-            f" {farm.LONGEST_LIMIT:g}"
-        )
+    numbers = _row_numbers(rows)
+    _require_sample_limit(sample_limit)
     if dry_run:
         if world.is_master:
-            from gen.commands import printer
-            from gen.generation.completion import completed
-            from gen.scene import load
-
-            printer.print_plan(completed(load(scene)), output)
+            _print_plan(scene, output)
         return 0
     from gen.generation.run import generate_database
 
@@ -58,30 +49,66 @@ def run(
         scene,
         output,
         world,
-        rows=range(int(ends[1]), int(ends[2])) if ends else None,
+        rows=numbers,
         retry_failed=retry_failed,
         force=force,
         limit=sample_limit,
         writer=writer,
     )
     if world.is_master:
-        pending, done, failed = result.counts
-        echo(f"{output}: {done} rows done, {failed} failed, {pending} pending")
-        if failed:
-            echo(
-                f"warning: {failed} rows failed; why: {command_to_type(f'gen info {output}')}"
-            )
-        if result.overdue:
-            echo(
-                f"warning: {result.overdue} rows took longer than --sample-limit and are pending;"
-                " the same command with a larger one, or without, goes on with them"
-            )
-        if pending and result.signal:
-            stop = signal.Signals(result.signal).name
-            echo(
-                f"stopped by {stop}; the same command goes on with the rows that are pending"
-            )
-    return 128 + result.signal if result.signal and result.counts.pending else 0
+        _print_result(result, output)
+    if result.signal and result.counts.pending:
+        return 128 + result.signal
+    return 0
+
+
+def _row_numbers(text: str) -> range | None:
+    """Return the rows of the option --rows, None for all rows; InputError if it has no numbers."""
+    if not text:
+        return None
+    ends = re.fullmatch(r"([0-9]{1,18}):([0-9]{1,18})", text)
+    if ends is None:
+        raise InputError(f"--rows {quoted(text)}: give two row numbers, as 0:1000")
+    return range(int(ends[1]), int(ends[2]))
+
+
+def _require_sample_limit(seconds: float | None) -> None:
+    """Refuse a limit that is not above 0, or that no timer takes; None is no limit."""
+    if seconds is not None and not 0 < seconds <= farm.LONGEST_LIMIT:
+        raise InputError(
+            f"--sample-limit {seconds:g}: give seconds, a number above 0, at most"
+            f" {farm.LONGEST_LIMIT:g}"
+        )
+
+
+def _print_plan(scene: str, output: Path) -> None:
+    """Print what a run of a scene would compute and write."""
+    from gen.commands import printer
+    from gen.generation.completion import completed
+    from gen.scene import load
+
+    printer.print_plan(completed(load(scene)), output)
+
+
+def _print_result(result: "RunResult", output: Path) -> None:
+    """Print how many rows of a database are done, failed and pending after a run, and why."""
+    counts = result.counts
+    echo(
+        f"{output}: {counts.done} rows done, {counts.failed} failed, {counts.pending} pending"
+    )
+    if counts.failed:
+        info_command = command_to_type(f"gen info {output}")
+        echo(f"warning: {counts.failed} rows failed; why: {info_command}")
+    if result.overdue:
+        echo(
+            f"warning: {result.overdue} rows took longer than --sample-limit and are pending;"
+            " the same command with a larger one, or without, goes on with them"
+        )
+    if counts.pending and result.signal:
+        name = signal.Signals(result.signal).name
+        echo(
+            f"stopped by {name}; the same command goes on with the rows that are pending"
+        )
 
 
 def estimate(
@@ -94,24 +121,28 @@ def estimate(
     from gen.runtime.memory import format_bytes
     from gen.scene import load
 
-    loaded = completed(load(scene))
-    mean, measured = measured_time(loaded)
-    printer.print_plan(loaded)
+    completed_scene = completed(load(scene))
+    measured = measured_time(completed_scene)
+    printer.print_plan(completed_scene)
     workers = max(ranks - 1, 1)
-    seconds = loaded.samples * mean / workers
-    hours, rest = divmod(round(seconds), 3600)
-    time = (
-        f"{hours}:{rest // 60:02}:{rest % 60:02} h"
-        if seconds >= 60
-        else f"{seconds:.2g} s"
-    )
+    noun = "worker" if workers == 1 else "workers"
+    time = _duration(completed_scene.samples * measured.mean / workers)
     echo(
-        f"  time      {time} on {workers} {'workers' if workers > 1 else 'worker'}:"
-        f" {1e3 * mean:.2f} ms a sample, mean of {measured} measured here"
+        f"  time      {time} on {workers} {noun}: {1e3 * measured.mean:.2f} ms a sample, mean of"
+        f" {measured.samples} measured here"
     )
     # Linux counts the largest resident set in KiB. A master holds less than a worker.
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 * ranks
     echo(f"  memory    {format_bytes(memory)} on all ranks")
+
+
+def _duration(seconds: float) -> str:
+    """Write a duration in hours, minutes and seconds, or below a minute in seconds."""
+    if seconds < 60:
+        return f"{seconds:.2g} s"
+    minutes, full_seconds = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{full_seconds:02} h"
 
 
 def info(file: options.Database) -> None:
@@ -127,12 +158,12 @@ def plot(
     file: options.Database, output: options.NewPicture, trust: Trust = False
 ) -> None:
     """Draw a database: one surface and its pressure, all areas, all solve times."""
-    from gen.commands.picture import draw_database
+    from gen.commands.picture import plot_database
 
     check_outputs([Output(output, "--output", "picture")], [file])
-    draw_database(file, output)
+    plot_database(file, output)
     echo(f"wrote {output}")
-    _echo_doubts(file)
+    _print_doubts(file)
 
 
 def columns() -> None:
@@ -155,60 +186,75 @@ def check(
     The exit code is 0 if everything is right or has been repaired, 1 if not.
     """
     from gen.database import Reader, lock
-    from gen.generation.check import faults
     from gen.schema import made_by_another
 
     with ExitStack() as stack:
         if repair:
             stack.enter_context(lock(file))
         with Reader(file) as reader:
-            another = made_by_another(int(reader.attributes["physics"]))
-            pending, done, failed = reader.counts()
+            other_solver = made_by_another(int(reader.attributes["physics"]))
+            counts = reader.counts()
         if repair:
             require_writable(file)
-        if another and recompute:
+        if other_solver and recompute:
             echo(
-                f"{file}: {another}: of rows computed again, only the surfaces are compared"
+                f"{file}: {other_solver}: of rows computed again, only the surfaces are compared"
             )
-        found = []
-        for fault in faults(file, recompute, seed):
-            found.append(fault)
-            echo(f"{file}: {fault}")
-        if found and repair:
-            return _repair(file, found, another)
-    if not found:
-        again = min(recompute, done + failed)
-        equal = "with the same surfaces" if another else "equal bit for bit"
+        faults = _print_faults(file, recompute, seed)
+        if faults and repair:
+            return _repair(file, faults, other_solver)
+    if not faults:
+        compared = min(recompute, counts.done + counts.failed)
+        equal = "with the same surfaces" if other_solver else "equal bit for bit"
         echo(
-            f"{file}: sound; {done} rows done, {failed} failed, {pending} pending; {again} of them"
-            f" computed again, {equal}"
+            f"{file}: sound; {counts.done} rows done, {counts.failed} failed, {counts.pending}"
+            f" pending; {compared} of them computed again, {equal}"
         )
-    _echo_doubts(file)
-    return 1 if found else 0
+    _print_doubts(file)
+    return 1 if faults else 0
 
 
-def _repair(file: Path, faults: "list[Fault]", another: str) -> int:
-    """Make damaged rows pending, and say so; return 0 if no other row has a fault."""
+def _print_faults(file: Path, recompute: int, seed: int) -> "list[Fault]":
+    """Print the faults of a database as they are found, and return them."""
+    from gen.generation.check import faults
+
+    printed = []
+    for fault in faults(file, recompute, seed):
+        echo(f"{file}: {fault}")
+        printed.append(fault)
+    return printed
+
+
+def _repair(file: Path, faults: "list[Fault]", other_solver: str) -> int:
+    """Make damaged rows pending and print them; return 1 if other rows have faults, otherwise 0.
+
+    `other_solver` says that another solver made the rows, "" if this one did.
+    """
     from gen.generation.check import repair
 
-    pending, left = repair(file, faults)
-    if pending.size:
-        rows = "row is" if pending.size == 1 else "rows are"
-        run = command_to_type("gen run")
+    repaired = repair(file, faults)
+    if repaired.pending.size:
+        run_command = command_to_type("gen run")
         echo(
-            f"{file}: {pending.size} {rows} pending now; the same {run} computes them again"
+            f"{file}: {_rows_are(repaired.pending.size)} pending now; the same {run_command}"
+            " computes them again"
         )
-    if left.size:
-        rows = "row is" if left.size == 1 else "rows are"
-        reason = (
-            another or "the bytes are those that were written, perhaps by another machine"
-        )
-        echo(f"{file}: {left.size} {rows} left as before: {reason}")
-    return 1 if left.size else 0
+    if not repaired.left.size:
+        return 0
+    reason = "the bytes are those that were written, perhaps by another machine"
+    if other_solver:
+        reason = other_solver
+    echo(f"{file}: {_rows_are(repaired.left.size)} left as before: {reason}")
+    return 1
 
 
-def _echo_doubts(file: Path) -> None:
-    """Print the doubts about a database by its rows, which are no faults of the file."""
+def _rows_are(number: int) -> str:
+    """Return a number of rows with its verb."""
+    return f"{number} row is" if number == 1 else f"{number} rows are"
+
+
+def _print_doubts(file: Path) -> None:
+    """Print doubts about the rows of a database, which are no faults of the file."""
     from gen.database import Reader
     from gen.generation.trial import doubts_after
 
@@ -221,10 +267,13 @@ def merge(files: options.Databases, output: options.NewDatabase) -> None:
     """Join databases with rows of one scene that different jobs computed."""
     from gen import database
 
-    pending, done, failed = database.merge(output, files)
-    echo(f"{output}: {done} rows done, {failed} failed, {pending} pending")
+    counts = database.merge(output, files)
+    echo(
+        f"{output}: {counts.done} rows done, {counts.failed} failed, {counts.pending} pending"
+    )
     with database.Reader(output) as reader:
-        if damage := reader.damage():
+        damage = reader.damage()
+        if damage:
             echo(f"warning: {damage}", err=True)
 
 
@@ -238,7 +287,8 @@ def export(
 ) -> None:
     """Write a database as Parquet files with a data card and Croissant's description.
 
-    The same command continues an interrupted export, and renews one of a database that has grown.
+    The same command continues an interrupted export. It also renews an export whose database has
+    grown since.
     """
     from gen.database import Reader
     from gen.export import About
@@ -247,9 +297,9 @@ def export(
 
     with Reader(file) as reader:
         about = About.of(reader, title, creator, licence, doi)
-        rows, rest, count = export_to(reader, output, about)
+        rows, left_out, size = export_to(reader, output, about)
         damage = reader.damage()
-    left_out = f"; {rest} failed or pending" if rest else ""
-    echo(f"{output}: {rows} rows{left_out}, {format_bytes(count)}")
+    remark = f"; {left_out} failed or pending" if left_out else ""
+    echo(f"{output}: {rows} rows{remark}, {format_bytes(size)}")
     if damage:
         echo(f"warning: {file}: {damage}", err=True)

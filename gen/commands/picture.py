@@ -1,12 +1,15 @@
-"""The picture of a database: one sample's heights and pressure, all areas, all solve times."""
+"""The picture of a database: heights and pressure of one row, areas and solve times of all rows."""
 
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bem import Contact
 from gen.database import Reader
 from gen.generation.plan import parameters
 from gen.generation.sample import load_of, solve_contact, surface_of
@@ -19,102 +22,154 @@ from gen.runtime.terminal import shortened
 from gen.scene import Scene, columns_for, parameter_columns
 from gen.schema import Status
 
-WIDTH = 11.0  # width of the picture [inches]
+WIDTH = 11.0
+"""Width of the picture [inches]."""
+
+COLUMNS = frozenset((*USUAL, "solve_seconds", "hurst"))
+"""Columns that are drawn, as far as a database has them."""
 
 
-def draw_database(file: Path, picture: Path) -> None:
-    """Draw the heights and the pressure of the row with the median area, all areas, all times."""
+@dataclass(frozen=True, eq=False)
+class _Drawn:
+    """Parts of a database that are drawn."""
+
+    scene: Scene
+    columns: dict[str, NDArray[Any]]  # of the rows that are done, each of shape (rows,)
+    typical: int  # number of the row with the median area
+
+
+def plot_database(file: Path, picture: Path) -> None:
+    """Draw heights and pressure of the row with the median area, and areas and times of all rows.
+
+    Parameters
+    ----------
+    file : Path
+        The database.
+    picture : Path
+        The picture to write, whose suffix gives the format.
+
+    Raises
+    ------
+    InputError
+        If the database has no row that is done, or the picture cannot be written.
+    """
     figure = figure_for(picture, WIDTH, WIDTH)
+    drawn = _read(file)
+    heights = _heights_of_panels(drawn.scene)
+    figure.set_size_inches(WIDTH, sum(heights) + 0.4)
+    top, bottom = figure.subfigures(2, 1, height_ratios=heights)
+    figure.suptitle(shortened(str(file)), fontsize=11, parse_math=False)
+    _plot_row(top.subplots(1, 2), drawn.scene, drawn.typical)
+    areas, times = bottom.subplots(1, 2)
+    _plot_areas(bottom, areas, drawn)
+    _plot_times(times, drawn.columns)
+    save(figure, picture)
+
+
+def _read(file: Path) -> _Drawn:
+    """Read what is drawn of a database; InputError if no row is done."""
     with Reader(file) as reader:
         done = np.flatnonzero(reader.column("status") == Status.DONE)
         if not done.size:
             raise InputError(f"{file} has no finished row to draw; run gen run first")
-        wanted = {*USUAL, "solve_seconds", "hurst"}
-        names = wanted & {column.name for column in reader.columns()}
+        names = COLUMNS & {column.name for column in reader.columns()}
         columns = {name: reader.column(name)[done] for name in names}
-        scene, first = reader.scene, reader.rows.start
-    typical = int(np.argsort(columns[AREA.name])[done.size // 2])
-    ratio = scene.grid.sides[1] / scene.grid.sides[0]
-    heights = [
-        min(max(0.4 * WIDTH * ratio, 1.5), 0.6 * WIDTH) + 0.9,
-        3.8,
-    ]  # titles and labels too
-    figure.set_size_inches(WIDTH, sum(heights) + 0.4)
-    top, bottom = figure.subfigures(2, 1, height_ratios=heights)
-    figure.suptitle(shortened(str(file)), fontsize=11, parse_math=False)
-    _draw_sample(top.subplots(1, 2), scene, first + int(done[typical]))
-    areas, times = bottom.subplots(1, 2)
-    _draw_areas(bottom, areas, columns, scene)
-    _draw_times(times, columns)
-    save(figure, picture)
+        median = int(np.argsort(columns[AREA.name])[done.size // 2])
+        typical = reader.rows.start + int(done[median])
+        return _Drawn(reader.scene, columns, typical)
 
 
-def _draw_sample(axes: NDArray[Any], scene: Scene, row: int) -> None:
-    """Draw heights and contact pressure of one row side by side."""
+def _heights_of_panels(scene: Scene) -> list[float]:
+    """Return the heights of the upper and the lower half of the picture, with labels [inches]."""
+    side_x, side_y = scene.grid.sides
+    maps = 0.4 * WIDTH * side_y / side_x
+    return [min(max(maps, 1.5), 0.6 * WIDTH) + 0.9, 3.8]
+
+
+def _plot_row(axes: NDArray[Any], scene: Scene, row: int) -> None:
+    """Make the surface of one row again, solve its contact, and draw both side by side."""
     plan = parameters(scene, row, row + 1)
-    heights, hardness = surface_of(scene, plan, 0), plan.hardness_of(0)
-    boundary = scene.contact.boundary
+    heights = surface_of(scene, plan, 0)
     load = load_of(scene, heights, float(plan.load[0]))
-    contact = solve_contact(scene, heights, hardness=hardness, **load)
-    columns = parameter_columns(scene)
-    units = {column.name: typographic(column.unit) for column in columns_for(scene)}
-    drawn = ", ".join(
-        f"{name} = {value:.3g}{'' if unit == '1' else f' {unit}'}"
-        for name, value in plan.parameters_of(0).items()
-        for unit in [units[columns[name]]]
-    )
-    surface = f"surface of row {row}{': ' if drawn else ''}{drawn}"
-    pressure = (
-        f"contact at {load_text(contact, scene.quantity)},"
-        f" {Bodies(contact.problem.modulus, hardness).text}"
-        f"{'' if boundary == 'free' else f', {boundary} boundary'}:"
-        f" {contact.area_percent:.3g} % of {contact.pressure.size} nodes, the median of rows done"
-    )
+    contact = solve_contact(scene, heights, hardness=plan.hardness_of(0), **load)
+    surface = _title_of_surface(scene, row, plan.parameters_of(0))
+    pressure = _title_of_contact(scene, contact)
     # A narrow map is centred in its half, so that fewer letters fit into a line above it.
-    letters = int(
-        LETTERS * min(1.0, 0.4 + 0.6 * scene.grid.sides[0] / scene.grid.sides[1])
-    )
-    for axis, surface_map in zip(
-        axes, contact_maps(contact, surface, pressure), strict=True
-    ):
+    side_x, side_y = scene.grid.sides
+    letters = int(LETTERS * min(1.0, 0.4 + 0.6 * side_x / side_y))
+    maps = contact_maps(contact, surface, pressure)
+    for axis, surface_map in zip(axes, maps, strict=True):
         plot_map(axis, surface_map, letters=letters)
 
 
-def _draw_areas(
-    figure: Any, axis: Any, columns: dict[str, NDArray[Any]], scene: Scene
-) -> None:
-    """Draw the effective contact area of every row over the load that the scene draws."""
-    loads, label = columns[DELTA.name], DELTA.label
+def _title_of_surface(scene: Scene, row: int, values: Mapping[str, float]) -> str:
+    """Return the title of a map of heights, with the values of the surface's parameters."""
+    columns = parameter_columns(scene)
+    units = {column.name: typographic(column.unit) for column in columns_for(scene)}
+    words = []
+    for name, value in values.items():
+        unit = units[columns[name]]
+        words.append(
+            f"{name} = {value:.3g}" if unit == "1" else f"{name} = {value:.3g} {unit}"
+        )
+    title = f"surface of row {row}"
+    if words:
+        title += f": {', '.join(words)}"
+    return title
+
+
+def _title_of_contact(scene: Scene, contact: Contact) -> str:
+    """Return the title of a map of pressures, with the load, the bodies and the area."""
+    problem = contact.problem
+    boundary = ""
+    if problem.boundary != "free":
+        boundary = f", {problem.boundary} boundary"
+    return (
+        f"contact at {load_text(contact, scene.quantity)},"
+        f" {Bodies(problem.modulus, problem.hardness).text}{boundary}:"
+        f" {contact.area_percent:.3g} % of {contact.pressure.size} nodes, the median of rows done"
+    )
+
+
+def _plot_areas(figure: Any, axis: Any, drawn: _Drawn) -> None:
+    """Draw the contact area of every row over the load in the quantity of the scene."""
+    scene = drawn.scene
+    columns = drawn.columns
+    loads = columns[DELTA.name]
+    label = DELTA.label
     if scene.quantity.startswith("pressure"):
-        cells = math.prod((*scene.grid.shape, *scene.grid.spacing))
-        loads, label = columns[FORCE.name] / cells, PRESSURE.label
+        loads = columns[FORCE.name] / math.prod((*scene.grid.shape, *scene.grid.spacing))
+        label = PRESSURE.label
     elif scene.quantity == "force":
-        loads, label = columns[FORCE.name], FORCE.label
-    coloured = {"c": columns["hurst"], "cmap": "cividis"} if "hurst" in columns else {}
-    dots = axis.scatter(loads, columns[AREA.name], s=9, **coloured)
-    if coloured:
+        loads = columns[FORCE.name]
+        label = FORCE.label
+    areas = columns[AREA.name]
+    if "hurst" in columns:
+        dots = axis.scatter(loads, areas, s=9, c=columns["hurst"], cmap="cividis")
         figure.colorbar(dots, ax=axis, label="Hurst exponent H")
-    axis.set(title=f"{columns['delta'].size} samples", xlabel=label, ylabel=AREA.label)
+    else:
+        axis.scatter(loads, areas, s=9)
+    axis.set(title=f"{loads.size} samples", xlabel=label, ylabel=AREA.label)
     axis.set_ylim(bottom=0)
     if loads.min() > 0 and loads.max() > DECADES * loads.min():
         log_axis(axis.xaxis)
 
 
-def _draw_times(axis: Any, columns: dict[str, NDArray[Any]]) -> None:
+def _plot_times(axis: Any, columns: Mapping[str, NDArray[Any]]) -> None:
     """Draw the time of every solve over the contact area."""
-    known = np.isfinite(columns["solve_seconds"])
-    milliseconds = 1e3 * columns["solve_seconds"][known]
-    if not known.any():
+    measured = np.isfinite(columns["solve_seconds"])
+    if not measured.any():
         axis.set(title="no solve time is known")
         return
-    axis.plot(columns[AREA.name][known], milliseconds, ".", color="tab:blue", ms=4)
+    milliseconds = 1e3 * columns["solve_seconds"][measured]
+    axis.plot(columns[AREA.name][measured], milliseconds, ".", color="tab:blue", ms=4)
     axis.axhline(milliseconds.mean(), color="tab:red", lw=1, label="mean of this run")
-    axis.legend(
-        loc="lower right"
-    )  # light contacts, which take less time, are on the left
+    # Light contacts, which take less time, leave room at the lower right.
+    axis.legend(loc="lower right")
     axis.set(
         title="times of the solves",
         xlabel=AREA.label,
         ylabel="time of the solve [ms]",
     )
-    log_axis(axis.yaxis)  # a single solve that waited for the machine flattens nothing
+    # On a logarithmic axis a single solve that waited for the machine does not flatten the others.
+    log_axis(axis.yaxis)

@@ -1,10 +1,10 @@
-"""What `gen contact` makes of one map in full, and of several with a row for each map and load."""
+"""The reports of `gen contact`: one map in full, or several with a row for each map and load."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from gen.runtime.documents import Row, write_csv
 from gen.runtime.errors import InputError
@@ -17,55 +17,126 @@ if TYPE_CHECKING:  # each command imports no more than it needs
 
     from bem.problem import Boundary
     from gen.maps.bodies import Opposite
-    from gen.maps.contacts import AnswerOptions
+    from gen.maps.contacts import Answer, AnswerOptions, LoadSolution, SolvedLoads
+    from gen.maps.read import Topography
     from gen.maps.settings import Reading
     from gen.material import Bodies
 
-GIVEN = {
+COLUMNS_OF_LOADS = {
     "delta": "given_delta_um",
     "force": "given_force_uN",
     "pressure": "given_pressure_MPa",
 }
-"""Column of the load that was asked for, in tables of several maps."""
+"""Columns of the loads that the user gave, in tables of several maps."""
 
 
-class ContactFiles(NamedTuple):
-    """Files to write, each None if it is not asked for, and the command line for the record."""
+@dataclass(frozen=True)
+class ContactFiles:
+    """Files that `gen contact` writes, each None if its option is left out."""
 
     table: Path | None
     json: Path | None
     picture: Path | None
     flattened: Path | None
-    command: str
+    command: str  # the command line, for the record
 
 
 @dataclass(frozen=True, eq=False)
-class Pressing:
-    """How maps are read and pressed: all alike, each under all loads."""
+class PressingOrder:
+    """How maps are read and pressed, which is the same for all maps of a command."""
 
     reading: Reading
     boundary: Boundary
-    body: Opposite | None  # second rough body, the same for all maps
-    load: str  # "delta", "force" or "pressure"
-    values: Sequence[float]  # of the load [um, uN or MPa]
-    wanted: AnswerOptions
+    opposite: Opposite | None  # second rough body, the same for all maps
+    load: str  # quantity of the loads: "delta", "force" or "pressure"
+    values: Sequence[
+        float
+    ]  # of the loads, which each map is pressed under [um, uN or MPa]
+    options: AnswerOptions
     bodies: Bodies
     settings: Mapping[str, Any]  # of the solver
 
     @property
     def column(self) -> str:
-        """Column of the load that was asked for."""
-        return GIVEN[self.load]
+        """Column of the load that the user gave."""
+        return COLUMNS_OF_LOADS[self.load]
 
-    def rows(self, file: Path, progress: RunProgress) -> list[Row]:
-        """Press one of several maps, and tell its preparation and warnings on standard error.
+    def read(self, file: Path) -> tuple[Topography, list[str]]:
+        """Read and prepare a map.
 
         Parameters
         ----------
         file : Path
-            The map.
+            File of the map.
+
+        Returns
+        -------
+        topography : Topography
+            The prepared surface, without holes.
+        warnings : list of str
+            One line for each reason to distrust contacts of the surface.
+
+        Raises
+        ------
+        InputError
+            If the map cannot be read or prepared.
+        """
+        from gen.maps.bodies import read_surface
+
+        return read_surface(file, self.reading, self.boundary, self.opposite)
+
+    def solutions(self, topography: Topography) -> Iterator[LoadSolution]:
+        """Solve a surface under all loads, one after another.
+
+        Parameters
+        ----------
+        topography : Topography
+            The prepared surface.
+
+        Yields
+        ------
+        LoadSolution
+            The contact under each load, as `gen.maps.contacts.solve_loads` does.
+
+        Raises
+        ------
+        InputError
+            If a number is not allowed, no load can be solved, or memory is too short.
+        """
+        from gen.maps.contacts import solve_loads
+
+        return solve_loads(topography, self.load, self.values, **self.settings)
+
+    def doubts(self, topography: Topography, rows: Sequence[Row]) -> list[str]:
+        """Doubt the contacts of a surface.
+
+        Parameters
+        ----------
+        topography : Topography
+            The prepared surface.
+        rows : sequence of Row
+            A row for each contact that was solved, with all its answers.
+
+        Returns
+        -------
+        list of str
+            One line for each doubt.
+        """
+        from gen.doubts import contact_doubts
+        from gen.maps.contacts import pressed_contacts
+
+        pressed = pressed_contacts(rows)
+        return contact_doubts(topography.heights, self.bodies, self.load, pressed)
+
+    def rows(self, file: Path, progress: RunProgress) -> list[Row]:
+        """Press one of several maps, and print its preparation and warnings on standard error.
+
+        Parameters
+        ----------
+        file : Path
+            File of the map.
         progress : RunProgress
-            Counts a row for each load.
+            Progress of the command, in which all loads of the map are counted.
 
         Returns
         -------
@@ -77,133 +148,185 @@ class Pressing:
         InputError
             If the map cannot be read or no load is solved.
         """
-        from gen.commands.printer import tell_preparation
-        from gen.doubts import contact_doubts, material_doubts
-        from gen.maps import contacts
-        from gen.maps.bodies import read_surface
+        from gen.commands.printer import print_preparation_in_line
+        from gen.doubts import material_doubts
 
-        left = len(self.values)
-        warnings = material_doubts(self.bodies)
+        counted = 0
         rows: list[Row] = []
+        faults: list[str] = []
         try:
-            topography, doubts = read_surface(
-                file, self.reading, self.boundary, self.body
-            )
-            warnings += doubts
-            solutions = contacts.solve_loads(
-                topography, self.load, self.values, **self.settings
-            )
+            topography, warnings = self.read(file)
+            solutions = self.solutions(topography)
             for value, solution in zip(self.values, solutions, strict=True):
-                contact = solution.contact
-                if contact is None:
-                    warnings.append(f"not solved, left out: {solution.fault}")
+                if solution.contact is None:
+                    faults.append(f"not solved, left out: {solution.fault}")
                 else:
-                    cells = contacts.answers(contact, self.wanted)
-                    rows.append(
-                        {
-                            self.column: value,
-                            **{each.column: each.value for each in cells},
-                        }
-                    )
-                left -= 1
-                progress.advance(1, int(contact is None))
+                    cells = _cells_of_contact(solution.contact, self.options)
+                    rows.append({self.column: value, **cells})
+                counted += 1
+                progress.advance(1, int(solution.contact is None))
         except InputError:
-            progress.advance(left, left)
+            remaining = len(self.values) - counted
+            progress.advance(remaining, remaining)
             raise
-        pressed = contacts.pressed_contacts(rows)
-        warnings += contact_doubts(topography.heights, self.bodies, self.load, pressed)
-        tell_preparation(topography, warnings)
-        record = {
-            "prepared": "; ".join(topography.steps),
-            "warnings": "; ".join(warnings),
-        }
+        warnings = [*material_doubts(self.bodies), *warnings, *faults]
+        warnings += self.doubts(topography, rows)
+        print_preparation_in_line(topography, warnings)
+        record = _record(topography, warnings)
         return [{**row, **record} for row in rows]
 
     def summaries(self, rows: Sequence[Row]) -> list[Row]:
-        """Return mean and standard deviation over the rows of maps under each load."""
+        """Compute mean and standard deviation over all maps under each load.
+
+        Parameters
+        ----------
+        rows : sequence of Row
+            Rows of all maps, from `rows`.
+
+        Returns
+        -------
+        list of Row
+            Two rows for each load under which a map was solved.
+        """
         from gen.maps.several import summary
 
-        made: list[Row] = []
+        summaries: list[Row] = []
         for value in self.values:
-            same = [row for row in rows if row[self.column] == value]
-            if same:
-                made += [{**row, self.column: value} for row in summary(same)]
-        return made
+            under_load = [row for row in rows if row[self.column] == value]
+            if under_load:
+                summaries += [{**row, self.column: value} for row in summary(under_load)]
+        return summaries
 
 
-def press_one(pressing: Pressing, surface: Path, files: ContactFiles) -> None:
-    """Press one map; print the contact, or a line for each of several loads, and write files."""
-    import numpy as np
+def _cells_of_contact(contact: Any, options: AnswerOptions) -> Row:
+    """Return the answers about a contact as cells, by the names of their columns."""
+    from gen.maps.contacts import answers
 
+    return _cells(answers(contact, options))
+
+
+def _cells(answers: Sequence[Answer]) -> Row:
+    """Return the values of answers by the names of their columns."""
+    return {answer.column: answer.value for answer in answers}
+
+
+def _record(topography: Topography, warnings: Sequence[str]) -> Row:
+    """Return the cells about the preparation of a map and its warnings."""
+    return {"prepared": "; ".join(topography.steps), "warnings": "; ".join(warnings)}
+
+
+def press_one(order: PressingOrder, surface: Path, files: ContactFiles) -> None:
+    """Press one map, print the contact or a line for each of several loads, and write files.
+
+    Parameters
+    ----------
+    order : PressingOrder
+        How the map is read and pressed.
+    surface : Path
+        File of the map.
+    files : ContactFiles
+        Files to write.
+
+    Raises
+    ------
+    InputError
+        If the map cannot be read, no load is solved, or heights cannot be written because a load
+        was not solved.
+    """
     from gen.commands import printer
-    from gen.doubts import contact_doubts, material_doubts
-    from gen.maps import contacts, several
-    from gen.maps.bodies import read_surface
+    from gen.doubts import material_doubts
+    from gen.maps import contacts
 
     figure = figure_for(files.picture, 11, 8.2)
-    bodies, load = pressing.bodies, pressing.load
-    topography, doubts = read_surface(
-        surface, pressing.reading, pressing.boundary, pressing.body
-    )
-    solutions = contacts.solve_loads(
-        topography, load, pressing.values, **pressing.settings
-    )
-    number = len(pressing.values)
-    solved = contacts.solve_all(solutions, number, pressing.wanted)
-    answers = solved.rows
-    last = solved.last
-    rows: list[Row] = [{each.column: each.value for each in row} for row in answers]
-    warnings = [*material_doubts(bodies), *doubts]
-    pressed = contacts.pressed_contacts(rows)
-    warnings += contact_doubts(topography.heights, bodies, load, pressed)
-    warnings += solved.faults
+    topography, warnings = order.read(surface)
+    solutions = order.solutions(topography)
+    solved = contacts.solve_all(solutions, len(order.values), order.options)
+    rows = [_cells(answers) for answers in solved.rows]
+    warnings = [
+        *material_doubts(order.bodies),
+        *warnings,
+        *order.doubts(topography, rows),
+        *solved.faults,
+    ]
     printer.print_preparation(topography, warnings)
-    printer.print_contacts(answers, last, solved.seconds)
-    if remark := contacts.border_remark(topography, last, len(answers)):
+    printer.print_contacts(solved)
+    remark = contacts.border_remark(topography, solved.last, len(rows))
+    if remark:
         echo(f"{topography.name}: {remark}")
-    record = {"prepared": "; ".join(topography.steps), "warnings": "; ".join(warnings)}
-    if files.table is not None:
-        write_csv(files.table, [{**row, **record} for row in rows])
-    if files.json is not None:
-        named: list[Row] = [{"surface": str(surface), **row, **record} for row in rows]
-        several.write_json(files.json, "contacts", named, files.command)
+    record = _record(topography, warnings)
+    _write_one(surface, [{**row, **record} for row in rows], files)
     if files.flattened is not None:
-        if solved.faults:
-            left_out = "not written, as not every load was solved"
-            raise InputError(f"--flattened {files.flattened}: {left_out}")
-        with atomic(files.flattened, "heights") as file:
-            np.save(file, last.flattened)
+        _write_flattened(files.flattened, solved)
     if files.picture is not None:
         from gen.maps.pictures import plot_contacts
 
         plot_contacts(
             figure,
-            last,
+            solved.last,
             rows,
             files.picture,
             name=topography.name,
-            load=load,
-            bodies=bodies,
+            load=order.load,
+            bodies=order.bodies,
             warnings=warnings,
-            options=pressing.wanted,
+            options=order.options,
         )
 
 
+def _write_one(surface: Path, rows: Sequence[Row], files: ContactFiles) -> None:
+    """Write the rows of one map as a table and as JSON, which has the name of its file too."""
+    from gen.maps import several
+
+    if files.table is not None:
+        write_csv(files.table, rows)
+    if files.json is not None:
+        with_name: list[Row] = [{"surface": str(surface), **row} for row in rows]
+        several.write_json(files.json, "contacts", with_name, files.command)
+
+
+def _write_flattened(path: Path, solved: SolvedLoads) -> None:
+    """Write the heights that the last load leaves; InputError if a load was not solved."""
+    import numpy as np
+
+    if solved.faults:
+        raise InputError(f"--flattened {path}: not written, as not every load was solved")
+    with atomic(path, "heights") as file:
+        np.save(file, solved.last.flattened)
+
+
 def press_several(
-    pressing: Pressing, inputs: Sequence[Path], files: ContactFiles
+    order: PressingOrder, inputs: Sequence[Path], files: ContactFiles
 ) -> None:
-    """Print a row for each map and load, then mean and standard deviation, and write them."""
+    """Print a row for each map and load, then mean and standard deviation, and write all rows.
+
+    The preparation of each map, its warnings and the progress are printed on standard error.
+
+    Parameters
+    ----------
+    order : PressingOrder
+        How the maps are read and pressed.
+    inputs : sequence of Path
+        Files and folders of maps.
+    files : ContactFiles
+        Files to write; there is neither a picture of several maps nor their flattened heights.
+
+    Raises
+    ------
+    InputError
+        If no map can be pressed, or a file of a single map is asked for.
+    """
     from gen.commands import printer
     from gen.maps import several
 
     several.require_one(inputs, {"--plot": files.picture, "--flattened": files.flattened})
     maps = several.files_of(inputs)
-    with RunProgress(len(maps) * len(pressing.values), "contacts") as progress:
-        found = several.collected(maps, lambda file: pressing.rows(file, progress))
-    rows = [*found.rows, *pressing.summaries(found.rows)]
-    printer.print_pressed_maps(rows, pressing.column, pressing.bodies)
+    with RunProgress(len(maps) * len(order.values), "contacts") as progress:
+        collected = several.collected(maps, lambda file: order.rows(file, progress))
+    rows = [*collected.rows, *order.summaries(collected.rows)]
+    printer.print_pressed_maps(rows, order.column, order.bodies)
     if files.table is not None:
         write_csv(files.table, rows)
     if files.json is not None:
-        left_out = found.left_out
-        several.write_json(files.json, "contacts", rows, files.command, left_out=left_out)
+        several.write_json(
+            files.json, "contacts", rows, files.command, left_out=collected.left_out
+        )

@@ -1,4 +1,4 @@
-"""The printer of the commands: databases, runs, surfaces with their statistics, and contacts."""
+"""The printer of the commands: databases, plans of runs, descriptions of surfaces, contacts."""
 
 from __future__ import annotations
 
@@ -18,8 +18,9 @@ if TYPE_CHECKING:  # each command imports no more than it needs
     from pathlib import Path
 
     from bem import Contact
+    from gen.commands.descriptions import DescribedMap
     from gen.database import Reader
-    from gen.maps.contacts import Answer
+    from gen.maps.contacts import Answer, SolvedLoads
     from gen.maps.read import Topography
     from gen.maps.texture import ProfileRoughness, SelfAffineFit
     from gen.material import Bodies
@@ -30,28 +31,19 @@ if TYPE_CHECKING:  # each command imports no more than it needs
 MAPS = {"found": "map", "against_found": "the second body's map"}
 """Keys of a scene's surfaces whose maps are shown in lines of their own, and words for a map."""
 
+LEVELLING_STEPS = frozenset(("level plane", "level quadratic", "form"))
+"""Steps of a preparation that take the tilt out of a map."""
+
 
 def print_database(reader: Reader) -> None:
     """Print a summary of a database: rows, times, scene, versions, ranges of all columns."""
     from gen.generation.trial import doubts_after
 
     counts = reader.counts()
-    attributes = reader.attributes
-    echo(f"{reader.path}: {attributes['title']}")
-    part = ""
-    if len(reader.rows) < reader.scene.samples:
-        part = f": {reader.rows.start} to {reader.rows.stop - 1} of {reader.scene.samples}, a part"
-    echo(
-        f"  size      {format_bytes(reader.path.stat().st_size)}, {sum(counts)} rows{part}"
-    )
-    echo(
-        f"  rows      {counts.done} done, {counts.failed} failed, {counts.pending} pending"
-    )
-    for status in (Status.DONE, Status.FAILED):
-        for code, number in reader.reasons(status).items():
-            reason = REASONS.get(code, f"reason {code}")
-            echo(f"            {number} {status.name.lower()}: {reason}")
-    if damage := reader.damage():
+    echo(f"{reader.path}: {reader.attributes['title']}")
+    _print_rows(reader)
+    damage = reader.damage()
+    if damage:
         echo(f"  warning   {damage}")
     if counts.done:
         _print_times(reader)
@@ -59,27 +51,46 @@ def print_database(reader: Reader) -> None:
         echo(f"  warning: {doubt}")
     for line in _scene_lines(json.loads(reader.scene.text())):
         echo(f"  scene     {line}")
-    versions = json.loads(str(attributes["versions"]))
-    echo(
-        "  versions  " + ", ".join(f"{name} {value}" for name, value in versions.items())
-    )
-    echo(
-        f"  made      {attributes['created']}, commit {attributes['git_commit'] or 'unknown'},"
-        f" layout {attributes['schema']}, physics {attributes['physics']}"
-    )
-    _print_changes(int(attributes["physics"]))
+    _print_origin(reader)
     if counts.done:
         _print_ranges(reader)
 
 
-def _print_changes(physics: int) -> None:
-    """Print what has changed since results of a physics number, if it is not today's."""
-    changes = (
-        f"since physics {n}, {said}" for n, said in PHYSICS_CHANGES.items() if n > physics
+def _print_rows(reader: Reader) -> None:
+    """Print the size of a database, and how many rows are done, failed and pending, and why."""
+    counts = reader.counts()
+    size = format_bytes(reader.path.stat().st_size)
+    part = ""
+    if len(reader.rows) < reader.scene.samples:
+        last = reader.rows.stop - 1
+        part = f": {reader.rows.start} to {last} of {reader.scene.samples}, a part"
+    echo(f"  size      {size}, {sum(counts)} rows{part}")
+    echo(
+        f"  rows      {counts.done} done, {counts.failed} failed, {counts.pending} pending"
     )
-    if another := made_by_another(physics):
-        for line in (another, *changes):
-            echo(f"            {line}")
+    for status in (Status.DONE, Status.FAILED):
+        for code, number in reader.reasons(status).items():
+            reason = REASONS.get(code, f"reason {code}")
+            echo(f"            {number} {status.name.lower()}: {reason}")
+
+
+def _print_origin(reader: Reader) -> None:
+    """Print the versions that made a database, and how results have changed since."""
+    attributes = reader.attributes
+    versions = json.loads(str(attributes["versions"]))
+    names = [f"{name} {version}" for name, version in versions.items()]
+    echo(f"  versions  {', '.join(names)}")
+    echo(
+        f"  made      {attributes['created']}, commit {attributes['git_commit'] or 'unknown'},"
+        f" layout {attributes['schema']}, physics {attributes['physics']}"
+    )
+    physics = int(attributes["physics"])
+    other_solver = made_by_another(physics)
+    if other_solver:
+        echo(f"            {other_solver}")
+        for number, change in PHYSICS_CHANGES.items():
+            if number > physics:
+                echo(f"            since physics {number}, {change}")
 
 
 def _print_times(reader: Reader) -> None:
@@ -96,34 +107,24 @@ def _print_times(reader: Reader) -> None:
 def _print_ranges(reader: Reader) -> None:
     """Print the ranges of all columns of results over the rows that are done."""
     ranges = reader.ranges()
-    rows = (
-        (column.name, column.unit, *(f"{limit:.6g}" for limit in ranges[column.name]))
-        for column in reader.columns()
-        if column.name in ranges and column.group != RUNTIME
-    )
+    rows = []
+    for column in reader.columns():
+        if column.name in ranges and column.group != RUNTIME:
+            limits = [f"{limit:.6g}" for limit in ranges[column.name]]
+            rows.append((column.name, column.unit, *limits))
     print_columns(rows, ("column", "unit", "from", "to"), right=("from", "to"))
 
 
 def print_plan(scene: Scene, path: Path | None = None) -> None:
-    """Print samples, surfaces, nodes and loads of a completed scene, and its database's size."""
+    """Print samples, surfaces, nodes and loads of a completed scene, and its database's size.
+
+    With the `path` of the database also whether that exists.
+    """
     from gen.database import file_bytes
-    from gen.generation.forecast import planned_loads
     from gen.generation.trial import doubts_before
 
-    contact, (nx, ny) = scene.contact, scene.grid.shape
-    low, mean, high = planned_loads(scene)
-    echo(
-        f"{scene.samples} samples on {scene.surfaces} surfaces of {nx} x {ny} nodes"
-        f"{'' if contact.boundary == 'free' else f', {contact.boundary} boundary'}"
-        f"{'' if scene.surface.against is None else ', each against another rough one'}"
-    )
-    name = "Delta" if scene.quantity == "delta" else scene.quantity
-    measure = "" if scene.load_unit == "1" else f" {scene.load_unit}"
-    echo(f"  {name:<9} {low:.4g} to {high:.4g}{measure}, {mean:.4g}{measure} on average")
-    if contact.hardness_limits is not None:
-        least, most = contact.hardness_limits
-        drawn = "" if least == most else f" to {most:.4g}"
-        echo(f"  hardness  {least:.4g}{drawn} MPa")
+    echo(_plan_of_surfaces(scene))
+    _print_plan_of_loads(scene)
     for doubt in doubts_before(scene, scene.samples):
         echo(f"  warning: {doubt}")
     echo(f"  file      {format_bytes(file_bytes(scene, scene.samples))}")
@@ -132,27 +133,74 @@ def print_plan(scene: Scene, path: Path | None = None) -> None:
         echo(f"  output    {path} {state}; nothing was written")
 
 
-def _scene_lines(scene: dict[str, Any]) -> list[str]:
-    """Return the lines that show a scene: single keys, tables, and each map of its surfaces."""
-    tables = {"": {name: each for name, each in scene.items() if name != "title"}}
-    tables |= {name: each for name, each in scene.items() if isinstance(each, dict)}
-    lines = []
+def _plan_of_surfaces(scene: Scene) -> str:
+    """Return a line about the samples and the surfaces of a scene."""
+    nx, ny = scene.grid.shape
+    line = f"{scene.samples} samples on {scene.surfaces} surfaces of {nx} x {ny} nodes"
+    if scene.contact.boundary != "free":
+        line += f", {scene.contact.boundary} boundary"
+    if scene.surface.against is not None:
+        line += ", each against another rough one"
+    return line
+
+
+def _print_plan_of_loads(scene: Scene) -> None:
+    """Print the range and the mean of the loads of a scene, and the range of its hardness."""
+    from gen.generation.forecast import planned_loads
+
+    loads = planned_loads(scene)
+    name = "Delta" if scene.quantity == "delta" else scene.quantity
+    unit = "" if scene.load_unit == "1" else f" {scene.load_unit}"
+    echo(
+        f"  {name:<9} {loads.smallest:.4g} to {loads.largest:.4g}{unit},"
+        f" {loads.mean:.4g}{unit} on average"
+    )
+    if scene.contact.hardness_limits is not None:
+        low, high = scene.contact.hardness_limits
+        span = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
+        echo(f"  hardness  {span} MPa")
+
+
+def _scene_lines(scene: Mapping[str, Any]) -> list[str]:
+    """Return the lines that show a scene: single keys, tables, and each map of its surfaces.
+
+    The title is left out, as it is the title of the database too.
+    """
+    tables = {name: value for name, value in scene.items() if isinstance(value, dict)}
+    single = {
+        name: value
+        for name, value in scene.items()
+        if name not in tables and name != "title"
+    }
+    lines = [_assignments(single)]
     for table, keys in tables.items():
-        shown = (
-            f"{name} = {json.dumps(value)}"
-            for name, value in keys.items()
-            if name not in MAPS and (table or name not in tables)
-        )
-        lines.append(f"{f'[{table}] ' if table else ''}{', '.join(shown)}")
-        for name in (each for each in MAPS if each in keys):
-            for number, found in enumerate(keys[name]["maps"]):
-                nx, ny = found["nodes"]
-                known = f"{nx} x {ny} nodes, SHA-256 {found['sha256'][:12]}..., {found['file']}"
-                lines.append(f"  {MAPS[name]} {number}: {known}")
+        short = {name: value for name, value in keys.items() if name not in MAPS}
+        lines.append(f"[{table}] {_assignments(short)}")
+        lines += _map_lines(keys)
     return lines
 
 
-def print_preparation(topography: Topography, warnings: list[str]) -> None:
+def _assignments(keys: Mapping[str, Any]) -> str:
+    """Write keys with their values in one line."""
+    return ", ".join(f"{name} = {json.dumps(value)}" for name, value in keys.items())
+
+
+def _map_lines(table: Mapping[str, Any]) -> list[str]:
+    """Return a line about each map that a table of a scene lists."""
+    lines = []
+    for key, noun in MAPS.items():
+        if key not in table:
+            continue
+        for number, record in enumerate(table[key]["maps"]):
+            nx, ny = record["nodes"]
+            sha256 = record["sha256"][:12]
+            lines.append(
+                f"  {noun} {number}: {nx} x {ny} nodes, SHA-256 {sha256}..., {record['file']}"
+            )
+    return lines
+
+
+def print_preparation(topography: Topography, warnings: Sequence[str]) -> None:
     """Print the steps from a file to a surface, and the warnings about it on standard error."""
     for step in topography.steps:
         echo(f"{topography.name}: {step}")
@@ -160,123 +208,172 @@ def print_preparation(topography: Topography, warnings: list[str]) -> None:
         echo(f"warning: {warning}", err=True)
 
 
-def tell_preparation(topography: Topography, warnings: Sequence[str]) -> None:
-    """Print the steps of one of several maps, and the warnings about it, on standard error."""
+def print_preparation_in_line(topography: Topography, warnings: Sequence[str]) -> None:
+    """Print the steps of one of several maps in a line, and its warnings, on standard error."""
     echo(f"{topography.name}: {'; '.join(topography.steps)}", err=True)
     for warning in warnings:
         echo(f"  warning: {warning}", err=True)
 
 
-def print_statistics(
-    topography: Topography, found: Description, areal: Description
-) -> None:
-    """Print the 22 statistics of a surface and its areal parameters, and its tilt unless level."""
-    from gen.maps.prepare import least_squares
+def print_statistics(described: DescribedMap) -> None:
+    """Print the grid of a surface, its tilt unless it is level, and two tables of its numbers.
+
+    These are the 22 statistics and the parameters of ISO 25178.
+    """
     from gen.maps.texture import PARAMETERS
 
-    heights, spacing = topography.heights, topography.spacing
-    said = (
-        f"{heights.shape[0]} x {heights.shape[1]} nodes, spacing {spacing[0]:.6g} x"
-        f" {spacing[1]:.6g} um, heights {heights.min():.6g} to {heights.max():.6g} um"
+    echo(_grid_line(described.topography))
+    _print_description(
+        "statistic",
+        described.statistics,
+        [(column.name, column.unit, column.long_name) for column in TABLE_1],
     )
-    if not topography.followed & {"level plane", "level quadratic", "form"}:
+    _print_description(
+        "ISO 25178",
+        described.areal,
+        [
+            (name, unit, words)
+            for name, unit, words in PARAMETERS
+            if name in described.areal.values
+        ],
+    )
+
+
+def _grid_line(topography: Topography) -> str:
+    """Return a line about nodes, spacing and heights of a surface, and about a tilt left in it."""
+    from gen.maps.prepare import least_squares
+
+    heights = topography.heights
+    nx, ny = heights.shape
+    x, y = topography.spacing
+    line = (
+        f"{nx} x {ny} nodes, spacing {x:.6g} x {y:.6g} um, heights {heights.min():.6g} to"
+        f" {heights.max():.6g} um"
+    )
+    if not topography.followed & LEVELLING_STEPS:
         tilt = least_squares(topography).tilt
-        said += f", tilt {tilt.x:.4g} along x, {tilt.y:.4g} along y"
-    echo(said)
-    own = [(each.name, each.unit, each.long_name) for each in TABLE_1]
-    for title, known, names in (
-        ("statistic", found, own),
-        ("ISO 25178", areal, [each for each in PARAMETERS if each[0] in areal.values]),
-    ):
-        rows = (
-            (name, f"{known.values[name]:.6g}", unit, words)
-            for name, unit, words in names
-        )
-        print_columns(rows, (title, "value", "unit", "meaning"), right={"value"})
-        if known.reason:
-            echo(f"Where nan stands: {known.reason}")
+        line += f", tilt {tilt.x:.4g} along x, {tilt.y:.4g} along y"
+    return line
 
 
-def print_profiles(profiles: tuple[ProfileRoughness, ProfileRoughness]) -> None:
+def _print_description(
+    title: str, description: Description, columns: Sequence[tuple[str, str, str]]
+) -> None:
+    """Print numbers of a surface, given by names, units and meanings, and why some are NaN."""
+    rows = [
+        (name, f"{description.values[name]:.6g}", unit, words)
+        for name, unit, words in columns
+    ]
+    print_columns(rows, (title, "value", "unit", "meaning"), right={"value"})
+    if description.reason:
+        echo(f"Where nan stands: {description.reason}")
+
+
+def print_profiles(profiles: Sequence[ProfileRoughness]) -> None:
     """Print the roughness of the profiles along x and along y of a directional surface."""
     rows = [
-        (f"along {axis}", *(f"{value:.6g}" for value in numbers))
-        for axis, each in zip("xy", profiles, strict=True)
-        for numbers in [(each.rms_height, each.rms_slope, each.wavelength)]
+        (
+            f"along {axis}",
+            f"{roughness.rms_height:.6g}",
+            f"{roughness.rms_slope:.6g}",
+            f"{roughness.wavelength:.6g}",
+        )
+        for axis, roughness in zip("xy", profiles, strict=True)
     ]
     titles = ("profiles", "Rq um", "Rdq", "mean wavelength um")
     print_columns(rows, titles, right=set(titles[1:]))
     echo("Their power spectra: --spectrum FILE writes them, --plot FILE draws them")
 
 
-def print_spectrum(fit: SelfAffineFit | str, nodes: float) -> None:
-    """Print the self-affine law of a surface, or why there is none, and its shortest wave."""
+def print_spectrum(fit: SelfAffineFit | str, nodes_per_wave: float) -> None:
+    """Print the self-affine law of a surface, or why there is none, and its shortest wave.
+
+    A surface without waves has NaN nodes per wave, and no line about them.
+    """
     from gen.maps.texture import WELL_RESOLVED
 
     if isinstance(fit, str):
         echo(f"self-affine law: none, {fit}")
     else:
-        law = fit.spectrum
-        remarks = "".join(f"; {remark}" for remark in fit.remarks)
-        echo(
-            f"self-affine law over {fit.decades:.2g} decades, from {law.roll_off:.4g} to"
-            f" {law.cut_off:.4g} um, the spectrum within a factor of {fit.scatter:.3g}{remarks}; as"
-            " a start for the generator spectral:"
-        )
-        print_columns(
-            (name, f"{value:.6g}", unit, meaning)
-            for name, value, unit, meaning in (
-                ("hurst", law.hurst, "1", "Hurst exponent"),
-                ("roll_off", law.roll_off, "um", "longest wavelength of the power law"),
-                ("cut_off", law.cut_off, "um", "shortest wavelength"),
-                ("rms_height", fit.rms_height, "um", "root mean square height"),
-            )
-        )
-        echo(
-            "That is the exponent of the spectrum, which spectral gives if it is asked for it;"
-            " diamond-square and midpoint give it if they are asked for 0.07 to 0.16 more"
-        )
-    if not math.isnan(nodes):
-        said = "nodes: areas of contact are those of the grid, see gen contact"
-        if nodes >= WELL_RESOLVED:
-            said = "nodes: enough for the area of contact in the continuum to 1 %"
-        print_columns([("shortest wave", f"{nodes:.2g}", said)])
+        _print_law(fit)
+    if math.isnan(nodes_per_wave):
+        return
+    meaning = "nodes: areas of contact are those of the grid, see gen contact"
+    if nodes_per_wave >= WELL_RESOLVED:
+        meaning = "nodes: enough for the area of contact in the continuum to 1 %"
+    print_columns([("shortest wave", f"{nodes_per_wave:.2g}", meaning)])
 
 
-ONE_ONLY = {
+def _print_law(fit: SelfAffineFit) -> None:
+    """Print a self-affine law: where it holds, and its parameters as a scene has them."""
+    law = fit.spectrum
+    remarks = "".join(f"; {remark}" for remark in fit.remarks)
+    echo(
+        f"self-affine law over {fit.decades:.2g} decades, from {law.roll_off:.4g} to"
+        f" {law.cut_off:.4g} um, the spectrum within a factor of {fit.scatter:.3g}{remarks}; as"
+        " a start for the generator spectral:"
+    )
+    print_columns(
+        [
+            ("hurst", f"{law.hurst:.6g}", "1", "Hurst exponent"),
+            (
+                "roll_off",
+                f"{law.roll_off:.6g}",
+                "um",
+                "longest wavelength of the power law",
+            ),
+            ("cut_off", f"{law.cut_off:.6g}", "um", "shortest wavelength"),
+            ("rms_height", f"{fit.rms_height:.6g}", "um", "root mean square height"),
+        ]
+    )
+    echo(
+        "That is the exponent of the spectrum, which spectral gives if it is asked for it;"
+        " diamond-square and midpoint give it if they are asked for 0.07 to 0.16 more"
+    )
+
+
+COLUMNS_OF_FILES = {
     *(quantity.in_tables for quantity in QUANTITIES.values() if quantity.single),
     "modulus_MPa",
     "boundary",
     "hardness_MPa",
     "residual",
 }
-"""Columns that a table of several loads has in its file alone."""
+"""Columns that a table of several contacts has only in its file, not on the terminal."""
 
 
-def print_contacts(
-    rows: Sequence[Sequence[Answer]], contact: Contact, seconds: float
-) -> None:
-    """Print one contact in full, with the time that it took [s]; several with a line for each."""
-    if len(rows) > 1:
-        kept = [[each for each in row if each.column not in ONE_ONLY] for row in rows]
-        titles = [each.column for each in kept[0]]
-        print_columns(
-            [[each.shown for each in row] for row in kept], titles, right=titles
-        )
+def print_contacts(solved: SolvedLoads) -> None:
+    """Print one contact in full, or several with a line for each."""
+    if len(solved.rows) == 1:
+        _print_contact(solved.rows[0], solved.last, solved.seconds)
         return
+    rows = [
+        [answer for answer in row if answer.column not in COLUMNS_OF_FILES]
+        for row in solved.rows
+    ]
+    titles = [answer.column for answer in rows[0]]
+    cells = [[answer.shown for answer in row] for row in rows]
+    print_columns(cells, titles, right=titles)
+
+
+def _print_contact(answers: Sequence[Answer], contact: Contact, seconds: float) -> None:
+    """Print the answers about a contact, its grid, and the time that its solution took [s]."""
     from gen.maps.contacts import CONTINUUM_ERROR
 
-    [row] = rows
-    left_out = {CONTINUUM_ERROR}  # it stands with the area
-    left_out |= (
-        {QUANTITIES["approach"].in_tables} if contact.approach == contact.delta else set()
-    )  # rigid far field
-    row = [each for each in row if each.column not in left_out]
+    # The error stands behind the area. On a rigid far field the approach is Delta.
+    repeated = {CONTINUUM_ERROR}
+    if contact.approach == contact.delta:
+        repeated.add(QUANTITIES["approach"].in_tables)
     x, y = contact.problem.spacing
-    mean = contact.force / (contact.contact_nodes * x * y or 1)
+    area = contact.contact_nodes * x * y
+    mean = contact.force / area if area else contact.force
     print_columns(
         [
-            *((each.label, each.shown, each.unit) for each in row),
+            *(
+                (answer.label, answer.shown, answer.unit)
+                for answer in answers
+                if answer.column not in repeated
+            ),
             ("contact pressure", f"{mean:.6g}", "MPa, mean where in contact"),
             ("spacing", f"{x:.6g} x {y:.6g}", "um"),
             (
@@ -305,49 +402,62 @@ MAIN = (
     "cut_off",
     "nodes_a_wave",
 )
-"""Columns that `print_looks` shows of each map."""
+"""Columns that `print_described_maps` shows of each map."""
 
 
-def print_looks(rows: Sequence[Row], units: Mapping[str, str]) -> None:
+def print_described_maps(rows: Sequence[Row], units: Mapping[str, str]) -> None:
     """Print a row for each map with the main numbers, then mean and deviation of all numbers.
 
-    `rows` are those of the maps and of `gen.maps.several.summary`, `units` those of the columns.
+    `rows` are those of the maps, then the two of `gen.maps.several.summary`; `units` are those of
+    the columns by their names.
     """
-    titles = ["surface", *MAIN]
-    print_columns(
-        [[_title(row), *(_shown(row[name]) for name in MAIN)] for row in rows],
-        titles,
-        right=MAIN,
-    )
+    main_rows = [[_title(row), *(_shown(row[name]) for name in MAIN)] for row in rows]
+    print_columns(main_rows, ["surface", *MAIN], right=MAIN)
     mean, deviation = rows[-2:]
     lines = [
         (name, _shown(mean[name]), _shown(deviation[name]), units[name])
         for name in mean
         if name in units
     ]
-    titles = ["statistic", "mean", "standard deviation", "unit"]
+    titles = ("statistic", "mean", "standard deviation", "unit")
     print_columns(lines, titles, right={"mean", "standard deviation"})
 
 
 def print_pressed_maps(rows: Sequence[Row], column: str, bodies: Bodies) -> None:
-    """Print a table of all maps for each load, which is in a column, with mean and deviation."""
-    hidden = ONE_ONLY | {"row", "surface", "prepared", "warnings", column}
-    hidden |= {"continuum_area_error_percent"}
+    """Print a table of all maps for each load, with mean and deviation.
+
+    The loads stand in the `column` of the rows that the user gave them in.
+    """
+    hidden = {
+        *COLUMNS_OF_FILES,
+        "row",
+        "surface",
+        "prepared",
+        "warnings",
+        "continuum_area_error_percent",
+        column,
+    }
     names = [name for name in rows[0] if name not in hidden]
-    for value in dict.fromkeys(row[column] for row in rows):
-        same = [row for row in rows if row[column] == value]
-        echo(f"{column.removeprefix('given_')} = {_shown(value)}; {bodies.text}")
-        lines = [[_title(row), *(_shown(row[name]) for name in names)] for row in same]
+    for load in dict.fromkeys(row[column] for row in rows):
+        echo(f"{column.removeprefix('given_')} = {_shown(load)}; {bodies.text}")
+        lines = [
+            [_title(row), *(_shown(row[name]) for name in names)]
+            for row in rows
+            if row[column] == load
+        ]
         print_columns(lines, ["surface", *names], right=names)
 
 
 def _title(row: Row) -> str:
-    """Return the name of a map, or "mean" and the like."""
-    return str(row["surface"] if row["row"] == "surface" else row["row"])
+    """Return the name of a map, or the kind of a row that summarises maps, as "mean"."""
+    title = row["surface"] if row["row"] == "surface" else row["row"]
+    return str(title)
 
 
 def _shown(value: float | int | str) -> str:
-    """Return a cell for people: few digits, and - where there is no number."""
+    """Return a cell for people: at most five digits of a number, and - where there is none."""
+    if isinstance(value, float) and math.isnan(value):
+        return "-"
     if isinstance(value, float):
-        return "-" if math.isnan(value) else f"{value:.5g}"
+        return f"{value:.5g}"
     return str(value) or "-"

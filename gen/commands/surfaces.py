@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from pathlib import Path
+
 import typer
 
 from gen import options
@@ -30,27 +33,51 @@ def describe(
 ) -> None:
     """Print the 22 roughness statistics, the parameters of ISO 25178 and the self-affine law.
 
-    Several files or folders have a row for each map, then mean and standard deviation. A map that
-    cannot be read is named and costs no other.
+    For several files or folders a row is printed for each map, then the mean and the standard
+    deviation. A map that cannot be read is named and left out.
     """
-    from gen.commands.looks import LookFiles, Looking, look_at_one, look_at_several
+    from gen.commands.descriptions import (
+        DescriptionFiles,
+        DescriptionOrder,
+        describe_one,
+        describe_several,
+    )
     from gen.maps import several
 
     outputs = [
         Output(table, "--csv"),
         Output(json, "--json"),
         Output(spectrum, "--spectrum"),
+        Output(picture, "--plot", "picture"),
     ]
-    outputs.append(Output(picture, "--plot", "picture"))
-    check_outputs(outputs, filter(None, [*surfaces, facing.against]))
-    files = LookFiles(
-        table, json, spectrum, picture, command=recorded_command_line(context, "gen")
+    check_outputs(outputs, _input_files(surfaces, facing))
+    files = DescriptionFiles(
+        table=table,
+        json=json,
+        spectrum=spectrum,
+        picture=picture,
+        command=recorded_command_line(context, "gen"),
     )
-    looking = Looking(reading, boundary, facing.second_body(reading), depth)
+    order = DescriptionOrder(
+        reading=reading,
+        boundary=boundary,
+        opposite=facing.second_body(reading),
+        depth=depth,
+    )
     if several.are_several(surfaces):
-        look_at_several(looking, surfaces, files)
+        describe_several(order, surfaces, files)
     else:
-        look_at_one(looking, surfaces[0], files)
+        describe_one(order, surfaces[0], files)
+
+
+def _input_files(
+    surfaces: Iterable[Path | str], facing: options.Against
+) -> list[Path | str]:
+    """Return the files that a command reads, which no output may replace."""
+    files = list(surfaces)
+    if facing.against is not None:
+        files.append(facing.against)
+    return files
 
 
 @grouped
@@ -82,58 +109,85 @@ def contact(
 ) -> None:
     """Solve contact problems of one surface: area, force, pressure, gap, yielding, residual.
 
-    The area comes as a share of nodes, and in the continuum with the error of the grid.
-    With --spots, --flow, --stiffness and --conductivity also spots, the flow of a fluid through
-    the gap, stiffness and conductance.
+    The contact area is printed twice: as a share of the nodes, and in the continuum, with the error
+    of the grid. The options --spots, --flow, --stiffness and --conductivity add the spots of
+    contact, the flow of a fluid through the gap, the stiffness and the conductance.
 
-    Give one of --delta, --force and --pressure: a number, or for a law start:stop:count, with :log
-    for an even ratio, or several numbers with commas.
+    Give one of --delta, --force and --pressure: a number, several numbers with commas, or
+    start:stop:count for a law; :log behind it makes the ratio of the numbers even.
 
-    Several files or folders have a row for each map and load, then mean and standard deviation. A
-    map that cannot be read or solved is named and costs no other.
+    For several files or folders a row is printed for each map and load, then the mean and the
+    standard deviation. A map that cannot be read or solved is named and left out.
     """
     from bem.threads import cores, default_threads, on_threads
-    from gen.commands.pressings import ContactFiles, Pressing, press_one, press_several
+    from gen.commands.pressings import (
+        ContactFiles,
+        PressingOrder,
+        press_one,
+        press_several,
+    )
     from gen.maps import contacts, several
 
-    load, values = contacts.chosen_load(
-        {"delta": delta, "force": force, "pressure": pressure}
-    )
-    if flattened is not None and material.hardness is None:
-        raise InputError(
-            "--flattened needs --hardness: elastic bodies keep their surface"
-        )
-    if flattened is not None and flattened.suffix.lower() != ".npy":
-        raise InputError(f"--flattened {flattened}: give a name that ends in .npy")
-    pair = contacts.require_conductivities(conductivity) if conductivity else None
+    load = contacts.chosen_load({"delta": delta, "force": force, "pressure": pressure})
+    _require_flattened_heights(flattened, material)
+    conductivities = None
+    if conductivity:
+        conductivities = contacts.require_conductivities(conductivity)
     outputs = [
         Output(table, "--csv"),
         Output(json, "--json"),
         Output(picture, "--plot", "picture"),
+        Output(flattened, "--flattened", "heights"),
     ]
-    outputs.append(Output(flattened, "--flattened", "heights"))
-    check_outputs(outputs, filter(None, [*surfaces, facing.against]))
+    check_outputs(outputs, _input_files(surfaces, facing))
     bodies = Bodies.of(*material)
-    settings = {"modulus": bodies.e_star, "hardness": bodies.hardness, "kernel": kernel}
-    settings |= {"far_field": far_field, "rtol": rtol, "max_iterations": max_iterations}
-    pressing = Pressing(
+    order = PressingOrder(
         reading=reading,
         boundary=boundary,
-        body=facing.second_body(reading),
-        load=load,
-        values=values,
-        wanted=contacts.AnswerOptions(grid_error, spots, flow, stiffness, pair),
+        opposite=facing.second_body(reading),
+        load=load.name,
+        values=load.values,
+        options=contacts.AnswerOptions(
+            grid_error=grid_error,
+            spots=spots,
+            flow=flow,
+            stiffness=stiffness,
+            conductivities=conductivities,
+        ),
         bodies=bodies,
-        settings=settings,
+        settings={
+            "modulus": bodies.e_star,
+            "hardness": bodies.hardness,
+            "kernel": kernel,
+            "far_field": far_field,
+            "rtol": rtol,
+            "max_iterations": max_iterations,
+        },
     )
     files = ContactFiles(
-        table, json, picture, flattened, command=recorded_command_line(context, "gen")
+        table=table,
+        json=json,
+        picture=picture,
+        flattened=flattened,
+        command=recorded_command_line(context, "gen"),
     )
     with on_threads(threads or default_threads(cores())):
         if several.are_several(surfaces):
-            press_several(pressing, surfaces, files)
+            press_several(order, surfaces, files)
         else:
-            press_one(pressing, surfaces[0], files)
+            press_one(order, surfaces[0], files)
+
+
+def _require_flattened_heights(path: Path | None, material: options.Material) -> None:
+    """Refuse a file of flattened heights of elastic bodies, or one that is not called .npy."""
+    if path is None:
+        return
+    if material.hardness is None:
+        raise InputError(
+            "--flattened needs --hardness: elastic bodies keep their surface"
+        )
+    if path.suffix.lower() != ".npy":
+        raise InputError(f"--flattened {path}: give a name that ends in .npy")
 
 
 @grouped
@@ -161,10 +215,11 @@ def law(
 ) -> None:
     """Tabulate the law of an interface: closure, area, gap, conductance over nominal pressure.
 
-    The solver presses one surface, or a population. The tables then hold means, and a band in which
-    a further surface lies, at each load by itself.
-    The patch is a piece of a larger interface, continued by its mirror images, so that the closure
-    is the interface's alone: what a mesh adds to the bodies' own deformation.
+    The solver presses one surface, or each surface of a population. The tables of a population hold
+    means, and a band in which a further surface lies with the given share at each single load.
+
+    The patch is a piece of a larger interface, continued by its mirror images. The closure is
+    therefore that of the interface alone: a mesh adds it to the deformation of the bodies.
     """
     from gen.law import Order, by_solver
     from gen.law.files import show, write_files
@@ -172,24 +227,29 @@ def law(
     from gen.law.surfaces import files_read
     from gen.maps.contacts import require_conductivities
 
-    files = files.resolved(output, [*files_read(inputs), *filter(None, [facing.against])])
+    files = files.resolved(output, _input_files(files_read(inputs), facing))
     if not 0 < band < 1:
         raise InputError(f"--band {band:g}: give a share between 0 and 1, as 0.9")
-    figure = files.picture and figure_for(files.picture, 12.0, 7.0)
+    figure = figure_for(files.picture, 12.0, 7.0)
     bodies = Bodies.of(*material)
+    # A ratio alone is a material too: a modulus of 1 MPa.
+    states_modulus = bodies.has_modulus or material.poisson
     gas = None
     if gas_conductivity is not None or jump_distance is not None:
         gas = Gas.of_options(gas_conductivity, jump_distance)
+    conductivities = None
+    if conductivity:
+        conductivities = require_conductivities(conductivity)
     order = Order(
         inputs=tuple(inputs),
         delta=delta,
         pressure=pressure,
         surfaces=surfaces,
         level=band,
-        e_star=bodies.e_star if bodies.has_modulus or material.poisson else None,
+        e_star=bodies.e_star if states_modulus else None,
         hardness=bodies.hardness,
         boundary=boundary,
-        conductivities=require_conductivities(conductivity) if conductivity else None,
+        conductivities=conductivities,
         gas=gas,
         stiffness=True,
         grid_error=grid_error,
@@ -201,10 +261,10 @@ def law(
         straight=files.straight_lines,
         command=recorded_command_line(context, "gen"),
     )
-    made = by_solver(order)
-    show(made)
-    for written in write_files(made, files, figure):
-        echo(f"wrote {written}")
+    contact_law = by_solver(order)
+    show(contact_law)
+    for path in write_files(contact_law, files, figure):
+        echo(f"wrote {path}")
 
 
 @grouped
@@ -217,18 +277,18 @@ def scene(
     material: options.Material,
     reading: FileReading,
 ) -> None:
-    """Look at measured maps and write a scene of their windows, or of surfaces like one map.
+    """Examine measured maps and write a scene of their windows, or of surfaces like one map.
 
-    Comments in the scene say why it has its values. It runs as it is, and is meant to be edited.
+    Comments in the scene give the reasons for its values. The scene can be run as it is, and is
+    meant to be edited.
     """
     from gen.draft import draft
 
-    how = Reading(**vars(reading))
     draft(
         inputs or [],
         like,
         output,
-        how,
+        Reading(**vars(reading)),
         Bodies.of(*material),
         recorded_command_line(context, "gen"),
     )

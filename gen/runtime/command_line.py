@@ -257,17 +257,20 @@ def main(
     try:
         with _interruptible(single_process):
             try:
-                command = arguments[0] if arguments else ""
-                joins = command in collective and "--help" not in arguments
+                joins = bool(arguments) and arguments[0] in collective
+                if "--help" in arguments:
+                    joins = False
                 world = _world(needed=joins)
-                _refuse(arguments, world.size if single_process else 1)
+                if single_process:
+                    _refuse_several(world)
+                _refuse_empty(arguments)
                 takes_part = world.is_master or joins
                 ending = _Ending(_exit_code(app, arguments, name, world, takes_part))
             except (Exception, SystemExit, KeyboardInterrupt) as error:
                 ending = _ending_by(error, name)
         return _end(world, ending)
-    except farm.MasterLeft as left:
-        return left.code
+    except farm.MasterLeft as error:
+        return error.code
     except Exception:
         world.abort()
 
@@ -287,9 +290,9 @@ def _end(world: farm.World, ending: _Ending) -> int:
 
 
 @contextmanager
-def _interruptible(wanted: bool) -> Iterator[None]:
-    """Let Ctrl-C raise KeyboardInterrupt, if it is wanted: on one of several ranks it must not."""
-    if not wanted:
+def _interruptible(single_process: bool) -> Iterator[None]:
+    """Let Ctrl-C raise KeyboardInterrupt in a single process; one of several must go on."""
+    if not single_process:
         yield
         return
     previous = signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -326,19 +329,26 @@ def _exit_code(
             memory.require_blas()
             returned = context.command.invoke(context)
     finish_output()
-    return returned if isinstance(returned, int) else 0
+    if isinstance(returned, int):
+        return returned
+    return 0
 
 
-def _refuse(arguments: Sequence[str], processes: int) -> None:
-    """Refuse more than one process, and arguments without a value."""
-    if processes > 1:
-        raise InputError(f"started as {processes} processes; start it as one")
-    for place, argument in enumerate(arguments):
+def _refuse_several(world: farm.World) -> None:
+    """Refuse more than one process."""
+    if world.size > 1:
+        raise InputError(f"started as {world.size} processes; start it as one")
+
+
+def _refuse_empty(arguments: Sequence[str]) -> None:
+    """Refuse arguments without a value."""
+    after = ""
+    for argument in arguments:
         if EMPTY.fullmatch(argument):
-            after = f" after {arguments[place - 1]!r}" if place else ""
             raise InputError(
                 f"{argument!r}{after} is empty: give a value, or leave it out"
             )
+        after = f" after {argument!r}"
 
 
 def run_script(script: Callable[[list[str]], object]) -> None:
@@ -391,9 +401,11 @@ def _refusal(error: BaseException, name: str) -> str:
         case _ if memory.is_shortage(error):
             return _shortage(error)
         case _ if number := errno_of(error):  # a full device, a folder without rights
-            reason = getattr(error, "strerror", None) or os.strerror(number)
+            reason = str(getattr(error, "strerror", None) or os.strerror(number))
             place = file_of(error)
-            return f"{place}: {reason}" if place else str(reason)
+            if place:
+                reason = f"{place}: {reason}"
+            return reason
         case OSError():
             return str(error)
         case ModuleNotFoundError():

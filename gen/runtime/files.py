@@ -404,9 +404,13 @@ def unfinished(
         temporary = real.with_name(f"{real.name}.{letters}.part")
     else:
         temporary = real.with_name(f".asperity-{letters}")
-    replaced = real.stat() if real.exists() else None
+    replaced = None
+    mode = 0o666
+    if real.exists():
+        replaced = real.stat()
+        mode = 0o600  # until the new file has the rights of the old one
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
-    descriptor = os.open(temporary, flags, 0o666 if replaced is None else 0o600)
+    descriptor = os.open(temporary, flags, mode)
     try:
         if replaced is not None:
             _pass_on_rights(descriptor, replaced)

@@ -251,7 +251,9 @@ class RunProgress(AbstractContextManager["RunProgress"]):
         self._noun = noun
         self._rows = 0
         self._failed = 0
-        self._work = float(total if work is None else work)
+        self._work = float(total)
+        if work is not None:
+            self._work = float(work)
         self._worked = 0.0
         self._began = time.monotonic()
         self._printed = self._began
@@ -276,7 +278,9 @@ class RunProgress(AbstractContextManager["RunProgress"]):
         """
         self._rows += rows
         self._failed += failed
-        self._worked += rows if work is None else work
+        if work is None:
+            work = rows
+        self._worked += work
         pause = RENEWAL if self._renews else LINE_SECONDS
         now = time.monotonic()
         if now < self._printed + pause:

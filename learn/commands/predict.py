@@ -11,11 +11,22 @@ import typer
 from gen import options
 from gen.maps.settings import Reading
 from gen.material import combined_modulus, loads_from
-from gen.runtime.command_line import Trust, grouped, recorded_command_line
+from gen.runtime.command_line import (
+    Trust,
+    grouped,
+    recorded_command_line,
+    warn_deprecated,
+)
 from gen.runtime.errors import InputError
 from gen.runtime.figure import figure_for
 from gen.runtime.files import Output, check_outputs, kind_of
-from gen.runtime.terminal import echo, first_reason, print_columns, quoted
+from gen.runtime.terminal import (
+    command_to_type,
+    echo,
+    first_reason,
+    print_columns,
+    quoted,
+)
 
 REASONS = 12  # reasons that are printed at most
 VALUE = re.compile(r" \S+ outside")  # the part of a reason that differs between rows
@@ -64,7 +75,7 @@ SurrogateAndInputs = Annotated[
 Solver = Annotated[
     bool,
     typer.Option(
-        "--solver", help="Solve every contact, as gen law does, instead of predicting it."
+        "--solver", help="Solve every contact. Leaves with version 2.0: use gen law."
     ),
 ]
 LawBoundary = Annotated[
@@ -295,6 +306,8 @@ def law(
     )
     if solver:
         made = by_solver(order)
+        instead = f"use {command_to_type('gen law')}, for a scene with its --boundary"
+        warn_deprecated("--solver", instead)
     else:
         surrogate = surrogate or Surrogate.load(Path(first))
         if of_scene:

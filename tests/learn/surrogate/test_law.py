@@ -90,6 +90,14 @@ def test_a_predicted_population_has_bands_at_given_pressure(work):
                 np.testing.assert_allclose(*values, rtol=times * off)
 
 
+def test_a_law_of_the_solver_says_that_it_leaves(work, capsys):
+    run("law", "many/s0.npy", "--side", "1000", "--delta", "5,9", "--solver")
+    lines = capsys.readouterr().err.splitlines()
+    (warning,) = (line for line in lines if "leaves with version 2.0" in line)
+    assert warning.startswith("warning: --solver leaves with version 2.0: use ")
+    assert warning.endswith("gen law, for a scene with its --boundary")
+
+
 CELLS = """
 samples = 9
 [surface]

@@ -1,0 +1,271 @@
+"""The reports of `gen describe`: one map in full, or several maps with a row for each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from gen.runtime.documents import Row, write_csv
+from gen.runtime.errors import InputError
+from gen.runtime.figure import figure_for
+
+if TYPE_CHECKING:  # each command imports no more than it needs
+    from pathlib import Path
+
+    from bem.problem import Boundary
+    from gen.maps.bodies import Opposite
+    from gen.maps.read import Topography
+    from gen.maps.settings import Reading
+    from gen.maps.texture import RadialSpectrum, SelfAffineFit
+    from gen.statistics import Description
+
+
+@dataclass(frozen=True)
+class DescriptionFiles:
+    """Files that `gen describe` writes, each None if its option is left out."""
+
+    table: Path | None
+    json: Path | None
+    spectrum: Path | None
+    picture: Path | None
+    command: str  # the command line, for the record
+
+
+@dataclass(frozen=True, eq=False)
+class DescribedMap:
+    """A prepared map with its statistics, areal parameters, spectrum and self-affine law."""
+
+    topography: Topography
+    warnings: list[str]
+    statistics: Description  # the 22 statistics
+    areal: Description  # parameters of ISO 25178
+    spectrum: RadialSpectrum
+    fit: SelfAffineFit | str  # the self-affine law, or the reason why none fits
+    nodes_per_wave: float  # nodes in the shortest wave; NaN if there is no wave
+
+    @property
+    def is_directional(self) -> bool:
+        """Whether the map has a lay, so that profiles along x and y differ."""
+        from gen.maps.texture import lay_of
+
+        return bool(lay_of(self.topography, self.areal.values["Str"]))
+
+
+@dataclass(frozen=True, eq=False)
+class DescriptionOrder:
+    """How maps are read and described, which is the same for all maps of a command."""
+
+    reading: Reading
+    boundary: Boundary
+    opposite: Opposite | None  # second rough body, the same for all maps
+    depth: float | None  # depth below the highest node for a further Smr [um]
+
+    def describe(self, file: Path) -> DescribedMap:
+        """Read and describe a map.
+
+        Parameters
+        ----------
+        file : Path
+            File of the map.
+
+        Returns
+        -------
+        DescribedMap
+            The prepared map and its numbers.
+
+        Raises
+        ------
+        InputError
+            If the map cannot be read or prepared.
+        """
+        from gen import statistics
+        from gen.maps import texture
+        from gen.maps.bodies import read_surface
+
+        topography, warnings = read_surface(
+            file, self.reading, self.boundary, self.opposite
+        )
+        areal = texture.areal_parameters(topography, self.depth)
+        spectrum = texture.radial_spectrum(topography)
+        return DescribedMap(
+            topography=topography,
+            warnings=warnings,
+            statistics=statistics.describe(topography.heights, topography.spacing),
+            areal=areal,
+            spectrum=spectrum,
+            fit=texture.fit_self_affine(topography, spectrum, areal.values["Str"]),
+            nodes_per_wave=texture.nodes_a_wave(spectrum, topography.spacing),
+        )
+
+    def row(self, described: DescribedMap) -> Row:
+        """Put all numbers of a map into a row of a table.
+
+        Parameters
+        ----------
+        described : DescribedMap
+            The map, from `describe`.
+
+        Returns
+        -------
+        Row
+            The numbers by the names of their columns, with the steps of the preparation, the
+            warnings and the units in words.
+        """
+        topography = described.topography
+        nodes_x, nodes_y = topography.heights.shape
+        side_x, side_y = topography.sides
+        row: Row = {
+            **described.statistics.values,
+            "nodes_x": nodes_x,
+            "nodes_y": nodes_y,
+            "side_x_um": side_x,
+            "side_y_um": side_y,
+        }
+        if topography.boundary != "free":
+            row["boundary"] = topography.boundary
+        row["prepared"] = "; ".join(topography.steps)
+        row["warnings"] = "; ".join(described.warnings)
+        row |= described.areal.values
+        if self.depth is not None:
+            row["Smr_depth"] = self.depth
+        row |= _cells_of_law(described.fit)
+        row["nodes_a_wave"] = described.nodes_per_wave
+        units = units_of_descriptions()
+        row["units"] = "; ".join(f"{name} {units[name]}" for name in row if name in units)
+        return row
+
+
+def _cells_of_law(fit: SelfAffineFit | str) -> Row:
+    """Return the cells of a self-affine law and its remarks, or empty ones and the reason."""
+    from gen.maps.texture import LAW
+
+    cells: Row = {}
+    if isinstance(fit, str):
+        cells |= dict.fromkeys(LAW, "")
+        cells["law"] = f"none: {fit}"
+    else:
+        cells |= fit.values
+        cells["law"] = "; ".join(fit.remarks)
+    return cells
+
+
+def units_of_descriptions() -> dict[str, str]:
+    """Return the units of the columns of `DescriptionOrder.row` by their names."""
+    from gen.maps.texture import LAW, PARAMETERS
+    from gen.schema import TABLE_1
+
+    units = {column.name: column.unit for column in TABLE_1}
+    units |= {name: unit for name, unit, _ in PARAMETERS}
+    units |= LAW
+    units["Smr_depth"] = "um"
+    units["nodes_a_wave"] = "1"
+    return units
+
+
+def describe_one(order: DescriptionOrder, surface: Path, files: DescriptionFiles) -> None:
+    """Print the description of one map, and write its files.
+
+    Parameters
+    ----------
+    order : DescriptionOrder
+        How the map is read and described.
+    surface : Path
+        File of the map.
+    files : DescriptionFiles
+        Files to write.
+
+    Raises
+    ------
+    InputError
+        If the map cannot be described, or has no spectrum that could be written.
+    """
+    from gen.commands import printer
+    from gen.maps import pictures, texture
+
+    figure = figure_for(files.picture, 10.5, 8.6)
+    described = order.describe(surface)
+    printer.print_preparation(described.topography, described.warnings)
+    printer.print_statistics(described)
+    if described.is_directional:
+        printer.print_profiles(texture.profile_roughness(described.topography))
+    printer.print_spectrum(described.fit, described.nodes_per_wave)
+    if files.spectrum is not None and not described.spectrum.wavenumbers.size:
+        raise InputError(f"--spectrum {files.spectrum}: there is none, {described.fit}")
+    _write_one(surface, order.row(described), files)
+    if files.spectrum is not None:
+        write_csv(files.spectrum, described.spectrum.rows())
+    if files.picture is not None:
+        pictures.plot_surface(
+            figure,
+            described.topography,
+            described.spectrum,
+            described.fit,
+            files.picture,
+            directional=described.is_directional,
+        )
+
+
+def _write_one(surface: Path, row: Row, files: DescriptionFiles) -> None:
+    """Write the row of one map as a table and as JSON, which has the name of its file too."""
+    from gen.maps import several
+
+    if files.table is not None:
+        write_csv(files.table, [row])
+    if files.json is not None:
+        several.write_json(
+            files.json,
+            "descriptions",
+            [{"surface": str(surface), **row}],
+            files.command,
+            units=units_of_descriptions(),
+        )
+
+
+def describe_several(
+    order: DescriptionOrder, inputs: Sequence[Path], files: DescriptionFiles
+) -> None:
+    """Print a row for each map, then mean and standard deviation, and write all rows.
+
+    The preparation of each map and its warnings are printed on standard error.
+
+    Parameters
+    ----------
+    order : DescriptionOrder
+        How the maps are read and described.
+    inputs : sequence of Path
+        Files and folders of maps.
+    files : DescriptionFiles
+        Files to write; there is neither a spectrum nor a picture of several maps.
+
+    Raises
+    ------
+    InputError
+        If no map can be described, or a file of a single map is asked for.
+    """
+    from gen.commands import printer
+    from gen.maps import several
+
+    several.require_one(inputs, {"--spectrum": files.spectrum, "--plot": files.picture})
+
+    def rows_of(file: Path) -> list[Row]:
+        """Describe one map, and print its preparation."""
+        described = order.describe(file)
+        printer.print_preparation_in_line(described.topography, described.warnings)
+        return [order.row(described)]
+
+    collected = several.collected(several.files_of(inputs), rows_of)
+    rows = [*collected.rows, *several.summary(collected.rows)]
+    units = units_of_descriptions()
+    printer.print_described_maps(rows, units)
+    if files.table is not None:
+        write_csv(files.table, rows)
+    if files.json is not None:
+        several.write_json(
+            files.json,
+            "descriptions",
+            rows,
+            files.command,
+            units=units,
+            left_out=collected.left_out,
+        )
