@@ -27,7 +27,7 @@ from bem.checks import Range, real_array, real_number
 from gen.arrays import Heights, Indices, Values
 from gen.distribution import is_drawn
 from gen.generation.completion import completed
-from gen.generation.sample import load_of, solve_contact, surface_numbered
+from gen.generation.sample import absolute_load, solve_contact, surface_numbered
 from gen.generators.function import PythonSurface
 from gen.generators.scans import ScanSurface
 from gen.quantities import DELTA, FORCE, QUANTITIES, USUAL, stored_quantities
@@ -210,7 +210,7 @@ def surfaces_of(scene: Scene, inputs: Inputs, points: Points) -> Iterator[OneSur
         loads = points.numbers[inputs.load_name][places]
         kind = inputs.load
         if kind == fixed.quantity:
-            ((kind, loads),) = load_of(fixed, heights, loads).items()
+            kind, loads = absolute_load(fixed, heights, loads)
         hardness = points.numbers[inputs.hardness][places] if inputs.hardness else None
         yield OneSurface(fixed, heights, places, kind, loads, hardness)
 

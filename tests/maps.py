@@ -10,6 +10,7 @@ from bem.problem import Boundary
 from gen.maps.read import Topography
 from gen.maps.read import read as read_map
 from gen.maps.settings import Reading
+from gen.spectral import SelfAffineSpectrum, generate_spectral
 
 
 def waves(nodes: int, seed: int) -> Field:
@@ -35,3 +36,14 @@ def read(
 ) -> Topography:
     """Read a map by the options `--side`, `--unit` and more."""
     return read_map(path, Reading(side=side, unit=unit, **more), boundary)
+
+
+def rough_map(shape: tuple[int, int] = (96, 96), *, stretch: float = 1.0) -> Field:
+    """Return a rough surface with nodes 1 um apart, of rms height 0.5 um and waves of 5 to 16 um.
+
+    A `stretch` other than 1 gives it a lay.
+    """
+    spectrum = SelfAffineSpectrum(0.8, 16.0, 5.0, stretch)
+    sides = (float(shape[0]), float(shape[1]))
+    random = np.random.default_rng(1)
+    return generate_spectral(shape, sides, spectrum, random, rms_height=0.5)

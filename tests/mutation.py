@@ -96,8 +96,14 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
         ),
     ),
     "gen/generation/plan.py": (
-        ("stream.advance(before + offset * per)", "stream.advance(before + offset)"),
-        ("min(stop, (number + 1) * chunk)", "min(stop, (number + 1) * chunk + 1)"),
+        (
+            "advance(self.before + offset * self.per_item)",
+            "advance(self.before + offset)",
+        ),
+        (
+            "min(stop, (chunk + 1) * self.chunk)",
+            "min(stop, (chunk + 1) * self.chunk + 1)",
+        ),
         ('borders, pairs[:, 0], side="right")', 'borders, pairs[:, 1], side="right")'),
     ),
     "gen/generation/sample.py": (

@@ -157,7 +157,7 @@ def info(file: options.Database) -> None:
 def plot(
     file: options.Database, output: options.NewPicture, trust: Trust = False
 ) -> None:
-    """Draw a database: one surface and its pressure, all areas, all solve times."""
+    """Draw one surface of a database and its pressure, and areas and solve times of all rows."""
     from gen.commands.picture import plot_database
 
     check_outputs([Output(output, "--output", "picture")], [file])
@@ -181,9 +181,9 @@ def check(
     repair: options.Repair = False,
     trust: Trust = False,
 ) -> int:
-    """Check a database: statuses, checksums, values and plan of all rows, and N rows recomputed.
+    """Check the statuses, checksums, values and plan of all rows, and compute N rows again.
 
-    The exit code is 0 if everything is right or has been repaired, 1 if not.
+    The exit code is 0 if the database has no fault or all faults have been repaired, otherwise 1.
     """
     from gen.database import Reader, lock
     from gen.schema import made_by_another
@@ -215,7 +215,7 @@ def check(
 
 
 def _print_faults(file: Path, recompute: int, seed: int) -> "list[Fault]":
-    """Print the faults of a database as they are found, and return them."""
+    """Print each fault of a database as soon as it is known, and return all faults."""
     from gen.generation.check import faults
 
     printed = []
@@ -226,9 +226,10 @@ def _print_faults(file: Path, recompute: int, seed: int) -> "list[Fault]":
 
 
 def _repair(file: Path, faults: "list[Fault]", other_solver: str) -> int:
-    """Make damaged rows pending and print them; return 1 if other rows have faults, otherwise 0.
+    """Make damaged rows pending, and print how many; return the exit code.
 
-    `other_solver` says that another solver made the rows, "" if this one did.
+    It is 1 if rows are left whose bytes are not damaged, otherwise 0. `other_solver` says in words
+    that another solver computed the rows; it is "" if this one did.
     """
     from gen.generation.check import repair
 
@@ -239,12 +240,12 @@ def _repair(file: Path, faults: "list[Fault]", other_solver: str) -> int:
             f"{file}: {_rows_are(repaired.pending.size)} pending now; the same {run_command}"
             " computes them again"
         )
-    if not repaired.left.size:
+    if not repaired.unchanged.size:
         return 0
     reason = "the bytes are those that were written, perhaps by another machine"
     if other_solver:
         reason = other_solver
-    echo(f"{file}: {_rows_are(repaired.left.size)} left as before: {reason}")
+    echo(f"{file}: {_rows_are(repaired.unchanged.size)} left as before: {reason}")
     return 1
 
 
@@ -264,7 +265,7 @@ def _print_doubts(file: Path) -> None:
 
 
 def merge(files: options.Databases, output: options.NewDatabase) -> None:
-    """Join databases with rows of one scene that different jobs computed."""
+    """Join databases of one scene whose rows were computed by different jobs."""
     from gen import database
 
     counts = database.merge(output, files)
@@ -297,9 +298,9 @@ def export(
 
     with Reader(file) as reader:
         about = About.of(reader, title, creator, licence, doi)
-        rows, left_out, size = export_to(reader, output, about)
+        exported = export_to(reader, output, about)
         damage = reader.damage()
-    remark = f"; {left_out} failed or pending" if left_out else ""
-    echo(f"{output}: {rows} rows{remark}, {format_bytes(size)}")
+    remark = f"; {exported.left_out} failed or pending" if exported.left_out else ""
+    echo(f"{output}: {exported.rows} rows{remark}, {format_bytes(exported.size)}")
     if damage:
         echo(f"warning: {file}: {damage}", err=True)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gen.runtime.documents import Row, write_csv
 from gen.runtime.errors import InputError
 from gen.runtime.figure import figure_for
+from gen.runtime.files import Output, check_outputs
 
 if TYPE_CHECKING:  # each command imports no more than it needs
     from pathlib import Path
@@ -30,6 +31,29 @@ class DescriptionFiles:
     spectrum: Path | None
     picture: Path | None
     command: str  # the command line, for the record
+
+    def check(self, inputs: Iterable[Path | str]) -> None:
+        """Refuse files that cannot be written, before anything is computed.
+
+        Parameters
+        ----------
+        inputs : iterable of Path or str
+            Files and folders that the command reads, which are not replaced.
+
+        Raises
+        ------
+        InputError
+            If a file cannot be written, or is an input or another output.
+        """
+        check_outputs(
+            [
+                Output(self.table, "--csv"),
+                Output(self.json, "--json"),
+                Output(self.spectrum, "--spectrum"),
+                Output(self.picture, "--plot", "picture"),
+            ],
+            inputs,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,21 +104,22 @@ class DescriptionOrder:
             If the map cannot be read or prepared.
         """
         from gen import statistics
-        from gen.maps import texture
+        from gen.maps import areal, texture
         from gen.maps.bodies import read_surface
 
         topography, warnings = read_surface(
             file, self.reading, self.boundary, self.opposite
         )
-        areal = texture.areal_parameters(topography, self.depth)
+        parameters = areal.areal_parameters(topography, self.depth)
+        aspect = parameters.values["Str"]
         spectrum = texture.radial_spectrum(topography)
         return DescribedMap(
             topography=topography,
             warnings=warnings,
             statistics=statistics.describe(topography.heights, topography.spacing),
-            areal=areal,
+            areal=parameters,
             spectrum=spectrum,
-            fit=texture.fit_self_affine(topography, spectrum, areal.values["Str"]),
+            fit=texture.fit_self_affine(topography, spectrum, aspect),
             nodes_per_wave=texture.nodes_a_wave(spectrum, topography.spacing),
         )
 
@@ -138,11 +163,11 @@ class DescriptionOrder:
 
 def _cells_of_law(fit: SelfAffineFit | str) -> Row:
     """Return the cells of a self-affine law and its remarks, or empty ones and the reason."""
-    from gen.maps.texture import LAW
+    from gen.maps.texture import LAW_UNITS
 
     cells: Row = {}
     if isinstance(fit, str):
-        cells |= dict.fromkeys(LAW, "")
+        cells |= dict.fromkeys(LAW_UNITS, "")
         cells["law"] = f"none: {fit}"
     else:
         cells |= fit.values
@@ -152,12 +177,13 @@ def _cells_of_law(fit: SelfAffineFit | str) -> Row:
 
 def units_of_descriptions() -> dict[str, str]:
     """Return the units of the columns of `DescriptionOrder.row` by their names."""
-    from gen.maps.texture import LAW, PARAMETERS
+    from gen.maps.areal import PARAMETERS
+    from gen.maps.texture import LAW_UNITS
     from gen.schema import TABLE_1
 
     units = {column.name: column.unit for column in TABLE_1}
-    units |= {name: unit for name, unit, _ in PARAMETERS}
-    units |= LAW
+    units |= {parameter.name: parameter.unit for parameter in PARAMETERS}
+    units |= LAW_UNITS
     units["Smr_depth"] = "um"
     units["nodes_a_wave"] = "1"
     return units
@@ -254,7 +280,7 @@ def describe_several(
         printer.print_preparation_in_line(described.topography, described.warnings)
         return [order.row(described)]
 
-    collected = several.collected(several.files_of(inputs), rows_of)
+    collected = several.collect_rows(several.files_of(inputs), rows_of)
     rows = [*collected.rows, *several.summary(collected.rows)]
     units = units_of_descriptions()
     printer.print_described_maps(rows, units)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bem import Contact
 from gen.database import Reader
 from gen.generation.plan import parameters
-from gen.generation.sample import load_of, solve_contact, surface_of
+from gen.generation.sample import absolute_load, solve_contact, surface_of
 from gen.maps.pictures import DECADES, LETTERS, contact_maps, load_text, plot_map
 from gen.material import Bodies
 from gen.quantities import AREA, DELTA, FORCE, PRESSURE, USUAL, typographic
@@ -30,7 +30,7 @@ COLUMNS = frozenset((*USUAL, "solve_seconds", "hurst"))
 
 
 @dataclass(frozen=True, eq=False)
-class _Drawn:
+class _PlottedDatabase:
     """Parts of a database that are drawn."""
 
     scene: Scene
@@ -54,19 +54,19 @@ def plot_database(file: Path, picture: Path) -> None:
         If the database has no row that is done, or the picture cannot be written.
     """
     figure = figure_for(picture, WIDTH, WIDTH)
-    drawn = _read(file)
-    heights = _heights_of_panels(drawn.scene)
+    database = _read(file)
+    heights = _heights_of_panels(database.scene)
     figure.set_size_inches(WIDTH, sum(heights) + 0.4)
     top, bottom = figure.subfigures(2, 1, height_ratios=heights)
     figure.suptitle(shortened(str(file)), fontsize=11, parse_math=False)
-    _plot_row(top.subplots(1, 2), drawn.scene, drawn.typical)
+    _plot_row(top.subplots(1, 2), database.scene, database.typical)
     areas, times = bottom.subplots(1, 2)
-    _plot_areas(bottom, areas, drawn)
-    _plot_times(times, drawn.columns)
+    _plot_areas(bottom, areas, database)
+    _plot_times(times, database.columns)
     save(figure, picture)
 
 
-def _read(file: Path) -> _Drawn:
+def _read(file: Path) -> _PlottedDatabase:
     """Read what is drawn of a database; InputError if no row is done."""
     with Reader(file) as reader:
         done = np.flatnonzero(reader.column("status") == Status.DONE)
@@ -76,7 +76,7 @@ def _read(file: Path) -> _Drawn:
         columns = {name: reader.column(name)[done] for name in names}
         median = int(np.argsort(columns[AREA.name])[done.size // 2])
         typical = reader.rows.start + int(done[median])
-        return _Drawn(reader.scene, columns, typical)
+        return _PlottedDatabase(reader.scene, columns, typical)
 
 
 def _heights_of_panels(scene: Scene) -> list[float]:
@@ -90,8 +90,9 @@ def _plot_row(axes: NDArray[Any], scene: Scene, row: int) -> None:
     """Make the surface of one row again, solve its contact, and draw both side by side."""
     plan = parameters(scene, row, row + 1)
     heights = surface_of(scene, plan, 0)
-    load = load_of(scene, heights, float(plan.load[0]))
-    contact = solve_contact(scene, heights, hardness=plan.hardness_of(0), **load)
+    load = absolute_load(scene, heights, float(plan.load[0]))
+    hardness = plan.hardness_of(0)
+    contact = solve_contact(scene, heights, hardness=hardness, **{load.kind: load.value})
     surface = _title_of_surface(scene, row, plan.parameters_of(0))
     pressure = _title_of_contact(scene, contact)
     # A narrow map is centred in its half, so that fewer letters fit into a line above it.
@@ -131,10 +132,10 @@ def _title_of_contact(scene: Scene, contact: Contact) -> str:
     )
 
 
-def _plot_areas(figure: Any, axis: Any, drawn: _Drawn) -> None:
+def _plot_areas(figure: Any, axis: Any, database: _PlottedDatabase) -> None:
     """Draw the contact area of every row over the load in the quantity of the scene."""
-    scene = drawn.scene
-    columns = drawn.columns
+    scene = database.scene
+    columns = database.columns
     loads = columns[DELTA.name]
     label = DELTA.label
     if scene.quantity.startswith("pressure"):

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from gen.runtime.documents import Row, write_csv
 from gen.runtime.errors import InputError
 from gen.runtime.figure import figure_for
-from gen.runtime.files import atomic
+from gen.runtime.files import Output, atomic, check_outputs
 from gen.runtime.terminal import RunProgress, echo
 
 if TYPE_CHECKING:  # each command imports no more than it needs
@@ -39,6 +39,29 @@ class ContactFiles:
     picture: Path | None
     flattened: Path | None
     command: str  # the command line, for the record
+
+    def check(self, inputs: Iterable[Path | str]) -> None:
+        """Refuse files that cannot be written, before anything is computed.
+
+        Parameters
+        ----------
+        inputs : iterable of Path or str
+            Files and folders that the command reads, which are not replaced.
+
+        Raises
+        ------
+        InputError
+            If a file cannot be written, or is an input or another output.
+        """
+        check_outputs(
+            [
+                Output(self.table, "--csv"),
+                Output(self.json, "--json"),
+                Output(self.picture, "--plot", "picture"),
+                Output(self.flattened, "--flattened", "heights"),
+            ],
+            inputs,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,19 +281,16 @@ def press_one(order: PressingOrder, surface: Path, files: ContactFiles) -> None:
     if files.flattened is not None:
         _write_flattened(files.flattened, solved)
     if files.picture is not None:
-        from gen.maps.pictures import plot_contacts
+        from gen.maps.pictures import ContactCaptions, plot_contacts
 
-        plot_contacts(
-            figure,
-            solved.last,
-            rows,
-            files.picture,
+        captions = ContactCaptions(
             name=topography.name,
             load=order.load,
             bodies=order.bodies,
             warnings=warnings,
             options=order.options,
         )
+        plot_contacts(figure, solved.last, rows, files.picture, captions)
 
 
 def _write_one(surface: Path, rows: Sequence[Row], files: ContactFiles) -> None:
@@ -321,7 +341,7 @@ def press_several(
     several.require_one(inputs, {"--plot": files.picture, "--flattened": files.flattened})
     maps = several.files_of(inputs)
     with RunProgress(len(maps) * len(order.values), "contacts") as progress:
-        collected = several.collected(maps, lambda file: order.rows(file, progress))
+        collected = several.collect_rows(maps, lambda file: order.rows(file, progress))
     rows = [*collected.rows, *order.summaries(collected.rows)]
     printer.print_pressed_maps(rows, order.column, order.bodies)
     if files.table is not None:

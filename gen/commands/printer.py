@@ -220,7 +220,7 @@ def print_statistics(described: DescribedMap) -> None:
 
     These are the 22 statistics and the parameters of ISO 25178.
     """
-    from gen.maps.texture import PARAMETERS
+    from gen.maps.areal import PARAMETERS
 
     echo(_grid_line(described.topography))
     _print_description(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import typer
@@ -13,7 +13,6 @@ from gen.material import Bodies, Gas
 from gen.runtime.command_line import Trust, grouped, recorded_command_line
 from gen.runtime.errors import InputError
 from gen.runtime.figure import figure_for
-from gen.runtime.files import Output, check_outputs
 from gen.runtime.terminal import echo
 
 
@@ -44,13 +43,6 @@ def describe(
     )
     from gen.maps import several
 
-    outputs = [
-        Output(table, "--csv"),
-        Output(json, "--json"),
-        Output(spectrum, "--spectrum"),
-        Output(picture, "--plot", "picture"),
-    ]
-    check_outputs(outputs, _input_files(surfaces, facing))
     files = DescriptionFiles(
         table=table,
         json=json,
@@ -58,6 +50,7 @@ def describe(
         picture=picture,
         command=recorded_command_line(context, "gen"),
     )
+    files.check(_input_files(surfaces, facing))
     order = DescriptionOrder(
         reading=reading,
         boundary=boundary,
@@ -113,8 +106,8 @@ def contact(
     of the grid. The options --spots, --flow, --stiffness and --conductivity add the spots of
     contact, the flow of a fluid through the gap, the stiffness and the conductance.
 
-    Give one of --delta, --force and --pressure: a number, several numbers with commas, or
-    start:stop:count for a law; :log behind it makes the ratio of the numbers even.
+    Give one of --delta, --force and --pressure: a number, several numbers with commas, or a series
+    as start:stop:count. The numbers of start:stop:count:log have a constant ratio.
 
     For several files or folders a row is printed for each map and load, then the mean and the
     standard deviation. A map that cannot be read or solved is named and left out.
@@ -130,16 +123,15 @@ def contact(
 
     load = contacts.chosen_load({"delta": delta, "force": force, "pressure": pressure})
     _require_flattened_heights(flattened, material)
-    conductivities = None
-    if conductivity:
-        conductivities = contacts.require_conductivities(conductivity)
-    outputs = [
-        Output(table, "--csv"),
-        Output(json, "--json"),
-        Output(picture, "--plot", "picture"),
-        Output(flattened, "--flattened", "heights"),
-    ]
-    check_outputs(outputs, _input_files(surfaces, facing))
+    conductivities = _conductivities(conductivity)
+    files = ContactFiles(
+        table=table,
+        json=json,
+        picture=picture,
+        flattened=flattened,
+        command=recorded_command_line(context, "gen"),
+    )
+    files.check(_input_files(surfaces, facing))
     bodies = Bodies.of(*material)
     order = PressingOrder(
         reading=reading,
@@ -164,18 +156,27 @@ def contact(
             "max_iterations": max_iterations,
         },
     )
-    files = ContactFiles(
-        table=table,
-        json=json,
-        picture=picture,
-        flattened=flattened,
-        command=recorded_command_line(context, "gen"),
-    )
     with on_threads(threads or default_threads(cores())):
         if several.are_several(surfaces):
             press_several(order, surfaces, files)
         else:
             press_one(order, surfaces[0], files)
+
+
+def _conductivities(values: Sequence[float] | None) -> tuple[float, float] | None:
+    """Return the conductivities of both bodies [W/(m K)], None if the option is left out."""
+    from gen.maps.contacts import require_conductivities
+
+    if not values:
+        return None
+    return require_conductivities(values)
+
+
+def _gas(conductivity: float | None, jump_distance: float | None) -> Gas | None:
+    """Return the gas in the gap, None if both of its options are left out."""
+    if conductivity is None and jump_distance is None:
+        return None
+    return Gas.of_options(conductivity, jump_distance)
 
 
 def _require_flattened_heights(path: Path | None, material: options.Material) -> None:
@@ -225,21 +226,14 @@ def law(
     from gen.law.files import show, write_files
     from gen.law.order import require_also
     from gen.law.surfaces import files_read
-    from gen.maps.contacts import require_conductivities
 
     files = files.resolved(output, _input_files(files_read(inputs), facing))
     if not 0 < band < 1:
         raise InputError(f"--band {band:g}: give a share between 0 and 1, as 0.9")
     figure = figure_for(files.picture, 12.0, 7.0)
     bodies = Bodies.of(*material)
-    # A ratio alone is a material too: a modulus of 1 MPa.
+    # Poisson's ratio alone states a material too, with a modulus of 1 MPa.
     states_modulus = bodies.has_modulus or material.poisson
-    gas = None
-    if gas_conductivity is not None or jump_distance is not None:
-        gas = Gas.of_options(gas_conductivity, jump_distance)
-    conductivities = None
-    if conductivity:
-        conductivities = require_conductivities(conductivity)
     order = Order(
         inputs=tuple(inputs),
         delta=delta,
@@ -249,8 +243,8 @@ def law(
         e_star=bodies.e_star if states_modulus else None,
         hardness=bodies.hardness,
         boundary=boundary,
-        conductivities=conductivities,
-        gas=gas,
+        conductivities=_conductivities(conductivity),
+        gas=_gas(gas_conductivity, jump_distance),
         stiffness=True,
         grid_error=grid_error,
         flow=flow,

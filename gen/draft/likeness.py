@@ -12,14 +12,10 @@ import numpy as np
 from gen.arrays import Heights
 from gen.draft.proposal import with_steps
 from gen.draft.survey import MapSurvey, measure, require_usable, survey
+from gen.maps.areal import areal_parameters
 from gen.maps.read import Sides, Topography
 from gen.maps.settings import Reading
-from gen.maps.texture import (
-    SelfAffineFit,
-    areal_parameters,
-    fit_self_affine,
-    radial_spectrum,
-)
+from gen.maps.texture import SelfAffineFit, fit_self_affine, radial_spectrum
 from gen.runtime.errors import InputError
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 from gen.statistics import rms_slope

@@ -11,6 +11,7 @@ import numpy as np
 
 from gen.arrays import Heights, Values
 from gen.doubts import STEEP
+from gen.maps.areal import areal_parameters
 from gen.maps.filters import MOST_HOLES, fitted_polynomial, resampled
 from gen.maps.outliers import (
     local_medians,
@@ -21,7 +22,6 @@ from gen.maps.outliers import (
 from gen.maps.prepare import FLAT, MANY_SPIKES, least_squares, prepare
 from gen.maps.read import Sides, Topography, read, spacing_text
 from gen.maps.settings import SPIKE, Reading, in_scene_words
-from gen.maps.texture import areal_parameters
 from gen.runtime.errors import InputError
 from gen.runtime.files import digest
 from gen.runtime.terminal import print_columns

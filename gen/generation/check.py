@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from bem.problem import pose
 from gen.arrays import Columns, Indices, Values
 from gen.database import Reader, Writer
-from gen.generation.plan import Parameters, parameters, planned_columns
+from gen.generation.plan import Plan, parameters, planned_columns
 from gen.generation.sample import compute_rows
 from gen.quantities import stored_quantities
 from gen.scene import Scene
@@ -48,8 +48,50 @@ class Fault:
 
     def __str__(self) -> str:
         """Return one line for all rows."""
-        others = f" and {self.rows.size - 1} more rows" if self.rows.size > 1 else ""
-        return f"row {self.rows[0]}{others}: {self.words}"
+        if self.rows.size == 1:
+            return f"row {self.rows[0]}: {self.words}"
+        return f"row {self.rows[0]} and {self.rows.size - 1} more rows: {self.words}"
+
+
+class Repair(NamedTuple):
+    """What a repair has done with the rows that have faults."""
+
+    pending: Indices  # (k,), rows that were damaged and are pending now
+    unchanged: Indices  # (m,), rows that are as they were
+
+
+class _Violation(NamedTuple):
+    """Rows of a chunk that break a rule, and the words for it."""
+
+    rows: Mask
+    words: str
+
+
+@dataclass(frozen=True, eq=False)
+class _Chunk:
+    """Consecutive rows of a database, as far as checks read them."""
+
+    scene: Scene
+    plan: Plan
+    columns: Columns  # all deterministic columns but fields
+    numbers: list[str]  # names of those of them that hold floats
+
+    @classmethod
+    def read(
+        cls, reader: Reader, start: int, stop: int, status: NDArray[np.uint8]
+    ) -> "_Chunk":
+        """Read the rows start to stop - 1, whose status is known, and draw their plan again."""
+        columns: Columns = {}
+        numbers = []
+        for column in reader.columns():
+            if column.deterministic and not column.shape_of:
+                columns[column.name] = reader.column(column.name, start, stop)
+                if column.dtype[0] == "f":
+                    numbers.append(column.name)
+        # A run that goes on writing may have finished rows since the status was read.
+        columns[STATUS.name] = status
+        plan = parameters(reader.scene, start, stop)
+        return cls(reader.scene, plan, columns, numbers)
 
 
 def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[Fault]:
@@ -67,47 +109,42 @@ def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[Fault]:
     Yields
     ------
     Fault
-        Each fault with its rows, as it is found.
+        Each fault with its rows, as soon as it is known.
+
+    Raises
+    ------
+    InputError
+        If the file is no database, or rows are to be computed again and what their surfaces need is
+        missing. SourceError, an InputError, if they need a user's function that fails or is not
+        trusted.
     """
+    finished = []
+    damaged = []
     with Reader(path) as reader:
-        finished, damaged = [], [np.empty(0, dtype=np.int64)]
         for start in reader.rows[::CHUNK_ROWS]:
             stop = min(start + CHUNK_ROWS, reader.rows.stop)
             status = reader.column("status", start, stop)
-            yield from _row_faults(
-                status > Status.FAILED, start, "status is not a known one"
-            )
-            some = np.flatnonzero(np.isin(status, (Status.DONE, Status.FAILED)))
-            if some.size:
-                finished.append(start + some)
-                damaged.append(reader.damaged_rows(start, stop))
-                if damaged[-1].size:
-                    yield Fault(damaged[-1], "checksum is not that of the row's bytes")
-                yield from _chunk_faults(reader, start, stop, status)
-        if finished and recompute:
+            unknown = _Violation(status > Status.FAILED, "status is not a known one")
+            yield from _faults_of(unknown, start)
+            positions = np.flatnonzero(np.isin(status, (Status.DONE, Status.FAILED)))
+            if not positions.size:
+                continue
+            rows = reader.damaged_rows(start, stop)
+            if rows.size:
+                yield Fault(rows, "checksum is not that of the row's bytes")
+            for violation in _violations(_Chunk.read(reader, start, stop, status)):
+                yield from _faults_of(violation, start)
+            finished.append(start + positions)
+            damaged.append(rows)
+        if not finished:
+            return
+        if recompute:
             reader.scene.surface.make_ready(path.parent, sources=True)
-        if finished:
-            rows = np.concatenate(finished)
-            columns = [
-                each
-                for each in reader.columns()
-                if each.deterministic and each != CHECKSUM
-            ]
-            if made_by_another(
-                int(reader.attributes["physics"])
-            ):  # the surfaces are the same
-                names = {each.name for each in TABLE_1} | {"surface", "heights"}
-                columns = [column for column in columns if column.name in names]
-            chosen = np.random.default_rng(seed).permutation(rows)[:recompute]
-            for row in np.setdiff1d(chosen, np.concatenate(damaged)):
-                yield from _recomputed_faults(reader, columns, int(row))
-
-
-class Repair(NamedTuple):
-    """What a repair has done with the rows that have faults."""
-
-    pending: Indices  # (k,), rows that were damaged and are pending now
-    left: Indices  # (m,), rows that are as they were
+        random = np.random.default_rng(seed)
+        chosen = random.permutation(np.concatenate(finished))[:recompute]
+        columns = _compared_columns(reader)
+        for row in np.setdiff1d(chosen, np.concatenate(damaged)):
+            yield from _recomputed_faults(reader, columns, int(row))
 
 
 def repair(path: Path, faults: Sequence[Fault]) -> Repair:
@@ -120,12 +157,12 @@ def repair(path: Path, faults: Sequence[Fault]) -> Repair:
     path : Path
         Database, whose `gen.database.lock` the caller has held since it found the faults.
     faults : sequence of Fault
-        Faults of the database, from `faults`.
+        Faults of the database, from the function `faults`.
 
     Returns
     -------
     Repair
-        Rows that were made pending, and rows that were left.
+        Rows that were made pending, and rows that stay as they were.
 
     Raises
     ------
@@ -134,42 +171,65 @@ def repair(path: Path, faults: Sequence[Fault]) -> Repair:
     """
     with Reader(path) as reader:
         scene = reader.scene
-        another = made_by_another(int(reader.attributes["physics"]))
-    none = np.empty(0, dtype=np.int64)
-    faulty = np.unique(np.concatenate([none, *(fault.rows for fault in faults)]))
-    damaged = [fault.rows for fault in faults if fault.damaged and not another]
-    pending = np.unique(np.concatenate([none, *damaged]))
+        other_physics = made_by_another(int(reader.attributes["physics"]))
+    faulty = _union([fault.rows for fault in faults])
+    pending = _union([])
+    if not other_physics:
+        pending = _union([fault.rows for fault in faults if fault.damaged])
     if pending.size:
         with Writer(path, scene) as writer:
             writer.make_pending(pending)
     return Repair(pending, np.setdiff1d(faulty, pending))
 
 
-def _chunk_faults(
-    reader: Reader, start: int, stop: int, status: NDArray[np.uint8]
-) -> Iterator[Fault]:
-    """Compare a chunk's columns with its plan, and done rows with what holds for all of them."""
-    scene, reason = reader.scene, reader.column("reason", start, stop)
-    done, failed = status == Status.DONE, status == Status.FAILED
-    plan = parameters(scene, start, stop)
-    known = np.isin(reason, [code for code in REASONS if code])
-    faults = [
-        (done & ~np.isin(reason, DONE_REASONS), "done, but has a reason to fail"),
-        (failed & ~known, "failed without a known reason"),
-    ]
-    for name, values in planned_columns(scene, plan).items():
-        unequal = reader.column(name, start, stop) != values
-        faults.append(((done | failed) & unequal, f"{name} is not the plan's"))
-    rows: Columns = {
-        column.name: reader.column(column.name, start, stop)
-        for column in reader.columns()
-        if column.dtype[0] == "f" and column.deterministic and not column.shape_of
-    }
-    faults += [
-        (done & wrong, fault) for wrong, fault in _impossible(reader, plan, rows, reason)
-    ]
-    for wrong, fault in faults:
-        yield from _row_faults(wrong, start, fault)
+def _union(rows: Sequence[Indices]) -> Indices:
+    """Return the row numbers that are in one of several arrays or more, in ascending order."""
+    return np.unique(np.concatenate([np.empty(0, dtype=np.int64), *rows]))
+
+
+def _faults_of(violation: _Violation, start: int) -> Iterator[Fault]:
+    """Yield one fault for all rows of a violation, if there are any, in a chunk from `start` on."""
+    rows = start + np.flatnonzero(violation.rows)
+    if rows.size:
+        yield Fault(rows, violation.words)
+
+
+def _violations(chunk: _Chunk) -> Iterator[_Violation]:
+    """Yield the rules that finished rows of a chunk have to keep, with the rows that break them."""
+    done = chunk.columns["status"] == Status.DONE
+    failed = chunk.columns["status"] == Status.FAILED
+    reason = chunk.columns["reason"]
+    has_done_reason = np.isin(reason, DONE_REASONS)
+    has_reason = np.isin(reason, [code for code in REASONS if code != Reason.NONE])
+    yield _Violation(done & ~has_done_reason, "done, but has a reason to fail")
+    yield _Violation(failed & ~has_reason, "failed without a known reason")
+    for name, values in planned_columns(chunk.scene, chunk.plan).items():
+        unequal = chunk.columns[name] != values
+        yield _Violation((done | failed) & unequal, f"{name} is not the plan's")
+    for rules in (_not_finite, _contact_rules, _load_rules, _hardness_rules):
+        for violation in rules(chunk):
+            yield _Violation(done & violation.rows, violation.words)
+
+
+def _not_finite(chunk: _Chunk) -> Iterator[_Violation]:
+    """Yield columns with numbers that are not finite though they have to be.
+
+    Statistics may be undefined, with their reason; some results are infinite at full contact.
+    """
+    undefined = chunk.columns["reason"] == Reason.NO_STATISTICS
+    statistics = {column.name for column in TABLE_1}
+    may_be_infinite = _infinite_at_full_contact(chunk.scene)
+    for name in chunk.numbers:
+        values = chunk.columns[name]
+        excused = (values == np.inf) & (name in may_be_infinite)
+        if name in statistics:
+            excused |= undefined & np.isnan(values)
+        yield _Violation(~np.isfinite(values) & ~excused, f"{name} is not finite")
+    columns = [chunk.columns[name] for name in sorted(statistics)]
+    missing = np.isnan(columns).any(axis=0)
+    yield _Violation(
+        undefined & ~missing, "statistics are said to be undefined, but are not"
+    )
 
 
 def _infinite_at_full_contact(scene: Scene) -> set[str]:
@@ -192,55 +252,76 @@ def _infinite_at_full_contact(scene: Scene) -> set[str]:
     }
 
 
-def _unlike(rows: Columns, name: str, wanted: Values) -> tuple[Mask, str]:
-    """Return where a column is not that of the load, and the words for it."""
-    unequal = ~np.isclose(rows[name], wanted, rtol=ROUNDING, atol=0.0)
-    return unequal, f"{name} is not that of the load"
+def _contact_rules(chunk: _Chunk) -> Iterator[_Violation]:
+    """Yield the bounds of area, force and nodes, how they belong together, and the residual."""
+    area = chunk.columns["area_percent"]
+    force = chunk.columns["force"]
+    nodes = chunk.columns["contact_nodes"]
+    share = 100.0 * nodes / math.prod(chunk.scene.grid.shape)
+    rtol = chunk.scene.contact.rtol
+    yield _Violation(~((area >= 0) & (area <= 100)), "area outside 0 to 100 %")
+    yield _Violation(~(force >= 0), "force is negative")
+    yield _Violation(area != share, "area is not the share of contact nodes")
+    yield _Violation(
+        (force > 0) != (nodes > 0), "force without contact, or contact without force"
+    )
+    yield _Violation(chunk.columns["residual"] > rtol, f"residual above {rtol}")
 
 
-def _impossible(
-    reader: Reader, plan: Parameters, rows: Columns, reason: NDArray[np.uint8]
-) -> Iterator[tuple[Mask, str]]:
-    """Compare rows with the bounds of their columns, the solver's promise, and loads and nodes."""
-    scene, undefined = reader.scene, reason == Reason.NO_STATISTICS
-    statistics = {column.name for column in TABLE_1}
-    endless = _infinite_at_full_contact(scene)
-    for name, values in rows.items():
-        excused = (values == np.inf) & (name in endless)
-        excused |= undefined & np.isnan(values) & (name in statistics)
-        yield ~np.isfinite(values) & ~excused, f"{name} is not finite"
-    missing = np.isnan([rows[name] for name in sorted(statistics)]).any(axis=0)
-    yield undefined & ~missing, "statistics are said to be undefined, but are not"
-    total, cell = math.prod(scene.grid.shape), math.prod(scene.grid.spacing)
-    area, force = rows["area_percent"], rows["force"]
-    nodes = reader.column("contact_nodes", plan.first, plan.first + len(force))
-    yield ~((area >= 0) & (area <= 100)), "area outside 0 to 100 %"
-    yield ~(force >= 0), "force is negative"
-    yield area != 100.0 * nodes / total, "area is not the share of contact nodes"
-    yield (force > 0) != (nodes > 0), "force without contact, or contact without force"
-    yield rows["residual"] > scene.contact.rtol, f"residual above {scene.contact.rtol}"
-    match scene.quantity:
+def _load_rules(chunk: _Chunk) -> Iterator[_Violation]:
+    """Yield the force or the displacement, where another quantity is the planned load."""
+    load = chunk.plan.load
+    grid = chunk.scene.grid
+    match chunk.scene.quantity:
         case "force":
-            yield _unlike(rows, "force", plan.load)
+            yield _not_of_the_load(chunk, "force", load)
         case "pressure":
-            yield _unlike(rows, "force", plan.load * (total * cell))
+            area = math.prod(grid.shape) * math.prod(grid.spacing)  # [um2]
+            yield _not_of_the_load(chunk, "force", load * area)
         case "delta/height_rms":
-            yield _unlike(rows, "delta", plan.load * rows["height_rms"])
-    if plan.hardness is not None:
-        yielded = rows["yielded_percent"]
-        yield (
-            ~((yielded >= 0) & (yielded <= area)),
-            "more nodes have yielded than are in contact",
-        )
-        bearable = plan.hardness * cell * nodes
-        yield force > bearable * (1 + ROUNDING), "force above what the hardness bears"
+            delta = load * chunk.columns["height_rms"]
+            yield _not_of_the_load(chunk, "delta", delta)
 
 
-def _row_faults(wrong: Mask, start: int, words: str) -> Iterator[Fault]:
-    """Yield one fault for all the rows of a chunk that share it."""
-    rows = start + np.flatnonzero(wrong)
-    if rows.size:
-        yield Fault(rows, words)
+def _not_of_the_load(chunk: _Chunk, name: str, expected: Values) -> _Violation:
+    """Return the rows whose value of a column differs from the load by more than rounding."""
+    equal = np.isclose(chunk.columns[name], expected, rtol=ROUNDING, atol=0.0)
+    return _Violation(~equal, f"{name} is not that of the load")
+
+
+def _hardness_rules(chunk: _Chunk) -> Iterator[_Violation]:
+    """Yield the bounds of yielded nodes and of the force, where bodies have a hardness."""
+    hardness = chunk.plan.hardness
+    if hardness is None:
+        return
+    yielded = chunk.columns["yielded_percent"]
+    area = chunk.columns["area_percent"]
+    nodes = chunk.columns["contact_nodes"]
+    largest_force = hardness * math.prod(chunk.scene.grid.spacing) * nodes
+    yield _Violation(
+        ~((yielded >= 0) & (yielded <= area)),
+        "more nodes have yielded than are in contact",
+    )
+    yield _Violation(
+        chunk.columns["force"] > largest_force * (1 + ROUNDING),
+        "force above what the hardness bears",
+    )
+
+
+def _compared_columns(reader: Reader) -> list[Column]:
+    """Return the columns that computing a row again has to give with the same bits.
+
+    If another solver made the database, these are the columns of the surfaces alone.
+    """
+    columns = [
+        column
+        for column in reader.columns()
+        if column.deterministic and column != CHECKSUM
+    ]
+    if not made_by_another(int(reader.attributes["physics"])):
+        return columns
+    of_surfaces = {"surface", "heights", *(column.name for column in TABLE_1)}
+    return [column for column in columns if column.name in of_surfaces]
 
 
 def _recomputed_faults(
@@ -252,17 +333,19 @@ def _recomputed_faults(
     """
     m = reader.scene.samples_per_surface
     first = row // m * m
-    again = compute_rows(reader.scene, first, min(first + m, reader.scene.samples))
+    computed = compute_rows(reader.scene, first, min(first + m, reader.scene.samples))
+    position = row - first
     for column in columns:
         stored = reader.column(column.name, row, row + 1)
-        fresh = again[column.name][row - first : row - first + 1]
+        fresh = computed[column.name][position : position + 1]
         # Rows with undefined statistics were failed rows once.
-        if column is STATUS and again["reason"][row - first] == Reason.NO_STATISTICS:
+        if column is STATUS and computed["reason"][position] == Reason.NO_STATISTICS:
             continue
         if stored.tobytes() != fresh.tobytes():
-            old, new = (
-                each[0].tolist() for each in (stored, fresh)
-            )  # Python's own numbers
-            detail = "" if column.shape_of else f": {old!r} in the file, {new!r} now"
-            words = f"{column.name} is not what this machine and these versions compute{detail}"
+            words = f"{column.name} is not what this machine and these versions compute"
+            if not column.shape_of:
+                # Python's own numbers, which print without their type.
+                old = stored[0].tolist()
+                new = fresh[0].tolist()
+                words += f": {old!r} in the file, {new!r} now"
             yield Fault(np.array([row]), words, damaged=not reader.has_checksums)

@@ -1,4 +1,4 @@
-"""Completion of a scene before a run: the sources, outputs and dimensions that databases record.
+"""Completion of a scene before a run: the sources, outputs and powers that databases record.
 
 The outputs of a user's function are tried on contacts of the scene before the first row is written.
 These contacts are solved again at twice the heights, twice the lengths and twice E*: where the
@@ -10,22 +10,15 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 import bem
 from gen.arrays import Heights
 from gen.distribution import limits
+from gen.generation.outputs import FunctionOutput, call_function, outputs_for_row
 from gen.generation.plan import parameters
-from gen.generation.sample import (
-    Output,
-    called,
-    load_of,
-    outputs_of,
-    settings_of,
-    surface_of,
-)
+from gen.generation.sample import absolute_load, settings_of, surface_of
 from gen.generators.function import PythonSurface
 from gen.quantities import LOADS, PRESSURE, PURE, Powers
 from gen.runtime.errors import InputError, SourceError
@@ -33,9 +26,9 @@ from gen.runtime.farm import Overtime, time_limit
 from gen.runtime.user_code import load_function, source_hash
 from gen.scene import Scene, require_distinct_names
 
-TRIED_ROWS = (
-    16  # rows, of which the first one with a solution shows the outputs of a function
-)
+TRIED_ROWS = 16
+"""Rows, of which the first one with a solution shows the outputs of a function."""
+
 UNSOLVED = (
     ArithmeticError,
     np.linalg.LinAlgError,
@@ -49,21 +42,21 @@ DOUBLED = (Powers(1, 0, 0), Powers(0, 1, 0), Powers(0, 0, 1))
 """What is doubled to measure powers: heights, lengths, E*."""
 
 WHOLE = 1e-6  # largest distance of a measured power from a whole number
-HALVINGS = 8  # of a load without a solution, before no powers are measured
+HALVINGS = 8  # loads that are tried, each half of the last one, until one has a solution
 LEAST_LOAD = 0.01  # load that stands for an end at 0, over the largest load
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
-    """A contact problem of a scene, on which a function of the user's is tried."""
+class SampleProblem:
+    """The contact problem of one sample of a scene, on which a user's function is tried."""
 
     scene: Scene
-    row: int
+    row: int  # number of the sample
     heights: Heights  # [um], (nx, ny)
     load: float  # in the scene's quantity
-    hardness: float | None  # of the row, where the scene draws it [MPa]
+    hardness: float | None  # of the sample, where the scene draws it [MPa]
 
-    def contact(self, doubled: Powers = PURE) -> bem.Contact:
+    def solve(self, doubled: Powers = PURE) -> bem.Contact:
         """Solve the contact, with heights, lengths or E* at twice their size.
 
         Parameters
@@ -75,29 +68,37 @@ class Trial:
         -------
         bem.Contact
             The contact; load and hardness are scaled so that it is the same but for its units.
+
+        Raises
+        ------
+        bem.NoSolution
+            If no contact has the load.
+        bem.NotConverged
+            If the solver needs more iterations than the scene allows.
         """
         settings = settings_of(self.scene, self.hardness)
-        ((kind, load),) = load_of(self.scene, self.heights, self.load).items()
         if settings["hardness"] is not None:
             settings["hardness"] *= _doubling(PRESSURE.powers, doubled)
         settings["modulus"] *= 2.0**doubled.modulus
         longer = 2.0**doubled.lengths
         settings["spacing"] = tuple(longer * step for step in settings["spacing"])
-        loads: dict[str, Any] = {
-            "delta": None,
-            kind: load * _doubling(LOADS[kind].powers, doubled),
-        }
+        load = absolute_load(self.scene, self.heights, self.load)
+        settings["delta"] = None
+        settings[load.kind] = load.value * _doubling(LOADS[load.kind].powers, doubled)
         along_x, along_y = self.scene.grid.sides
         sides = (longer * along_x, longer * along_y)
-        return bem.solve(self.heights * 2.0**doubled.heights, sides, **loads, **settings)
+        return bem.solve(self.heights * 2.0**doubled.heights, sides, **settings)
 
 
 def _doubling(powers: Powers | None, doubled: Powers) -> float:
-    """Return the factor of a load of some powers where some sizes are doubled."""
+    """Return the factor of a quantity with these powers when some sizes are doubled."""
     assert powers is not None  # every load has them
-    return 2.0 ** sum(
-        power * double for power, double in zip(powers, doubled, strict=True)
+    exponent = (
+        powers.heights * doubled.heights
+        + powers.lengths * doubled.lengths
+        + powers.modulus * doubled.modulus
     )
+    return 2.0**exponent
 
 
 def completed(
@@ -141,7 +142,7 @@ def completed(
     if isinstance(scene.surface, PythonSurface):
         load_function(scene.surface.function, scene.surface.source)
         if rehearsed and function is None:
-            _bounded_trial(scene, limit)
+            _rehearse_surface(scene, limit)
     if function is None:
         return scene
     source = scene.store.source or source_hash(function)
@@ -150,52 +151,54 @@ def completed(
     scene.surface.make_ready(home)
     if scene.store.outputs is not None and not rehearsed:
         return scene
-    scene = _with_outputs(scene, str(function), limit)
+    scene = _with_outputs(scene, limit)
     require_distinct_names(scene)
     if rehearsed:
         scene = _storing(scene, powers=measured_powers(scene, limit) or None)
     return scene
 
 
-def _with_outputs(scene: Scene, function: str, limit: float | None) -> Scene:
+def _with_outputs(scene: Scene, limit: float | None) -> Scene:
     """Try the function on the first row that has a solution; take its outputs if none are listed.
 
     A SourceError says what is wrong with the outputs; InputError is raised if they stay unknown.
     """
-    trial: Trial | None = None
+    store = scene.store
+    problem: SampleProblem | None = None
     try:
         with time_limit(limit):
-            trial = first_trial(scene)
-            if trial is None:
+            problem = first_problem(scene)
+            if problem is None:
                 fault = f"none of the first {TRIED_ROWS} rows has a solution"
-            elif scene.store.outputs is not None:
-                outputs_of(scene.store, trial.contact(), trial.row)
+            elif store.outputs is not None:
+                outputs_for_row(store, problem.solve(), problem.row)
             else:
-                outputs = called(scene.store, trial.contact(), trial.row)
-                units = {name: unit or "1" for name, (_, unit) in outputs.items()}
+                outputs = call_function(store, problem.solve(), problem.row)
+                units = {name: output.unit or "1" for name, output in outputs.items()}
                 return _storing(scene, outputs=units)
     except ArithmeticError as error:
-        fault = f"row {trial.row if trial else 0}: {type(error).__name__}"
+        fault = f"row {problem.row if problem else 0}: {type(error).__name__}"
     except Overtime:
         fault = f"its trial on one row takes longer than --sample-limit {limit:g} s"
-    if scene.store.outputs is not None:
+    if store.outputs is not None:
         return scene
     raise InputError(
-        f"{function}, {fault}, so its outputs are unknown; give store.outputs = {{ name = 'unit' }}"
+        f"{store.function}, {fault}, so its outputs are unknown; give store.outputs ="
+        " { name = 'unit' }"
     )
 
 
-def _bounded_trial(scene: Scene, limit: float | None) -> None:
+def _rehearse_surface(scene: Scene, limit: float | None) -> None:
     """Make and solve the first row, so that a generator that fails does so before a run."""
     try:
         with time_limit(limit):
-            first_trial(scene)
+            first_problem(scene)
     except Overtime:
-        return  # the run leaves such rows pending, and says so
+        return  # the run leaves such rows pending, and tells the user
 
 
-def first_trial(scene: Scene) -> Trial | None:
-    """Return the first row that has a solution, of `TRIED_ROWS`, perhaps beyond the samples.
+def first_problem(scene: Scene) -> SampleProblem | None:
+    """Find the first row that has a solution, by solving the first `TRIED_ROWS` rows in turn.
 
     Parameters
     ----------
@@ -205,7 +208,7 @@ def first_trial(scene: Scene) -> Trial | None:
 
     Returns
     -------
-    Trial or None
+    SampleProblem or None
         The contact problem of the row, which has been solved once; None if no row has a solution.
 
     Raises
@@ -216,16 +219,19 @@ def first_trial(scene: Scene) -> Trial | None:
     plan = parameters(scene, 0, TRIED_ROWS)
     for row in range(TRIED_ROWS):
         try:
-            heights = surface_of(scene, plan, row)
-            trial = Trial(
-                scene, row, heights, float(plan.load[row]), plan.hardness_of(row)
+            problem = SampleProblem(
+                scene=scene,
+                row=row,
+                heights=surface_of(scene, plan, row),
+                load=float(plan.load[row]),
+                hardness=plan.hardness_of(row),
             )
-            trial.contact()
+            problem.solve()
         except SourceError:
             raise
         except UNSOLVED:
             continue
-        return trial
+        return problem
     return None
 
 
@@ -246,82 +252,99 @@ def measured_powers(scene: Scene, limit: float | None = None) -> dict[str, Power
     -------
     dict of str to Powers
         The powers of outputs by their names. Outputs are left out whose powers are not whole, or
-        not the same in all three contacts, or that are 0 in one of them.
+        not the same in all three contacts, or that are 0 in one of them. The result is empty if a
+        contact has no solution, the function fails, or the time is not enough.
     """
     try:
-        trials = _trials_over_the_loads(scene, limit)
-        measured = [_powers_at(trial, limit) for trial in trials]
-    except (
-        Overtime,
-        *UNSOLVED,
-    ):  # SourceError is an InputError: the run itself will meet it
+        problems = _problems_over_the_loads(scene, limit)
+        measured = [_powers_at(problem, limit) for problem in problems]
+    except (Overtime, *UNSOLVED):
+        # Of these, a SourceError is met again by the run itself, which tells the user.
         return {}
     if not measured:
         return {}
-    first, *others = measured
-    return {
-        name: powers
-        for name, powers in first.items()
-        if all(other.get(name) == powers for other in others)
-    }
-
-
-def _trials_over_the_loads(scene: Scene, limit: float | None) -> Iterator[Trial]:
-    """Yield the problems at both ends and the middle of the loads, on the first surface.
-
-    A load without a solution, as beyond full contact, is halved until it has one.
-    """
-    with time_limit(limit):
-        first = first_trial(scene)
-    if first is None:
-        return
-    ends = [limits(piece.range) for piece in scene.pieces]
-    high = max(end for _, end in ends)
-    low = min(end for end, _ in ends) or LEAST_LOAD * high
-    for load in (low, (low + high) / 2, high):
-        for halving in range(HALVINGS):
-            trial = Trial(
-                scene, first.row, first.heights, load / 2**halving, first.hardness
-            )
-            try:
-                with time_limit(limit):
-                    trial.contact()
-            except UNSOLVED:
-                continue
-            yield trial
-            break
-        else:
-            raise bem.NoSolution(f"no contact at load {load:g}")
-
-
-def _powers_at(trial: Trial, limit: float | None) -> dict[str, Powers]:
-    """Measure the powers of all outputs on one contact; leave out those that have none."""
-    outputs = _called_on(trial, PURE, limit)
-    changed = [_called_on(trial, doubled, limit) for doubled in DOUBLED]
-    powers = {}
-    for name, (value, _) in outputs.items():
-        ratios = [_power(value, other[name][0]) for other in changed if name in other]
-        whole = [round(ratio) for ratio in ratios if ratio is not None]
-        if len(whole) == len(DOUBLED):
-            powers[name] = Powers(*whole)
+    powers = measured[0]
+    for powers_at_load in measured[1:]:
+        powers = {
+            name: power
+            for name, power in powers.items()
+            if powers_at_load.get(name) == power
+        }
     return powers
 
 
-def _called_on(trial: Trial, doubled: Powers, limit: float | None) -> dict[Any, Output]:
+def _problems_over_the_loads(
+    scene: Scene, limit: float | None
+) -> Iterator[SampleProblem]:
+    """Yield the problems at both ends and the middle of the loads, on the first surface.
+
+    A load without a solution, as beyond full contact, is halved until it has one; NoSolution is
+    raised if that is not enough.
+    """
+    with time_limit(limit):
+        first = first_problem(scene)
+    if first is None:
+        return
+    ends = [limits(piece.range) for piece in scene.pieces]
+    largest = max(high for _, high in ends)
+    smallest = min(low for low, _ in ends) or LEAST_LOAD * largest
+    for load in (smallest, (smallest + largest) / 2, largest):
+        yield _solvable(first, load, limit)
+
+
+def _solvable(first: SampleProblem, load: float, limit: float | None) -> SampleProblem:
+    """Return the problem on the surface of `first` at a load, halved until there is a solution."""
+    for halving in range(HALVINGS):
+        problem = SampleProblem(
+            first.scene, first.row, first.heights, load / 2**halving, first.hardness
+        )
+        try:
+            with time_limit(limit):
+                problem.solve()
+        except UNSOLVED:
+            continue
+        return problem
+    raise bem.NoSolution(f"no contact at load {load:g}")
+
+
+def _powers_at(problem: SampleProblem, limit: float | None) -> dict[str, Powers]:
+    """Measure the powers of all outputs on one contact; leave out those that have none."""
+    outputs = _outputs_at(problem, PURE, limit)
+    outputs_doubled = [_outputs_at(problem, doubled, limit) for doubled in DOUBLED]
+    powers = {}
+    for name, output in outputs.items():
+        measured = []
+        for doubled in outputs_doubled:
+            power = _power(output, doubled.get(name))
+            if power is not None:
+                measured.append(power)
+        if len(measured) == len(DOUBLED):
+            powers[name] = Powers(*measured)
+    return powers
+
+
+def _outputs_at(
+    problem: SampleProblem, doubled: Powers, limit: float | None
+) -> dict[str, FunctionOutput]:
     """Call the user's function for a contact some of whose sizes are doubled."""
     with time_limit(limit):
-        return called(trial.scene.store, trial.contact(doubled), trial.row)
+        return call_function(problem.scene.store, problem.solve(doubled), problem.row)
 
 
-def _power(value: float, doubled: float) -> float | None:
-    """Return the power of two between a value and the one at a doubled size, if it is whole."""
-    if not (value and doubled and math.isfinite(value) and math.isfinite(doubled)):
+def _power(before: FunctionOutput, after: FunctionOutput | None) -> int | None:
+    """Return the whole power of two by which doubling a size changes an output, or None."""
+    if after is None:
         return None
-    ratio = doubled / value
+    if not (before.value and after.value):
+        return None
+    if not (math.isfinite(before.value) and math.isfinite(after.value)):
+        return None
+    ratio = after.value / before.value
     if not 0 < ratio < math.inf:
         return None
     power = math.log2(ratio)
-    return power if abs(power - round(power)) <= WHOLE else None
+    nearest = round(power)
+    return nearest if abs(power - nearest) <= WHOLE else None
 
 
 def _storing(scene: Scene, **keys: object) -> Scene:

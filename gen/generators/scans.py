@@ -79,7 +79,9 @@ FILES = "a file, a folder or a pattern as 'scans/*.x3p', or a list of these"
 
 def _another_or_files(value: object, info: ValidationInfo) -> str | tuple[str, ...]:
     """Accept "another", or what `_files` accepts."""
-    return ANOTHER if value == ANOTHER else _files(value, info)
+    if value == ANOTHER:
+        return ANOTHER
+    return _files(value, info)
 
 
 AnotherOrFiles = Annotated[str | tuple[str, ...], PlainValidator(_another_or_files)]
@@ -335,13 +337,12 @@ class ScanSurface(GeneratedSurface):
 
     def _recipe(self) -> library.Recipe:
         """Return how the files are to be read and prepared."""
+        spacing = None
+        if self.spacing is not None:
+            spacing = pair(self.spacing)
         settings = {**self.reading.model_dump(), **self.preparation.model_dump()}
         stated = {name: value for name, value in settings.items() if value is not None}
-        return library.Recipe(
-            window=pair(self.nodes),
-            spacing=None if self.spacing is None else pair(self.spacing),
-            reading=Reading(**stated),
-        )
+        return library.Recipe(pair(self.nodes), spacing, Reading(**stated))
 
     def remarks(self) -> list[str]:
         """Return lines about the maps for the user of a run: numbers, place and warnings."""

@@ -349,8 +349,9 @@ WRITERS: dict[str, Callable[[Path, Law, Units], list[Path]]] = {
     "abaqus": lambda path, law, units: finite_elements.write(path, law, "abaqus", units),
     "for_4c": finite_elements.write_for_4c,
 }
-"""What writes each field of `gen.options.LawOutputs`, and returns the files that it has written. A
-further format is a field there, with the end of its files' names, and a line here."""
+"""Function that writes the file of a field of `gen.options.LawOutputs`, and returns the paths of
+all files that it wrote. For a new format, add a field there with the end of its files' names, and a
+line here."""
 
 
 @dataclass(frozen=True, eq=False)

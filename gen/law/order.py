@@ -75,7 +75,7 @@ class Order:
 
     @property
     def requested(self) -> tuple[Load, ...]:
-        """Kinds of loads of the tables that are printed: those given, Delta if there is none."""
+        """Kinds of the loads that the order gives; Delta if it gives none."""
         loads: list[Load] = []
         if self.delta or not self.pressure:
             loads.append("delta")

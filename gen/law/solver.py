@@ -84,9 +84,8 @@ class LawSolver:
     order: Order
     surfaces: Sequence[LawSurface]
     bodies: Bodies
-    judges: bool = (
-        True  # whether it computes the error of the grid that an order asks for
-    )
+    # Whether the error of the grid that an order asks for is computed, on the first surface.
+    judges: bool = True
     # What the progress counts, by the kind of the loads.
     passes: Mapping[Load, str] = field(default_factory=lambda: PASSES)
 
@@ -168,34 +167,32 @@ class LawSolver:
     def _solve(self, load: Load, possible: PossibleLoads) -> SolvedLoads:
         """Solve every surface under loads, of which there is one or more; see `solve`."""
         loads = possible.loads
+        judges = self.order.grid_error and self.judges
         solved: list[SolvedSurface] = []
         with self._progress(load, loads) as progress:
-            for surface in self.surfaces:
-                judged = self.order.grid_error and self.judges and not solved
-                contacts: list[SolvedContact] = []
-                for contact in self._contacts(surface, load, loads, judged=judged):
-                    contacts.append(contact)
-                    if progress is not None:
-                        progress.advance(1, int(contact.pressed is None))
+            for number, surface in enumerate(self.surfaces):
+                judged = judges and number == 0
+                contacts = self._contacts(surface, load, loads, judged=judged)
+                counted = list(_counted(contacts, progress))
                 solved.append(
-                    self._solved_surface(surface, load, loads, contacts, judged=judged)
+                    self._solved_surface(surface, load, loads, counted, judged=judged)
                 )
-        losses = [self._loss(solved, place) for place in range(loads.size)]
-        lost = [line for line in losses if line]
+        losses = [_loss(solved, place) for place in range(loads.size)]
+        remarks = [line for line in losses if line]
         kept = np.array([not line for line in losses])
         if not kept.any():
-            raise InputError(f"no load was solved on every surface; {lost[0]}")
+            raise InputError(f"no load was solved on every surface; {remarks[0]}")
         return SolvedLoads(
             loads=loads[kept],
             points=[surface.points.chosen(kept) for surface in solved],
-            warnings=self._warnings(solved),
-            remarks=[*possible.remarks, *lost],
+            warnings=_warnings(solved),
+            remarks=[*possible.remarks, *remarks],
         )
 
     def _progress(
         self, load: Load, loads: Values
     ) -> AbstractContextManager[RunProgress | None]:
-        """Return what shows the progress, or a context without it for a law that is soon solved."""
+        """Return a context with the progress of all contacts, with None if they are soon solved."""
         contacts = len(self.surfaces) * loads.size
         if contacts * self.surfaces[0].heights.size < LONG:
             return nullcontext()
@@ -249,31 +246,6 @@ class LawSolver:
             remarks=remarks,
         )
 
-    def _loss(self, solved: Sequence[SolvedSurface], place: int) -> str:
-        """Say on which surfaces the load at a place was not solved; "" if it was on all."""
-        faults = [
-            f"{surface.name}: {surface.faults[place]}"
-            for surface in solved
-            if surface.faults[place]
-        ]
-        if not faults:
-            return ""
-        where = ""
-        if len(solved) > 1:
-            where = f" on {len(faults)} of {len(solved)} surfaces"
-        return f"{NOT_SOLVED}{where}, left out: {faults[0]}"
-
-    def _warnings(self, solved: Sequence[SolvedSurface]) -> list[str]:
-        """Return the first doubt about all surfaces as a warning, and the remarks on the grid."""
-        doubts = [doubt for surface in solved for doubt in surface.doubts]
-        remarks = [remark for surface in solved for remark in surface.remarks]
-        if not doubts:
-            return remarks
-        share = ""
-        if len(solved) > 1:
-            share = f"{len(doubts)} of {len(solved)} surfaces, the first: "
-        return [f"warning: {share}{doubts[0]}", *remarks]
-
 
 def ends_below(full: float) -> str:
     """Say that the table against Delta ends at full contact.
@@ -289,6 +261,43 @@ def ends_below(full: float) -> str:
         One line.
     """
     return f"full contact from {full:.4g} um on: the table against delta_um ends below it"
+
+
+def _counted(
+    contacts: Iterator[SolvedContact], progress: RunProgress | None
+) -> Iterator[SolvedContact]:
+    """Yield contacts, and count each of them in the progress if there is one."""
+    for contact in contacts:
+        yield contact
+        if progress is not None:
+            progress.advance(1, int(contact.pressed is None))
+
+
+def _loss(solved: Sequence[SolvedSurface], place: int) -> str:
+    """Say on which surfaces the load at a place was not solved; "" if it was on all."""
+    faults = [
+        f"{surface.name}: {surface.faults[place]}"
+        for surface in solved
+        if surface.faults[place]
+    ]
+    if not faults:
+        return ""
+    where = ""
+    if len(solved) > 1:
+        where = f" on {len(faults)} of {len(solved)} surfaces"
+    return f"{NOT_SOLVED}{where}, left out: {faults[0]}"
+
+
+def _warnings(solved: Sequence[SolvedSurface]) -> list[str]:
+    """Return the first doubt about all surfaces as a warning, and the remarks on the grid."""
+    doubts = [doubt for surface in solved for doubt in surface.doubts]
+    remarks = [remark for surface in solved for remark in surface.remarks]
+    if not doubts:
+        return remarks
+    share = ""
+    if len(solved) > 1:
+        share = f"{len(doubts)} of {len(solved)} surfaces, the first: "
+    return [f"warning: {share}{doubts[0]}", *remarks]
 
 
 def _solved_contact(

@@ -165,8 +165,8 @@ def composite(
     overlay = _overlay(first, facing, shift)
     if min(overlay.shape) < 2:
         raise InputError(
-            f"{name}: fewer than 2 x 2 nodes lie on both maps, of {_size(first.sides)} and"
-            f" {_size(facing.sides)} um with their centres {_size(shift)} um apart"
+            f"{name}: fewer than 2 x 2 nodes lie on both maps, of {_size(first.sides)}"
+            f" and {_size(facing.sides)} um with their centres {_size(shift)} um apart"
         )
     step = _step_in_words(first, facing, overlay, turned, shift)
     return replace(
@@ -269,8 +269,8 @@ class _Overlay:
         if ratio <= COARSE:
             return []
         warning = (
-            f"nodes of one body are {ratio:.3g} times as far apart as those of the other: its"
-            " short waves are not there; check --unit and --side"
+            f"nodes of one body are {ratio:.3g} times as far apart as those of the other:"
+            " its short waves are not there; check --unit and --side"
         )
         return [warning]
 

@@ -92,8 +92,8 @@ def without_form(topography: Topography, degree: int) -> Topography:
     measured = heights.size - topography.missing
     if degree >= min(nx, ny) or measured <= coefficients:
         raise InputError(
-            f"{topography.name}: --form {degree} has {coefficients} coefficients, too many for"
-            f" {measured} heights on {nx} x {ny} nodes"
+            f"{topography.name}: --form {degree} has {coefficients} coefficients, too"
+            f" many for {measured} heights on {nx} x {ny} nodes"
         )
     fit = fitted_polynomial(heights, degree)
     span = np.ptp(fit[~np.isnan(heights)])
@@ -212,8 +212,8 @@ def _check_cutoff(topography: Topography, name: str, cutoff: float) -> None:
     if not finest * (1 - ROUNDING) <= cutoff <= side * (1 + ROUNDING):
         raise InputError(
             f"{topography.name}: --filter: the {name}'s cut-off,"
-            f" {cutoff:g} um, is outside {finest:.6g} to {side:.6g} um, four spacings to the"
-            " shorter side"
+            f" {cutoff:g} um, is outside {finest:.6g} to {side:.6g} um, four spacings to"
+            " the shorter side"
         )
 
 
@@ -326,8 +326,9 @@ def filled(topography: Topography, *, insisted: bool) -> Topography:
     share = f"{100 * missing / nodes:.3g} %"
     if missing > MOST_HOLES * nodes and not insisted:
         raise InputError(
-            f"{topography.name}: {missing} of {nodes} heights are missing ({share}): --fill would"
-            " make up more than was measured; crop, measure again, or insist by --fill-most"
+            f"{topography.name}: {missing} of {nodes} heights are missing ({share}):"
+            " --fill would make up more than was measured; crop, measure again, or insist"
+            " by --fill-most"
         )
     heights = filled_harmonically(
         topography.heights,
@@ -404,12 +405,13 @@ def resampled(topography: Topography, spacing: Sides) -> Topography:
     if heights is topography.heights:
         return topography.changed(heights, "", spacing)
     nx, ny = heights.shape
+    every = spacing_text(spacing)
     if min(nx, ny) < 2:
         raise InputError(
-            f"{topography.name}: a spacing of {spacing_text(spacing)} um leaves {nx} x {ny} nodes,"
-            " give one that leaves 2 x 2 or more"
+            f"{topography.name}: a spacing of {every} um leaves {nx} x {ny} nodes, give"
+            " one that leaves 2 x 2 or more"
         )
-    step = f"resampled to {nx} x {ny} nodes every {spacing_text(spacing)} um by cubic splines"
+    step = f"resampled to {nx} x {ny} nodes every {every} um by cubic splines"
     return topography.changed(heights, step, spacing)
 
 

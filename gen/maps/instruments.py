@@ -249,7 +249,9 @@ def _mended_x3p(archive: ZipFile) -> _Content | None:
     main_names = [name for name in names if Path(name).name == "main.xml"]
     main = min(main_names, key=len, default="")
     folder = main.removesuffix("main.xml")
-    text = archive.read(main) if main else b""
+    text = b""
+    if main:
+        text = archive.read(main)
     mended = REVISION.sub(rb"\1ISO5436 - 2000\2", text)
     remarks = []
     if folder:
@@ -262,7 +264,9 @@ def _mended_x3p(archive: ZipFile) -> _Content | None:
     with ZipFile(copy, "w") as new_archive:
         for name in names:
             if name.startswith(folder) and name != folder:
-                content = mended if name == main else archive.read(name)
+                content = archive.read(name)
+                if name == main:
+                    content = mended
                 new_archive.writestr(name.removeprefix(folder), content)
     return _Content(copy, f" ({' and '.join(remarks)})")
 
@@ -278,8 +282,9 @@ def _map_of(path: Path, reading: Reading, file: _OpenFile) -> Scan:
     nx, ny = channel.nb_grid_pts
     _check_size(path, np.dtype(np.float64).itemsize * nx * ny)
     has_lengths = channel.physical_sizes is not None
-    # Without lengths the reader takes any; these are not used.
-    lengths = {} if has_lengths else {"physical_sizes": channel.nb_grid_pts}
+    lengths = {}
+    if not has_lengths:  # the reader needs some, which are not used
+        lengths["physical_sizes"] = channel.nb_grid_pts
     topography = file.reader.topography(channel_index=chosen.index, **lengths)
     heights = np.ma.asarray(topography.heights(), dtype=np.float64)
     origin = chosen.origin + file.remark

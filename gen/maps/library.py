@@ -90,7 +90,9 @@ def _files_of_pattern(pattern: str, folder: Path) -> list[Path]:
     path = folder / name
     if path.is_file() or path.is_dir():
         return files_in(path)
-    start = Path(name.anchor) if name.anchor else folder
+    start = folder
+    if name.anchor:
+        start = Path(name.anchor)
     matches = start.glob(str(name.relative_to(name.anchor)))
     return sorted(match for match in matches if match.is_file())
 
@@ -335,7 +337,9 @@ def _rounded(spacing: Sides) -> Sides:
     """Round two spacings to 12 digits, and make them equal if they nearly are."""
     x = float(f"{spacing[0]:.12g}")
     y = float(f"{spacing[1]:.12g}")
-    return (x, x) if is_same(x, y) else (x, y)
+    if is_same(x, y):
+        return x, x
+    return x, y
 
 
 def _prepared_one_by_one(paths: Sequence[Path], recipe: Recipe) -> Iterator[PreparedMap]:
@@ -496,8 +500,11 @@ def _table_of(file: BinaryIO) -> Any:
     place, length, sha256 = file.readline(LONGEST_START).decode().split()
     file.seek(int(place))
     text = file.read(int(length) + 1)
-    whole = len(text) == int(length) and hashlib.sha256(text).hexdigest() == sha256
-    return json.loads(text) if start == MAPS and whole else None
+    if start != MAPS or len(text) != int(length):
+        return None
+    if hashlib.sha256(text).hexdigest() != sha256:
+        return None
+    return json.loads(text)
 
 
 def _mapped(path: Path, entry: dict[str, Any]) -> NDArray[np.float64]:

@@ -509,8 +509,8 @@ def refuse_overflowing_heights(topography: Topography) -> None:
         raise InputError(f"{fault}; check their unit")
     row, column = np.argwhere(overflowing)[0].tolist()
     raise InputError(
-        f"{fault}, the first at the node ({row}, {column}), which may stand for missing heights:"
-        f" --mask {bounds} makes holes of them, which --fill closes"
+        f"{fault}, the first at the node ({row}, {column}), which may stand for missing"
+        f" heights: --mask {bounds} makes holes of them, which --fill closes"
     )
 
 
@@ -581,14 +581,15 @@ def _code_at_end(topography: Topography, code: Code, kept: Values, bounds: str) 
     span = f"{kept.min():.6g} to {kept.max():.6g} um"
     if code.number >= FEWEST_SHARED:
         fault = (
-            f"{_shared(topography, code)}, apart from the others, {span}; they may stand for"
-            " missing heights"
+            f"{_shared(topography, code)}, apart from the others, {span}; they may stand"
+            " for missing heights"
         )
         return topography.advised(fault, _mask_remedy(bounds, plural=True))
     words = SPIKES_IN_WORDS if code.value > kept.max() else PITS_IN_WORDS
     fault = (
-        f"the {words.node} {code.first} is a {words.kind}{words.consequence}, or stands for a"
-        f" missing height, at {_in_file(topography, code.value)}, apart from the others, {span}"
+        f"the {words.node} {code.first} is a {words.kind}{words.consequence}, or stands"
+        f" for a missing height, at {_in_file(topography, code.value)}, apart from the"
+        f" others, {span}"
     )
     mask = _mask_remedy(bounds, plural=False)
     return topography.advised(fault, mask, *OTHER_REMEDIES)
@@ -597,8 +598,9 @@ def _code_at_end(topography: Topography, code: Code, kept: Values, bounds: str) 
 def _code_between(topography: Topography, code: Code) -> str:
     """Return the warning for a code that lies between the other heights."""
     return (
-        f"{_shared(topography, code)}, unlike their neighbours; they may stand for missing heights;"
-        " write nan for them in the file, as a mask would leave out other heights too"
+        f"{_shared(topography, code)}, unlike their neighbours; they may stand for"
+        " missing heights; write nan for them in the file, as a mask would leave out"
+        " other heights too"
     )
 
 
@@ -680,8 +682,8 @@ def _outliers_in_words(outliers: Outliers, words: OutlierWords, heights: Heights
         node = words.node
         consequence = words.consequence
     fault = (
-        f"the {node} {outliers.node} is a {words.kind}{consequence}, {outliers.distance:.4g} um"
-        f" {words.side} its neighbours"
+        f"the {node} {outliers.node} is a {words.kind}{consequence},"
+        f" {outliers.distance:.4g} um {words.side} its neighbours"
     )
     if outliers.number > 1:
         fault += f", and {outliers.number - 1} more nodes are such"

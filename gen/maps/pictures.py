@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -17,7 +17,7 @@ from gen.maps.contacts import AnswerOptions
 from gen.maps.read import Sides, Topography
 from gen.maps.texture import RadialSpectrum, SelfAffineFit
 from gen.material import Bodies
-from gen.quantities import AREA, DELTA, FORCE, LOADS, MEAN_GAP, nominal_area
+from gen.quantities import AREA, DELTA, FORCE, LOADS, MEAN_GAP, Quantity, nominal_area
 from gen.runtime.figure import log_axis, save
 from gen.runtime.terminal import shortened
 
@@ -25,28 +25,41 @@ if TYPE_CHECKING:
     from bem import Contact
 
 LETTERS = 50  # letters in a line above a map that fills its half of a picture
-UPPER_PERCENTILE = (
-    99  # where a colour scale ends if a few outliers would otherwise take most of it
-)
-# colours of values below and above the ends of a colour scale, which it does not have itself
-BEYOND = {"viridis": ("magenta", "red"), "inferno_r": ("deepskyblue", "limegreen")}
+# percentile at which a colour scale ends if a few outliers would otherwise take most of it
+UPPER_PERCENTILE = 99
+
+
+@dataclass(frozen=True)
+class ColoursBeyond:
+    """Colours of the values beyond a colour scale, which the scale does not have itself."""
+
+    below: str
+    above: str
+
+
+BEYOND = {
+    "viridis": ColoursBeyond("magenta", "red"),
+    "inferno_r": ColoursBeyond("deepskyblue", "limegreen"),
+}
+"""Colours beyond the ends of colour maps, by the names of the maps."""
+
 COLOURS = 20  # colours of spots, those of the colour map tab20
 # ratio of the largest to the smallest load from which on axes of loads are logarithmic
 DECADES = 99.0
-OBLONG = (
-    4.0  # ratio of the sides beyond which a map fills its panel, as its title then says
-)
+OBLONG = 4.0  # ratio of the sides beyond which a map is not to scale, but fills its panel
 # colour of yielded nodes (red, green, blue): no colour map of these pictures has it
 CYAN = (0.09, 0.75, 0.81)
 # share of the lines at both borders that a section avoids, since pressures are high there
 BORDER = 0.1
 FAINT = 1e-4  # least flux that is drawn, over its mean
 BINS = 80  # number of bars of the height distribution
+CURVE_POINTS = 1000  # largest number of points of the bearing curve
+WIDE_LINE = 160  # letters in a line below a picture
 
 
 @dataclass(frozen=True, eq=False)
 class Map:
-    """A field over a surface; without a quantity its values only number `COLOURS`."""
+    """A field over a surface; without a quantity its values are numbers of `COLOURS`."""
 
     field: Values  # masked where there is nothing to draw, shape (nx, ny) [unit]
     sides: Sides  # lengths of the patch along x and y [um]
@@ -54,13 +67,25 @@ class Map:
     quantity: str
     unit: str
     colours: str  # name of a colour map of matplotlib
-    marked: NDArray[np.bool_] | None = (
-        None  # nodes to draw in `CYAN` instead, shape (nx, ny)
-    )
+    # nodes to draw in `CYAN` instead, shape (nx, ny)
+    marked: NDArray[np.bool_] | None = None
 
 
 def load_text(contact: Contact, quantity: str) -> str:
-    """Return the load of a contact: Delta, the force, or for other quantities the mean pressure."""
+    """Write the load of a contact in the quantity that the load was given in.
+
+    Parameters
+    ----------
+    contact : bem.Contact
+        A solved contact.
+    quantity : str
+        "force", a quantity whose name begins with "delta", or any other one for the mean pressure.
+
+    Returns
+    -------
+    str
+        The load with its unit.
+    """
     if quantity.startswith("delta"):
         return f"Δ = {contact.delta:.4g} µm"
     if quantity == "force":
@@ -71,150 +96,315 @@ def load_text(contact: Contact, quantity: str) -> str:
 def contact_maps(
     contact: Contact, height_title: str, pressure_title: str
 ) -> tuple[Map, Map]:
-    """Return the maps of the heights and of the pressure of a contact; yielded nodes are marked."""
-    heights, sides = contact.problem.heights, patch_sides(contact)
+    """Return the maps of the heights and of the pressure of a contact.
+
+    Parameters
+    ----------
+    contact : bem.Contact
+        A solved contact. Its yielded nodes are marked in the map of the pressure.
+    height_title, pressure_title : str
+        Titles of both maps.
+
+    Returns
+    -------
+    tuple of Map
+        The map of the heights and that of the pressure.
+    """
+    sides = patch_sides(contact)
     yielded = contact.yielded
     pressure = np.ma.masked_where((contact.pressure == 0) | yielded, contact.pressure)
     if yielded.any():
         pressure_title += f", {contact.yielded_percent:.3g} % yielded (cyan)"
     return (
-        Map(heights, sides, height_title, "height", "µm", "viridis"),
-        Map(pressure, sides, pressure_title, "pressure", "MPa", "inferno_r", yielded),
+        Map(
+            field=contact.problem.heights,
+            sides=sides,
+            title=height_title,
+            quantity="height",
+            unit="µm",
+            colours="viridis",
+        ),
+        Map(
+            field=pressure,
+            sides=sides,
+            title=pressure_title,
+            quantity="pressure",
+            unit="MPa",
+            colours="inferno_r",
+            marked=yielded,
+        ),
     )
 
 
-def gap_maps(contact: Contact, where: str, options: AnswerOptions) -> tuple[Map, Map]:
-    """Return two maps: of the gap, the spots by size and, by decades, the flux over its mean."""
-    found, sides = contact.spots, patch_sides(contact)
-    crossing, apart = found.open_gap.any(), found.labels == 0
-    state = (
-        "connects opposite sides, closed pockets in cyan"
-        if crossing
-        else "connects no sides"
-    )
-    closed = apart & ~found.open_gap if crossing else None
-    gap = np.ma.masked_where(~apart, contact.gap)
-    open_gap = Map(gap, sides, f"gap: {state}{where}", "gap", "µm", "viridis", closed)
-    title = (
-        f"{found.number} spots, the largest with {100 * found.largest_share:.3g} % of the"
-    )
-    title += f" contact{where if options.flow else ''}"
-    colours = np.ma.masked_where(apart, (found.labels - 1.0) % COLOURS)
-    by_size = Map(colours, sides, title, "", "", "tab20")
+def gap_maps(contact: Contact, at_load: str, options: AnswerOptions) -> tuple[Map, Map]:
+    """Return two maps that show the answers about spots and flow.
+
+    Parameters
+    ----------
+    contact : bem.Contact
+        A solved contact.
+    at_load : str
+        End of the titles of maps of the contact, as " at Δ = 1 µm", or "".
+    options : AnswerOptions
+        Whether spots and flow are among the answers, one of them at least.
+
+    Returns
+    -------
+    tuple of Map
+        Of the spots the gap and the spots by size; of the flow the gap and the flux along x; of
+        both the spots by size and the flux.
+    """
     if not options.flow:
-        return open_gap, by_size
-    along_x = contact.flow(0)
-    share = np.hypot(*along_x.flux) / (along_x.aperture**3 or 1.0)
-    decades = np.ma.log10(np.ma.masked_less(share, FAINT))
-    state = (
-        f"flow factor {along_x.factor:.3g}"
-        if along_x.factor
-        else "no flow, the contact seals"
-    )
-    flux = Map(
-        decades,
-        sides,
-        f"flux along x: {state}",
-        "flux over its mean",
-        "decades",
-        "viridis",
-    )
-    return by_size if options.spots else open_gap, flux
+        return _gap_map(contact, at_load), _spots_map(contact, "")
+    if options.spots:
+        return _spots_map(contact, at_load), _flux_map(contact)
+    return _gap_map(contact, at_load), _flux_map(contact)
 
 
-def patch_sides(contact: Contact) -> tuple[float, float]:
-    """Return the lengths of a contact's patch along x and y [um]."""
-    (nx, ny), (dx, dy) = contact.pressure.shape, contact.problem.spacing
-    outer = contact.problem.boundary == "free"
-    return dx * (nx - outer), dy * (ny - outer)
+def _gap_map(contact: Contact, at_load: str) -> Map:
+    """Return the map of the gap; if it connects opposite sides, closed pockets are marked."""
+    spots = contact.spots
+    open_gap = spots.open_gap
+    apart = spots.labels == 0
+    state = "connects no sides"
+    pockets = None
+    if open_gap.any():
+        state = "connects opposite sides, closed pockets in cyan"
+        pockets = apart & ~open_gap
+    return Map(
+        field=np.ma.masked_where(~apart, contact.gap),
+        sides=patch_sides(contact),
+        title=f"gap: {state}{at_load}",
+        quantity="gap",
+        unit="µm",
+        colours="viridis",
+        marked=pockets,
+    )
+
+
+def _spots_map(contact: Contact, at_load: str) -> Map:
+    """Return the map of the spots of contact, in colours by their rank of size."""
+    spots = contact.spots
+    largest = 100 * spots.largest_share
+    return Map(
+        field=np.ma.masked_where(spots.labels == 0, (spots.labels - 1.0) % COLOURS),
+        sides=patch_sides(contact),
+        title=f"{spots.number} spots, the largest with {largest:.3g} % of the contact{at_load}",
+        quantity="",
+        unit="",
+        colours="tab20",
+    )
+
+
+def _flux_map(contact: Contact) -> Map:
+    """Return the map of the flux along x over its mean, by decades."""
+    flow = contact.flow(0)
+    share = np.hypot(*flow.flux) / (flow.aperture**3 or 1.0)
+    state = "no flow, the contact seals"
+    if flow.factor:
+        state = f"flow factor {flow.factor:.3g}"
+    return Map(
+        field=np.ma.log10(np.ma.masked_less(share, FAINT)),
+        sides=patch_sides(contact),
+        title=f"flux along x: {state}",
+        quantity="flux over its mean",
+        unit="decades",
+        colours="viridis",
+    )
+
+
+def patch_sides(contact: Contact) -> Sides:
+    """Return the lengths of the patch of a contact.
+
+    Parameters
+    ----------
+    contact : bem.Contact
+        A solved contact.
+
+    Returns
+    -------
+    tuple of float
+        Lengths along x and y [um].
+    """
+    nx, ny = contact.pressure.shape
+    dx, dy = contact.problem.spacing
+    if contact.problem.boundary == "free":
+        return dx * (nx - 1), dy * (ny - 1)
+    return dx * nx, dy * ny
+
+
+@dataclass(frozen=True)
+class Extreme:
+    """The value of a map that is farthest beyond one end of its colours."""
+
+    node: tuple[int, int]  # its place (row, column)
+    colour: str  # colour beyond this end
+    words: str  # the value and its colour, for the title
 
 
 @dataclass(frozen=True)
 class ColourScale:
-    """The ends of the colours of a map, beyond which a few outliers may lie."""
+    """The ends of the colours of a map, beyond which a few outliers may be."""
 
     low: float
     high: float
-    extend: Literal["neither", "min", "max", "both"] = (
-        "neither"  # ends beyond which values lie
-    )
-    remark: str = (
-        ""  # the values that lie farthest beyond, and their colours, for the title
-    )
-    # nodes of these values by their colours: a large map would average a single one away
-    farthest: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    # The values farthest beyond the low and the high end, None if no value is beyond. A picture of
+    # a large map would average a single node away.
+    below: Extreme | None = None
+    above: Extreme | None = None
+
+    @property
+    def extend(self) -> Literal["neither", "min", "max", "both"]:
+        """Ends beyond which there are values, as matplotlib names them."""
+        if self.below is not None and self.above is not None:
+            return "both"
+        if self.below is not None:
+            return "min"
+        if self.above is not None:
+            return "max"
+        return "neither"
+
+    @property
+    def extremes(self) -> list[Extreme]:
+        """The farthest values beyond both ends, the low one first."""
+        return [extreme for extreme in (self.below, self.above) if extreme is not None]
+
+    @property
+    def remark(self) -> str:
+        """What a title says of values beyond the colours, "" without any."""
+        if not self.extremes:
+            return ""
+        words = " and ".join(extreme.words for extreme in self.extremes)
+        return f"beyond the colours: {words}"
 
 
 def colour_scale(surface_map: Map) -> ColourScale:
-    """Choose the ends of the colours of a map, so that a few outliers do not take most of them."""
-    values = np.ma.compressed(surface_map.field)
+    """Choose the ends of the colours of a map, so that a few outliers do not take most of them.
+
+    Parameters
+    ----------
+    surface_map : Map
+        The map.
+
+    Returns
+    -------
+    ColourScale
+        From the smallest to the largest value, or to a percentile where the values beyond it would
+        take more than half as much again as all others.
+    """
+    field = surface_map.field
+    values = np.ma.compressed(field)
     if not surface_map.quantity:
         return ColourScale(0.0, COLOURS - 1.0)
     if not values.size:
         return ColourScale(0.0, 1.0)
-    least, most = float(values.min()), float(values.max())
-    first, last = map(
-        float, np.percentile(values, [100 - UPPER_PERCENTILE, UPPER_PERCENTILE])
-    )
-    under, over = BEYOND[surface_map.colours]
-    remarks = []
-    farthest: dict[str, tuple[int, int]] = {}
-    low, high = least, most
-    columns = surface_map.field.shape[1]
-    if least < 1.5 * first - 0.5 * last:
+    smallest = float(values.min())
+    largest = float(values.max())
+    percentiles = np.percentile(values, [100 - UPPER_PERCENTILE, UPPER_PERCENTILE])
+    first, last = percentiles.tolist()
+    colours = BEYOND[surface_map.colours]
+    columns = field.shape[1]
+    low = smallest
+    high = largest
+    below = None
+    above = None
+    if smallest < 1.5 * first - 0.5 * last:
         low = first
-        farthest[under] = divmod(int(np.ma.argmin(surface_map.field)), columns)
-        remarks.append(f"down to {least:.4g} {surface_map.unit} ({under})")
-    if most > 1.5 * last - 0.5 * first:
+        below = Extreme(
+            node=divmod(int(np.ma.argmin(field)), columns),
+            colour=colours.below,
+            words=f"down to {smallest:.4g} {surface_map.unit} ({colours.below})",
+        )
+    if largest > 1.5 * last - 0.5 * first:
         high = last
-        farthest[over] = divmod(int(np.ma.argmax(surface_map.field)), columns)
-        remarks.append(f"up to {most:.4g} {surface_map.unit} ({over})")
-    if not remarks:
-        return ColourScale(low, high)
-    extend: Literal["min", "max", "both"] = "both"
-    if len(remarks) == 1:
-        extend = "min" if low > least else "max"
-    remark = f"beyond the colours: {' and '.join(remarks)}"
-    return ColourScale(low, high, extend, remark, farthest)
+        above = Extreme(
+            node=divmod(int(np.ma.argmax(field)), columns),
+            colour=colours.above,
+            words=f"up to {largest:.4g} {surface_map.unit} ({colours.above})",
+        )
+    return ColourScale(low, high, below, above)
 
 
 def plot_map(axis: Any, surface_map: Map, letters: int = LETTERS) -> None:
-    """Draw a field to scale unless it is very oblong, under titles of lines of some letters."""
-    nx, ny = surface_map.field.shape
-    (width, length), field = surface_map.sides, surface_map.field
+    """Draw a map into an axis, with a colour bar and a title.
+
+    It is to scale unless it is very oblong. The axis is changed.
+
+    Parameters
+    ----------
+    axis : matplotlib.axes.Axes
+        The axis, still empty.
+    surface_map : Map
+        The map.
+    letters : int, optional
+        Letters in a line of the title, at most.
+    """
+    width, length = surface_map.sides
+    is_oblong = max(width, length) > OBLONG * min(width, length)
     scale = colour_scale(surface_map)
-    oblong = max(width, length) > OBLONG * min(width, length)
     image = axis.imshow(
-        field.T,
+        surface_map.field.T,
         origin="lower",
         extent=(0.0, width, 0.0, length),
         cmap=surface_map.colours,
         vmin=scale.low,
         vmax=scale.high,
-        aspect="auto" if oblong else "equal",
+        aspect="auto" if is_oblong else "equal",
     )
-    if scale.extend != "neither":
-        under, over = BEYOND[surface_map.colours]
-        image.set_cmap(image.get_cmap().with_extremes(under=under, over=over))
-    for colour, (row, column) in scale.farthest.items():
-        x, y = (row + 0.5) * width / nx, (column + 0.5) * length / ny
-        axis.plot(x, y, "o", ms=9, mfc="none", mec=colour, scalex=False, scaley=False)
+    _plot_extremes(axis, image, surface_map, scale)
     axis.set_facecolor("0.93")
-    if surface_map.marked is not None and surface_map.marked.any():
-        marks = np.zeros((ny, nx, 4))  # transparent
-        marks[surface_map.marked.T] = (*CYAN, 1.0)
-        settings = {"extent": image.get_extent(), "aspect": image.axes.get_aspect()}
-        axis.imshow(marks, origin="lower", interpolation="nearest", **settings)
+    _plot_marked(axis, image, surface_map)
     if surface_map.quantity:
-        beside = axis.inset_axes((1.03, 0.0, 0.04, 1.0))  # as high as the map
+        as_high_as_the_map = (1.03, 0.0, 0.04, 1.0)
+        bar = axis.inset_axes(as_high_as_the_map)
         label = f"{surface_map.quantity} [{surface_map.unit}]"
-        axis.figure.colorbar(image, cax=beside, label=label, extend=scale.extend)
+        axis.figure.colorbar(image, cax=bar, label=label, extend=scale.extend)
     lines = textwrap.wrap(surface_map.title, letters)
     lines += textwrap.wrap(scale.remark, letters)
-    if oblong:
+    if is_oblong:
         lines.append("not to scale")
     axis.set_title("\n".join(lines), loc="left", fontsize=10, parse_math=False)
     axis.set(xlabel="x [µm]", ylabel="y [µm]")
+
+
+def _plot_extremes(axis: Any, image: Any, surface_map: Map, scale: ColourScale) -> None:
+    """Colour the values beyond the scale of an image, and draw circles around the farthest."""
+    if not scale.extremes:
+        return
+    colours = BEYOND[surface_map.colours]
+    scaled = image.get_cmap().with_extremes(under=colours.below, over=colours.above)
+    image.set_cmap(scaled)
+    nx, ny = surface_map.field.shape
+    width, length = surface_map.sides
+    for extreme in scale.extremes:
+        row, column = extreme.node
+        axis.plot(
+            (row + 0.5) * width / nx,
+            (column + 0.5) * length / ny,
+            "o",
+            ms=9,
+            mfc="none",
+            mec=extreme.colour,
+            scalex=False,
+            scaley=False,
+        )
+
+
+def _plot_marked(axis: Any, image: Any, surface_map: Map) -> None:
+    """Draw the marked nodes of a map in cyan over its image."""
+    marked = surface_map.marked
+    if marked is None or not marked.any():
+        return
+    nx, ny = marked.shape
+    colours = np.zeros((ny, nx, 4))  # transparent
+    colours[marked.T] = (*CYAN, 1.0)
+    axis.imshow(
+        colours,
+        origin="lower",
+        interpolation="nearest",
+        extent=image.get_extent(),
+        aspect=image.axes.get_aspect(),
+    )
 
 
 def plot_surface(
@@ -226,16 +416,44 @@ def plot_surface(
     *,
     directional: bool,
 ) -> None:
-    """Draw the heights, their distribution with the bearing curve, and the spectrum.
+    """Draw the heights, their distribution with the bearing curve, and the spectrum of a surface.
 
-    A `directional` surface has the spectra of its profiles along x and along y beside it.
+    The picture is written, and replaces one of before.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The figure, still empty.
+    topography : Topography
+        The surface, without holes.
+    spectrum : RadialSpectrum
+        Its power spectrum.
+    fit : SelfAffineFit or str
+        The law of the spectrum, or why there is none.
+    picture : Path
+        File of the picture.
+    directional : bool
+        Whether the surface has a lay, so that the spectra of its profiles along x and along y are
+        drawn beside its own.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
     """
     top, bottom = figure.subfigures(2, 1, height_ratios=[1.12, 1.0])
     left, right = top.subplots(1, 2, width_ratios=[1.15, 1.0])
     figure.suptitle(shortened(topography.name), fontsize=11, parse_math=False)
     heights = topography.heights
-    title = f"heights, {heights.shape[0]} x {heights.shape[1]} nodes"
-    plot_map(left, Map(heights, topography.sides, title, "height", "µm", "viridis"))
+    surface_map = Map(
+        field=heights,
+        sides=topography.sides,
+        title=f"heights, {heights.shape[0]} x {heights.shape[1]} nodes",
+        quantity="height",
+        unit="µm",
+        colours="viridis",
+    )
+    plot_map(left, surface_map)
     _plot_distribution(right, heights)
     if directional:
         radial, profiles = bottom.subplots(1, 2)
@@ -246,27 +464,32 @@ def plot_surface(
     save(figure, picture)
 
 
+def _plot_note(axis: Any, note: str) -> None:
+    """Write a note in the middle of an axis without curves, and take its numbers away."""
+    axis.text(0.5, 0.5, note, ha="center", transform=axis.transAxes)
+    axis.set(xticks=[], yticks=[])
+
+
 def _plot_distribution(axis: Any, heights: Heights) -> None:
-    """Draw the share of the surface over the height, and the share that is above each height."""
+    """Draw the share of the surface over the height [um], and the share above each height."""
     axis.set_title("height distribution and bearing curve", loc="left", fontsize=10)
     axis.set_ylabel("height above the mean [µm]")
     axis.set_xlabel("share of the surface per µm [%]", color="tab:blue")
-    above = np.sort(heights.ravel() - heights.mean())[::-1]
-    if above[0] == above[-1]:
-        axis.text(0.5, 0.5, "flat surface", ha="center", transform=axis.transAxes)
-        axis.set(xticks=[], yticks=[])
+    falling = np.sort(heights.ravel() - heights.mean())[::-1]
+    if falling[0] == falling[-1]:
+        _plot_note(axis, "flat surface")
         return
-    counts, edges = np.histogram(above, BINS)
-    shares = 100.0 * counts / above.size / np.diff(edges)
+    counts, edges = np.histogram(falling, BINS)
+    shares = 100.0 * counts / falling.size / np.diff(edges)
     axis.stairs(
         shares, edges, orientation="horizontal", fill=True, color="tab:blue", alpha=0.35
     )
     axis.set_xlim(left=0.0)
     bearing = axis.twiny()
-    places = np.unique(np.linspace(0, above.size - 1, 1000).astype(int))
-    bearing.plot(
-        100.0 * (places + 1) / above.size, above[places], color="tab:red", lw=1.5
-    )
+    places = np.linspace(0, falling.size - 1, CURVE_POINTS).astype(int)
+    places = np.unique(places)
+    shares_above = 100.0 * (places + 1) / falling.size
+    bearing.plot(shares_above, falling[places], color="tab:red", lw=1.5)
     bearing.set_xlim(0, 100)
     bearing.set_xlabel("bearing curve: share of the surface above [%]", color="tab:red")
     axis.axhline(0.0, color="k", lw=0.6, ls=":")
@@ -281,14 +504,12 @@ def _plot_profile_spectra(axis: Any, spectrum: RadialSpectrum) -> None:
     axis.set(xlabel=WAVENUMBER, ylabel="profiles' power spectrum [µm$^3$]")
     curves = {"along x": spectrum.along_x, "along y": spectrum.along_y}
     if not any((density > 0.0).any() for density in curves.values()):
-        axis.text(0.5, 0.5, "no wave", ha="center", transform=axis.transAxes)
-        axis.set(xticks=[], yticks=[])
+        _plot_note(axis, "no wave")
         return
     for name, density in curves.items():
-        seen = np.isfinite(density) & (density > 0.0)
-        axis.loglog(
-            spectrum.wavenumbers[seen], density[seen], ".-", ms=4, lw=1, label=name
-        )
+        shown = np.isfinite(density) & (density > 0.0)
+        wavenumbers = spectrum.wavenumbers[shown]
+        axis.loglog(wavenumbers, density[shown], ".-", ms=4, lw=1, label=name)
     axis.grid(alpha=0.3)
     axis.legend(loc="lower left", fontsize="small")
 
@@ -296,46 +517,70 @@ def _plot_profile_spectra(axis: Any, spectrum: RadialSpectrum) -> None:
 def _plot_spectrum(
     axis: Any, spectrum: RadialSpectrum, fit: SelfAffineFit | str, letters: int
 ) -> None:
-    """Draw the radial power spectrum with the self-affine law over the range that it fits."""
-    seen = np.isfinite(spectrum.density) & (spectrum.density > 0.0)
-    title = textwrap.fill(f"radial power spectrum; no self-affine law: {fit}", letters)
-    if not isinstance(fit, str):
-        numbers = (
-            f"Hurst exponent {fit.spectrum.hurst:.3g} over {fit.decades:.2g} decades"
-        )
-        numbers += f", rms height {fit.rms_height:.4g} µm"
-        title = "; ".join((f"radial power spectrum: {numbers}", *fit.remarks))
+    """Draw the radial power spectrum, with its law in the range of the fit if there is one."""
+    title = _spectrum_title(fit, letters)
     axis.set_title(title, loc="left", fontsize=10)
     axis.set(xlabel=WAVENUMBER, ylabel="radial power spectrum C [µm$^4$]")
-    if not seen.any():
-        axis.text(0.5, 0.5, "no wave", ha="center", transform=axis.transAxes)
-        axis.set(xticks=[], yticks=[])
+    shown = np.isfinite(spectrum.density) & (spectrum.density > 0.0)
+    if not shown.any():
+        _plot_note(axis, "no wave")
         return
     axis.set_xlim(spectrum.edges[0, 0], spectrum.edges[-1, 1])
-    axis.loglog(
-        spectrum.wavenumbers[seen], spectrum.density[seen], ".", color="0.45", ms=5
-    )
+    densities = spectrum.density[shown]
+    axis.loglog(spectrum.wavenumbers[shown], densities, ".", color="0.45", ms=5)
     axis.grid(alpha=0.3)
+    if not isinstance(fit, str):
+        _plot_self_affine_law(axis, spectrum, fit, float(densities.min()))
+
+
+def _spectrum_title(fit: SelfAffineFit | str, letters: int) -> str:
+    """Return the title of a spectrum; the reason why there is no law is broken into lines."""
     if isinstance(fit, str):
-        return
+        reason = f"radial power spectrum; no self-affine law: {fit}"
+        return textwrap.fill(reason, letters)
+    law = (
+        f"radial power spectrum: Hurst exponent {fit.spectrum.hurst:.3g} over"
+        f" {fit.decades:.2g} decades, rms height {fit.rms_height:.4g} µm"
+    )
+    return "; ".join((law, *fit.remarks))
+
+
+def _plot_self_affine_law(
+    axis: Any, spectrum: RadialSpectrum, fit: SelfAffineFit, smallest: float
+) -> None:
+    """Draw a law over the range of its fit, its roll-off and its cut-off.
+
+    `smallest` is the smallest density above 0 of the spectrum [um^4].
+    """
     last = 2 * math.pi / fit.spectrum.cut_off
     axis.axvspan(spectrum.edges[0, 0], last, color="tab:orange", alpha=0.1, lw=0)
-    q = np.geomspace(2 * math.pi / fit.longest, last, 300)
-    law = fit.level * fit.spectrum.density(q, np.zeros(1))
-    axis.loglog(
-        q, law, color="tab:orange", lw=2, label="self-affine law, in the range of the fit"
-    )
-    marks = [("cut-off", fit.spectrum.cut_off, "--")]
+    wavenumbers = np.geomspace(2 * math.pi / fit.longest, last, 300)
+    law = fit.level * fit.spectrum.density(wavenumbers, np.zeros(1))
+    label = "self-affine law, in the range of the fit"
+    axis.loglog(wavenumbers, law, color="tab:orange", lw=2, label=label)
     if fit.spectrum.roll_off < fit.longest:
-        marks.insert(0, ("roll-off", fit.spectrum.roll_off, ":"))
-    for name, wavelength, style in marks:
-        text = f"{name} {wavelength:.4g} µm"
-        axis.axvline(2 * math.pi / wavelength, color="k", lw=0.9, ls=style, label=text)
-    # Beyond a cut-off there may be nothing but rounding, which must not flatten the rest.
-    axis.set_ylim(
-        bottom=max(float(spectrum.density[seen].min()), 1e-3 * float(law.min())) / 2
-    )
+        _plot_wavelength(axis, "roll-off", fit.spectrum.roll_off, ":")
+    _plot_wavelength(axis, "cut-off", fit.spectrum.cut_off, "--")
+    # Beyond a cut-off there may be nothing but rounding, which must not flatten the curve.
+    axis.set_ylim(bottom=max(smallest, 1e-3 * float(law.min())) / 2)
     axis.legend(loc="lower left", fontsize="small")
+
+
+def _plot_wavelength(axis: Any, name: str, wavelength: float, style: str) -> None:
+    """Draw a line of a style at a named wavelength [um] over the wavenumbers of an axis."""
+    label = f"{name} {wavelength:.4g} µm"
+    axis.axvline(2 * math.pi / wavelength, color="k", lw=0.9, ls=style, label=label)
+
+
+@dataclass(frozen=True)
+class ContactCaptions:
+    """What a picture of contacts says in words, and what it shows."""
+
+    name: str  # name of the surface
+    load: str  # quantity that the loads were given in: "delta", "force" or "pressure"
+    bodies: Bodies  # E* and hardness [MPa]
+    warnings: Sequence[str]  # one line for each reason to distrust the contacts
+    options: AnswerOptions  # answers that are shown beside area, force and gap
 
 
 def plot_contacts(
@@ -343,110 +588,204 @@ def plot_contacts(
     last: Contact,
     rows: Sequence[Mapping[str, Any]],
     picture: Path,
-    *,
-    name: str,
-    load: str,
-    bodies: Bodies,
-    warnings: Sequence[str],
-    options: AnswerOptions,
+    captions: ContactCaptions,
 ) -> None:
-    """Draw a surface, its contact and a section under the last load, and the law of several.
+    """Draw a surface, its contact and a section under the last load, and the law of several loads.
 
-    `rows` are the numbers of each contact by the columns of `gen.maps.contacts.answers`. `load` is
-    the quantity that was given: delta, force or pressure. If spots or flow are among the `options`,
-    the spots, the open gap or the flux along x are drawn instead of heights and pressure.
+    If spots or flow are among the answers, the spots, the gap or the flux along x are drawn
+    instead of heights and pressure. The picture is written, and replaces one of before.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The figure, still empty; its size is set.
+    last : bem.Contact
+        Contact under the last load.
+    rows : sequence of mapping
+        Values of each contact by the columns of `gen.maps.contacts.answers`.
+    picture : Path
+        File of the picture.
+    captions : ContactCaptions
+        Words of the picture.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
     """
-    law = len(rows) > 1
-    panels = [["heights"] * 3 + ["contact"] * 3, ["section"] * 6]
+    several = len(rows) > 1
+    panels = [
+        ["heights", "heights", "heights", "contact", "contact", "contact"],
+        ["section", "section", "section", "section", "section", "section"],
+    ]
     heights = [4.4, 2.6]
-    if law:
-        panels.append([each for each in ("area", "answer", "gap") for _ in range(2)])
+    if several:
+        panels.append(["area", "area", "answer", "answer", "gap", "gap"])
         heights.append(2.8)
     figure.set_size_inches(11.0, sum(heights) + 0.8)
     axes = figure.subplot_mosaic(panels, height_ratios=heights)
-    problem, pressed = last.problem, last.force / nominal_area(last)
-    title = f"last of {len(rows)} loads: " if law else ""
-    title += f"Δ = {last.delta:.4g} µm, force {last.force:.4g} µN, mean pressure {pressed:.4g} MPa"
-    material = bodies.text + ", no material given" * (not bodies.has_modulus)
-    material += "" if problem.boundary == "free" else f"; {problem.boundary} boundary"
-    figure.suptitle(
-        "\n".join((shortened(name), title, material)), fontsize=11, parse_math=False
-    )
-    if warnings:
-        told = "\n".join(
-            textwrap.fill(f"warning: {warning}", 160) for warning in warnings
-        )
-        figure.supxlabel(told, fontsize=8, color="tab:red", parse_math=False)
-    where = f" at {load_text(last, load)}" if law else ""
-    if options.spots or options.flow:
-        first, second = gap_maps(last, where, options)
-    else:
-        share = f"{last.area_percent:.3g} % of {last.pressure.size} nodes"
-        first, second = contact_maps(last, "heights", f"contact{where}: {share}")
-    plot_map(axes["heights"], first)
-    plot_map(axes["contact"], second)
-    _plot_section(axes["section"], last, where)
-    if law:
-        _plot_law([axes[each] for each in ("area", "answer", "gap")], rows, load)
+    title = _contact_title(last, len(rows), captions)
+    figure.suptitle(title, fontsize=11, parse_math=False)
+    if captions.warnings:
+        lines = [
+            textwrap.fill(f"warning: {warning}", WIDE_LINE)
+            for warning in captions.warnings
+        ]
+        figure.supxlabel("\n".join(lines), fontsize=8, color="tab:red", parse_math=False)
+    at_load = f" at {load_text(last, captions.load)}" if several else ""
+    first_map, second_map = _maps_of(last, at_load, captions.options)
+    plot_map(axes["heights"], first_map)
+    plot_map(axes["contact"], second_map)
+    _plot_section(axes["section"], last, at_load)
+    if several:
+        law_axes = LawAxes(axes["area"], axes["answer"], axes["gap"])
+        _plot_law(law_axes, rows, captions.load)
     save(figure, picture)
 
 
-def _plot_section(axis: Any, contact: Contact, load: str) -> None:
-    """Draw both bodies along the line with the largest force off the border, in the longer side."""
-    sides, spacing = patch_sides(contact), contact.problem.spacing
-    along = 0 if sides[0] >= sides[1] else 1
-    forces = contact.pressure.sum(axis=along)
-    margin = max(int(BORDER * forces.size), 1)
-    inner = forces[margin : forces.size - margin]
-    place = margin + int(inner.argmax()) if inner.any() else int(forces.argmax())
-    line: tuple[Any, ...] = (slice(None), place) if along == 0 else (place, slice(None))
-    first = (
-        0.0 if contact.problem.boundary == "free" else 0.5
-    )  # distance of nodes from the border
-    position = spacing[along] * (first + np.arange(contact.pressure.shape[along]))
-    # The half-space's surface is at 0 before contact, and the rough body comes down from above.
-    deformed = -contact.displacement[line]
-    rough = contact.gap[line] + deformed
-    edge = 0.08 * float(np.ptp([deformed.min(), deformed.max(), rough.max(), 0.0]))
-    top, bottom = max(float(rough.max()), 0.0) + edge, float(deformed.min()) - edge
-    axis.fill_between(position, rough, top, color="0.8", label="rough body")
-    axis.fill_between(
-        position, bottom, deformed, color="tab:blue", alpha=0.4, label="half-space"
+def _contact_title(last: Contact, loads: int, captions: ContactCaptions) -> str:
+    """Return the title of a picture of contacts: name, last of some loads, and bodies."""
+    pressure = last.force / nominal_area(last)
+    load = f"Δ = {last.delta:.4g} µm, force {last.force:.4g} µN, mean pressure {pressure:.4g} MPa"
+    if loads > 1:
+        load = f"last of {loads} loads: {load}"
+    bodies = captions.bodies.text
+    if not captions.bodies.has_modulus:
+        bodies += ", no material given"
+    if last.problem.boundary != "free":
+        bodies += f"; {last.problem.boundary} boundary"
+    return "\n".join((shortened(captions.name), load, bodies))
+
+
+def _maps_of(contact: Contact, at_load: str, options: AnswerOptions) -> tuple[Map, Map]:
+    """Return the two maps of a picture of contacts, by the answers that it shows."""
+    if options.spots or options.flow:
+        return gap_maps(contact, at_load, options)
+    share = f"{contact.area_percent:.3g} % of {contact.pressure.size} nodes"
+    return contact_maps(contact, "heights", f"contact{at_load}: {share}")
+
+
+@dataclass(frozen=True, eq=False)
+class _Section:
+    """Both bodies along a line of nodes of a contact: arrays of shape (n,)."""
+
+    axis: int  # axis of the line: 0 for x, 1 for y
+    across: float  # place of the line along the other axis [um]
+    places: Values  # of the nodes along the line [um]
+    # surface of the half-space, which is at 0 before the contact, and the rough body above it [um]
+    deformed: Values
+    rough: Values
+    touching: NDArray[np.bool_]  # nodes in contact that have not yielded
+    yielded: NDArray[np.bool_]
+
+
+def _section_of(contact: Contact) -> _Section:
+    """Return the section along the longer side, in the most loaded line off the border."""
+    sides = patch_sides(contact)
+    dx, dy = contact.problem.spacing
+    axis = 0 if sides[0] >= sides[1] else 1
+    line = _loaded_line(contact.pressure.sum(axis=axis))
+    nodes: tuple[Any, ...] = (slice(None), line)
+    step = dx
+    step_across = dy
+    if axis == 1:
+        nodes = (line, slice(None))
+        step = dy
+        step_across = dx
+    # distance of the first node from the border, in spacings
+    first = 0.0 if contact.problem.boundary == "free" else 0.5
+    deformed = -contact.displacement[nodes]
+    yielded = contact.yielded[nodes]
+    return _Section(
+        axis=axis,
+        across=step_across * (first + line),
+        places=step * (first + np.arange(deformed.size)),
+        deformed=deformed,
+        rough=contact.gap[nodes] + deformed,
+        touching=(contact.pressure[nodes] != 0) & ~yielded,
+        yielded=yielded,
     )
-    yielded = contact.yielded[line]
-    touching = np.ma.masked_where((contact.pressure[line] == 0) | yielded, deformed)
-    axis.plot(position, touching, ".", ms=4, color="tab:red", label="in contact")
-    if yielded.any():
-        yielding = np.ma.masked_where(~yielded, deformed)
-        axis.plot(position, yielding, ".", ms=4, color=CYAN, label="yielded")
+
+
+def _loaded_line(pressures: Values) -> int:
+    """Return the line of nodes with the largest sum of pressures, off the border if it can be."""
+    margin = max(int(BORDER * pressures.size), 1)
+    inner = pressures[margin : pressures.size - margin]
+    if inner.any():
+        return margin + int(inner.argmax())
+    return int(pressures.argmax())
+
+
+def _plot_section(axis: Any, contact: Contact, at_load: str) -> None:
+    """Draw both bodies along the line of `_section_of`, the rough one above."""
+    section = _section_of(contact)
+    deformed = section.deformed
+    rough = section.rough
+    span = np.ptp([deformed.min(), deformed.max(), rough.max(), 0.0])
+    margin = 0.08 * float(span)
+    top = max(float(rough.max()), 0.0) + margin
+    bottom = float(deformed.min()) - margin
+    places = section.places
+    axis.fill_between(places, rough, top, color="0.8", label="rough body")
+    axis.fill_between(
+        places, bottom, deformed, color="tab:blue", alpha=0.4, label="half-space"
+    )
+    touching = np.ma.masked_where(~section.touching, deformed)
+    axis.plot(places, touching, ".", ms=4, color="tab:red", label="in contact")
+    if section.yielded.any():
+        yielded = np.ma.masked_where(~section.yielded, deformed)
+        axis.plot(places, yielded, ".", ms=4, color=CYAN, label="yielded")
     axis.axhline(0, color="k", lw=0.6, ls=":")
-    across = spacing[1 - along] * (first + place)
-    where = f"section at {'yx'[along]} = {across:.4g} µm{load.replace(' at', ',', 1)}"
-    axis.set_title(where, loc="left", fontsize=10)
-    axis.set(xlabel=f"{'xy'[along]} [µm]", ylabel="z [µm], stretched")
-    axis.set(xlim=(0, sides[along]), ylim=(bottom, top))
+    along = "xy"[section.axis]
+    across = "yx"[section.axis]
+    load = at_load.replace(" at", ",", 1)
+    title = f"section at {across} = {section.across:.4g} µm{load}"
+    axis.set_title(title, loc="left", fontsize=10)
+    axis.set(xlabel=f"{along} [µm]", ylabel="z [µm], stretched")
+    axis.set(xlim=(0, patch_sides(contact)[section.axis]), ylim=(bottom, top))
     axis.legend(
         loc="lower right", bbox_to_anchor=(1, 1), ncols=4, fontsize="small", frameon=False
     )
 
 
-def _plot_law(axes: Sequence[Any], rows: Sequence[Mapping[str, Any]], load: str) -> None:
+@dataclass(frozen=True, eq=False)
+class LawAxes:
+    """Axes of matplotlib for the law of several loads."""
+
+    area: Any
+    answer: (
+        Any  # for the far-field displacement, or the force if displacements were given
+    )
+    gap: Any
+
+
+def _plot_law(axes: LawAxes, rows: Sequence[Mapping[str, Any]], load: str) -> None:
     """Draw area, force or far-field displacement, and mean gap over the load that was given."""
-    given = LOADS[load]
+    over = LOADS[load]
+    rows = sorted(rows, key=lambda row: row[over.in_tables])
     answer = FORCE if load == "delta" else DELTA
-    rows = sorted(rows, key=lambda row: row[given.in_tables])
-    loads = np.array([row[given.in_tables] for row in rows])
+    _plot_curve(axes.area, rows, over, AREA, "tab:blue")
+    _plot_curve(axes.answer, rows, over, answer, "tab:orange")
+    _plot_curve(axes.gap, rows, over, MEAN_GAP, "tab:green")
+
+
+def _plot_curve(
+    axis: Any,
+    rows: Sequence[Mapping[str, Any]],
+    over: Quantity,
+    quantity: Quantity,
+    colour: str,
+) -> None:
+    """Draw a quantity over another one of rising rows, with logarithmic axes over decades."""
+    loads = np.array([row[over.in_tables] for row in rows])
+    values = np.array([row[quantity.in_tables] for row in rows])
+    axis.plot(loads, values, ".-", color=colour)
+    axis.grid(alpha=0.3)
+    axis.set(xlabel=over.label, ylabel=quantity.label)
     decades = bool(loads[0] > 0 and loads[-1] >= DECADES * loads[0])
-    answers = (AREA, answer, MEAN_GAP)
-    colours = ("tab:blue", "tab:orange", "tab:green")
-    for axis, quantity, colour in zip(axes, answers, colours, strict=True):
-        values = np.array([row[quantity.in_tables] for row in rows])
-        axis.plot(loads, values, ".-", color=colour)
-        axis.grid(alpha=0.3)
-        axis.set(xlabel=given.label, ylabel=quantity.label)
-        if decades:
-            log_axis(axis.xaxis)
-        if decades and values.min() > 0 and values.max() >= 10 * values.min():
-            log_axis(axis.yaxis)
-        else:
-            axis.set_ylim(0, 1.06 * float(values.max()) or 1.0)
+    if decades:
+        log_axis(axis.xaxis)
+    if decades and values.min() > 0 and values.max() >= 10 * values.min():
+        log_axis(axis.yaxis)
+    else:
+        axis.set_ylim(0, 1.06 * float(values.max()) or 1.0)

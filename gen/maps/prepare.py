@@ -82,8 +82,8 @@ def _refuse_two_forms(settings: Reading) -> None:
     """Raise InputError if both a level and a form are to be subtracted."""
     if settings.level and settings.form is not None:
         raise InputError(
-            f"--level {settings.level} and --form {settings.form} given: give one; forms of"
-            " degree 1 and 2 are levels too"
+            f"--level {settings.level} and --form {settings.form} given: give one; forms"
+            " of degree 1 and 2 are levels too"
         )
 
 
@@ -151,8 +151,8 @@ def _with_tilt_warning(topography: Topography) -> Topography:
         return topography
     tilt = least_squares(replace(topography, heights=heights)).tilt
     fault = (
-        f"tilted by {tilt.x:.2g} along x and {tilt.y:.2g} along y, more than it is rough, so one"
-        " edge carries the load"
+        f"tilted by {tilt.x:.2g} along x and {tilt.y:.2g} along y, more than it is rough,"
+        " so one edge carries the load"
     )
     warning = topography.advised(fault, Remedy("level plane", "takes the tilt out"))
     return _with_warning(topography, warning)
@@ -314,8 +314,8 @@ def despiked(topography: Topography, threshold: float) -> Topography:
         spikes = np.abs(distances) > threshold * scatter
     replaced = _share(spikes)
     step = (
-        f"despiked: {replaced} further than {threshold:g} times the scatter from their local"
-        " median"
+        f"despiked: {replaced} further than {threshold:g} times the scatter from their"
+        " local median"
     )
     clean = topography.changed(np.where(spikes, medians, heights), step)
     if spikes.mean() <= MANY_SPIKES:
@@ -478,8 +478,8 @@ def surface_warnings(topography: Topography) -> list[str]:
     # Reading a map warns of nodes that are too far apart, which makes slopes small, too.
     if 0 < slope < FLAT and apart <= WIDEST:
         fault = (
-            f"rms slope {slope:.2g} between nodes {apart:.3g} um apart: flatter than a mirror; are"
-            " the heights in metres"
+            f"rms slope {slope:.2g} between nodes {apart:.3g} um apart: flatter than a"
+            " mirror; are the heights in metres"
         )
         warnings.append(topography.advised(fault, Remedy("unit m", "reads them so")))
     if topography.boundary == "periodic" and not is_tilted(topography):

@@ -118,14 +118,19 @@ class Topography:
             nx, ny = spacings_along(heights.shape, self.boundary)
             sides = (nx * spacing[0], ny * spacing[1])
             exact_spacing = None
-        same_nodes = heights.shape == self.heights.shape
+        steps = self.steps
+        if step:
+            steps = (*steps, step)
+        doubtful = self.doubtful
+        if heights.shape != self.heights.shape:
+            doubtful = None
         return replace(
             self,
             heights=heights,
             sides=sides,
-            steps=(*self.steps, step) if step else self.steps,
+            steps=steps,
             exact_spacing=exact_spacing,
-            doubtful=self.doubtful if same_nodes else None,
+            doubtful=doubtful,
         )
 
     def advised(self, fault: str, *remedies: Remedy) -> str:
@@ -151,7 +156,9 @@ class Topography:
             for remedy in remedies
             if remedy.setting not in followed
         ]
-        return f"{fault}: {', '.join(advice)}" if advice else fault
+        if not advice:
+            return fault
+        return f"{fault}: {', '.join(advice)}"
 
 
 def spacings_along(shape: tuple[int, ...], boundary: Boundary) -> tuple[int, int]:
@@ -202,6 +209,23 @@ class _FileLengths:
 
     patch: Sides  # lengths between the borders of the patch [um]
     pixels: Sides  # lengths of all pixels, which a free patch does not reach [um]
+
+    @property
+    def text(self) -> str:
+        """The lengths of the patch in words."""
+        return f"{self.patch[0]:.6g} x {self.patch[1]:.6g} um"
+
+    def agree_with(self, reading: Reading) -> bool:
+        """Tell whether the lengths are those of `--side` but for their last digits.
+
+        Users may give the lengths of all pixels instead, unless they overrule the file.
+        """
+        sides = parse_sides(reading.side)
+        if np.allclose(sides, self.patch, rtol=AGREEING):
+            return True
+        if reading.override_scale:
+            return False
+        return np.allclose(sides, self.pixels, rtol=AGREEING)
 
 
 @dataclass(frozen=True)
@@ -330,15 +354,18 @@ def _agreed_unit(path: Path, scan: Scan, reading: Reading) -> _AgreedUnit:
         raise InputError(
             "--override-scale: give --side, --unit or both, to overrule the file's"
         )
-    factor = factor_of(reading.unit, "--unit") if reading.unit else None
+    if reading.unit:
+        factor_of(reading.unit, "--unit")  # refuses an unknown unit
     if not scan.unit:
         by_default = scan.unit == "" and scan.widths is None
         if not reading.unit and not by_default:
             raise InputError(f"{path}: names no unit; give --unit, one of {NAMED_UNITS}")
         return _AgreedUnit(reading.unit)
-    if not reading.unit or factor == UNITS.get(unit_of(scan.unit)):
+    if not reading.unit:
         factor_of(scan.unit, f"{path}: unit")
-        return _AgreedUnit(reading.unit or scan.unit)
+        return _AgreedUnit(scan.unit)
+    if UNITS.get(unit_of(scan.unit)) == UNITS[unit_of(reading.unit)]:
+        return _AgreedUnit(reading.unit)
     if not reading.override_scale:
         numbers = "lengths" if scan.length_unit is None else "heights"
         raise InputError(
@@ -356,32 +383,22 @@ def _agreed_sides(
     `unit` is that of the heights, in which the lengths of the file are if they have none.
     """
     if scan.widths is None:
-        if not reading.side:
-            hint = f" (it says {scan.remarks[0]!r})" if scan.remarks else ""
-            raise InputError(
-                f"{path}: holds no lengths; give --side, the scan length in um{hint}"
-            )
         return _AgreedSides(_sides_of_user(path, scan, reading, boundary))
     length_unit = scan.length_unit or unit or "um"
     overruling = reading.override_scale and bool(reading.side)
     if overruling and unit_of(length_unit) not in UNITS:
-        scale = f"lengths in {length_unit}"
+        overruled = f"lengths in {length_unit}"
     else:
         advice = "give --side with --override-scale, or lengths in"
         factor = factor_of(length_unit, f"{path}: unit of lengths", advice)
         stated = _lengths_of_file(scan.widths, scan.heights.shape, boundary, factor)
-        allowed = [stated.patch] if overruling else [stated.patch, stated.pixels]
-        if not reading.side or _agree(parse_sides(reading.side), allowed):
+        if not reading.side or stated.agree_with(reading):
             return _AgreedSides(stated.patch)
-        scale = f"{stated.patch[0]:.6g} x {stated.patch[1]:.6g} um"
         if not overruling:
-            between = " between its outer nodes" if boundary == "free" else ""
-            raise InputError(
-                f"{path}: is {scale}{between}, --side says {reading.side}; leave that out, or"
-                " overrule the file by --override-scale"
-            )
+            raise _contradicted_sides(path, stated, reading, boundary)
+        overruled = stated.text
     x, y = _sides_of_user(path, scan, reading, boundary)
-    return _AgreedSides((x, y), f"{scale}, taken as {x:g} x {y:g} um")
+    return _AgreedSides((x, y), f"{overruled}, taken as {x:g} x {y:g} um")
 
 
 def _lengths_of_file(
@@ -395,13 +412,26 @@ def _lengths_of_file(
     return _FileLengths(patch, (width * factor, length * factor))
 
 
-def _agree(sides: Sides, allowed: list[Sides]) -> bool:
-    """Tell whether lengths are one of the allowed pairs but for their last digits."""
-    return any(np.allclose(sides, pair, rtol=AGREEING) for pair in allowed)
+def _contradicted_sides(
+    path: Path, stated: _FileLengths, reading: Reading, boundary: Boundary
+) -> InputError:
+    """Return the error for a `--side` that is not what the file states."""
+    scale = stated.text
+    if boundary == "free":
+        scale += " between its outer nodes"
+    return InputError(
+        f"{path}: is {scale}, --side says {reading.side}; leave that out, or overrule the file by"
+        " --override-scale"
+    )
 
 
 def _sides_of_user(path: Path, scan: Scan, reading: Reading, boundary: Boundary) -> Sides:
-    """Return the lengths that `--side` gives [um]; refuse a single one for an oblong map."""
+    """Return the lengths that `--side` gives [um]; refuse none, and one for an oblong map."""
+    if not reading.side:
+        fault = f"{path}: holds no lengths; give --side, the scan length in um"
+        if scan.remarks:
+            fault += f" (it says {scan.remarks[0]!r})"
+        raise InputError(fault)
     x, y = parse_sides(reading.side)
     nx, ny = scan.heights.shape
     if nx != ny and "," not in reading.side:

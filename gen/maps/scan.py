@@ -34,7 +34,8 @@ UNITS = METRIC | {"A": 1e-4, "Å": 1e-4, "inch": 25.4e3}
 NAMED_UNITS = ", ".join(unit for unit in UNITS if unit.isascii())
 # units by other names in the singular; those in metres are read by their prefix
 WORDS = {"micron": "um", "angstrom": "A", "ångström": "A", "in": "inch", '"': "inch"}
-# a unit in metres in lower case, without "e" and "s" at its end; the groups are its prefix
+# name of a unit in metres, in lower case and without "e" and "s" at its end; the first group is its
+# prefix, the second stands for the prefix u
 METRES = re.compile("(p|n|m|c|)(?:ico|ano|illi|enti|)(micro|)met(?:er|r)")
 
 
@@ -82,8 +83,9 @@ def unit_of(name: str) -> str:
     word = name.lower().removesuffix("s").removesuffix("e")
     metres = METRES.fullmatch(word)
     if metres:
-        prefix = "u" if metres[2] else metres[1]
-        return f"{prefix}m"
+        if metres[2]:
+            return "um"
+        return f"{metres[1]}m"
     if name in UNITS:
         return name
     if word in WORDS:
@@ -130,8 +132,10 @@ class Channel:
     @property
     def label(self) -> str:
         """Index and name, followed by the unit if the map holds no heights."""
-        values = "" if self.heights else f" (in {self.unit or 'no length'}, no heights)"
-        return f"{self.index} {self.name!r}{values}"
+        name = f"{self.index} {self.name!r}"
+        if self.heights:
+            return name
+        return f"{name} (in {self.unit or 'no length'}, no heights)"
 
 
 @dataclass(frozen=True)
@@ -277,15 +281,16 @@ class _Border:
 def _border(numbers: Values) -> _Border:
     """Tell whether the first row of a table of 3 rows or more holds coordinates."""
     first, second, third = numbers[:3, 1:]
-    if _is_axis(first, even=True):
+    if _is_axis(first, evenly=True):
         # Rows of tilted maps are even, too, but continue the rows below them.
         steps = np.diff(first)
         continued = np.diff(2 * second - third)
         alike = np.abs(steps - continued) / np.abs(steps) <= ALIKE
-        is_height = np.count_nonzero(alike) > first.size / 2
-        return _Border(first, "" if is_height else "even")
-    rising = first.size >= 2 * CHANCE and _is_axis(first, even=False)
-    if rising and not _is_axis(second, even=False):
+        if np.count_nonzero(alike) > first.size / 2:
+            return _Border(first, "")
+        return _Border(first, "even")
+    rising = first.size >= 2 * CHANCE and _is_axis(first, evenly=False)
+    if rising and not _is_axis(second, evenly=False):
         return _Border(first, "uneven")
     return _Border(first, "")
 
@@ -314,18 +319,19 @@ def _between_coordinates(scan: Scan, x: Values, y: Values) -> Scan:
 def _refuse_coordinates(
     path: Path, first_row: _Border, first_column: _Border, corner: float
 ) -> None:
-    """Refuse coordinates in a border of which only one side, or no side, is even.
+    """Refuse a first row and column with coordinates, unless both have even steps.
 
-    Few numbers can rise by chance: they count as coordinates only beside a corner without a number.
+    A row or column of uneven steps alone counts as heights. Few numbers can rise by chance, and
+    count as coordinates only beside a corner without a number.
     """
     borders = (first_row, first_column)
     certain = any(
         border.kind and (border.numbers.size >= CHANCE or np.isnan(corner))
         for border in borders
     )
-    both = first_row.kind and first_column.kind
-    even = any(border.kind == "even" for border in borders)
-    if certain and (both or even):
+    all_are_coordinates = all(border.kind for border in borders)
+    any_is_even = any(border.kind == "even" for border in borders)
+    if certain and (all_are_coordinates or any_is_even):
         raise InputError(
             f"{path}: its first row holds {first_row.coordinates} coordinates, its first column"
             f" {first_column.coordinates} coordinates; leave both out, or give both in even steps"
@@ -341,7 +347,7 @@ def _is_list(columns: Values) -> bool:
         return width <= 4 or _are_unlike(columns)
     if points <= width:
         return False
-    if width <= 3 and _is_axis(columns[:, 0], even=points < CHANCE):
+    if width <= 3 and _is_axis(columns[:, 0], evenly=points < CHANCE):
         return True
     return _lies_on_grid(columns)
 
@@ -423,15 +429,15 @@ def _fault_of_grid(grid: _Grid | None) -> str:
     return ""
 
 
-def _is_axis(values: Values, *, even: bool) -> bool:
-    """Tell whether numbers rise or fall throughout, and with `even` also in even steps."""
+def _is_axis(values: Values, *, evenly: bool) -> bool:
+    """Tell whether numbers rise or fall throughout, and with `evenly` also in even steps."""
     with np.errstate(over="ignore", invalid="ignore"):
         steps = np.diff(values)
         if not ((steps > 0).all() or (steps < 0).all()):
             return False
         deviations = np.abs(steps - steps.mean())
         uneven = bool((deviations > EVEN * abs(steps.mean())).any())
-    return not (even and uneven)
+    return not (evenly and uneven)
 
 
 @dataclass(frozen=True, eq=False)

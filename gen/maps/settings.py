@@ -259,9 +259,7 @@ class Reading(FileReading):
         if len(parts) != 2 or not numbers or not rising or not inside:
             advice = f"give {KEYS[key].allowed}, the first below the second"
             raise InputError(f"{as_option(key)} {quoted(text)}: {advice}")
-        low = float(parts[0]) if parts[0] else None
-        high = float(parts[1]) if parts[1] else None
-        return low, high
+        return _end(parts[0]), _end(parts[1])
 
     def values_of(self, table: str) -> dict[str, Any]:
         """Return the values of the keys that a table of scenes has.
@@ -277,6 +275,13 @@ class Reading(FileReading):
             The value of each of its keys, in the order of `keys`.
         """
         return {name: getattr(self, name) for name in keys(table)}
+
+
+def _end(text: str) -> float | None:
+    """Return the number of an end; None for an open one, whose text is empty."""
+    if not text:
+        return None
+    return float(text)
 
 
 def keys(table: str) -> dict[str, Key]:

@@ -250,13 +250,17 @@ def _decoded(content: bytes) -> str | None:
     encoding = "utf-8-sig"
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         encoding = "utf-16"
-    elif b"\0" in content[:2]:
-        encoding = "utf-16-be" if content[:1] == b"\0" else "utf-16-le"
+    elif content[:1] == b"\0":
+        encoding = "utf-16-be"
+    elif content[1:2] == b"\0":
+        encoding = "utf-16-le"
     # The first letters are enough to tell the binary files of instruments, which may be large.
     if CONTROL_CHARACTERS.search(content[:4096].decode(encoding, errors="replace")):
         return None
     text = content.decode(encoding, errors="replace")
-    return None if CONTROL_CHARACTERS.search(text) else text
+    if CONTROL_CHARACTERS.search(text):
+        return None
+    return text
 
 
 def _entry(comment: str) -> dict[str, str]:
@@ -265,7 +269,9 @@ def _entry(comment: str) -> dict[str, str]:
     if match is None:
         return {}
     meaning = MEANINGS.get(match["label"].lower())
-    return {meaning: match["value"].strip()} if meaning else {}
+    if meaning is None:
+        return {}
+    return {meaning: match["value"].strip()}
 
 
 @dataclass(frozen=True)
@@ -428,8 +434,12 @@ def _matrix(path: Path, block: _Block) -> Scan:
     entries = block.entries
     numbers = np.array(block.rows, dtype=np.float64)
     if min(numbers.shape) < 2:
-        held = " x ".join(map(str, numbers.shape)) if block.rows else "no"
-        raise InputError(f"{path}: holds {held} heights; give 2-D heights, 2 x 2 or more")
+        count = "no"
+        if block.rows:
+            count = " x ".join(map(str, numbers.shape))
+        raise InputError(
+            f"{path}: holds {count} heights; give 2-D heights, 2 x 2 or more"
+        )
     extent = _extent(entries, numbers.shape)
     remarks = block.remarks
     if extent.widths is None:  # for example, one of the two lengths is missing
@@ -442,7 +452,9 @@ def _matrix(path: Path, block: _Block) -> Scan:
             " not read; give heights in units of length"
         )
     scale = _scale(path, entries)
-    columns = entries.get("columns of points")
+    names: tuple[str, ...] = ()
+    if "columns of points" in entries:
+        names = tuple(entries["columns of points"].split(","))
     return Scan(
         heights=numbers,
         widths=extent.widths,
@@ -451,7 +463,7 @@ def _matrix(path: Path, block: _Block) -> Scan:
         remarks=tuple(remarks[:MOST_REMARKS]),
         channel=entries.get("channel", ""),
         factor=scale.number,
-        names=() if columns is None else tuple(columns.split(",")),
+        names=names,
         y_unit=extent.y_unit,
     )
 
@@ -579,7 +591,9 @@ def _fields(line: str) -> list[str]:
     commas_separate = not decimal or len(words) < 2
     if ";" not in line and commas_separate:
         return line.removesuffix(",").split(",")
-    return [word.replace(",", ".") for word in words] if decimal else words
+    if not decimal:
+        return words
+    return [word.replace(",", ".") for word in words]
 
 
 def _are_split(fields: list[str]) -> bool:
@@ -588,7 +602,7 @@ def _are_split(fields: list[str]) -> bool:
     decimals = fields[1::2]
     if len(wholes) != len(decimals):
         return False
-    if not all(WHOLE.fullmatch(whole) for whole in wholes):
+    if not all(WHOLE.fullmatch(digits) for digits in wholes):
         return False
     if not all(DECIMALS.fullmatch(digits) for digits in decimals):
         return False

@@ -17,7 +17,7 @@ TRUTH = "true or false"
 """Allowed values of a key that switches something on."""
 
 NEAR = 0.7
-"""Least share of common letters of a misspelt key and the one that is meant."""
+"""Smallest similarity of a misspelt key to the one that is meant, as `difflib` computes it."""
 
 WRITTEN_BY_RUNS = frozenset(("source", "found", "against_found"))
 """Keys that a run writes, not a user."""
@@ -249,7 +249,7 @@ def keys_of_scene(
     generator : str
         Generator whose table `[surface]` the scene has; "" for the first one, the default.
     prefix : str
-        What stands in front of the keys: "" for a scene, the dotted name of a table and a dot.
+        Beginning of the returned keys: the dotted name of a table and a dot; "" for a scene.
 
     Returns
     -------

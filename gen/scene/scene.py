@@ -38,11 +38,10 @@ DEFAULT_GENERATOR = GENERATORS[0].NAMES[0]
 """Generator of a scene that names none."""
 
 SLOW_KEY = re.compile(r"(?:\.[^=.,\n]*+){100}")
-"""A key of TOML that would keep its parser busy, as the time grows with the square of its dots."""
-
+"""Pattern of a key with 100 dots. The parser of TOML takes a time that grows with their square."""
 
 SOURCE_HASHES: set[Location] = {("surface", "source"), ("store", "source")}
-"""Keys with the hash of the source of a user's function, whose values tell people nothing."""
+"""Keys with the hash of the source of a user's function. Messages do not show their values."""
 
 
 class Scene(Table):
@@ -55,7 +54,7 @@ class Scene(Table):
     title: str = Field(default="", description="text in quotes")
     creator: str | None = Field(default=None, description="text in quotes")
     licence: str | None = Field(default=None, description="text in quotes")
-    # Surface indices stay below 2^32, one word of a seed sequence's key: see `gen.generation.plan`.
+    # Indices of surfaces stay below 2^32, as each is one word of a key: see `gen.generation.plan`.
     samples: Annotated[int, Field(ge=1, le=10**9)] = Field(
         description="the number of rows, a whole number from 1 to 1000000000"
     )
@@ -66,7 +65,7 @@ class Scene(Table):
         default=2025, description="a whole number from 0 to 2^63 - 1"
     )
     surface: Surface = Field(default=DisplacedSurface(), description="a table [surface]")
-    # One of the two is None, which is never written: the other one has the loads.
+    # The loads stand in one of the two tables. The other one is None, and is not written.
     delta: Delta | None = Field(default=None, description="a table [delta]")
     load: Load | None = Field(default=None, description="a table [load]")
     contact: Contact = Field(default=Contact(), description="a table [contact]")
@@ -75,7 +74,7 @@ class Scene(Table):
     @model_validator(mode="before")
     @classmethod
     def _complete(cls, content: Any) -> Any:
-        """Complete a scene by what follows from its other keys."""
+        """Return the content of a scene with the defaults that follow from its other keys."""
         if not isinstance(content, dict):
             return content
         completed = dict(content)

@@ -1,4 +1,4 @@
-"""The tables of a scene beside its surfaces: contact, loads, and optional columns."""
+"""The tables of a scene apart from its surfaces: contact, loads, and optional columns."""
 
 import math
 import sys
@@ -51,7 +51,7 @@ class Contact(Table):
 
     kernel: Literal["uniform-pressure", "concentrated-force"] = "uniform-pressure"
     far_field: Literal["rigid", "compliant"] = "rigid"
-    # A scene writes no free patch: without the key it keeps its text and its fingerprint.
+    # The text of a scene leaves out a free boundary, so that older scenes keep their fingerprints.
     boundary: Literal["free", "periodic", "mirror"] = "free"
     spacing: Literal["side/(n-1)", "side/n"] = "side/(n-1)"
     modulus: Positive = Field(
@@ -66,8 +66,7 @@ class Contact(Table):
     max_iterations: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
         default=1000, description="a whole number from 1 to 1000000"
     )
-    # None stands for elastic bodies and is never written: scenes without a hardness keep their
-    # texts and fingerprints.
+    # None stands for elastic bodies. The text of a scene leaves it out.
     hardness: AboveZero | None = Field(default=None, description=HARDNESS.format("MPa"))
     hardness_ratio: AboveZero | None = Field(
         default=None, description=HARDNESS.format("E*")
@@ -94,7 +93,7 @@ class Contact(Table):
         return self
 
     def _require(self, key: str, allowed: str) -> None:
-        """Refuse every value of a key but the only one that a patch without edges allows."""
+        """Refuse a key that has not the only value that is allowed on a patch without edges."""
         value = getattr(self, key)
         if value != allowed:
             raise conflict(
@@ -108,7 +107,7 @@ class Contact(Table):
 
     @property
     def hardness_unit(self) -> float:
-        """Pressure that the hardness counts in: E* for a ratio, otherwise 1 MPa [MPa]."""
+        """Unit that the scene gives its hardness in: E* for a ratio, otherwise 1 [MPa]."""
         if self.hardness_ratio is None:
             return 1.0
         return self.e_star
@@ -199,10 +198,10 @@ class Delta(Table):
 
 
 class Load(Table):
-    """Distribution of the loads in one of several quantities; [delta] gives displacements alone.
+    """Distribution of the loads, which are displacements, pressures or forces.
 
-    Relative displacements count in rms heights of their surface, relative pressures in E* times its
-    rms slope.
+    A relative displacement is divided by the rms height of its surface, a relative pressure by E*
+    times the surface's rms slope.
     """
 
     quantity: Quantity
@@ -216,8 +215,8 @@ Flag = Annotated[bool | None, AfterValidator(lambda on: on or None)]
 
 
 def _keys_of_quantities() -> type[Table]:
-    """Make a table with the keys of `[store]` that ask for a quantity of contacts each."""
-    keys: dict[str, Any] = {}  # types and defaults
+    """Make a table with a key for each quantity that databases store only if a scene says so."""
+    keys: dict[str, Any] = {}  # type and default of each key
     for quantity in stored_quantities():
         if quantity.stored == "asked":
             keys[quantity.name] = (bool, False) if quantity.early else (Flag, None)
@@ -231,7 +230,7 @@ else:
 
 
 class Store(StoredQuantities):
-    """Optional columns, stored besides the area, the force and the statistics."""
+    """Optional columns, which databases have besides the area, the force and the statistics."""
 
     function: Function | None = Field(
         default=None,
@@ -261,7 +260,7 @@ class Store(StoredQuantities):
 
     @model_validator(mode="after")
     def _require_function(self) -> Self:
-        """Refuse keys about outputs without a function that has outputs, and crossed bounds."""
+        """Refuse keys about outputs without a function, and bounds that leave no values."""
         for name in ("outputs", "powers", "source", "least", "most"):
             if self.function is None and getattr(self, name) is not None:
                 raise conflict(f"{name} needs function, which gives them")
@@ -274,7 +273,7 @@ class Store(StoredQuantities):
         return self
 
     def wants(self, quantity: str) -> bool:
-        """Return whether the column of an optional quantity is asked for.
+        """Return whether databases of the scene have the column of an optional quantity.
 
         Parameters
         ----------

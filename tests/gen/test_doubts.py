@@ -27,9 +27,13 @@ PLAUSIBLE = [
 
 
 @pytest.mark.parametrize(("young", "hardness"), PLAUSIBLE)
-def test_solids_are_not_doubted_and_slips_of_their_units_are(young, hardness):
+def test_solids_are_not_doubted(young, hardness):
     assert not material_doubts(Bodies.of([young], [], None, hardness))
     assert not material_doubts(Bodies.of([young], [], None, None))
+
+
+@pytest.mark.parametrize(("young", "hardness"), PLAUSIBLE)
+def test_slips_of_the_units_of_solids_are_doubted(young, hardness):
     for factors in ((1e-3, 1), (1e6, 1), (1, 1e-3), (1, 1e6)):
         slipped = young * factors[0], hardness * factors[1]
         doubts = material_doubts(Bodies.of([slipped[0]], [], None, slipped[1]))
@@ -46,22 +50,31 @@ def test_solids_are_not_doubted_and_slips_of_their_units_are(young, hardness):
         )  # a ratio may have come of several
 
 
-def test_scenes_are_doubted_by_the_hardness_in_megapascals_alone():
-    for sound in (
+@pytest.mark.parametrize(
+    "sound",
+    [
         {},
         {"hardness_ratio": 0.3},
         {"modulus": 210e3, "hardness_ratio": 0.3},
         {"hardness": (0.001, 0.1)},
         {"modulus": 210e3, "hardness": 2000.0},
-    ):
-        assert not Contact(**sound).doubts
-    for slipped, told in (
+    ],
+)
+def test_scenes_are_not_doubted_by_their_hardness_over_the_modulus(sound):
+    assert not Contact(**sound).doubts
+
+
+@pytest.mark.parametrize(
+    ("slipped", "question"),
+    [
         ({"modulus": 210.0, "hardness": (1000.0, 2000.0)}, "is the modulus in GPa?"),
         ({"modulus": 210e9}, "is the modulus in Pa?"),
         ({"hardness": 2000.0}, "is the modulus left out?"),
-    ):
-        (line,) = Contact(**slipped).doubts
-        assert told in line
+    ],
+)
+def test_scenes_are_doubted_by_the_hardness_in_megapascals(slipped, question):
+    (line,) = Contact(**slipped).doubts
+    assert question in line
 
 
 NODES = 100
@@ -83,10 +96,13 @@ def doubts(rows, load="delta", bodies=None):
     return rows_doubts(Tally.of(rows, NODES), bodies or Bodies(1.0), load, 5.0)
 
 
-def test_what_holds_for_half_of_the_rows_is_no_doubt_and_for_more_it_is():
+def test_what_holds_for_half_of_the_rows_is_no_doubt():
     assert doubts(solved([1, 1, 30, 40])) == []
     assert doubts(solved([30, 40, NODES, NODES])) == []
     assert doubts(solved([30, 40], slope=[0.9, 1.1])) == []
+
+
+def test_what_holds_for_more_than_half_of_the_rows_is_a_doubt():
     (line,) = doubts(solved([1, 0, 30]))
     assert line.startswith("up to Delta = 2 um one node touches at most in 2 of 3 rows")
     (line,) = doubts(solved([40, NODES, NODES]))
@@ -95,21 +111,34 @@ def test_what_holds_for_half_of_the_rows_is_no_doubt_and_for_more_it_is():
     assert line.startswith("rms slope 3 between nodes 5 um apart, above 1 in 2 of 3 rows")
 
 
-def test_a_pressure_that_meets_the_default_modulus_is_told_and_a_normalised_one_is_not():
-    default = "E* is 1 MPa, the default without a modulus (modulus in [contact])"
-    for load in ("pressure", "force"):
-        assert doubts(solved([30], pressure=0.9), load) == []
-        assert doubts(solved([30], pressure=2.0), load) == [
-            f"the largest nominal pressure is 2 MPa: {default}"
-        ]
-        (line,) = doubts(solved([NODES], pressure=2.0), load)
-        assert line.endswith(default)
-        (line,) = doubts(
-            solved([NODES], pressure=20.0), load, Bodies(2.3e5, has_modulus=True)
-        )
-        assert line.endswith(f"E* is 2.3e+05 MPa; {CHECK_LOAD}")
-    for load in ("delta", "delta/height_rms", "pressure/(E* slope_rms)"):
-        assert doubts(solved([30], pressure=2.0), load) == []
+DEFAULT = "E* is 1 MPa, the default without a modulus (modulus in [contact])"
+IN_UNITS = pytest.mark.parametrize("load", ["pressure", "force"])
+
+
+@IN_UNITS
+def test_a_pressure_above_the_default_modulus_is_told(load):
+    assert doubts(solved([30], pressure=0.9), load) == []
+    assert doubts(solved([30], pressure=2.0), load) == [
+        f"the largest nominal pressure is 2 MPa: {DEFAULT}"
+    ]
+
+
+@IN_UNITS
+def test_full_contact_with_the_default_modulus_asks_for_a_modulus(load):
+    (line,) = doubts(solved([NODES], pressure=2.0), load)
+    assert line.endswith(DEFAULT)
+
+
+@IN_UNITS
+def test_full_contact_with_a_modulus_asks_for_the_load(load):
+    bodies = Bodies(2.3e5, has_modulus=True)
+    (line,) = doubts(solved([NODES], pressure=20.0), load, bodies)
+    assert line.endswith(f"E* is 2.3e+05 MPa; {CHECK_LOAD}")
+
+
+@pytest.mark.parametrize("load", ["delta", "delta/height_rms", "pressure/(E* slope_rms)"])
+def test_a_load_that_does_not_scale_with_the_modulus_is_no_doubt_about_it(load):
+    assert doubts(solved([30], pressure=2.0), load) == []
 
 
 def test_one_slip_has_one_line():

@@ -14,6 +14,7 @@ from markdown_it import MarkdownIt
 from gen import cli, schema
 from gen import export as exporting
 from gen.database import Reader, Writer
+from gen.export import rows as rows_files
 from gen.runtime.files import lock_folder
 from gen.runtime.terminal import printable
 from gen.schema import Status
@@ -56,7 +57,7 @@ def test_every_value_and_unit_is_in_the_parquet_files(folder):
     table = pq.read_table(folder / "out" / "rows.parquet")
     with Reader(folder / "a.h5") as reader:
         assert table["sample"].to_pylist() == list(range(40))
-        for column in exporting.columns_of(reader)[0]:
+        for column in rows_files.exported_columns(reader).scalars:
             assert np.array_equal(
                 table[column.name].to_numpy(), reader.column(column.name)
             )
@@ -131,7 +132,7 @@ def test_only_done_rows_are_exported_and_the_others_counted(tmp_path, capsys):
 def test_an_interrupted_export_goes_on_and_keeps_whole_files(
     folder, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(exporting, "FILE_BYTES", 9 * 9 * 8 * 10)
+    monkeypatch.setattr(rows_files, "FILE_BYTES", 9 * 9 * 8 * 10)
     path, out = folder / "a.h5", tmp_path / "out"
     write, calls = exporting.write_piece, []
 

@@ -5,7 +5,7 @@ import pytest
 
 from bem.checks import LARGEST as LARGEST_COMPUTED
 from gen.maps.contacts import require_conductivities
-from gen.material import LARGEST, MOST_VALUES, Bodies, combined_modulus, loads_from
+from gen.material import LARGEST, MOST_VALUES, Bodies, Gas, combined_modulus, loads_from
 from gen.runtime.errors import InputError
 
 HUGE = "9" * 5000
@@ -68,13 +68,44 @@ def test_numbers_that_users_give_end_where_computed_ones_do():
             refused()
 
 
-def test_moduli_combine():
-    assert combined_modulus([], []) is None
+def test_moduli_of_one_elastic_body_and_of_two_combine():
     assert combined_modulus([210e3], [0.3]) == pytest.approx(210e3 / 0.91)
     both = 1 / (0.91 / 210e3 + 0.75 / 3e3)
     assert combined_modulus([210e3, 3e3], [0.3, 0.5]) == pytest.approx(both)
-    assert combined_modulus([], [], 7.0) == 7
     assert combined_modulus([2.0, 2.0], []) == 1
+
+
+def test_e_star_stands_for_moduli():
+    assert combined_modulus([], [], 7.0) == 7
+
+
+def test_without_numbers_there_is_no_modulus():
+    assert combined_modulus([], []) is None
+
+
+def test_a_gas_between_parallel_plates_conducts_by_their_distance_and_its_jump():
+    gas = Gas(0.026, 0.37)
+    assert gas.conductance(np.full((4, 4), 2.0)) == 0.026 / (2.0 + 0.37)
+
+
+def test_a_gas_conducts_nothing_where_bodies_touch():
+    gas = Gas(0.026, 0.37)
+    assert gas.conductance(np.array([[0.0, 2.0]])) == 0.026 / (2.0 + 0.37) / 2
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [("0,1", "give numbers"), ("-1", "give numbers"), ("nan", "give numbers")],
+)
+def test_displacements_are_above_0(text, message):
+    with pytest.raises(InputError, match=message):
+        loads_from("delta", text)
+
+
+def test_pressures_may_be_0_but_not_all_of_them():
+    assert loads_from("pressure", "0,1") == [0.0, 1.0]
+    with pytest.raises(InputError, match="not all 0"):
+        loads_from("pressure", "0,0")
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,9 @@ from gen.schema import Status
 
 ROOT = Path(__file__).resolve().parents[2]
 MEDIA = Media(conductivities=(50.0, 20.0), gas=Gas(0.026, 0.4))
-NODES, SIDE, DELTA = (24, 21), (120.0, 100.0), 0.9
+NODES = (24, 21)
+SIDE = (120.0, 100.0)
+DELTA = 0.9
 SCALES = [Powers(1, 0, 0), Powers(0, 1, 0), Powers(0, 0, 1)]
 
 
@@ -67,8 +69,9 @@ def test_powers_are_those_of_solved_contacts(boundary, hardness):
         for quantity in QUANTITIES.values():
             if quantity.powers is None:
                 continue
-            value, changed = quantity.of(first, MEDIA), quantity.of(other, MEDIA)
-            expected = np.asarray(value) * factor(quantity.powers, doubled)
+            changed = quantity.of(other, MEDIA)
+            value = np.asarray(quantity.of(first, MEDIA))
+            expected = value * factor(quantity.powers, doubled)
             np.testing.assert_allclose(
                 changed, expected, rtol=1e-9, err_msg=quantity.name
             )
@@ -129,7 +132,9 @@ def test_bounds_and_trends_are_those_of_a_ladder_of_loads():
 
 
 def test_every_column_that_can_be_stored_is_filled():
-    names = [each.name for each in stored_quantities() if each.stored == "asked"]
+    names = [
+        quantity.name for quantity in stored_quantities() if quantity.stored == "asked"
+    ]
     keys = "\n".join(f"{name} = true" for name in names)
     text = f"samples = 3\n[surface]\nnodes = 17\n[contact]\nhardness = 0.02\n[store]\n{keys}\n"
     scene = Scene.parse(text, "test")
@@ -141,13 +146,19 @@ def test_every_column_that_can_be_stored_is_filled():
     assert {*names} <= rows.keys()
 
 
-def test_quantities_have_one_name_everywhere():
-    short = [quantity.law.short for quantity in IN_LAWS.values()]
-    assert len(set(short)) == len(short)
-    tables = [
+def test_no_two_quantities_share_a_short_name():
+    names = [quantity.law.short for quantity in IN_LAWS.values()]
+    assert len(set(names)) == len(names)
+
+
+def test_no_two_quantities_share_a_column_of_tables():
+    columns = [
         quantity.in_tables for quantity in QUANTITIES.values() if not quantity.per_node
     ]
-    assert len(set(tables)) == len(tables)
+    assert len(set(columns)) == len(columns)
+
+
+def test_a_law_over_delta_can_have_every_quantity_of_laws():
     assert {*LAW_COLUMNS["delta_um"]} | {"delta_um"} == IN_LAWS.keys()
 
 
@@ -193,8 +204,8 @@ def displays(path: Path):
             texts = [*filter(None, node.keys), *node.values]
         else:
             continue
-        found = [text.value for text in texts if isinstance(text, ast.Constant)]
-        yield named.get(id(node), f"line {node.lineno}"), {*map(str, found)}
+        values = [text.value for text in texts if isinstance(text, ast.Constant)]
+        yield named.get(id(node), f"line {node.lineno}"), {*map(str, values)}
 
 
 def test_no_other_table_lists_quantities():
@@ -207,11 +218,12 @@ def test_no_other_table_lists_quantities():
             quantities = texts & NAMES
             if len(quantities) > 1 and quantities - LOADS.keys():
                 lists.add(f"{where}: {name}")
-    assert {
-        each for each in lists if not each.startswith("gen/quantities.py")
-    } == ELSEWHERE
+    outside = {place for place in lists if not place.startswith("gen/quantities.py")}
+    assert outside == ELSEWHERE
 
 
-def test_what_laws_can_have_beside_is_no_code_and_no_field():
+def test_quantities_that_a_law_has_by_name_are_neither_codes_nor_fields():
     assert ALSO
-    assert not [each.name for each in ALSO.values() if each.code or each.per_node]
+    for quantity in ALSO.values():
+        assert not quantity.code, quantity.name
+        assert not quantity.per_node, quantity.name

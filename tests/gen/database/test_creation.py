@@ -2,6 +2,7 @@
 
 import json
 import resource
+import shutil
 import signal
 
 import crafted_databases as crafted
@@ -39,29 +40,54 @@ KILLED_WHILE_EXTENDING = """
 """
 
 
-def test_more_samples_extend_the_file(path):
-    scene = small(store=Store(heights=True))
-    filled(path, scene, (2, 5, Status.DONE), (7, 8, Status.FAILED))
-    with Reader(path) as reader:
-        created = reader.attributes["created"]
-    more = small(15, store=Store(heights=True))
-    assert open_or_create(path, more) == "extended"
-    with Writer(path, more) as writer:
-        assert writer.pending() == [range(2), range(5, 7), range(8, 15)]
-    wanted = block(scene, 2, 5)
-    with Reader(path) as reader:
-        assert reader.scene == more
+FIELDS = Store(heights=True)
+
+
+class Extended:
+    """A database of 10 rows, some of them finished, that was extended to 15."""
+
+    def __init__(self, path):
+        self.path = path
+        self.scene = small(15, store=FIELDS)
+        filled(path, small(store=FIELDS), (2, 5, Status.DONE), (7, 8, Status.FAILED))
+        with Reader(path) as reader:
+            self.created = reader.attributes["created"]
+        self.action = open_or_create(path, self.scene)
+
+
+@pytest.fixture(scope="module")
+def extended(tmp_path_factory):
+    return Extended(tmp_path_factory.mktemp("extended") / "some.h5")
+
+
+def test_more_samples_extend_the_file(extended):
+    assert extended.action == "extended"
+    with Reader(extended.path) as reader:
+        assert reader.scene == extended.scene
         assert reader.attributes["samples"] == 15
-        assert reader.attributes["created"] == created
-        for column in reader.columns():
-            if column.name in wanted:
-                there = reader.column(column.name, 2, 5)
-                np.testing.assert_array_equal(there, wanted[column.name])
-            rest = reader.column(column.name, 10)
-            np.testing.assert_array_equal(rest, np.full_like(rest, column.fill))
+    assert list(extended.path.parent.iterdir()) == [extended.path]
+
+
+def test_an_extension_keeps_the_time_of_creation(extended):
+    with Reader(extended.path) as reader:
+        assert reader.attributes["created"] == extended.created
+
+
+def test_an_extension_keeps_finished_rows_with_their_checksums(extended):
+    expected = block(extended.scene, 2, 5)
+    with Reader(extended.path) as reader:
+        for name, values in expected.items():
+            np.testing.assert_array_equal(reader.column(name, 2, 5), values)
         assert reader.has_checksums
         assert not reader.damaged_rows().size
-    assert list(path.parent.iterdir()) == [path]
+
+
+def test_new_rows_of_an_extension_are_pending_and_empty(extended):
+    with Writer(extended.path, extended.scene) as writer:
+        assert writer.pending() == [range(2), range(5, 7), range(8, 15)]
+        for column in writer.columns():
+            values = writer.column(column.name, 10)
+            np.testing.assert_array_equal(values, np.full_like(values, column.fill))
 
 
 def test_kill_while_extending_leaves_the_old_file(path):
@@ -117,28 +143,55 @@ def test_creation_that_cannot_fit_does_not_start(path):
     assert list(path.parent.iterdir()) == []
 
 
-def test_merge_takes_the_best_of_every_row(tmp_path, monkeypatch):
-    monkeypatch.setattr(database.reader, "CHUNK_BYTES", 3 * 8 * 25)
-    store = Store(heights=True)
-    one = filled(tmp_path / "one.h5", small(10, store=store), (0, 4, 1), (6, 8, 2))
-    two = filled(
-        tmp_path / "two.h5", small(15, store=store), (2, 7, 1), (8, 9, 2), (14, 15, 1)
-    )
-    target = tmp_path / "both.h5"
-    assert merge(target, [one, two]) == (5, 8, 2)
-    scene = small(15, store=store)
-    wanted = block(scene, 0, 15)
-    with Reader(target) as reader:
-        assert reader.scene == scene
-        statuses = [1, 1, 1, 1, 1, 1, 1, 2, 2, 0, 0, 0, 0, 0, 1]
-        assert reader.column("status").tolist() == statuses
-        for name in wanted.keys() - {"status", "reason"}:
-            known = np.flatnonzero(statuses)
-            np.testing.assert_array_equal(reader.column(name)[known], wanted[name][known])
+MERGED_STATUSES = [1, 1, 1, 1, 1, 1, 1, 2, 2, 0, 0, 0, 0, 0, 1]
+
+
+class Merged:
+    """Two databases of one scene, and what a merge makes of them in chunks of few rows."""
+
+    def __init__(self, folder):
+        one = filled(folder / "one.h5", small(10, store=FIELDS), (0, 4, 1), (6, 8, 2))
+        self.scene = small(15, store=FIELDS)
+        two = filled(folder / "two.h5", self.scene, (2, 7, 1), (8, 9, 2), (14, 15, 1))
+        self.sources = [one, two]
+        self.path = folder / "both.h5"
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(database.reader, "CHUNK_BYTES", 3 * 8 * 25)
+            self.counts = merge(self.path, self.sources)
+
+
+@pytest.fixture(scope="module")
+def merged(tmp_path_factory):
+    return Merged(tmp_path_factory.mktemp("merged"))
+
+
+def test_merge_takes_the_best_status_of_every_row(merged):
+    assert merged.counts == (5, 8, 2)
+    with Reader(merged.path) as reader:
+        assert reader.column("status").tolist() == MERGED_STATUSES
+
+
+def test_merge_takes_the_values_of_finished_rows_with_their_checksums(merged):
+    expected = block(merged.scene, 0, 15)
+    finished = np.flatnonzero(MERGED_STATUSES)
+    with Reader(merged.path) as reader:
+        for name in expected.keys() - {"status", "reason"}:
+            np.testing.assert_array_equal(
+                reader.column(name)[finished], expected[name][finished]
+            )
         assert not reader.damaged_rows().size
-    with Writer(target, scene) as writer:
+
+
+def test_a_merged_database_is_of_the_larger_scene_and_can_be_continued(merged):
+    with Reader(merged.path) as reader:
+        assert reader.scene == merged.scene
+    with Writer(merged.path, merged.scene) as writer:
         assert writer.pending() == [range(9, 14)]
-    assert sorted(tmp_path.iterdir()) == sorted([one, two, target])
+
+
+def test_merge_leaves_its_sources_and_no_other_file(merged):
+    files = sorted(merged.path.parent.iterdir())
+    assert files == sorted([*merged.sources, merged.path])
 
 
 def test_merge_refuses_rows_that_differ_in_one_bit(tmp_path):
@@ -169,51 +222,90 @@ def test_merge_names_the_database_in_which_a_row_is_damaged(tmp_path):
         merge(tmp_path / "both.h5", [one, two])
 
 
-@pytest.mark.few(1)
-@pytest.mark.parametrize("older", [("one",), ("one", "two")])
-def test_files_without_checksums_are_read_continued_extended_and_merged(
-    here, monkeypatch, older
-):
-    """Older versions made them; all other bytes are the same."""
-    scene = "samples = {}\n[surface]\nnodes = 9\n"
-    whole = deterministic_bytes(database_of(here, scene.format(12), "whole"))
+NINE_NODES = "samples = 12\n[surface]\nnodes = 9\n"
+
+
+@pytest.fixture(scope="module", params=[("one",), ("one", "two")])
+def shares(request, tmp_path_factory):
+    """A whole database and two shares of it, some of which an older version has made."""
+    folder = tmp_path_factory.mktemp("shares")
+    database_of(folder, NINE_NODES, "whole")
     for name, rows in (("one", "0:5"), ("two", "5:12")):
-        with monkeypatch.context() as patch:
-            if name in older:
+        with pytest.MonkeyPatch.context() as patch:
+            if name in request.param:
                 without_checksums(patch)
-            database_of(here, scene.format(12), name, "--rows", rows)
-    del whole["checksum"]
-    for line in (
-        "run one.toml -o one.h5 --rows 0:7",
-        "info one.h5",
-        "check one.h5 --recompute 2",
-        "merge one.h5 two.h5 -o merged.h5",
-        "run whole.toml -o one.h5",
-    ):
-        assert cli.main(line.split()) == 0
-    assert deterministic_bytes(here / "merged.h5") == whole
-    assert deterministic_bytes(here / "one.h5") == whole
+            database_of(folder, NINE_NODES, name, "--rows", rows)
+    return folder
 
 
-def test_merge_refuses_other_scenes_physics_and_targets(tmp_path, monkeypatch):
+@pytest.fixture
+def older(shares, here):
+    """The current folder, with copies of the shares that a test may change."""
+    for path in shares.iterdir():
+        shutil.copy(path, here)
+    return here
+
+
+def bytes_without_checksums(path):
+    columns = deterministic_bytes(path)
+    columns.pop("checksum", None)
+    return columns
+
+
+@pytest.mark.usefixtures("older")
+@pytest.mark.parametrize("line", ["info one.h5", "check one.h5 --recompute 2"])
+def test_files_without_checksums_are_read(line):
+    assert cli.main(line.split()) == 0
+
+
+@pytest.mark.parametrize("rows", [["--rows", "0:7"], []])
+def test_files_without_checksums_are_continued_and_extended(older, rows):
+    assert cli.main(["run", "one.toml", "-o", "one.h5", *rows]) == 0
+    assert cli.main(["run", "whole.toml", "-o", "one.h5"]) == 0
+    assert "checksum" not in deterministic_bytes(older / "one.h5")
+    expected = bytes_without_checksums(older / "whole.h5")
+    assert deterministic_bytes(older / "one.h5") == expected
+
+
+def test_files_without_checksums_are_merged(older):
+    assert cli.main(["merge", "one.h5", "two.h5", "-o", "merged.h5"]) == 0
+    expected = bytes_without_checksums(older / "whole.h5")
+    assert deterministic_bytes(older / "merged.h5") == expected
+
+
+def test_merge_refuses_other_scenes(tmp_path):
     one = filled(tmp_path / "one.h5", small(seed=1))
     two = filled(tmp_path / "two.h5", small(seed=2))
-    target = tmp_path / "both.h5"
     with pytest.raises(
         InputError, match=r"different scenes, and are not merged:\n  seed: 1 in"
     ):
-        merge(target, [one, two])
+        merge(tmp_path / "both.h5", [one, two])
+    assert not (tmp_path / "both.h5").exists()
+
+
+def test_merge_needs_a_database(tmp_path):
     with pytest.raises(InputError, match="nothing to merge"):
-        merge(target, [])
+        merge(tmp_path / "both.h5", [])
+    assert not (tmp_path / "both.h5").exists()
+
+
+def test_merge_replaces_no_file(tmp_path):
+    one = filled(tmp_path / "one.h5", small())
+    two = filled(tmp_path / "two.h5", small(15))
+    before = two.read_bytes()
     with pytest.raises(InputError, match="exists"):
         merge(two, [one])
+    assert two.read_bytes() == before
+
+
+def test_merge_refuses_other_physics(tmp_path, monkeypatch):
+    one = filled(tmp_path / "one.h5", small())
     raise_physics(monkeypatch)
-    three = filled(tmp_path / "three.h5", small(seed=1))
-    with pytest.raises(
-        InputError, match=rf"physics {PHYSICS} and of physics {PHYSICS + 1}"
-    ):
-        merge(target, [one, three])
-    assert not target.exists()
+    two = filled(tmp_path / "two.h5", small())
+    words = rf"physics {PHYSICS} and of physics {PHYSICS + 1}"
+    with pytest.raises(InputError, match=words):
+        merge(tmp_path / "both.h5", [one, two])
+    assert not (tmp_path / "both.h5").exists()
 
 
 def test_file_is_allocated_contiguous_and_opens_after_a_kill(path):
@@ -296,41 +388,72 @@ def test_refusing_asks_for_no_memory(paths, opening):
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 20_000  # kB
 
 
-@pytest.mark.few(1)
-@pytest.mark.parametrize(("older", "drawn"), DRAWN_NAMES.items())
-def test_files_with_older_names_are_read_continued_extended_and_merged(
-    here, older, drawn
-):
-    """The columns of drawn heights and slopes had the names of the parameters."""
-    scene = SPECTRAL.replace("RMS", older)
+class OlderNames:
+    """A whole database, and a share in which a drawn parameter has the column's older name.
 
-    def columns(name):
-        with Reader(here / name) as reader:
-            wanted = [each.name for each in reader.columns() if each.deterministic]
-            np.testing.assert_array_equal(reader.column(older), reader.column(drawn))
-            low, high = reader.ranges()[drawn]
-            assert 0.5 <= low <= high <= 2.0
-            return {each: reader.column(each) for each in wanted}
+    The columns of drawn heights and slopes had the names of the parameters.
+    """
 
-    database_of(here, scene.replace("8", "12", 1), "whole")
-    database_of(here, scene, "old", "--rows", "0:5")
-    with h5py.File("old.h5", "r+") as file:
-        file.move(drawn, older)
-    columns("old.h5")
-    for line in (
-        "run old.toml -o old.h5",
-        "info old.h5",
-        "check old.h5 --recompute 2",
-        "merge old.h5 whole.h5 -o merged.h5",
-        "run whole.toml -o old.h5",
-    ):
-        assert cli.main(line.split()) == 0
-    whole = columns("whole.h5")
-    for name in ("merged.h5", "old.h5"):
-        again = columns(name)
-        assert again.keys() == whole.keys()
-        for column, values in whole.items():
-            np.testing.assert_array_equal(again[column], values, err_msg=column)
+    def __init__(self, folder, parameter, column):
+        self.folder = folder
+        self.parameter = parameter
+        self.column = column
+        scene = SPECTRAL.replace("RMS", parameter)
+        database_of(folder, scene.replace("8", "12", 1), "whole")
+        database_of(folder, scene, "old", "--rows", "0:5")
+        with h5py.File(folder / "old.h5", "r+") as file:
+            file.move(column, parameter)
+
+    def require_whole(self, path):
+        """Compare all columns of a database with those of the whole one."""
+        with Reader(path) as reader, Reader(self.folder / "whole.h5") as whole:
+            for column in whole.columns():
+                if column.deterministic:
+                    np.testing.assert_array_equal(
+                        reader.column(column.name), whole.column(column.name)
+                    )
+
+
+@pytest.fixture(scope="module", params=DRAWN_NAMES.items(), ids=lambda names: names[0])
+def named_before(request, tmp_path_factory):
+    return OlderNames(tmp_path_factory.mktemp("names"), *request.param)
+
+
+@pytest.fixture
+def old(named_before, here):
+    """A copy, in the current folder, of the file with older names."""
+    for name in ("old.toml", "whole.toml", "whole.h5"):
+        (here / name).symlink_to(named_before.folder / name)
+    return shutil.copy(named_before.folder / "old.h5", here / "old.h5")
+
+
+def test_a_column_with_an_older_name_is_read_by_both_names(named_before, old):
+    with Reader(old) as reader:
+        values = reader.column(named_before.column)
+        np.testing.assert_array_equal(reader.column(named_before.parameter), values)
+
+
+def test_a_column_with_an_older_name_has_a_range(named_before, old):
+    with Reader(old) as reader:
+        smallest, largest = reader.ranges()[named_before.column]
+    assert 0.5 <= smallest <= largest <= 2.0
+
+
+@pytest.mark.usefixtures("old")
+@pytest.mark.parametrize("line", ["info old.h5", "check old.h5 --recompute 2"])
+def test_commands_read_files_with_older_names(line):
+    assert cli.main(line.split()) == 0
+
+
+def test_files_with_older_names_are_continued_and_extended(named_before, old):
+    assert cli.main(["run", "old.toml", "-o", "old.h5"]) == 0
+    assert cli.main(["run", "whole.toml", "-o", "old.h5"]) == 0
+    named_before.require_whole(old)
+
+
+def test_files_with_older_names_are_merged(named_before, old):
+    assert cli.main(["merge", "old.h5", "whole.h5", "-o", "merged.h5"]) == 0
+    named_before.require_whole(old.with_name("merged.h5"))
 
 
 def test_every_column_is_a_type_of_numpy_and_explained():

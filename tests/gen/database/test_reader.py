@@ -45,24 +45,33 @@ def test_a_checksum_is_that_of_a_rows_bytes_in_the_order_of_the_names(path, stor
             assert file["checksum"][row] == zlib.crc32(data)
 
 
-def test_any_changed_column_of_a_finished_row_is_damage(path):
-    filled(
-        path, small(store=Store(heights=True)), (0, 4, Status.DONE), (6, 8, Status.FAILED)
-    )
-    with Reader(path) as reader:
+@pytest.fixture
+def finished(path):
+    """A database with fields, whose rows 0 to 3 are done and 6 and 7 failed."""
+    scene = small(store=Store(heights=True))
+    return filled(path, scene, (0, 4, Status.DONE), (6, 8, Status.FAILED))
+
+
+def test_rows_are_not_damaged_as_they_were_written(finished):
+    with Reader(finished) as reader:
         assert reader.damage() == ""
+
+
+def test_any_changed_column_of_a_finished_row_is_damage(finished):
+    with Reader(finished) as reader:
         guarded = [column.name for column in reader.columns() if column.deterministic]
     for name in guarded:
-        with h5py.File(path, "r+") as file:
+        with h5py.File(finished, "r+") as file:
             values = file[name][:]
             for row in (3, 7, 9):  # the last one is pending
-                file[name][row] = (
-                    {1: 2, 2: 1}.get(values[row], 0) if name == "status" else 7
-                )
-        with Reader(path) as reader:
+                changed = 7
+                if name == "status":
+                    changed = {1: 2, 2: 1}.get(values[row], 0)
+                file[name][row] = changed
+        with Reader(finished) as reader:
             assert reader.damaged_rows().tolist() == [3, 7], name
             assert reader.damaged_rows(4, 9).tolist() == [7], name
-        with h5py.File(path, "r+") as file:
+        with h5py.File(finished, "r+") as file:
             file[name][:] = values
 
 
@@ -75,28 +84,51 @@ def test_unknown_column_names_those_there_are(path):
         reader.column("heights")
 
 
-def test_xarray_reads_both_groups_with_units(path):
-    xarray = pytest.importorskip("xarray")
+@pytest.fixture(scope="module")
+def with_heights(tmp_path_factory):
+    """A database with fields, some rows of which are done."""
+    path = tmp_path_factory.mktemp("heights") / "some.h5"
+    return filled(path, small(store=Store(heights=True)), (0, 3, Status.DONE))
+
+
+@pytest.fixture
+def xarray():
     pytest.importorskip("h5netcdf")
-    scene = small(store=Store(heights=True))
-    filled(path, scene, (0, 3, Status.DONE))
-    columns = stored_columns(scene)
-    with xarray.open_dataset(path, engine="h5netcdf") as results:
-        assert list(results.variables) == [c.name for c in columns if not c.group]
+    return pytest.importorskip("xarray")
+
+
+def test_xarray_reads_values_and_dimensions(with_heights, xarray):
+    with xarray.open_dataset(with_heights, engine="h5netcdf") as results:
         assert results.sizes == {"sample": 10, "x": 5, "y": 5}
         assert results.heights.dims == ("sample", "x", "y")
         assert results.force.dims == ("sample",)
+        assert results.attrs["samples"] == 10
+        force = block(small(store=Store(heights=True)), 0, 3)["force"]
+        np.testing.assert_array_equal(results.force[:3], force)
+
+
+def test_xarray_reads_the_meanings_of_codes(with_heights, xarray):
+    with xarray.open_dataset(with_heights, engine="h5netcdf") as results:
         assert results.status.flag_meanings == "pending done failed"
         assert list(results.reason.flag_values) == list(Reason)
         assert len(results.reason.flag_meanings.split()) == len(Reason)
-        assert results.attrs["samples"] == 10
-        np.testing.assert_array_equal(results.force[:3], block(scene, 0, 3)["force"])
-        for column in columns:
-            if not column.group:
-                assert results[column.name].attrs["units"] == column.unit
-                assert results[column.name].attrs["long_name"] == column.long_name
-    with xarray.open_dataset(path, engine="h5netcdf", group="runtime") as runtime:
-        assert list(runtime.variables) == [c.name for c in columns if c.group]
+
+
+def test_xarray_reads_all_columns_with_units_and_meanings(with_heights, xarray):
+    columns = stored_columns(small(store=Store(heights=True)))
+    common = [column for column in columns if not column.group]
+    with xarray.open_dataset(with_heights, engine="h5netcdf") as results:
+        assert list(results.variables) == [column.name for column in common]
+        for column in common:
+            assert results[column.name].attrs["units"] == column.unit
+            assert results[column.name].attrs["long_name"] == column.long_name
+
+
+def test_xarray_reads_the_group_of_times(with_heights, xarray):
+    columns = stored_columns(small(store=Store(heights=True)))
+    times = [column.name for column in columns if column.group]
+    with xarray.open_dataset(with_heights, engine="h5netcdf", group="runtime") as runtime:
+        assert list(runtime.variables) == times
         assert runtime.surface_seconds.attrs["units"] == "s"
 
 
@@ -136,21 +168,35 @@ def test_a_scene_that_no_version_makes_any_more_says_how_the_database_is_made_an
         Reader(path)
 
 
-def test_other_physics_is_refused_unless_forced(path, monkeypatch):
+@pytest.fixture
+def of_lower_physics(path, monkeypatch):
+    """A database that this version, which computes other results, is to continue."""
     create(path, small())
-    before = path.read_bytes()
     raise_physics(monkeypatch)
-    now, later = f"physics {PHYSICS}", f"physics {PHYSICS + 1}"
-    told = rf"{now}, this version computes {later}; give another name .* gen run --force"
-    with pytest.raises(InputError, match=told):
-        open_or_create(path, small())
+    return path
+
+
+def test_a_run_of_other_physics_is_refused(of_lower_physics):
+    before = of_lower_physics.read_bytes()
+    stored, computed = f"physics {PHYSICS}", f"physics {PHYSICS + 1}"
+    words = rf"{stored}, this version computes {computed}; give another name .* gen run --force"
+    with pytest.raises(InputError, match=words):
+        open_or_create(of_lower_physics, small())
+    assert of_lower_physics.read_bytes() == before
+
+
+def test_a_writer_of_other_physics_is_refused(of_lower_physics):
+    before = of_lower_physics.read_bytes()
     with pytest.raises(InputError, match="physics"):
-        Writer(path, small())
-    assert path.read_bytes() == before
-    assert open_or_create(path, small(), force=True) == "resumed"
-    with Writer(path, small(), force=True):
+        Writer(of_lower_physics, small())
+    assert of_lower_physics.read_bytes() == before
+
+
+def test_other_physics_can_be_forced_and_is_recorded(of_lower_physics):
+    assert open_or_create(of_lower_physics, small(), force=True) == "resumed"
+    with Writer(of_lower_physics, small(), force=True):
         pass
-    with Reader(path) as reader:
+    with Reader(of_lower_physics) as reader:
         assert reader.attributes["physics"] == PHYSICS
         assert reader.attributes["physics_forced"] == PHYSICS + 1
 

@@ -10,7 +10,15 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from databases import NO_ROOM, block, deterministic_bytes, filled, run, small
+from databases import (
+    NO_ROOM,
+    block,
+    database_of,
+    deterministic_bytes,
+    filled,
+    run,
+    small,
+)
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -43,15 +51,24 @@ KILLED_BEFORE_STATUS = """
 """
 
 
-def test_kill_between_columns_and_status_leaves_rows_pending(path):
-    scene = small()
-    create(path, scene)
+@pytest.fixture(scope="module")
+def killed(tmp_path_factory):
+    """A database whose writer was killed between the columns and the statuses of rows."""
+    path = tmp_path_factory.mktemp("killed") / "some.h5"
+    create(path, small())
     assert run(KILLED_BEFORE_STATUS, path).returncode == -signal.SIGKILL
-    with Reader(path) as reader:
+    return path
+
+
+def test_rows_that_were_synced_before_a_kill_are_done(killed):
+    with Reader(killed) as reader:
         assert reader.counts() == (6, 4, 0)
         assert (reader.column("force", 0, 4) == 1.0).all()
-    assert open_or_create(path, scene) == "resumed"
-    with Writer(path, scene) as writer:
+
+
+def test_kill_between_columns_and_status_leaves_rows_pending(killed):
+    assert open_or_create(killed, small()) == "resumed"
+    with Writer(killed, small()) as writer:
         assert writer.pending() == [range(4, 10)]
 
 
@@ -74,25 +91,39 @@ def twenty_rows(tmp_path_factory):
         yield writer
 
 
-@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+STATUSES = st.lists(st.integers(0, 2), min_size=20, max_size=20)
+MANY_EXAMPLES = settings(
+    deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+
+
+@MANY_EXAMPLES
 @given(
-    statuses=st.lists(st.integers(0, 2), min_size=20, max_size=20),
+    statuses=STATUSES,
     first=st.integers(0, 20),
     last=st.none() | st.integers(0, 25),
     chunk=st.integers(1, 21),
 )
 def test_pending_is_what_a_plain_loop_finds(twenty_rows, statuses, first, last, chunk):
     twenty_rows._status[:] = statuses
-    wanted = []
+    expected = []
     for row in range(first, min(20 if last is None else last, 20)):
         if statuses[row] == Status.PENDING:
-            if wanted and wanted[-1].stop == row:
-                wanted[-1] = range(wanted[-1].start, row + 1)
+            if expected and expected[-1].stop == row:
+                expected[-1] = range(expected[-1].start, row + 1)
             else:
-                wanted.append(range(row, row + 1))
+                expected.append(range(row, row + 1))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(database.reader, "CHUNK_BYTES", chunk)
-        assert twenty_rows.pending(first, last) == wanted
+        assert twenty_rows.pending(first, last) == expected
+
+
+@MANY_EXAMPLES
+@given(statuses=STATUSES, chunk=st.integers(1, 21))
+def test_counts_are_those_of_all_chunks(twenty_rows, statuses, chunk):
+    twenty_rows._status[:] = statuses
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(database.reader, "CHUNK_BYTES", chunk)
         tally = [statuses.count(status) for status in Status]
         assert list(twenty_rows.counts()) == tally
 
@@ -147,33 +178,74 @@ SUDDENLY = {
 }
 
 
+@pytest.fixture
+def strike(folder, monkeypatch):
+    """Have something happen to the file of a run once a row is written."""
+
+    def strike(fate, when):
+        write_block = Writer.write_block
+        struck = []
+
+        def write_then_suddenly(self, start, stop, columns):
+            write_block(self, start, stop, columns)
+            if stop >= when and not struck:
+                struck.append(stop)
+                SUDDENLY[fate](folder)
+
+        monkeypatch.setattr(Writer, "write_block", write_then_suddenly)
+
+    return strike
+
+
+WORDS = {"deleted": "moved or deleted", "cut off": "overwritten"}
+
+
 @pytest.mark.parametrize(
     ("fate", "when"), [*((fate, 4) for fate in SUDDENLY), ("replaced", 12)]
 )
-def test_a_file_that_is_another_ends_the_run(folder, monkeypatch, capsys, fate, when):
-    write_block, newcomer, struck = Writer.write_block, [], []
-
-    def write_then_suddenly(self, start, stop, columns):
-        write_block(self, start, stop, columns)
-        if stop >= when and not struck:
-            struck.append(stop)
-            SUDDENLY[fate](folder)
-            newcomer.extend(each.read_bytes() for each in folder.glob("some.h5"))
-
-    monkeypatch.setattr(Writer, "write_block", write_then_suddenly)
+def test_a_file_that_is_another_ends_the_run(folder, strike, capsys, fate, when):
+    strike(fate, when)
     assert cli.main(["run", "scene.toml", "-o", "some.h5"]) == 2
     line = capsys.readouterr().err.splitlines()[-1]
-    word = {"deleted": "moved or deleted", "cut off": "overwritten"}.get(fate, fate)
     assert line.startswith("gen: some.h5 was ")
-    assert word in line
-    assert [each.read_bytes() for each in folder.glob("some.h5")] == newcomer
-    if fate == "moved":
-        with Reader(folder / "away.h5") as reader:
-            assert reader.counts().done == struck[0] == when
-        monkeypatch.undo()
-        monkeypatch.chdir(folder)
-        assert cli.main(["run", "scene.toml", "-o", "away.h5"]) == 0
+    assert WORDS.get(fate, fate) in line
     assert not list(folder.glob("some.h5.*"))
+
+
+@pytest.mark.parametrize(("fate", "when"), [("replaced", 4), ("replaced", 12)])
+def test_a_file_that_replaces_another_keeps_its_bytes(folder, strike, fate, when):
+    strike(fate, when)
+    assert cli.main(["run", "scene.toml", "-o", "some.h5"]) == 2
+    assert (folder / "some.h5").read_bytes() == (folder / "other.h5").read_bytes()
+
+
+def test_a_file_that_overwrites_another_keeps_its_bytes(folder, strike):
+    strike("overwritten", 4)
+    assert cli.main(["run", "scene.toml", "-o", "some.h5"]) == 2
+    assert (folder / "some.h5").read_bytes() == (folder / "other.h5").read_bytes()
+
+
+def test_a_file_that_was_cut_off_is_left_so(folder, strike):
+    strike("cut off", 4)
+    assert cli.main(["run", "scene.toml", "-o", "some.h5"]) == 2
+    assert (folder / "some.h5").stat().st_size == 1000
+
+
+@pytest.mark.parametrize("fate", ["moved", "deleted"])
+def test_no_file_is_made_in_the_place_of_a_lost_one(folder, strike, fate):
+    strike(fate, 4)
+    assert cli.main(["run", "scene.toml", "-o", "some.h5"]) == 2
+    assert not list(folder.glob("some.h5"))
+
+
+def test_a_file_that_was_moved_has_its_rows_and_is_continued(folder, strike, monkeypatch):
+    strike("moved", 4)
+    assert cli.main(["run", "scene.toml", "-o", "some.h5"]) == 2
+    with Reader(folder / "away.h5") as reader:
+        assert reader.counts().done == 4
+    monkeypatch.undo()
+    monkeypatch.chdir(folder)
+    assert cli.main(["run", "scene.toml", "-o", "away.h5"]) == 0
 
 
 class PowerCut:
@@ -204,36 +276,64 @@ class PowerCut:
         return left
 
 
-def test_a_power_cut_costs_five_seconds_and_no_row_that_says_done(folder, monkeypatch):
-    assert cli.main(["run", "scene.toml", "-o", "whole.h5"]) == 0
-    whole = deterministic_bytes(folder / "whole.h5")
-    write_block, power = Writer.write_block, PowerCut(monkeypatch)
+class PowerCuts:
+    """What would be on the disk if the power were cut, after each block of a run and at its end."""
 
-    def write_then_cut(self, start, stop, columns):
-        write_block(self, start, stop, columns)
-        left = power.left_of(self, f"after-{stop}.h5")
-        with Reader(left) as reader:
-            assert not reader.damaged_rows().size
-            assert reader.counts().done >= stop - 5
-        power.moment += 1
+    def __init__(self, folder, monkeypatch):
+        self.folder = folder
+        self.damaged = []  # numbers of damaged rows after each block
+        self.lost = []  # numbers of rows that a cut costs
+        write_block = Writer.write_block
+        power = PowerCut(monkeypatch)
 
-    monkeypatch.setattr(Writer, "write_block", write_then_cut)
-    assert cli.main(["run", "scene.toml", "-o", "some.h5"]) == 0
-    assert power.syncs == [
-        0,
-        0,
-        5,
-        10,
-        12,
-        12,
-    ]  # of the empty file, of rows, and twice at the end
-    (folder / "end.h5").write_bytes(power.on_disk[(folder / "some.h5").stat().st_ino])
-    assert deterministic_bytes(folder / "end.h5") == whole
-    monkeypatch.undo()
+        def write_then_cut(writer, start, stop, columns):
+            write_block(writer, start, stop, columns)
+            left = power.left_of(writer, f"after-{stop}.h5")
+            with Reader(left) as reader:
+                self.damaged.append(reader.damaged_rows().size)
+                self.lost.append(stop - reader.counts().done)
+            power.moment += 1
+
+        monkeypatch.setattr(Writer, "write_block", write_then_cut)
+        assert cli.main(["run", "scene.toml", "-o", "some.h5"]) == 0
+        self.syncs = power.syncs
+        at_end = power.on_disk[(folder / "some.h5").stat().st_ino]
+        (folder / "end.h5").write_bytes(at_end)
+        monkeypatch.undo()
+
+
+@pytest.fixture
+def cuts(folder, monkeypatch):
+    cuts = PowerCuts(folder, monkeypatch)
     monkeypatch.chdir(folder)
-    for stop in (1, 8):
-        assert cli.main(["run", "scene.toml", "-o", f"after-{stop}.h5"]) == 0
-        assert deterministic_bytes(folder / f"after-{stop}.h5") == whole
+    return cuts
+
+
+def test_a_power_cut_costs_five_seconds_and_damages_no_row(cuts):
+    assert max(cuts.lost) <= 5
+    assert not any(cuts.damaged)
+
+
+def test_rows_are_synced_every_five_seconds_and_at_the_end(cuts):
+    # The empty file, rows, and twice at the end.
+    assert cuts.syncs == [0, 0, 5, 10, 12, 12]
+
+
+@pytest.fixture(scope="module")
+def expected(tmp_path_factory):
+    """The bytes of all rows, from a run in which nothing happens."""
+    path = database_of(tmp_path_factory.mktemp("whole"), SCENE.format(12, 0))
+    return deterministic_bytes(path)
+
+
+@pytest.mark.parametrize("name", ["after-1.h5", "after-8.h5"])
+def test_what_a_power_cut_leaves_is_continued(cuts, expected, name):
+    assert cli.main(["run", "scene.toml", "-o", name]) == 0
+    assert deterministic_bytes(cuts.folder / name) == expected
+
+
+def test_all_rows_are_on_the_disk_as_a_run_ends(cuts, expected):
+    assert deterministic_bytes(cuts.folder / "end.h5") == expected
 
 
 def test_rows_are_finished_while_nothing_else_comes(path, monkeypatch):

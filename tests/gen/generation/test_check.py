@@ -46,24 +46,40 @@ def test_a_sound_database_has_no_faults(database, capsys):
     assert "sound" in capsys.readouterr().out
 
 
-def test_rows_of_an_earlier_solver_are_compared_by_their_surfaces(database, capsys):
-    """One line says so; what the solver found differs, the surfaces may not."""
+EARLIER = f"made by an earlier solver (physics 4, this version computes {PHYSICS})"
+
+
+@pytest.fixture
+def of_earlier_solver(database):
+    """A database whose surfaces are those of today; what the solver found differs."""
     with h5py.File(database, "r+") as file:
         file.attrs.modify("physics", 4)
         file["force"][:] *= 1 + 1e-12
         file["iterations"][:] += 1
     seal(database)
+    return database
+
+
+@pytest.mark.usefixtures("of_earlier_solver")
+def test_rows_of_an_earlier_solver_are_compared_by_their_surfaces(capsys):
     assert cli.main(["check", "rows.h5", "--recompute", "20"]) == 0
     first, second = capsys.readouterr().out.splitlines()
-    assert (
-        f"made by an earlier solver (physics 4, this version computes {PHYSICS})" in first
-    )
+    assert EARLIER in first
     assert "20 of them computed again, with the same surfaces" in second
+
+
+@pytest.mark.usefixtures("of_earlier_solver")
+def test_info_says_once_that_an_earlier_solver_made_a_database(capsys):
     assert cli.main(["info", "rows.h5"]) == 0
     assert capsys.readouterr().out.count("an earlier solver") == 1
-    with h5py.File(database, "r+") as file:
+
+
+def test_another_surface_is_a_fault_of_rows_of_an_earlier_solver(
+    of_earlier_solver, capsys
+):
+    with h5py.File(of_earlier_solver, "r+") as file:
         file["peak_mean"][4] *= 1 + 1e-12
-    seal(database)
+    seal(of_earlier_solver)
     assert cli.main(["check", "rows.h5", "--recompute", "20"]) == 1
     assert "row 4: peak_mean is not what" in capsys.readouterr().out
 
@@ -198,19 +214,32 @@ def lose_bytes(path):
         file["force"][15] *= 1 - 2**-10
 
 
-def test_rows_that_lost_their_bytes_are_named_repaired_and_computed_again(
-    database, solved, capsys
-):
+@pytest.fixture
+def lost(database, solved):
+    """A copy whose rows 5 to 10 and 15 have lost bytes, beside its scene."""
     lose_bytes(database)
+    shutil.copy(solved.with_name("rows.toml"), "rows.toml")
+    return database
+
+
+@pytest.mark.usefixtures("lost")
+def test_rows_that_lost_their_bytes_are_named(capsys):
     assert cli.main(["check", "rows.h5", "--recompute", "0"]) == 1
-    named = "rows.h5: row 5 and 6 more rows: checksum is not that of the row's bytes"
-    assert named in capsys.readouterr().out.splitlines()
+    line = "rows.h5: row 5 and 6 more rows: checksum is not that of the row's bytes"
+    assert line in capsys.readouterr().out.splitlines()
+
+
+@pytest.mark.usefixtures("lost")
+def test_rows_that_lost_their_bytes_are_repaired(capsys):
     assert cli.main(["check", "rows.h5", "--recompute", "0", "--repair"]) == 0
     assert "7 rows are pending now" in capsys.readouterr().out
-    shutil.copy(solved.with_name("rows.toml"), "rows.toml")
+
+
+def test_repaired_rows_are_computed_again(lost, solved, capsys):
+    assert cli.main(["check", "rows.h5", "--recompute", "0", "--repair"]) == 0
     assert cli.main(["run", "rows.toml", "-o", "rows.h5"]) == 0
     assert "7 to do" in capsys.readouterr().err
-    assert deterministic_bytes(database) == deterministic_bytes(solved)
+    assert deterministic_bytes(lost) == deterministic_bytes(solved)
 
 
 def test_a_repair_of_a_sound_database_changes_nothing(database, capsys):
@@ -234,19 +263,16 @@ def test_zeroed_rows_without_checksums_are_repaired_too(here, monkeypatch, capsy
     assert deterministic_bytes(path) == whole
 
 
-def test_rows_of_another_physics_number_are_named_and_left(database, capsys):
-    lose_bytes(database)
-    with h5py.File(database, "r+") as file:
+def test_rows_of_another_physics_number_are_named_and_not_repaired(lost, capsys):
+    with h5py.File(lost, "r+") as file:
         file.attrs.modify("physics", PHYSICS - 1)
-    before = database.read_bytes()
+    before = lost.read_bytes()
     assert cli.main(["check", "rows.h5", "--recompute", "0", "--repair"]) == 1
-    shown = capsys.readouterr().out
-    assert "row 5 and 6 more rows: checksum" in shown
-    assert (
-        f"7 rows are left as before: made by an earlier solver (physics {PHYSICS - 1}"
-        in shown
-    )
-    assert database.read_bytes() == before
+    lines = capsys.readouterr().out
+    assert "row 5 and 6 more rows: checksum" in lines
+    reason = f"made by an earlier solver (physics {PHYSICS - 1}"
+    assert f"7 rows are left as before: {reason}" in lines
+    assert lost.read_bytes() == before
 
 
 def test_other_bits_of_another_machine_are_no_damage(database, capsys):
@@ -258,14 +284,18 @@ def test_other_bits_of_another_machine_are_no_damage(database, capsys):
     assert database.read_bytes() == before
 
 
-def test_a_repair_waits_for_no_writer_and_writes_no_read_only_file(database, refused):
-    lose_bytes(database)
-    before = database.read_bytes()
-    with lock(database):
+def test_a_repair_waits_for_no_writer(lost, refused):
+    before = lost.read_bytes()
+    with lock(lost):
         assert "is being written" in refused(cli, "check", "rows.h5", "--repair")
-    database.chmod(0o444)
+    assert lost.read_bytes() == before
+
+
+def test_a_repair_writes_no_read_only_file(lost, refused):
+    before = lost.read_bytes()
+    lost.chmod(0o444)
     assert "read-only" in refused(cli, "check", "rows.h5", "--repair")
-    assert database.read_bytes() == before
+    assert lost.read_bytes() == before
 
 
 @pytest.mark.parametrize(
@@ -277,11 +307,10 @@ def test_a_repair_waits_for_no_writer_and_writes_no_read_only_file(database, ref
         "merge rows.h5 -o all.h5",
     ],
 )
-def test_commands_that_take_damaged_rows_say_so(database, solved, capsys, command):
+@pytest.mark.usefixtures("lost")
+def test_commands_that_take_damaged_rows_say_so(capsys, command):
     if command.startswith("export"):
         pytest.importorskip("mlcroissant")
-    lose_bytes(database)
-    shutil.copy(solved.with_name("rows.toml"), "rows.toml")
     assert cli.main(command.split()) == 0
     streams = capsys.readouterr()
     (line,) = [

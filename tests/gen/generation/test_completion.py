@@ -99,7 +99,7 @@ def test_powers_stand_in_the_file_beside_the_unit(inside):
 
 
 def test_a_scene_without_a_function_is_not_tried(inside, monkeypatch):
-    monkeypatch.setattr("gen.generation.completion.first_trial", None)
+    monkeypatch.setattr("gen.generation.completion.first_problem", None)
     assert completed(Scene.parse(SURFACE, "test"), rehearsed=True).store.powers is None
 
 

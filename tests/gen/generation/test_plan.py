@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gen.generation.plan import CHUNK, parameters
+from gen.generation.plan import SURFACES_PER_STREAM, parameters
 from gen.generation.run import BLOCK_BYTES, blocks_of
 from gen.scene import Scene, load
 
@@ -46,12 +46,14 @@ def test_rows_are_cut_from_streams_drawn_in_full(m):
         random = np.random.default_rng(
             np.random.SeedSequence(paper.seed, spawn_key=(chunk, 1))
         )
-        hurst = 0.5 + (0.8 - 0.5) * random.random(CHUNK)
-        sigma0 = 10.0 + 5.0 * random.random(CHUNK)
-        piece, place = np.moveaxis(random.random((CHUNK, m, 2)), -1, 0)
+        hurst = 0.5 + (0.8 - 0.5) * random.random(SURFACES_PER_STREAM)
+        sigma0 = 10.0 + 5.0 * random.random(SURFACES_PER_STREAM)
+        piece, place = np.moveaxis(random.random((SURFACES_PER_STREAM, m, 2)), -1, 0)
         delta = np.where(piece < 0.75, 5.0 + 20.0 * place, 25.0 + 20.0 * place)
-        rows = parameters(paper, chunk * CHUNK * m, (chunk + 1) * CHUNK * m)
-        surface = chunk * CHUNK + np.arange(CHUNK)
+        rows = parameters(
+            paper, chunk * SURFACES_PER_STREAM * m, (chunk + 1) * SURFACES_PER_STREAM * m
+        )
+        surface = chunk * SURFACES_PER_STREAM + np.arange(SURFACES_PER_STREAM)
         np.testing.assert_array_equal(rows.surface, np.repeat(surface, m))
         np.testing.assert_array_equal(rows.drawn["hurst"], np.repeat(hurst, m))
         np.testing.assert_array_equal(rows.drawn["sigma0"], np.repeat(sigma0, m))
@@ -61,9 +63,9 @@ def test_rows_are_cut_from_streams_drawn_in_full(m):
 @pytest.mark.few(2)
 @pytest.mark.parametrize("m", [1, 5])
 def test_any_slice_equals_the_whole(m):
-    stop = 2 * CHUNK * m + 100
+    stop = 2 * SURFACES_PER_STREAM * m + 100
     whole = parameters(scene(m=m), 0, stop)
-    border = CHUNK * m
+    border = SURFACES_PER_STREAM * m
     cuts = [
         0,
         1,

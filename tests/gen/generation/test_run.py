@@ -1,4 +1,4 @@
-"""The life of a database on the command line: shares, merging, extension, retries, a full disk."""
+"""The life of a database on the command line: extension, retries, a dry run, a full disk."""
 
 import re
 import resource
@@ -13,12 +13,9 @@ from databases import database_of, deterministic_bytes, status
 from launch import TIMEOUT, command, environment, launch
 
 from bem.operators import patch
-from gen import cli, database
-from gen.database import writer
-from gen.generation.sinks import in_parallel
-from gen.runtime import farm
-from gen.runtime.errors import InputError
+from gen import cli
 from gen.scene import markdown_of_columns
+from gen.schema import Reason, Status
 
 SAMPLE = Path(__file__).resolve().parents[3] / "examples" / "sample.h5"
 SCENE = "samples = {}\nsamples_per_surface = 2\n{}\n[surface]\nnodes = 17\n"
@@ -48,38 +45,62 @@ def test_the_size_of_blocks_changes_no_byte(folder, monkeypatch, block_rows, m):
     )
 
 
-def test_the_shipped_sample_is_resumed_and_extended_and_keeps_its_bytes(folder, capsys):
-    """Files made before scenes knew a hardness go on and keep their bytes."""
-    shutil.copy(SAMPLE, "sample.h5")
-    before = deterministic_bytes(folder / "sample.h5")
+@pytest.fixture
+def sample(folder):
+    """The shipped sample, made before scenes knew a hardness, and scenes of it."""
     for samples in (200, 203):
         (folder / f"{samples}.toml").write_text(f"samples = {samples}")
-    content = (folder / "sample.h5").read_bytes()
+    return shutil.copy(SAMPLE, folder / "sample.h5")
+
+
+def test_a_run_of_the_whole_shipped_sample_leaves_its_bytes(sample, capsys):
+    content = sample.read_bytes()
     assert run("200.toml", "-o", "sample.h5") == 0
-    assert (folder / "sample.h5").read_bytes() == content
+    assert sample.read_bytes() == content
     assert "200 rows done, 0 failed, 0 pending" in capsys.readouterr().out
+
+
+def test_the_extended_shipped_sample_keeps_its_rows_and_is_sound(sample):
+    before = deterministic_bytes(sample)
     assert run("203.toml", "-o", "sample.h5") == 0
-    after = deterministic_bytes(folder / "sample.h5")
+    after = deterministic_bytes(sample)
     assert after.keys() == before.keys()
     for name, values in before.items():
         assert after[name].startswith(values), name
     assert cli.main(["check", "sample.h5", "--recompute", "0"]) == 0
 
 
-def test_retrying_computes_failed_rows_again(folder, capsys):
-    assert run("scene.toml", "-o", "rows.h5") == 0
-    whole = deterministic_bytes(folder / "rows.h5")
-    with h5py.File("rows.h5", "r+") as file:
+@pytest.fixture(scope="module")
+def computed(tmp_path_factory):
+    return database_of(tmp_path_factory.mktemp("computed"), SCENE.format(40, ""))
+
+
+@pytest.fixture
+def with_failures(computed, folder):
+    """A database whose rows 5, 6 and 30 have failed."""
+    path = shutil.copy(computed, folder / "rows.h5")
+    with h5py.File(path, "r+") as file:
         for row in (5, 6, 30):
-            file["status"][row], file["reason"][row], file["force"][row] = 2, 1, np.nan
+            file["status"][row] = Status.FAILED
+            file["reason"][row] = Reason.NOT_CONVERGED
+            file["force"][row] = np.nan
+    return path
+
+
+def test_failed_rows_stay_failed_unless_the_user_asks(with_failures):
     assert run("scene.toml", "-o", "rows.h5") == 0
-    assert status(folder / "rows.h5")[5] == 2, "failed rows stay failed unless asked"
-    capsys.readouterr()
+    assert status(with_failures)[5] == Status.FAILED
+
+
+def test_retrying_rows_leaves_the_failures_among_other_rows(with_failures, capsys):
     assert run("scene.toml", "-o", "rows.h5", "--retry-failed", "--rows", "0:10") == 0
     assert "2 to do, 2 failed ones among them" in capsys.readouterr().err
-    assert status(folder / "rows.h5")[30] == 2, "a share leaves the failures of others"
+    assert status(with_failures)[30] == Status.FAILED
+
+
+def test_retrying_computes_failed_rows_again(with_failures, computed):
     assert run("scene.toml", "-o", "rows.h5", "--retry-failed") == 0
-    assert deterministic_bytes(folder / "rows.h5") == whole
+    assert deterministic_bytes(with_failures) == deterministic_bytes(computed)
 
 
 def test_a_dry_run_writes_nothing(folder, capsys):
@@ -98,15 +119,6 @@ def test_a_dry_run_tells_the_size_of_the_whole_file(folder, capsys, samples):
     assert float(told) == pytest.approx(
         (folder / "small.h5").stat().st_size / 1000, rel=0.03
     )
-
-
-def test_an_estimate_measures(folder, capsys):
-    assert cli.main(["estimate", "scene.toml", "--ranks", "5"]) == 0
-    text = capsys.readouterr().out
-    assert re.search(r"time +[0-9.e-]+ s on 4 workers", text), (
-        "less than a minute in seconds"
-    )
-    assert "mean of 32 measured" in text
 
 
 def test_a_file_that_may_not_grow_is_one_line_and_the_next_run_succeeds(folder):
@@ -128,67 +140,38 @@ def test_a_file_that_may_not_grow_is_one_line_and_the_next_run_succeeds(folder):
     assert (status(folder / "rows.h5") == 1).all()
 
 
-ALONE, MANY = farm.World(), farm.World(0, 9)
-
-MOUNTS = r"""
-22 1 8:1 / / rw,relatime shared:1 - ext4 /dev/sda1 rw
-31 22 0:50 / /home rw,relatime shared:2 master:1 - nfs4 server:/home rw
-32 31 0:51 / /home/on\040lustre rw - lustre 10.0.0.1@tcp:/scratch rw
-33 22 0:52 / /homely rw - tmpfs tmpfs rw
+STARVED = """samples = 24
+[surface]
+nodes = 17
+[contact]
+max_iterations = 1
+[delta]
+pieces = [{ share = 1.0, range = [30, 45] }]
 """
 
 
 @pytest.fixture
-def mounts(tmp_path, monkeypatch):
-    (tmp_path / "mountinfo").write_text(MOUNTS.strip())
-    monkeypatch.setattr(writer, "MOUNTS", tmp_path / "mountinfo")
+def starved(here, monkeypatch):
+    """A database whose rows have all failed for want of iterations."""
+    # The solver of contact sets may do with one iteration: it is never chosen.
+    monkeypatch.setattr(patch, "FEW_FREE", ((0.0, 1.0),))
+    return database_of(here, STARVED, "starved")
 
 
-@pytest.mark.parametrize(
-    ("path", "answer"),
-    [("/home/x.h5", False), ("/home/on lustre/x.h5", True), ("/homely/x.h5", True)],
-)
-def test_network_file_systems_are_known_by_their_mounts(mounts, path, answer):
-    assert database.coherent(Path(path)) is answer
-
-
-@pytest.mark.parametrize(
-    ("choice", "path", "world", "has_mpi", "answer"),
-    [
-        ("auto", "/x.h5", MANY, True, True),
-        ("auto", "/x.h5", MANY, False, False),
-        ("auto", "/home/x.h5", MANY, True, False),
-        ("single", "/x.h5", MANY, True, False),
-        ("parallel", "/home/x.h5", MANY, True, True),
-    ],
-)
-def test_who_writes(mounts, monkeypatch, choice, path, world, has_mpi, answer):
-    monkeypatch.setattr(database, "parallel_hdf5", lambda: has_mpi)
-    assert in_parallel(choice, Path(path), world) is answer
-
-
-@pytest.mark.parametrize(
-    ("world", "has_mpi", "words"),
-    [(MANY, False, "h5py with MPI"), (ALONE, True, "processes")],
-)
-def test_a_parallel_writer_that_cannot_be_is_refused(monkeypatch, world, has_mpi, words):
-    monkeypatch.setattr(database, "parallel_hdf5", lambda: has_mpi)
-    with pytest.raises(InputError, match=words) as caught:
-        in_parallel("parallel", Path("x.h5"), world)
-    assert "\n" not in str(caught.value)
-
-
-def test_failed_rows_warn_and_say_why(here, capsys, monkeypatch):
-    monkeypatch.setattr(
-        patch, "FEW_FREE", ((0.0, 1.0),)
-    )  # contact sets may do with one iteration
-    deep = "[contact]\nmax_iterations = 1\n[delta]\npieces = [{ share = 1.0, range = [30, 45] }]\n"
-    database_of(here, "samples = 24\n[surface]\nnodes = 17\n" + deep, "starved")
+def test_a_run_warns_of_failed_rows(capsys, starved):
+    assert starved.exists()
     assert "warning: 24 rows failed" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("starved")
+def test_info_says_why_rows_failed(capsys):
     assert cli.main(["info", "starved.h5"]) == 0
     assert "24 failed: not converged" in capsys.readouterr().out
-    assert cli.main(["plot", "starved.h5", "-o", "no.png"]) == 2
-    assert not (here / "no.png").exists()
+
+
+def test_a_database_without_a_done_row_is_not_drawn(starved):
+    assert cli.main(["plot", str(starved), "-o", "no.png"]) == 2
+    assert not starved.with_name("no.png").exists()
 
 
 def test_a_fresh_interpreter_pins_its_threads_and_exits_with_the_code(tmp_path):

@@ -1,6 +1,7 @@
 """Pictures of one surface and of its contacts: nothing cut or overlapping, whatever is drawn."""
 
 import os
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -22,7 +23,7 @@ from matplotlib.colors import to_rgba
 
 from gen.maps import pictures
 from gen.maps.contacts import AnswerOptions, answers
-from gen.maps.pictures import Map, plot_contacts
+from gen.maps.pictures import ContactCaptions, Map, plot_contacts
 from gen.material import Bodies
 
 ROUGH = generate_spectral(
@@ -89,16 +90,21 @@ PATCHES = {
 def drawn(contacts, **changes):
     """A figure as it would be written, without the work of drawing its pixels."""
     figure = new_figure(11, 8.2, dpi=110)
-    bodies = Bodies(E_STAR, contacts[0].problem.hardness, has_modulus=True)
-    subject = {"name": NAME, "load": "delta", "bodies": bodies, "warnings": (), **changes}
-    subject = {"options": AnswerOptions(), **subject}
+    captions = ContactCaptions(
+        name=NAME,
+        load="delta",
+        bodies=Bodies(E_STAR, contacts[0].problem.hardness, has_modulus=True),
+        warnings=(),
+        options=AnswerOptions(),
+    )
+    captions = replace(captions, **changes)
     rows = [
-        {row.column: row.value for row in answers(each, AnswerOptions())}
-        for each in contacts
+        {answer.column: answer.value for answer in answers(contact, AnswerOptions())}
+        for contact in contacts
     ]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pictures, "save", lambda *_: None)
-        plot_contacts(figure, contacts[-1], rows, Path("contact.png"), **subject)
+        plot_contacts(figure, contacts[-1], rows, Path("contact.png"), captions)
     return figure
 
 
@@ -172,30 +178,52 @@ def test_what_is_beyond_the_colours_has_its_arrow_colour_and_words(
     assert bar.vmax - bar.vmin < 1.1 * np.ptp(others)
 
 
-def test_laws_have_the_gap_and_logarithmic_axes_over_decades():
-    for pressures, scale in (([1.0, 3.0, 10.0], "linear"), ([3.0, 0.1, 30.0], "log")):
-        contacts = list(
-            bem.ladder(FRACTAL, (100.0, 100.0), pressures=pressures, modulus=1e4)
-        )
-        figure = drawn(contacts, load="pressure")
-        gap, area = titled(figure, "mean gap [µm]"), titled(figure, "contact area [%]")
-        assert gap.get_xscale() == area.get_xscale() == area.get_yscale() == scale
-        loads, gaps = gap.lines[0].get_data()
-        np.testing.assert_allclose(loads, sorted(pressures), rtol=1e-6)
-        assert sorted(gaps, reverse=True) == list(gaps)
+PRESSURES = {"linear": [1.0, 3.0, 10.0], "log": [3.0, 0.1, 30.0]}  # [MPa]
 
 
-def test_the_flow_takes_the_place_of_the_pressure():
-    light, full = (
-        bem.solve(FRACTAL, 100.0, pressure=p, modulus=E_STAR) for p in (1e-2, 1e7)
-    )
-    figure = drawn([light], options=AnswerOptions(flow=True))
+def law_over(pressures):
+    """The figure of the law of a surface over pressures [MPa]."""
+    sides = (100.0, 100.0)
+    contacts = list(bem.ladder(FRACTAL, sides, pressures=pressures, modulus=1e4))
+    return drawn(contacts, load="pressure")
+
+
+@pytest.mark.parametrize("scale", PRESSURES)
+def test_axes_of_a_law_are_logarithmic_over_decades(scale):
+    figure = law_over(PRESSURES[scale])
+    gap = titled(figure, "mean gap [µm]")
+    area = titled(figure, "contact area [%]")
+    assert gap.get_xscale() == area.get_xscale() == area.get_yscale() == scale
+
+
+@pytest.mark.parametrize("scale", PRESSURES)
+def test_laws_have_the_gap_over_rising_loads(scale):
+    gap = titled(law_over(PRESSURES[scale]), "mean gap [µm]")
+    loads, gaps = gap.lines[0].get_data()
+    np.testing.assert_allclose(loads, sorted(PRESSURES[scale]), rtol=1e-6)
+    assert sorted(gaps, reverse=True) == list(gaps)
+
+
+def pressed(pressure):
+    """The contact of a surface under a mean pressure [MPa]."""
+    return bem.solve(FRACTAL, 100.0, pressure=pressure, modulus=E_STAR)
+
+
+def test_gap_and_flux_take_the_place_of_heights_and_pressure():
+    contact = pressed(1e-2)
+    figure = drawn([contact], options=AnswerOptions(flow=True))
     assert titled(figure, "gap: connects")
-    assert titled(figure, f"flux along x: flow factor {light.flow().factor:.3g}")
-    assert titled(drawn([full], options=AnswerOptions(spots=True, flow=True)), "1 spots")
-    assert titled(
-        drawn([full], options=AnswerOptions(flow=True)), "flux along x: no flow"
-    )
+    assert titled(figure, f"flux along x: flow factor {contact.flow().factor:.3g}")
+
+
+def test_spots_take_the_place_of_the_gap_if_there_is_the_flux_too():
+    figure = drawn([pressed(1e7)], options=AnswerOptions(spots=True, flow=True))
+    assert titled(figure, "1 spots")
+
+
+def test_a_contact_that_seals_has_no_flow():
+    figure = drawn([pressed(1e7)], options=AnswerOptions(flow=True))
+    assert titled(figure, "flux along x: no flow")
 
 
 @pytest.mark.parametrize("values", [(2.1, 4.4), (7.0, 45.0), (1, 1e6)])
