@@ -36,9 +36,8 @@ LARGEST = sys.float_info.max  # largest number
 DIGITS = 53  # binary digits of a random number in [0, 1)
 
 KNOTS = 2**16  # intervals inside which a normal distribution's quantiles are linear
-SIGNIFICANT = (
-    9  # decimal digits of the quantiles at their ends, on which processors agree
-)
+# decimal digits of the quantiles at their ends, on which processors agree
+SIGNIFICANT = 9
 
 
 class Table(BaseModel):
@@ -281,7 +280,10 @@ def within(
 
 
 def _read(value: object) -> Distribution:
-    """Make a distribution of what a scene holds; a union's errors would name the types in it."""
+    """Make a distribution of a value of a scene; errors tell what is wrong with its kind of value.
+
+    A union of types would be shorter, but pydantic's errors would name the types.
+    """
     if isinstance(value, LogUniform | Normal | Choice):
         return value
     key = _reader_of(value)
@@ -293,7 +295,7 @@ def _read(value: object) -> Distribution:
 
 
 def _reader_of(value: object) -> str:
-    """Return the key in `_READERS` of what reads a value; refuse a table without a single one."""
+    """Return the key in `_READERS` of a value's reader; refuse a table unless it names one kind."""
     if isinstance(value, list | tuple):
         return "range"
     if not isinstance(value, dict):
@@ -305,7 +307,7 @@ def _reader_of(value: object) -> str:
 
 
 def _beyond_limits(distribution: Distribution) -> Exception:
-    """Return the error for a distribution with values outside of the limits of its key."""
+    """Return the error for a distribution that has values beyond the limits of its key."""
     if isinstance(distribution, Normal) and distribution.range is None:
         smallest, largest = distribution.ends
         return ValueError(
@@ -315,7 +317,7 @@ def _beyond_limits(distribution: Distribution) -> Exception:
 
 
 def _refusal(key: str, error: ValidationError) -> Exception:
-    """Return the error for a number, a range or a table that breaks its rules, in its words."""
+    """Turn pydantic's error for a number, a range or a table into one that says what is allowed."""
     fault = error.errors(include_url=False)[0]
     if fault["type"] == "value_error":
         return ValueError(str(fault["ctx"]["error"]))

@@ -146,7 +146,7 @@ class Quantity:
         When `gen contact` shows it: "always", with a field of `gen.maps.contacts.AnswerOptions`, or
         "" for never.
     cost : str
-        What has to be computed besides the contact; "" for nothing.
+        Computation that the quantity needs besides the contact; "" for none.
     needs_hardness : bool
         Whether only bodies that yield have it.
     dtype : str
@@ -287,7 +287,7 @@ class Quantity:
         Returns
         -------
         bool
-            Whether it is; False for a quantity that depends on the load there.
+            Whether it is infinite; False for a quantity that depends on the load at full contact.
         """
         return self.at_full is not None and math.isinf(self.at_full(problem))
 
@@ -325,7 +325,7 @@ class Quantity:
 
 
 def _with_unit(name: str, unit: str) -> str:
-    """Append a unit to a name, as in mean_gap_um; names in percent say so themselves."""
+    """Append a unit to a name, as in mean_gap_um; pure numbers and percentages stay as they are."""
     if unit in {"1", "%"}:
         return name
     return f"{name}_{unit.replace('/', '_per_')}"
@@ -381,10 +381,11 @@ def _closure(contact: Contact, media: Media) -> float:
 
 
 def patch_compliance(problem: Problem) -> float:
-    """Compute how far a flat punch that fills the patch sinks per nominal pressure.
+    """Compute the displacement of a flat punch of the size of the patch per nominal pressure.
 
-    Delta on a rigid far field includes it, and so does the mesh of a finite-element model. A patch
-    without edges has none, and a compliant far field has taken it out of Delta.
+    On a rigid far field Delta includes this displacement of the half-space, which the mesh of a
+    finite-element model adds by itself. There is none for a patch without edges, nor on a compliant
+    far field, whose Delta leaves it out.
 
     Parameters
     ----------
@@ -394,7 +395,7 @@ def patch_compliance(problem: Problem) -> float:
     Returns
     -------
     float
-        Compliance [um / MPa].
+        Compliance [um / MPa]; 0 if Delta does not include it.
     """
     if problem.boundary != "free" or problem.far_field != "rigid":
         return 0.0
@@ -460,12 +461,12 @@ def _joint_conductance(contact: Contact, media: Media) -> float:
 
 
 def _undeformed_gap(problem: Problem) -> Any:
-    """Return the gap below a plane on the highest node [um], of the shape of the heights."""
+    """Return the gap to a plane that rests on the highest node [um], shape (nx, ny)."""
     return problem.heights.max() - problem.heights
 
 
 def _mean_gap_at_rest(problem: Problem, _: Media) -> float:
-    """Return the mean gap below a plane on the highest node [um]."""
+    """Return the mean gap to a plane that rests on the highest node [um]."""
     return float(problem.heights.max()) - float(problem.heights.mean())
 
 
@@ -496,7 +497,7 @@ def _aperture_at_rest(axis: int) -> Callable[[Problem, Media], float]:
 
 
 def _everything(_: Problem) -> float:
-    """Return a share of all nodes [%]."""
+    """Return 100 %, for a share of the nodes."""
     return 100.0
 
 

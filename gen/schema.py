@@ -96,7 +96,8 @@ class Column:
     shape_of : {"", "nodes"}
         "nodes" for a field of shape (rows, nx, ny), "" for one value a row.
     optional : str
-        What has the column, mostly a key of the scene, in Markdown; "" if every database has it.
+        Condition for the column, mostly a key of the scene, in Markdown; "" if every database has
+        it.
     bounds : tuple of two float
         Least and largest value that is possible.
     powers : Powers or None
@@ -105,7 +106,7 @@ class Column:
     measured : bool
         Whether the powers are measured, as those of a user's output, and recorded in the file.
     cost : str
-        What is computed for the column beside the contact; "" for nothing.
+        Computation that the column needs besides the contact; "" for none.
     """
 
     name: str
@@ -309,7 +310,7 @@ COLUMNS: tuple[Column, ...] = (
 surfaces' generator, which stand behind `surface`."""
 
 
-def made_by_another(physics: int) -> str:
+def made_by_other_solver(physics: int) -> str:
     """Say that results of a physics number are those of an earlier or a later solver.
 
     Parameters

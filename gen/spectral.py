@@ -11,11 +11,19 @@ from pydantic import Field, model_validator
 from gen.arrays import Heights, Values
 from gen.distribution import AboveZero, AtLeastZero, conflict, limits
 from gen.runtime.errors import InputError
-from gen.surface import MOST_NODES, Drawn, Grid, GridSurface, Hurst, Parameters, Random
-
-FARTHEST = (
-    1e30  # largest roll-off over the longest wave, beyond which its powers overflow
+from gen.surface import (
+    MOST_NODES,
+    Drawn,
+    Grid,
+    GridSurface,
+    Hurst,
+    Parameters,
+    Random,
+    pair,
 )
+
+# largest roll-off over the longest wave, beyond which its powers overflow
+FARTHEST = 1e30
 MOST_PERIOD_NODES = 4 * MOST_NODES  # of a period along an axis, whose waves take 10 GB
 
 ROUNDING = 1e-12  # share by which a wave may be beyond the cut-off because of rounding
@@ -132,7 +140,7 @@ def generate_spectral(
         value of 0 or more is given.
     """
     rms = _only_rms(rms_height, rms_slope)
-    sides = side if isinstance(side, tuple) else (side, side)
+    sides = pair(side)
     _refuse_grid(shape, sides, spectrum)
     waves = _waves(shape, sides, spectrum)
     powers = _relative_powers(waves, spectrum)
@@ -150,7 +158,7 @@ def generate_spectral(
 
 
 def _only_rms(rms_height: float | None, rms_slope: float | None) -> float:
-    """Return the only rms value that is given; refuse none, two, and a value that is none."""
+    """Return the rms value; raise InputError unless exactly one, of 0 or more, is given."""
     if rms_height is not None and rms_slope is None:
         return _require_rms("height", rms_height)
     if rms_slope is not None and rms_height is None:
@@ -159,7 +167,7 @@ def _only_rms(rms_height: float | None, rms_slope: float | None) -> float:
 
 
 def _require_rms(name: str, rms: float) -> float:
-    """Return an rms height [um] or slope [1]; refuse numbers below 0 and beyond numbers."""
+    """Return an rms height [um] or slope [1]; raise InputError if it is negative or infinite."""
     if not 0.0 <= rms < math.inf:
         raise InputError(f"rms {name} {rms}: give 0 or more")
     return rms
@@ -168,7 +176,7 @@ def _require_rms(name: str, rms: float) -> float:
 def _refuse_grid(
     shape: tuple[int, int], sides: tuple[float, float], spectrum: SelfAffineSpectrum
 ) -> None:
-    """Refuse nodes and sides [um] that are none, or too coarse for the cut-off of a spectrum."""
+    """Raise InputError if nodes and sides [um] are no grid, or too coarse for the cut-off."""
     nx, ny = shape
     if min(shape) < 2:
         raise InputError(f"nodes {nx} x {ny}: give at least 2 along both axes")
@@ -209,6 +217,13 @@ def _most_periods(nodes: int, length: float, shortest: float) -> int:
     A wave of exactly two nodes is left out: the grid does not hold its phase.
     """
     return min(math.floor(length / shortest * (1 + ROUNDING)), (nodes - 1) // 2)
+
+
+def _longest_wave(nodes: int, spacing: float) -> float:
+    """Return the longest wave [um] of a period of nodes with a spacing [um]; 0 if there is none."""
+    if nodes <= 2:
+        return 0.0
+    return nodes * spacing
 
 
 def _relative_powers(waves: Waves, spectrum: SelfAffineSpectrum) -> Values:
@@ -329,7 +344,7 @@ class SpectralSurface(GridSurface):
         return self._fault_of_short_waves(grid) or self._fault_of_long_waves(grid)
 
     def _fault_of_short_waves(self, grid: Grid) -> str:
-        """Return why the shortest wave may have less than two nodes, or ""."""
+        """Return why the shortest waves may be too short for the grid, or ""."""
         dx, dy = grid.spacing
         shortest = limits(self.cut_off).smallest
         finest = max(2 * dx / limits(self.stretch).smallest, 2 * dy)
@@ -341,11 +356,11 @@ class SpectralSurface(GridSurface):
         )
 
     def _fault_of_long_waves(self, grid: Grid) -> str:
-        """Return why the cut-off may leave no wave in the period, or the roll-off be too long."""
+        """Return why the cut-off may be beyond all waves, or the roll-off be too long, or ""."""
         nx, ny = self.period_nodes(grid)
         dx, dy = grid.spacing
-        along_x = nx * dx / limits(self.stretch).largest if nx > 2 else 0.0
-        along_y = ny * dy if ny > 2 else 0.0
+        along_x = _longest_wave(nx, dx) / limits(self.stretch).largest
+        along_y = _longest_wave(ny, dy)
         longest = max(along_x, along_y)
         cut_off = limits(self.cut_off).largest
         if cut_off > longest * (1 + ROUNDING):

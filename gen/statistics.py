@@ -112,8 +112,8 @@ class Points(NamedTuple):
     """Peaks of profiles or asperities, in the units of scaled heights."""
 
     heights: Values  # scaled heights, shape (points,)
-    # minus the second difference along x or, divided by the squared ratio of spacings, along y; of
-    # an asperity the mean of both; shape (points,)
+    # minus the second differences times (dx / spacing)^2, where the spacing is dx along x and dy
+    # along y; of an asperity the mean of both axes; shape (points,)
     curvatures: Values
 
 
@@ -190,17 +190,19 @@ def _spacings(spacing: float | tuple[float, float]) -> tuple[float, float]:
 
 
 def _surface_moments(surface: ScaledHeights, ratio: float) -> SurfaceMoments:
-    """Compute all moments of a surface; `ratio` is the square of the spacing along x over y."""
+    """Compute all moments of a surface; `ratio` is (dx / dy)^2 of its spacings dx and dy."""
     nodes = surface.nodes
     along_x = _profiles(nodes, axis=0)
     along_y = _profiles(nodes, axis=1)
     # Table 1 has no skewness and kurtosis of all heights: an infinite noise leaves them out.
     heights = _moments(nodes.ravel(), surface.lowest, noise=math.inf)
     peaks = _peaks(nodes.ravel(), along_x, along_y, ratio)
+    peak_moments = _point_moments(peaks, surface, ratio)
+    del peaks  # which may take as much memory as the heights
     asperities = _asperities(nodes.ravel(), along_x, along_y, ratio)
     return SurfaceMoments(
         heights=heights,
-        peaks=_point_moments(peaks, surface, ratio),
+        peaks=peak_moments,
         asperities=_point_moments(asperities, surface, ratio),
         bandwidth_x=_bandwidth(along_x, heights.variance, surface.noise),
         bandwidth_y=_bandwidth(along_y, heights.variance, surface.noise),
@@ -208,7 +210,10 @@ def _surface_moments(surface: ScaledHeights, ratio: float) -> SurfaceMoments:
 
 
 def _point_moments(points: Points, surface: ScaledHeights, ratio: float) -> PointMoments:
-    """Compute the moments of peaks or asperities; those along y have `ratio` times the noise."""
+    """Compute the moments of points of a surface; `ratio` is (dx / dy)^2 of its spacings.
+
+    Rounding of curvatures along y is `ratio` times that along x.
+    """
     curvature_noise = surface.noise * max(1.0, ratio)
     return PointMoments(
         heights=_moments(points.heights, surface.lowest, surface.noise),
@@ -230,7 +235,10 @@ def _bandwidth(profiles: Profiles, variance: float, noise: float) -> float:
 def _table_1(
     moments: SurfaceMoments, surface: ScaledHeights, per_length: float
 ) -> dict[str, float]:
-    """Return the statistics in um, 1/um and 1, by name; `per_length` is the curvatures' unit."""
+    """Return the statistics by name, in the units of Table 1.
+
+    `per_length` is the unit of the curvatures in `moments` [1/um].
+    """
     heights, peaks, asperities = moments.heights, moments.peaks, moments.asperities
     unit = surface.unit
     nodes = surface.nodes.size
@@ -261,7 +269,10 @@ def _table_1(
 
 
 def _lost_in_rounding(values: dict[str, float], surface: ScaledHeights) -> Description:
-    """Return only the statistics of the heights, which alone an offset of them has left."""
+    """Return the description of heights whose offset has left too few of their digits.
+
+    Only the three statistics of all heights are numbers, and the others NaN.
+    """
     kept = {name: values[name] for name in ("height_mean", "height_max", "height_rms")}
     return Description(
         dict.fromkeys(NAMES, math.nan) | kept,
@@ -271,16 +282,14 @@ def _lost_in_rounding(values: dict[str, float], surface: ScaledHeights) -> Descr
 
 
 def _reason(values: dict[str, float], surface: ScaledHeights, heights: Values) -> str:
-    """Say why some statistics of a surface are NaN; nothing if none is. Heights are in um."""
+    """Say why some statistics of a surface with these heights [um] are NaN; "" if none is."""
     if surface.lowest == surface.highest:
         return "flat surface: no profile peak, no asperity"
     if not any(map(math.isnan, values.values())):
         return ""
     lower_quartile, upper_quartile = np.percentile(surface.nodes, [25.0, 75.0])
     if 0.0 < upper_quartile - lower_quartile <= LOST * surface.rounding:
-        lowest = float(heights.min())
-        highest = float(heights.max())
-        largest = highest if highest > -lowest else lowest
+        largest = max(float(heights.min()), float(heights.max()), key=abs)
         return f"most heights are lost in rounding beside one of {largest:.6g} um"
     return UNDEFINED
 
@@ -408,8 +417,9 @@ def _precision(heights: Values) -> float:
 
     It is that of double precision, or of the single or half precision of the array.
     """
-    is_single = heights.dtype.kind == "f" and heights.dtype.itemsize < 8
-    return float(np.finfo(heights.dtype if is_single else np.float64).eps)
+    if heights.dtype.kind == "f" and heights.dtype.itemsize < 8:
+        return float(np.finfo(heights.dtype).eps)
+    return float(np.finfo(np.float64).eps)
 
 
 def _profiles(surface: Values, axis: int) -> Profiles:

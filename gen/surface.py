@@ -100,10 +100,10 @@ class Grid(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """A parameter that is drawn for each surface: its unit and its meaning, as in its column."""
+    """A parameter that is drawn for each surface, as its column describes it."""
 
     unit: str  # "1" for pure numbers
-    long_name: str
+    long_name: str  # its meaning
     paper_range: tuple[float, float] | None = None  # in the paper's Table 1
 
 
@@ -111,7 +111,11 @@ Hurst = Annotated[FromZeroToOne, Drawn("1", "Hurst exponent of the surface", (0.
 
 
 class GeneratedSurface(Table):
-    """A table of surfaces, whose fields with a `Drawn` are drawn for each surface, and columns."""
+    """The table `[surface]` of a scene, and the surfaces that it describes.
+
+    A field that is annotated by `Drawn` is a parameter: it is drawn for each surface, and is a
+    column of the database.
+    """
 
     NAMES: ClassVar[tuple[str, ...]] = ()
     """Names by which scenes ask for this generator."""
@@ -120,8 +124,8 @@ class GeneratedSurface(Table):
     """Parameters that every scene of this generator may draw, by their keys."""
 
     PLACES: ClassVar[Mapping[str, str]] = {}
-    """Meanings, by their names, of the columns that say where in a larger surface each surface was
-    cut out; empty if surfaces are not cut out."""
+    """Names and meanings of the columns that say where in a larger surface each one was cut out.
+    Generators whose surfaces are not cut out have none."""
 
     # Without the key the other body is flat.
     against: Literal["another"] | None = Field(

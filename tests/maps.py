@@ -7,6 +7,7 @@ import numpy as np
 
 from bem.arrays import Field
 from bem.problem import Boundary
+from gen.maps.prepare import prepare, surface_warnings
 from gen.maps.read import Topography
 from gen.maps.read import read as read_map
 from gen.maps.settings import Reading
@@ -47,3 +48,18 @@ def rough_map(shape: tuple[int, int] = (96, 96), *, stretch: float = 1.0) -> Fie
     sides = (float(shape[0]), float(shape[1]))
     random = np.random.default_rng(1)
     return generate_spectral(shape, sides, spectrum, random, rms_height=0.5)
+
+
+def rough_heights(seed: int = 0, nodes: int = 80, cut_off: float = 4.0) -> Field:
+    """Return heights of a rough surface with nodes 1 um apart, of rms height 0.3 um [um]."""
+    spectrum = SelfAffineSpectrum(0.8, nodes / 4, cut_off)
+    random = np.random.default_rng(seed)
+    sides = (float(nodes), float(nodes))
+    return generate_spectral((nodes, nodes), sides, spectrum, random, rms_height=0.3)
+
+
+def warnings_of(heights: Field, settings: Reading | None = None) -> list[str]:
+    """Return the warnings about heights [um] with nodes 1 um apart, after a preparation."""
+    sides = (heights.shape[0] - 1.0, heights.shape[1] - 1.0)
+    topography = Topography("map", heights, sides)
+    return surface_warnings(prepare(topography, settings or Reading()))

@@ -102,7 +102,7 @@ def _print_result(result: "RunResult", output: Path) -> None:
     if result.overdue:
         echo(
             f"warning: {result.overdue} rows took longer than --sample-limit and are pending;"
-            " the same command with a larger one, or without, goes on with them"
+            " the same command with a larger limit, or without one, computes them"
         )
     if counts.pending and result.signal:
         name = signal.Signals(result.signal).name
@@ -186,13 +186,13 @@ def check(
     The exit code is 0 if the database has no fault or all faults have been repaired, otherwise 1.
     """
     from gen.database import Reader, lock
-    from gen.schema import made_by_another
+    from gen.schema import made_by_other_solver
 
     with ExitStack() as stack:
         if repair:
             stack.enter_context(lock(file))
         with Reader(file) as reader:
-            other_solver = made_by_another(int(reader.attributes["physics"]))
+            other_solver = made_by_other_solver(int(reader.attributes["physics"]))
             counts = reader.counts()
         if repair:
             require_writable(file)

@@ -13,7 +13,8 @@ from bem import Contact
 from gen.database import Reader
 from gen.generation.plan import parameters
 from gen.generation.sample import absolute_load, solve_contact, surface_of
-from gen.maps.pictures import DECADES, LETTERS, contact_maps, load_text, plot_map
+from gen.maps.contact_pictures import DECADES, contact_maps, load_text
+from gen.maps.pictures import LETTERS, plot_map
 from gen.material import Bodies
 from gen.quantities import AREA, DELTA, FORCE, PRESSURE, USUAL, typographic
 from gen.runtime.errors import InputError

@@ -281,7 +281,7 @@ def press_one(order: PressingOrder, surface: Path, files: ContactFiles) -> None:
     if files.flattened is not None:
         _write_flattened(files.flattened, solved)
     if files.picture is not None:
-        from gen.maps.pictures import ContactCaptions, plot_contacts
+        from gen.maps.contact_pictures import ContactCaptions, plot_contacts
 
         captions = ContactCaptions(
             name=topography.name,

@@ -11,7 +11,14 @@ import numpy as np
 from gen.quantities import QUANTITIES
 from gen.runtime.memory import format_bytes
 from gen.runtime.terminal import echo, print_columns
-from gen.schema import PHYSICS_CHANGES, REASONS, RUNTIME, TABLE_1, Status, made_by_another
+from gen.schema import (
+    PHYSICS_CHANGES,
+    REASONS,
+    RUNTIME,
+    TABLE_1,
+    Status,
+    made_by_other_solver,
+)
 
 if TYPE_CHECKING:  # each command imports no more than it needs
     from collections.abc import Mapping, Sequence
@@ -20,6 +27,7 @@ if TYPE_CHECKING:  # each command imports no more than it needs
     from bem import Contact
     from gen.commands.descriptions import DescribedMap
     from gen.database import Reader
+    from gen.database.reader import Counts
     from gen.maps.contacts import Answer, SolvedLoads
     from gen.maps.read import Topography
     from gen.maps.texture import ProfileRoughness, SelfAffineFit
@@ -41,7 +49,7 @@ def print_database(reader: Reader) -> None:
 
     counts = reader.counts()
     echo(f"{reader.path}: {reader.attributes['title']}")
-    _print_rows(reader)
+    _print_rows(reader, counts)
     damage = reader.damage()
     if damage:
         echo(f"  warning   {damage}")
@@ -56,9 +64,8 @@ def print_database(reader: Reader) -> None:
         _print_ranges(reader)
 
 
-def _print_rows(reader: Reader) -> None:
-    """Print the size of a database, and how many rows are done, failed and pending, and why."""
-    counts = reader.counts()
+def _print_rows(reader: Reader, counts: Counts) -> None:
+    """Print the size of a database, the counts of its rows, and the reasons of failed ones."""
     size = format_bytes(reader.path.stat().st_size)
     part = ""
     if len(reader.rows) < reader.scene.samples:
@@ -85,7 +92,7 @@ def _print_origin(reader: Reader) -> None:
         f" layout {attributes['schema']}, physics {attributes['physics']}"
     )
     physics = int(attributes["physics"])
-    other_solver = made_by_another(physics)
+    other_solver = made_by_other_solver(physics)
     if other_solver:
         echo(f"            {other_solver}")
         for number, change in PHYSICS_CHANGES.items():
@@ -216,10 +223,7 @@ def print_preparation_in_line(topography: Topography, warnings: Sequence[str]) -
 
 
 def print_statistics(described: DescribedMap) -> None:
-    """Print the grid of a surface, its tilt unless it is level, and two tables of its numbers.
-
-    These are the 22 statistics and the parameters of ISO 25178.
-    """
+    """Print a line about the grid of a surface, its 22 statistics and its ISO 25178 parameters."""
     from gen.maps.areal import PARAMETERS
 
     echo(_grid_line(described.topography))
@@ -298,7 +302,9 @@ def print_spectrum(fit: SelfAffineFit | str, nodes_per_wave: float) -> None:
         _print_law(fit)
     if math.isnan(nodes_per_wave):
         return
-    meaning = "nodes: areas of contact are those of the grid, see gen contact"
+    meaning = (
+        "nodes: too few for the area of contact in the continuum to 1 %, see gen contact"
+    )
     if nodes_per_wave >= WELL_RESOLVED:
         meaning = "nodes: enough for the area of contact in the continuum to 1 %"
     print_columns([("shortest wave", f"{nodes_per_wave:.2g}", meaning)])
@@ -327,8 +333,8 @@ def _print_law(fit: SelfAffineFit) -> None:
         ]
     )
     echo(
-        "That is the exponent of the spectrum, which spectral gives if it is asked for it;"
-        " diamond-square and midpoint give it if they are asked for 0.07 to 0.16 more"
+        "Here hurst is the exponent of the spectrum, as the generator spectral takes it;"
+        " diamond-square and midpoint need a hurst that is 0.07 to 0.16 larger for this spectrum"
     )
 
 

@@ -16,13 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Indices
-from gen.database.reader import (
-    FLAGS,
+from gen.database.opening import (
     PART_NUMBERS,
     SIGNATURE,
-    Counts,
-    Reader,
-    chunks,
     has_checksums,
     open_file,
     read_attributes,
@@ -31,6 +27,7 @@ from gen.database.reader import (
     rows_of,
     stored_path,
 )
+from gen.database.reader import FLAGS, Counts, Reader, chunks
 from gen.database.writer import HeldFile, disk_trouble, write_rows
 from gen.runtime.errors import InputError
 from gen.runtime.files import Present, lock, place_of, unfinished
@@ -49,7 +46,7 @@ mark. Creation order is tracked so that readers list columns in the schema's ord
 """
 
 Attributes = Mapping[str, str | int]
-"""Attributes of a file by their names, as `gen.database.reader.read_attributes` returns them."""
+"""Attributes of a file by their names, as `gen.database.opening.read_attributes` returns them."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,15 +22,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gen.arrays import Columns, Indices
-from gen.database.reader import (
-    Reader,
-    checksums_of,
-    chunks,
-    first_line,
-    open_file,
-    require_scene,
-    stored_path,
-)
+from gen.database.opening import first_line, open_file, require_scene, stored_path
+from gen.database.reader import Reader, checksums_of, chunks
 from gen.runtime.errors import InputError, errno_of
 from gen.runtime.files import require_writable
 from gen.scene import Scene
@@ -105,7 +98,7 @@ class HeldFile(ExitStack):
         if fate:
             raise InputError(
                 f"{self.path} was {fate} while it was being written; nothing more is written, and"
-                " what this run has computed is in the old file, if that is anywhere"
+                " what this run has computed is in the old file, if that still exists"
             )
 
     def _fate(self) -> str:
@@ -201,15 +194,7 @@ class Writer(Reader):
         self._unsynced: list[Unsynced] = []
         self._last_sync = -math.inf  # by `time.monotonic` [s]
         with ExitStack() as opened:
-            if communicator is None:
-                self._held = opened.enter_context(HeldFile(path))
-                file = opened.enter_context(open_file(path, True))
-            else:
-                _require_one_file(path, communicator)
-                held = _on_all(communicator, lambda: HeldFile(path))
-                self._held = opened.enter_context(held)
-                file = _on_all(communicator, lambda: open_file(path, True, communicator))
-                opened.enter_context(file)
+            file = self._open(opened)
             self._take(file)
             require_scene(file, path, self.scene, scene, force=force)
             self._datasets = {
@@ -224,6 +209,22 @@ class Writer(Reader):
             self.callback(self._finish)
         else:
             self.callback(_on_all, communicator, self._finish)
+
+    def _open(self, opened: ExitStack) -> h5py.File:
+        """Hold and open the file, on all processes together if there are several; return it.
+
+        Closing `opened` closes both.
+        """
+        path = self.path
+        communicator = self._communicator
+        if communicator is None:
+            self._held = opened.enter_context(HeldFile(path))
+            return opened.enter_context(open_file(path, writing=True))
+        _require_one_file(path, communicator)
+        held = _on_all(communicator, lambda: HeldFile(path))
+        self._held = opened.enter_context(held)
+        file = _on_all(communicator, lambda: open_file(path, True, communicator))
+        return opened.enter_context(file)
 
     def _outside_of_columns(self) -> tuple[range, range]:
         """Return the offsets of the file's bytes before and behind its columns.
@@ -244,16 +245,21 @@ class Writer(Reader):
         Raises
         ------
         InputError
-            If so.
+            If the path leads to another file or to none, or bytes outside of the columns have
+            changed.
         """
         self._held.check()
 
     def _spare_newcomer(self) -> None:
-        """Send HDF5's last bytes to a temporary file if this file has been replaced."""
+        """Keep the last bytes, which HDF5 writes as a file closes, away from a replaced file.
+
+        They go into a temporary file then. A file that processes have opened together takes them,
+        as closing is collective.
+        """
         try:
             self.confirm()
         except InputError:
-            if self._communicator is None:  # closing together is collective
+            if self._communicator is None:
                 with tempfile.TemporaryFile() as nothing:
                     os.dup2(nothing.fileno(), self._file.id.get_vfd_handle())
 

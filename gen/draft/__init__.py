@@ -113,6 +113,6 @@ def _doubts(written: Draft) -> list[str]:
     doubts = list(written.scene.contact.doubts)
     if written.doubt:
         doubts.append(f"{written.doubt}: windows of the map are safer")
-    for content in written.surveys:
-        doubts += [f"{content.path.name}: {warning}" for warning in content.warnings]
+    for survey in written.surveys:
+        doubts += [f"{survey.path.name}: {warning}" for warning in survey.warnings]
     return doubts

@@ -11,7 +11,7 @@ import numpy as np
 
 from gen.arrays import Heights
 from gen.draft.proposal import with_steps
-from gen.draft.survey import MapSurvey, measure, require_usable, survey
+from gen.draft.survey import MapSurvey, measure, require_usable, survey_maps
 from gen.maps.areal import areal_parameters
 from gen.maps.read import Sides, Topography
 from gen.maps.settings import Reading
@@ -25,7 +25,7 @@ NODES = 128  # nodes along each side of the surfaces
 # isotropic made maps have 1.1
 UNLIKE = 1.4
 LAY = 1.25  # ratio of the slopes along both axes from which a map has a lay
-TRIED = 8  # surfaces that are generated to compare them with the map
+TRIAL_SURFACES = 8  # surfaces that are generated to compare them with the map
 # period of the surfaces in sides of the patch, the generator's for patches without a period
 PERIOD = 2
 # shortest wavelength that the generator takes, in distances of the nodes: a little over two
@@ -77,23 +77,24 @@ def propose_like(path: Path, reading: Reading) -> Likeness:
     InputError
         If the map cannot be used, or no self-affine law fits it.
     """
-    [content] = require_usable(survey([path], reading))
-    reading = with_steps(reading, [content])
-    measured = measure(content, reading)
-    topography = measured.topography
+    [survey] = require_usable(survey_maps([path], reading))
+    reading = with_steps(reading, [survey])
+    prepared = measure(survey, reading)
+    topography = prepared.topography
     if topography is None:
-        raise InputError(f"no map can be used: {path}: {measured.survey.fault}")
+        raise InputError(f"no map can be used: {path}: {prepared.survey.fault}")
     stretch = _stretch(topography)
     fit = _fitted(path, topography, stretch)
     step = float(f"{min(topography.spacing):.6g}")
     spectrum = _for_generator(fit.spectrum, stretch, step)
     windows = _roughness(_windows(topography.heights), topography.spacing)
     unscaled = _roughness(_generated(spectrum, step), (step, step))
-    # Heights and both slopes are proportional: this one gives the windows' slope between nodes.
+    # The waves of these surfaces have an rms slope of 1. Heights and slopes between nodes are
+    # proportional to it: with this one the surfaces are as steep as windows of the map.
     slope = windows.rms_slope / unscaled.rms_slope
     height = unscaled.rms_height * slope
     return Likeness(
-        survey=measured.survey,
+        survey=prepared.survey,
         reading=reading,
         fit=fit,
         spectrum=spectrum,
@@ -119,7 +120,7 @@ def _stretch(topography: Topography) -> float:
 
 
 def _fitted(path: Path, topography: Topography, stretch: float) -> SelfAffineFit:
-    """Return the law of a map without its stretch, with wavelengths as along y; refuse others."""
+    """Fit a law to a map whose stretch is taken out of x; raise InputError if none fits."""
     length, width = topography.sides
     isotropic = replace(topography, sides=(length / stretch, width))
     aspect = areal_parameters(isotropic).values["Str"]
@@ -132,7 +133,7 @@ def _fitted(path: Path, topography: Topography, stretch: float) -> SelfAffineFit
 def _for_generator(
     law: SelfAffineSpectrum, stretch: float, step: float
 ) -> SelfAffineSpectrum:
-    """Return a law in round numbers, with waves that nodes hold which are a step [um] apart."""
+    """Return a law in round numbers, whose shortest waves a grid with a step [um] holds."""
     shortest = SHORTEST * step * max(1.0, 1 / stretch)
     cut_off = rounded(max(law.cut_off, shortest), 3)
     roll_off = max(rounded(law.roll_off, 3), cut_off)
@@ -140,10 +141,10 @@ def _for_generator(
 
 
 def _generated(spectrum: SelfAffineSpectrum, step: float) -> list[Heights]:
-    """Generate surfaces as the scene will [um], with nodes a step [um] apart, waves of slope 1."""
+    """Generate surfaces [um] as the scene will, but with an rms slope of 1; `step` is in um."""
     nodes = PERIOD * NODES
     surfaces = []
-    for seed in range(TRIED):
+    for seed in range(TRIAL_SURFACES):
         random = np.random.default_rng(seed)
         period = generate_spectral(
             (nodes, nodes), nodes * step, spectrum, random, rms_slope=1.0
@@ -166,7 +167,10 @@ def _roughness(surfaces: Sequence[Heights], spacing: Sides) -> Roughness:
 
 
 def _doubt(generated: float, measured: float, fit: SelfAffineFit) -> str:
-    """Say why surfaces are not like a map: by the rms heights of both [um] or by the fit, or ""."""
+    """Say why generated surfaces are not like the measured ones, or return an empty text.
+
+    The first two parameters are rms heights [um].
+    """
     factor = max(generated / measured, measured / generated)
     if factor > UNLIKE:
         return f"rms heights of generated surfaces are off the map's by a factor of {factor:.2g}"

@@ -14,7 +14,7 @@ from gen.draft.survey import (
     common_threshold,
     measure,
     require_usable,
-    survey,
+    survey_maps,
     usable,
 )
 from gen.maps.filters import is_same
@@ -34,7 +34,7 @@ SIZES = (256, 192, 128, 96, 64, 48, 32)
 USUAL = 128  # nodes a side, more only where these are narrow beside the texture
 # sides of a window in autocorrelation lengths from which its statistics are those of the map
 WIDE = 5.0
-MOST_MAPS = 0.75  # share of the maps that have to hold two windows along both axes
+SHARE_OF_MAPS = 0.75  # share of the maps that have to hold two windows along both axes
 FINE = 0.8  # share of the maps that are not coarsened for the sake of the others
 # spacing over the median one from which maps are left out, however many they are
 COARSE = 4.0
@@ -86,22 +86,22 @@ def propose(
     InputError
         If no map can be used, or all are too small for a window.
     """
-    contents = survey(paths, reading, advance)
-    spacing = common_spacing([content.spacing for content in require_usable(contents)])
-    contents = [_unless_coarse(content, spacing) for content in contents]
-    reading = with_steps(reading, usable(contents))
+    surveys = survey_maps(paths, reading, advance)
+    spacing = common_spacing([survey.spacing for survey in require_usable(surveys)])
+    surveys = [_unless_coarse(survey, spacing) for survey in surveys]
+    reading = with_steps(reading, usable(surveys))
     measured = []
-    for content in contents:
-        if content.fault:
-            measured.append(content)
+    for survey in surveys:
+        if survey.fault:
+            measured.append(survey)
         else:
-            measured.append(measure(content, reading, spacing).survey)
+            measured.append(measure(survey, reading, spacing).survey)
         advance()
     nodes = _nodes_for(require_usable(measured), spacing)
-    surveys = [_unless_narrow(content, nodes) for content in measured]
+    surveys = [_unless_narrow(survey, nodes) for survey in measured]
     used = require_usable(surveys)
-    step = used[0].spacing[0] if spacing is None else spacing
-    shapes = tuple(content.prepared for content in used)
+    step = spacing or used[0].spacing[0]
+    shapes = tuple(survey.prepared for survey in used)
     return Proposal(
         surveys=surveys,
         reading=reading,
@@ -113,32 +113,37 @@ def propose(
     )
 
 
-def _unless_coarse(content: MapSurvey, spacing: float | None) -> MapSurvey:
+def _unless_coarse(survey: MapSurvey, spacing: float | None) -> MapSurvey:
     """Return a survey with a fault if its nodes are further apart than the common spacing [um]."""
-    if content.fault or spacing is None:
-        return content
-    widest = max(content.spacing)
+    if survey.fault or spacing is None:
+        return survey
+    widest = max(survey.spacing)
     if widest <= COARSER * spacing:
-        return content
+        return survey
     fault = f"a node every {widest:.4g} um, most others have one every {spacing:g}"
-    return replace(content, fault=fault)
+    return replace(survey, fault=fault)
 
 
-def _unless_narrow(content: MapSurvey, nodes: int) -> MapSurvey:
+def _unless_narrow(survey: MapSurvey, nodes: int) -> MapSurvey:
     """Return a survey with a fault if its prepared map holds no window of nodes x nodes."""
-    nx, ny = content.prepared
-    if content.fault or min(nx, ny) >= nodes:
-        return content
+    nx, ny = survey.prepared
+    if survey.fault or min(nx, ny) >= nodes:
+        return survey
     fault = f"{nx} x {ny} nodes hold no window of {nodes} x {nodes}"
-    return replace(content, fault=fault)
+    return replace(survey, fault=fault)
 
 
 def _nodes_for(used: Sequence[MapSurvey], spacing: float | None) -> int:
-    """Choose the nodes along each side of the windows of maps; refuse maps that are too small."""
-    step = max(used[0].spacing) if spacing is None else spacing
-    lengths = [content.length for content in used if not math.isnan(content.length)]
-    length = statistics.median(lengths) if lengths else math.nan
-    nodes = window_nodes([content.prepared for content in used], length / step)
+    """Choose the nodes a side of windows; without a spacing [um] maps keep the one that they share.
+
+    Raise InputError if all maps are too small.
+    """
+    step = spacing or max(used[0].spacing)
+    lengths = [survey.length for survey in used if not math.isnan(survey.length)]
+    length = math.nan
+    if lengths:
+        length = statistics.median(lengths)
+    nodes = window_nodes([survey.prepared for survey in used], length / step)
     if nodes is None:
         raise InputError(
             f"the maps are too small for windows: all have fewer than {SIZES[-1]} nodes a side"
@@ -153,28 +158,29 @@ def _number_of_windows(shapes: Sequence[tuple[int, int]], nodes: int) -> int:
     return 10 * round(number / 10)
 
 
-def with_steps(reading: Reading, contents: Sequence[MapSurvey]) -> Reading:
+def with_steps(reading: Reading, surveys: Sequence[MapSurvey]) -> Reading:
     """Choose the steps of the preparation by the spikes, form and holes of the maps.
 
     Parameters
     ----------
     reading : Reading
         How files are read.
-    contents : sequence of MapSurvey
+    surveys : sequence of MapSurvey
         Surveys of the maps without a fault, as their files have them.
 
     Returns
     -------
     Reading
-        The same reading with the keys despike, level and fill.
+        The same reading with the keys `despike`, which is None if no map has spikes, `level`, a
+        quadratic if a map is curved, and `fill`, for maps with holes.
     """
-    spikes = [content.spikes for content in contents if content.spikes is not None]
-    is_curved = any(content.is_curved for content in contents)
+    spikes = [survey.spikes for survey in surveys if survey.spikes is not None]
+    is_curved = any(survey.is_curved for survey in surveys)
     return replace(
         reading,
         despike=common_threshold(spikes),
         level="quadratic" if is_curved else "plane",
-        fill=any(content.missing > 0 for content in contents),
+        fill=any(survey.missing > 0 for survey in surveys),
     )
 
 
@@ -226,7 +232,7 @@ def window_nodes(shapes: Sequence[tuple[int, int]], length: float) -> int | None
     for windows in (2, 1):
         for size in sizes:
             maps = sum(side >= windows * size for side in sides)
-            if maps >= MOST_MAPS * len(sides):
+            if maps >= SHARE_OF_MAPS * len(sides):
                 return size
     return None
 

@@ -12,13 +12,9 @@ import numpy as np
 from gen.arrays import Heights, Values
 from gen.doubts import STEEP
 from gen.maps.areal import areal_parameters
+from gen.maps.codes import refuse_overflowing_heights, with_code_warnings
 from gen.maps.filters import MOST_HOLES, fitted_polynomial, resampled
-from gen.maps.outliers import (
-    local_medians,
-    refuse_overflowing_heights,
-    scatter_of,
-    with_code_warnings,
-)
+from gen.maps.outliers import local_medians, scatter_of
 from gen.maps.prepare import FLAT, MANY_SPIKES, least_squares, prepare
 from gen.maps.read import Sides, Topography, read, spacing_text
 from gen.maps.settings import SPIKE, Reading, in_scene_words
@@ -32,14 +28,14 @@ from gen.statistics import rms_slope
 FORM = 0.9
 FEWEST_NODES_A_SIDE = 4  # nodes along the shorter side of a map that can be used
 
-# ratio of the nearest spike's distance to that of the furthest other node which tells spikes from
-# a surface whatever their number
+# ratio of the distances of the nearest spike and the furthest other node from which nodes are
+# spikes whatever their number
 GAP = 2.0
 # largest share of the nodes that may be spikes if no gap separates them from the other nodes
-FEW = 1e-3
-# distance of the furthest of such spikes over that of the furthest share `FEW` of all nodes, at
-# least: on made maps without spikes the ratio is at most 2 (sharp ridges)
-APART = 2.5
+FEW_SPIKES = 1e-3
+# smallest distance of the furthest of such spikes, over the distance that a share `FEW_SPIKES` of
+# all nodes exceed: on made maps without spikes the ratio is at most 2 (sharp ridges)
+FAR_SPIKE = 2.5
 
 
 @dataclass(frozen=True)
@@ -88,7 +84,7 @@ class PreparedMap:
     topography: Topography | None  # None if the survey names a fault
 
 
-def survey(
+def survey_maps(
     paths: Sequence[Path], reading: Reading, advance: Callable[[], None] = lambda: None
 ) -> list[MapSurvey]:
     """Read map files one by one and note their contents.
@@ -128,7 +124,7 @@ def _survey_of(path: Path, topography: Topography) -> MapSurvey:
     refuse_overflowing_heights(topography)
     heights = topography.heights
     codes = with_code_warnings(replace(topography, warnings=())).warnings
-    content = MapSurvey(
+    survey = MapSurvey(
         path,
         fault=_fault_of(topography),
         shape=(heights.shape[0], heights.shape[1]),
@@ -137,11 +133,11 @@ def _survey_of(path: Path, topography: Topography) -> MapSurvey:
         missing=topography.missing,
         warnings=tuple(in_scene_words(warning, path) for warning in codes),
     )
-    if content.fault:
-        return content
+    if survey.fault:
+        return survey
     tilt = least_squares(topography).tilt
     return replace(
-        content,
+        survey,
         form=_share_of_form(heights),
         spikes=find_spikes(heights),
         tilt=(tilt.x, tilt.y),
@@ -178,13 +174,13 @@ def _without_name(error: InputError, path: Path) -> str:
 
 
 def measure(
-    content: MapSurvey, reading: Reading, spacing: float | None = None
+    survey: MapSurvey, reading: Reading, spacing: float | None = None
 ) -> PreparedMap:
     """Prepare a map as the scene will, and add its roughness to its survey.
 
     Parameters
     ----------
-    content : MapSurvey
+    survey : MapSurvey
         Survey of the map as its file has it, without a fault.
     reading : Reading
         How the file is read, and the steps of the preparation.
@@ -198,16 +194,16 @@ def measure(
         or is flat.
     """
     try:
-        topography = prepare(read(content.path, reading), reading)
+        topography = prepare(read(survey.path, reading), reading)
         if spacing is not None:
             topography = resampled(topography, (spacing, spacing))
     except InputError as error:
-        fault = _without_name(error, content.path)
-        return PreparedMap(replace(content, fault=fault), None)
+        fault = _without_name(error, survey.path)
+        return PreparedMap(replace(survey, fault=fault), None)
     heights = topography.heights
     slope = rms_slope(heights, topography.spacing)
     measured = replace(
-        content,
+        survey,
         prepared=(heights.shape[0], heights.shape[1]),
         rms_height=float(heights.std()),
         rms_slope=slope,
@@ -253,7 +249,7 @@ def usable(surveys: Sequence[MapSurvey]) -> list[MapSurvey]:
     list of MapSurvey
         Those without a fault, in the same order.
     """
-    return [content for content in surveys if not content.fault]
+    return [survey for survey in surveys if not survey.fault]
 
 
 def require_usable(surveys: Sequence[MapSurvey]) -> list[MapSurvey]:
@@ -277,17 +273,18 @@ def require_usable(surveys: Sequence[MapSurvey]) -> list[MapSurvey]:
     without_fault = usable(surveys)
     if not without_fault:
         first = surveys[0]
-        count = len(surveys) - 1
-        further = f", and {count} more files" if count else ""
-        raise InputError(f"no map can be used: {first.path}: {first.fault}{further}")
+        message = f"no map can be used: {first.path}: {first.fault}"
+        if len(surveys) > 1:
+            message += f", and {len(surveys) - 1} more files"
+        raise InputError(message)
     return without_fault
 
 
 def find_spikes(heights: Heights) -> Spikes:
-    """Find the spikes of a map: the nodes beyond the largest gap in the distances from its surface.
+    """Find the spikes of a map by the distances of its nodes from their local medians.
 
-    Distances are those of nodes from the median of their neighbourhood. A few spikes without a gap
-    are found, too, if the furthest of them is far beyond the surface.
+    Spikes are the nodes beyond the largest gap between these distances. A few nodes are spikes
+    without a wide gap, too, if the furthest of them is far from the surface.
 
     Parameters
     ----------
@@ -304,8 +301,8 @@ def find_spikes(heights: Heights) -> Spikes:
     measured = distances[~np.isnan(distances)]
     falling = np.maximum(np.sort(measured)[::-1], SPIKE)
     number = _number_beyond_gap(falling, MANY_SPIKES, GAP)
-    if number == 0 and falling[0] > APART * falling[int(FEW * falling.size)]:
-        number = _number_beyond_gap(falling, FEW, 1.0)
+    if number == 0 and falling[0] > FAR_SPIKE * falling[int(FEW_SPIKES * falling.size)]:
+        number = _number_beyond_gap(falling, FEW_SPIKES, 1.0)
     nearest = math.inf
     if number > 0:
         nearest = float(falling[number - 1])
@@ -313,9 +310,9 @@ def find_spikes(heights: Heights) -> Spikes:
 
 
 def _number_beyond_gap(falling: Values, share: float, smallest_ratio: float) -> int:
-    """Return the number of distances before the largest gap in a share of them that fall.
+    """Return how many of the falling distances are beyond the largest gap in a share of them.
 
-    The gap is the largest ratio of neighbours; the number is 0 if it is not above the smallest one.
+    The gap is the largest ratio of neighbours; the number is 0 unless it exceeds `smallest_ratio`.
     """
     first = falling[: max(1, int(share * falling.size)) + 1]
     ratios = first[:-1] / first[1:]
@@ -361,33 +358,34 @@ def print_surveys(surveys: Sequence[MapSurvey]) -> None:
     surveys : sequence of MapSurvey
         Surveys of the files, at least one.
     """
-    table = [_cells(content) for content in surveys]
+    table = [_cells(survey) for survey in surveys]
     titles = list(table[0])
     numbers = set(titles) - {"map", "unit", "use"}
     print_columns([list(cells.values()) for cells in table], titles, right=numbers)
 
 
-def _cells(content: MapSurvey) -> dict[str, str]:
+def _cells(survey: MapSurvey) -> dict[str, str]:
     """Return the cells of a map's line by their titles; "-" stands for what is not known."""
-    nx, ny = content.shape
-    tilt = max(abs(slope) for slope in content.tilt)
+    nx, ny = survey.shape
+    tilt = max(abs(slope) for slope in survey.tilt)
     spikes = "-"
-    if content.spikes is not None:
-        spikes = str(content.spikes.number)
+    if survey.spikes is not None:
+        spikes = str(survey.spikes.number)
     properties = {
         "nodes": f"{nx} x {ny}",
-        "spacing um": spacing_text(content.spacing, 4),
-        "unit": content.unit or "um?",
-        "holes %": f"{100 * content.missing / max(1, nx * ny):.2g}",
+        "spacing um": spacing_text(survey.spacing, 4),
+        "unit": survey.unit or "um?",
+        "holes %": f"{100 * survey.missing / max(1, nx * ny):.2g}",
         "spikes": spikes,
         "tilt": f"{tilt:.2g}",
-        "rms height um": f"{content.rms_height:.3g}",
-        "rms slope": f"{content.rms_slope:.3g}",
+        "rms height um": f"{survey.rms_height:.3g}",
+        "rms slope": f"{survey.rms_slope:.3g}",
     }
-    is_readable = nx > 0
     for title, text in properties.items():
-        properties[title] = text.replace("nan", "-") if is_readable else "-"
-    use = "; ".join(["yes", *remarks(content)])
-    if content.fault:
-        use = f"no: {content.fault}"
-    return {"map": content.path.name, **properties, "use": use}
+        properties[title] = text.replace("nan", "-")
+    if nx == 0:  # of a file that cannot be read
+        properties = dict.fromkeys(properties, "-")
+    use = "; ".join(["yes", *remarks(survey)])
+    if survey.fault:
+        use = f"no: {survey.fault}"
+    return {"map": survey.path.name, **properties, "use": use}

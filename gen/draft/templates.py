@@ -1,6 +1,7 @@
-"""Texts of the scenes that are drafted for maps, with $names for what is known of the maps only.
+"""Templates of the scenes that are drafted for maps.
 
-Lines that hold nothing but the $name of an empty text are left out; see `gen.draft.writing.filled`.
+Each $name is a gap, which `gen.draft.writing.filled` fills. A line that is nothing but a gap is
+left out if the text for it is empty.
 """
 
 WINDOWS = """\

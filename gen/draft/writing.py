@@ -25,7 +25,7 @@ from gen.scene import Scene
 
 SURFACES = 600  # number of self-affine surfaces
 # factor by which the lengths and the slope of the population differ from the map's, at most
-AROUND = 1.25
+SPREAD = 1.25
 EXPONENTS = 0.05  # distance of the population's Hurst exponents from the map's, at most
 
 # tiles from which the part that tests a surrogate, a fifth, holds two or more
@@ -68,8 +68,10 @@ def scene_of_windows(
     """
     used = proposal.used
     title = f"Windows of {_counted(len(used), 'measured map')}"
-    few_tiles = templates.FEW_TILES if proposal.tiles < FEW_TILES else ""
-    slopes = [content.rms_slope for content in used]
+    few_tiles = ""
+    if proposal.tiles < FEW_TILES:
+        few_tiles = templates.FEW_TILES
+    slopes = [survey.rms_slope for survey in used]
     return filled(
         templates.WINDOWS,
         {
@@ -131,7 +133,7 @@ def scene_like(likeness: Likeness, bodies: Bodies, command: str, output: Path) -
             "height": f"{likeness.height:.3g}",
             "map_height": f"{likeness.windows.rms_height:.3g}",
             "doubt": _if_any(templates.DOUBT, "doubt", likeness.doubt),
-            "rms_slope": _range(rounded(slope / AROUND, 3), rounded(slope * AROUND, 3)),
+            "rms_slope": _range(rounded(slope / SPREAD, 3), rounded(slope * SPREAD, 3)),
             "load": _load(bodies, [likeness.survey.rms_slope], NODES**2),
             "contact": _contact(bodies),
         },
@@ -213,19 +215,19 @@ def _files(proposal: Proposal, inputs: Sequence[str], home: Path) -> str:
         paths = [Path(name).expanduser().absolute() for name in inputs]
         return "\n".join(f"    {quoted(str(path))}," for path in paths)
     home = home.resolve()
-    return "\n".join(_file_line(content, home) for content in proposal.surveys)
+    return "\n".join(_file_line(survey, home) for survey in proposal.surveys)
 
 
-def _file_line(content: MapSurvey, home: Path) -> str:
+def _file_line(survey: MapSurvey, home: Path) -> str:
     """Return the line of a map, whose name is relative to a folder if the map is in it."""
-    name = str(content.path)
-    if content.path.is_relative_to(home):
-        name = str(content.path.relative_to(home))
+    name = str(survey.path)
+    if survey.path.is_relative_to(home):
+        name = str(survey.path.relative_to(home))
         if name.startswith("~"):  # which would stand for somebody's home
             name = f"./{name}"
-    if content.fault:
-        return f"    # {quoted(name)} is left out: {printable(content.fault)}"
-    comment = "; ".join([f"rms slope {content.rms_slope:.3g}", *remarks(content)])
+    if survey.fault:
+        return f"    # {quoted(name)} is left out: {printable(survey.fault)}"
+    comment = "; ".join([f"rms slope {survey.rms_slope:.3g}", *remarks(survey)])
     return f"    {quoted(name)},  # {comment}"
 
 
@@ -234,7 +236,7 @@ def _spacing(proposal: Proposal) -> str:
     used = proposal.used
     if proposal.spacing is None:
         return filled(templates.SAME_SPACING, {"spacing": spacing_text(used[0].spacing)})
-    distances = [distance for content in used for distance in content.spacing]
+    distances = [distance for survey in used for distance in survey.spacing]
     return filled(
         templates.SPACING,
         {
@@ -254,7 +256,7 @@ def _preparation(proposal: Proposal) -> dict[str, str]:
         despike = _despike(used, steps.despike)
     fill = "# No map has holes: no fill."
     if steps.fill:
-        maps_with_holes = [content for content in used if content.missing > 0]
+        maps_with_holes = [survey for survey in used if survey.missing > 0]
         counts = {"maps_with_holes": str(len(maps_with_holes)), "maps": str(len(used))}
         fill = filled(templates.FILL, counts)
     return {
@@ -267,7 +269,7 @@ def _preparation(proposal: Proposal) -> dict[str, str]:
 
 def _despike(used: Sequence[MapSurvey], threshold: float) -> str:
     """Return the key `despike` with a threshold, and the number of spikes in the maps."""
-    numbers = [content.spikes.number for content in used if content.spikes]
+    numbers = [survey.spikes.number for survey in used if survey.spikes]
     positive = [number for number in numbers if number > 0]
     return filled(
         templates.DESPIKE,
@@ -283,9 +285,9 @@ def _despike(used: Sequence[MapSurvey], threshold: float) -> str:
 def _reason_for_level(used: Sequence[MapSurvey], level: str) -> str:
     """Say why maps are levelled: their largest slope, or the name of the first curved one."""
     if level == "plane":
-        tilt = max(abs(slope) for content in used for slope in content.tilt)
+        tilt = max(abs(slope) for survey in used for slope in survey.tilt)
         return f"the maps are tilted by up to {tilt:.2g}"
-    first = next(content for content in used if content.is_curved)
+    first = next(survey for survey in used if survey.is_curved)
     name = printable(first.path.name)
     return f"{name} and the like are curved: form rather than roughness"
 
@@ -317,8 +319,8 @@ def _law(likeness: Likeness) -> dict[str, str]:
     spectrum = likeness.spectrum
     lowest_hurst = max(0.0, spectrum.hurst - EXPONENTS)
     highest_hurst = min(1.0, spectrum.hurst + EXPONENTS)
-    shortest_roll_off = max(spectrum.roll_off / AROUND, spectrum.cut_off)
-    longest_roll_off = spectrum.roll_off * AROUND
+    shortest_roll_off = max(spectrum.roll_off / SPREAD, spectrum.cut_off)
+    longest_roll_off = spectrum.roll_off * SPREAD
     stretch = ""
     if spectrum.stretch != 1.0:
         stretch = filled(templates.STRETCH, {"stretch": repr(spectrum.stretch)})
@@ -347,9 +349,9 @@ class _Loads:
 
 
 def _load(bodies: Bodies, slopes: Sequence[float], nodes: int) -> str:
-    """Return the table of loads for bodies, by rms slopes of surfaces and the nodes of a surface.
+    """Return the table of loads on bodies, from first contacts to a large part of the surface.
 
-    The range is from first contacts that the grid resolves to a large part of the surface.
+    `slopes` are the rms slopes of surfaces [1], `nodes` the number of all nodes of a surface.
     """
     smallest_area = min(FEWEST_NODES / nodes, LARGEST_AREA / 10)
     if bodies.hardness is None:
@@ -369,7 +371,7 @@ def _load(bodies: Bodies, slopes: Sequence[float], nodes: int) -> str:
 
 
 def _elastic_loads(smallest_area: float) -> _Loads:
-    """Return loads relative to E* rms slope that bring at least this share of a patch in contact.
+    """Return loads over E* rms slope; the smallest brings this share of a patch into contact.
 
     The contact area of elastic bodies under a mean pressure p is about KAPPA p / (E* rms slope).
     """
@@ -384,10 +386,10 @@ def _elastic_loads(smallest_area: float) -> _Loads:
 
 
 def _yielding_loads(smallest_area: float, elastic: float, hardness: float) -> _Loads:
-    """Return loads [MPa] that bring at least this share of a patch of bodies that yield in contact.
+    """Return loads [MPa]; the smallest brings this share of a patch into contact.
 
-    The contact area under a mean pressure p is about p / `elastic`, E* rms slope / KAPPA [MPa], and
-    at least p / hardness [MPa]. There are two scales, so loads are pressures.
+    The contact area under a mean pressure p is about p / `elastic`, where `elastic` is E* rms slope
+    / KAPPA [MPa], and at least p / `hardness`. It has two scales, so loads are pressures.
     """
     bearing = min(hardness, elastic)
     smallest = rounded(smallest_area * bearing)
@@ -401,7 +403,7 @@ def _yielding_loads(smallest_area: float, elastic: float, hardness: float) -> _L
 
 
 def _contact(bodies: Bodies) -> str:
-    """Return the keys of the contact, the boundary first."""
+    """Return the keys of the contact: the only elastic body, or one with the E* of both."""
     modulus, poisson = bodies.only or (bodies.e_star, 0.0)
     no_modulus = ""
     if not bodies.has_modulus:

@@ -29,7 +29,7 @@ from gen.schema import (
     Column,
     Reason,
     Status,
-    made_by_another,
+    made_by_other_solver,
 )
 
 Mask = NDArray[np.bool_]  # one truth value for each row of a chunk
@@ -43,7 +43,7 @@ class Fault:
 
     rows: Indices  # (k,), numbers of the rows
     words: str
-    # Whether the file's bytes are at fault. Other last bits of another machine are not.
+    # False if the file has the bytes that were written, and this machine computes other last bits.
     damaged: bool = True
 
     def __str__(self) -> str:
@@ -171,7 +171,7 @@ def repair(path: Path, faults: Sequence[Fault]) -> Repair:
     """
     with Reader(path) as reader:
         scene = reader.scene
-        other_physics = made_by_another(int(reader.attributes["physics"]))
+        other_physics = made_by_other_solver(int(reader.attributes["physics"]))
     faulty = _union([fault.rows for fault in faults])
     pending = _union([])
     if not other_physics:
@@ -318,7 +318,7 @@ def _compared_columns(reader: Reader) -> list[Column]:
         for column in reader.columns()
         if column.deterministic and column != CHECKSUM
     ]
-    if not made_by_another(int(reader.attributes["physics"])):
+    if not made_by_other_solver(int(reader.attributes["physics"])):
         return columns
     of_surfaces = {"surface", "heights", *(column.name for column in TABLE_1)}
     return [column for column in columns if column.name in of_surfaces]

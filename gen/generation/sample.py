@@ -157,7 +157,7 @@ class _Samples:
         return heights
 
     def _solve(self, heights: Heights, row: int) -> Reason:
-        """Solve the contact of a row, and fill in its columns; return why it failed, if it did."""
+        """Solve the contact of a row, and fill in its columns; return why it failed, or NONE."""
         scene = self.scene
         try:
             settings = settings_of(scene, self.plan.hardness_of(row))
@@ -182,7 +182,11 @@ class _Samples:
             self.columns[name][row] = getattr(contact, name)
 
     def _fill_results(self, contact: bem.Contact, row: int) -> Reason:
-        """Fill in the quantities and the outputs of a contact; NOT_FINITE if an output is not."""
+        """Fill in the quantities of a solved contact, and what a user's function returns for it.
+
+        Return NOT_FINITE if an output is infinite or NaN, otherwise NONE. Errors of the function
+        and of quantities that need a solve of their own (ArithmeticError) are raised.
+        """
         store = self.scene.store
         outputs = {}
         if store.function:

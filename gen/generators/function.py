@@ -113,7 +113,9 @@ def _heights_of(returned: object, place: str) -> Heights:
     """
     array = np.asarray(returned)
     if array.dtype.kind not in "fiub":
-        kind = "nothing" if returned is None else f"a {type(returned).__name__}"
+        kind = f"a {type(returned).__name__}"
+        if returned is None:
+            kind = "nothing"
         raise SourceError(f"{place}: returned {kind}, not heights [um]")
     # A copy, because the function may keep the array.
     return np.array(array, dtype=np.float64)

@@ -306,9 +306,9 @@ class ScanSurface(GeneratedSurface):
         shapes = tuple(scanned.nodes for scanned in recorded.maps)
         if maps.shapes != shapes or maps.spacing != recorded.spacing:
             raise SourceError(
-                "the maps are read with other nodes or another spacing than when the database was"
-                f" made: {maps.shapes} every {maps.spacing} um, {shapes} every {recorded.spacing}"
-                " um then"
+                "the maps are read with other nodes or another spacing than when the"
+                f" database was made: {maps.shapes} every {maps.spacing} um, {shapes}"
+                f" every {recorded.spacing} um then"
             )
         _OPEN[body] = maps
 
@@ -441,14 +441,14 @@ def _require_company(first: RecordedMaps, second: RecordedMaps) -> None:
             f"{maps.spacing[0]:g} x {maps.spacing[1]:g}" for maps in (first, second)
         )
         raise InputError(
-            f"the maps of both bodies have a node every {spacings} um: give surface.spacing, to"
-            " which all are resampled"
+            f"the maps of both bodies have a node every {spacings} um: give"
+            " surface.spacing, to which all are resampled"
         )
     of_first = {scanned.sha256 for scanned in first.maps}
     for scanned in second.maps:
         if scanned.sha256 in of_first:
             raise InputError(
-                f"{scanned.file}: is one of files and of against: against = 'another' takes a"
-                " second window of the same map, otherwise a surrogate would be tested on nodes"
-                " that it was trained on"
+                f"{scanned.file}: is one of files and of against: against = 'another'"
+                " takes a second window of the same map, otherwise a surrogate would be"
+                " tested on nodes that it was trained on"
             )

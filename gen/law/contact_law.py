@@ -18,7 +18,7 @@ from bem.problem import Boundary
 from gen.arrays import Values
 from gen.doubts import material_doubts
 from gen.law.bands import assumption, described
-from gen.law.between import check_loads, merged, solve_between
+from gen.law.between import check_loads, merged, solve_between, solve_for_lines
 from gen.law.curves import APART, Curves, Points, held, risen, tabulated
 from gen.law.order import ARGUMENTS, Load, Order
 from gen.law.solver import LawSolver, SolvedLoads, ends_below
@@ -126,7 +126,7 @@ def _bodies(order: Order, subjects: LawSurfaces) -> Bodies:
 
 
 def _band_of_one_surface(tables: Tables) -> str:
-    """Describe the band of a law of one surface, which is the error of the grid if there is one."""
+    """Describe the band of one surface: the error of the grid, where it resolves a contact."""
     for table in (tables.over_delta, tables.over_pressure):
         if table.resolved_somewhere:
             return "the error of the grid, 9 times in 10, of the area in the continuum; one surface"
@@ -250,8 +250,8 @@ def mean_at_rest(at_rest: Sequence[Mapping[str, float]]) -> dict[str, float]:
 def _tables(solver: LawSolver, solved: Mapping[Load, SolvedLoads]) -> Tables:
     """Tabulate contacts against Delta and against pressure.
 
-    If one table has no loads of its own, a population is solved at further loads for it. One
-    surface needs no further contacts there.
+    If the order has no loads for one table, a population is solved at further loads for it. The
+    table of one surface has the contacts of the other table.
     """
     order = solver.order
     contacts = dict(solved)
@@ -318,8 +318,8 @@ def _contacts_for_other_table(
 
     Those of one surface are the contacts of the other table. A population is solved at the means of
     the load over the surfaces in the other table. Unlike surfaces may be pressed flat by the first
-    mean displacement: then the displacements are the smallest of all surfaces. No load is refused
-    here, except if all surfaces yield everywhere: the table becomes shorter, perhaps empty.
+    mean displacement: then each displacement is the smallest of all surfaces. Loads that are not
+    solved make the table shorter, perhaps empty; pressures are refused if all reach the hardness.
     """
     if len(solver.surfaces) == 1:
         return _same_contacts(other.points[0], load)
@@ -363,7 +363,8 @@ def _with_contacts_between(law: Law, solver: LawSolver) -> Law:
         order = replace(order, grid_error=False, flow=False)
     solver = replace(solver, order=order, judges=False, passes=BETWEEN)
     between = SolverBetween(law, solver)
-    pressures = solve_between(law.over_pressure, law.nodes, between.at_pressures)
+    solve_pressures = solve_for_lines if order.straight else solve_between
+    pressures = solve_pressures(law.over_pressure, law.nodes, between.at_pressures)
     checks: Curves | None = None
     if order.straight and pressures is not None:
         checks = between.at_checks(check_loads(law.over_pressure))

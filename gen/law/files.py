@@ -117,9 +117,10 @@ def _show_table(law: Law, table: Curves) -> None:
 
 
 def _columns_shown(table: Curves) -> list[str]:
-    """Return the quantities that are printed: the closure or Delta is left out if both are alike.
+    """Return the names of the quantities that are printed.
 
-    Against Delta, the closure is always left out, so that the lines are shorter.
+    Against Delta the closure is left out, so that lines are shorter. Against pressure Delta is left
+    out if it is the closure under every load.
     """
     names = list(table.curves)
     if table.against == DELTA.in_laws:
@@ -133,7 +134,10 @@ def _columns_shown(table: Curves) -> list[str]:
 
 
 def _text_of_cell(row: Row, name: str, *, withheld: bool) -> str:
-    """Return the value of a quantity and its band as text, "-" in place of a number that is NaN."""
+    """Return the value of a quantity and its band as text, "-" for a value that is unknown.
+
+    A band that is `withheld` is shown as " (-)".
+    """
     value = row[name]
     low = row[f"{name}_low"]
     high = row[f"{name}_high"]
@@ -214,7 +218,7 @@ def _rows(law: Law, table: Curves) -> list[Row]:
 
 
 def _about_the_load(law: Law, table: Curves, place: int) -> Row:
-    """Return what a row of a table is about, and the share of surfaces outside a training."""
+    """Return the kind of a row's argument, the share of surfaces outside a training, the bodies."""
     row: Row = {"against": table.against, "outside": float(table.outside[place])}
     if law.bodies.hardness is not None:
         row["hardness_MPa"] = law.bodies.hardness
@@ -224,7 +228,7 @@ def _about_the_load(law: Law, table: Curves, place: int) -> Row:
 
 
 def _of_each_surface(law: Law, table: Curves, place: int) -> Row:
-    """Return the cells of a row that have a quantity of one surface of a population each."""
+    """Return the cells of a row with each quantity of each surface, "" if a law has one surface."""
     row: Row = {}
     for name in (DELTA.in_laws, *law.over_delta.curves):
         columns = [

@@ -31,19 +31,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Indices, Values
-from gen.law.between import (
-    CLOSER,
-    ENOUGH,
-    MOST_AREA,
-    Column,
-    Deviation,
-    Line,
-    in_range,
-    largest_of,
-    merged,
-)
+from gen.law.between import CALCULIX_POINTS, ENOUGH, MOST_AREA, in_range, merged
 from gen.law.contact_law import Law
 from gen.law.curves import APART, risen, slopes, trend
+from gen.law.lines import LEVEL, Column, Deviation, Line
 from gen.options import BAND_SIDES, Units
 from gen.quantities import ALSO, CLOSURE, IN_LAWS
 from gen.runtime import VERSION, files
@@ -53,11 +44,7 @@ from gen.runtime.terminal import echo
 
 Program = Literal["calculix", "abaqus", "4c"]
 
-POINTS = (
-    20  # points that CalculiX has room for; all but the last one are points of the law
-)
-
-FAR = np.linspace(10, POINTS + 0.5, POINTS + 2)
+FAR = np.linspace(10, CALCULIX_POINTS + 0.5, CALCULIX_POINTS + 2)
 """Overclosures of the 20th to the 41st point, of which the last has the number of points in it
 [unit of length]."""
 
@@ -253,11 +240,9 @@ def _apart(places: Indices, closures: Values, side: str) -> tuple[Indices, Value
     Of points with one closure the first is kept, and for the stiff side the last: straight lines
     to the next point are then on the outer side of the points between.
     """
-    kept = risen(closures, CLOSER)
+    kept = risen(closures, LEVEL)
     if side == "stiff":
-        kept = (closures > 0) & (
-            np.append(closures[1:], np.inf) > (1 + CLOSER) * closures
-        )
+        kept = (closures > 0) & (np.append(closures[1:], np.inf) > (1 + LEVEL) * closures)
     return places[kept], closures[kept]
 
 
@@ -271,7 +256,9 @@ def _lines(
     joint = rising(law, side, between=not side)
     pressure = _pressure_column(joint)
     calculix = program == "calculix"
-    behaviour = pressure.laid(POINTS - 1, filled=True) if calculix else pressure.laid()
+    behaviour = (
+        pressure.laid(CALCULIX_POINTS - 1, filled=True) if calculix else pressure.laid()
+    )
     deviations = {"pressure": pressure.deviation(behaviour)}
     if not side:
         checked = _beside_checks(law, behaviour, CLOSURE.in_laws)
@@ -279,7 +266,7 @@ def _lines(
     conducting: Line | None = None
     if joint.conductances is not None:
         conductance = _conductance_column(joint, joint.conductances)
-        conducting = conductance.laid(POINTS if calculix else None)
+        conducting = conductance.laid(CALCULIX_POINTS if calculix else None)
         deviations["conductance"] = conductance.deviation(conducting)
         if not side:
             checked = _beside_checks(law, conducting, law.over_pressure.conducting)
@@ -335,7 +322,7 @@ def _beside_checks(law: Law, line: Line, quantity: str) -> Deviation:
         solved = checks.at
     known = np.isfinite(values) & (at >= line.at[1]) & (at <= line.at[-1]) & (solved > 0)
     lines = np.interp(at[known], line.at, line.values)
-    return largest_of(
+    return Deviation.of(
         np.abs(lines / solved[known] - 1), in_range(checks, law.nodes)[known]
     )
 
@@ -439,12 +426,13 @@ def _description(
     if law.over_pressure.conducting and program != "4c":
         yield "Beyond its last point the conductance stays the last one."
     if program == "calculix":
+        last = CALCULIX_POINTS - 1
         yield (
-            f"CalculiX (2.20 and its source of August 2026) reads {POINTS} points and holds the"
-            f" pressure behind them. So the first {POINTS - 1} lines of the table are points of the"
-            " law, laid where straight lines follow it best. All others continue its last slope;"
-            f" the overclosure of the last line, {FAR[-1]:g}, is where CalculiX finds the number"
-            " of points."
+            f"CalculiX (2.20 and its source of August 2026) reads {CALCULIX_POINTS} points and"
+            f" holds the pressure behind them. So the first {last} lines of the table are points"
+            " of the law, laid where straight lines follow it best. All others continue its last"
+            f" slope; the overclosure of the last line, {FAR[-1]:g}, is where CalculiX finds the"
+            " number of points."
         )
         faces = (
             "Take TYPE=SURFACE TO SURFACE in *CONTACT PAIR, for which this table is made"
@@ -606,7 +594,7 @@ class Function:
             np.full(solved.shape, abs(self.values[0])) if self.falls else np.abs(solved)
         )
         off = np.abs(cubic - solved) / np.where(unit > 0, unit, np.inf)
-        return largest_of(off, self.inside[known])
+        return Deviation.of(off, self.inside[known])
 
 
 def _functions(law: Law) -> Iterator[Function]:

@@ -42,8 +42,8 @@ class Order:
     """A request for a law."""
 
     inputs: tuple[str, ...]  # surfaces, folders of surfaces, databases or scenes
-    # Displacements [um] and pressures [MPa] as text, each "" if it is not given. A table without
-    # loads of its own is that of the contacts of the other table; a surrogate needs no loads.
+    # Displacements [um] and pressures [MPa] as text, each "" if it is not given. The solver needs
+    # one of them or both; a surrogate has loads of its own.
     delta: str = ""
     pressure: str = ""
     surfaces: int = 50  # number of surfaces of a database's or scene's population

@@ -122,8 +122,8 @@ def _check_members(path: Path) -> None:
             if is_text and member.file_size > LONGEST_TEXT:
                 name = printable(member.filename)
                 raise InputError(
-                    f"{path}: its text {name} has {format_bytes(member.file_size)}; at most"
-                    f" {format_bytes(LONGEST_TEXT)} are read"
+                    f"{path}: its text {name} has {format_bytes(member.file_size)}; at"
+                    f" most {format_bytes(LONGEST_TEXT)} are read"
                 )
         _check_size(path, sum(member.file_size for member in members))
 
@@ -134,8 +134,8 @@ def _check_size(path: Path, unpacked: int) -> None:
     allowed = max(LARGEST, PACKED * packed)
     if unpacked > allowed:
         raise InputError(
-            f"{path}: holds {format_bytes(unpacked)} in a file of {format_bytes(packed)}; at most"
-            f" {format_bytes(allowed)} are read of it"
+            f"{path}: holds {format_bytes(unpacked)} in a file of {format_bytes(packed)};"
+            f" at most {format_bytes(allowed)} are read of it"
         )
 
 

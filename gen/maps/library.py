@@ -120,8 +120,8 @@ def digests(paths: Iterable[Path]) -> list[str]:
         sha256 = digest(path)
         if sha256 in files:
             raise InputError(
-                f"{path} and {files[sha256]} are the same map: leave one out, or a surrogate would"
-                " be tested on nodes that it was trained on"
+                f"{path} and {files[sha256]} are the same map: leave one out, or a"
+                " surrogate would be tested on nodes that it was trained on"
             )
         files[sha256] = path
     return list(files)
@@ -162,12 +162,12 @@ def locate_map(recorded: Path, sha256: str, folder: Path | None) -> Path:
             f" {sha256[:12]}...; a changed map is another scene"
         )
     raise InputError(
-        f"{recorded}: the map is gone that the database was made of; put it back there or beside"
-        f" the database (SHA-256 {sha256[:12]}...)"
+        f"{recorded}: the map is gone that the database was made of; put it back there or"
+        f" beside the database (SHA-256 {sha256[:12]}...)"
     )
 
 
-# number of this way to read and prepare: raised whenever the code gives other heights or warnings
+# number of this way to read and prepare maps: raised whenever heights or warnings change
 READER = 3
 
 
@@ -283,8 +283,8 @@ def _new_library(
         home = _temporary_folder(make=True)
     if home is None:
         raise InputError(
-            f"there is no folder for prepared maps: {folder or tempfile.gettempdir()} cannot be"
-            " written to; set TMPDIR to a folder of yours"
+            f"there is no folder for prepared maps: {folder or tempfile.gettempdir()}"
+            " cannot be written to; set TMPDIR to a folder of yours"
         )
     path = _file_of_key(home, key)
     damaged = path.exists()
@@ -376,7 +376,8 @@ def _require_spacing(path: Path, spacing: Sides, first: Path, expected: Sides) -
     if not same_x or not same_y:
         raise InputError(
             f"{path} has a node every {spacing_text(spacing)} um, {first} every"
-            f" {spacing_text(expected)} um: give spacing, to which all are resampled, or downsample"
+            f" {spacing_text(expected)} um: give spacing, to which all are resampled, or"
+            " downsample"
         )
 
 
@@ -384,8 +385,9 @@ def _require_window(path: Path, shape: Shape, window: Shape) -> None:
     """Refuse a map that is smaller than the window."""
     if shape[0] < window[0] or shape[1] < window[1]:
         raise InputError(
-            f"{path}: has {shape[0]} x {shape[1]} nodes after its preparation, less than the window"
-            f" of {window[0]} x {window[1]}: give fewer nodes, or leave the map out"
+            f"{path}: has {shape[0]} x {shape[1]} nodes after its preparation, less than"
+            f" the window of {window[0]} x {window[1]}: give fewer nodes, or leave the"
+            " map out"
         )
 
 
@@ -515,9 +517,9 @@ def _mapped(path: Path, entry: dict[str, Any]) -> NDArray[np.float64]:
     )
 
 
-# side of a tile over that of the window, at least, where the map is large enough
+# smallest side of a tile over that of the window, where the map is large enough
 WIDE = 2
-# tiles along an axis that a map has at least, where it holds that many windows side by side
+# smallest number of tiles along an axis of a map that holds as many windows side by side
 FEWEST = 2
 
 

@@ -1,10 +1,8 @@
-"""Heights that stand apart from the others: codes for missing heights, single pits and spikes.
+"""Single pits and spikes: heights that stand apart from those around them.
 
-Instruments' programs write a number, such as -9999, where they measured nothing. Such a code is an
-exact value that many nodes share and that lies apart from the other heights. A pit or a spike is a
-node, or a few side by side, that is far from the heights around it. Both are looked for at either
-end of the heights and named in a warning. No height is changed here: whether a node was measured
-is for the user to say, by a mask.
+A pit or a spike is a node, or a few side by side, that is far from the heights around it. Pits and
+spikes are looked for at either end of the heights and named in a warning. No height is changed
+here: whether a node was measured is for the user to say, by a mask.
 """
 
 from __future__ import annotations
@@ -17,13 +15,7 @@ from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
 from gen.maps.read import Remedy, Topography
-from gen.maps.scan import UNITS, unit_of
 from gen.maps.settings import SPIKE
-from gen.runtime.errors import InputError
-
-# largest heights that are used [um]: those of files in a wrong unit are beyond, and squares of
-# smaller ones stay finite
-HIGHEST = 1e60
 
 Nodes = NDArray[np.bool_]  # whether a node is chosen, shape (nx, ny)
 End = Literal[1, -1]  # end of the heights: 1 for the highest ones, -1 for the lowest ones
@@ -32,14 +24,13 @@ ROUNDING = 1e-9  # relative difference of numbers that are taken for the same
 # nodes along each side of the neighbourhood: its median ignores spikes of up to 3 x 4 nodes
 WINDOW = 5
 LINES = 64  # lines of nodes whose neighbourhoods are gathered at a time, which bounds the memory
-TO_DEVIATION = (
-    1.4826  # standard deviation of normal numbers over their median absolute deviation
-)
+# standard deviation of normal numbers over their median absolute deviation
+TO_DEVIATION = 1.4826
 
 
 @dataclass(frozen=True, eq=False)
 class LocalLevels:
-    """The planes through the surroundings of some nodes, by medians."""
+    """Planes through the heights around some nodes, fitted by medians."""
 
     medians: Values  # height of the plane at each node [um], shape (k,)
     # steps of the plane from one node to the next along x and y [um], shape (k, 1, 1)
@@ -48,10 +39,11 @@ class LocalLevels:
 
 
 def local_levels(windows: Values) -> LocalLevels:
-    """Compute the levels of the surroundings in the middle of windows.
+    """Fit a plane to the heights in each window, by medians.
 
-    Beside a hole, a spike or the border, a slope would shift the median. Therefore a plane through
-    the middle is subtracted first, whose slopes are the medians of those in the window.
+    The slopes of a plane are the medians of the steps between neighbours in the window. Its height
+    in the middle is the median of the heights without these slopes, because a slope would shift the
+    median beside a hole, a spike or the border.
 
     Parameters
     ----------
@@ -61,7 +53,7 @@ def local_levels(windows: Values) -> LocalLevels:
     Returns
     -------
     LocalLevels
-        Median and slopes of each window.
+        Height in the middle and slopes of the plane of each window.
     """
     along_x = _median_steps(windows, axis=1)
     along_y = _median_steps(windows, axis=2)
@@ -71,13 +63,13 @@ def local_levels(windows: Values) -> LocalLevels:
 
 
 def _median_steps(windows: Values, axis: int) -> Values:
-    """Return the median step between neighbours along an axis, or 0 [um], shape (k, 1, 1)."""
+    """Return the median step in each window along an axis, 0 without any [um], shape (k, 1, 1)."""
     medians = _medians(np.diff(windows, axis=axis))
     return np.nan_to_num(medians, copy=False)[:, None, None]
 
 
 def local_medians(heights: Heights) -> Heights:
-    """Compute the median of the measured nodes around each node, on their slope.
+    """Compute the local level of each node, by the median of the measured nodes around it.
 
     Parameters
     ----------
@@ -87,7 +79,8 @@ def local_medians(heights: Heights) -> Heights:
     Returns
     -------
     ndarray, shape (nx, ny)
-        Level of the `WINDOW` x `WINDOW` nodes around each node, see `local_levels` [um].
+        Height of the plane through the `WINDOW` x `WINDOW` nodes around each node, see
+        `local_levels` [um].
     """
     padded = np.pad(heights, WINDOW // 2, constant_values=np.nan)
     windows = np.lib.stride_tricks.sliding_window_view(padded, (WINDOW, WINDOW))
@@ -100,7 +93,7 @@ def local_medians(heights: Heights) -> Heights:
 
 
 def scatter_of(distances: Values, heights: Heights) -> float:
-    """Compute the usual distance of nodes from their local medians.
+    """Estimate the standard deviation of the distances of nodes from their local medians.
 
     Parameters
     ----------
@@ -112,8 +105,8 @@ def scatter_of(distances: Values, heights: Heights) -> float:
     Returns
     -------
     float
-        Standard deviation of the distances by their median absolute deviation, and at least the
-        rounding of the heights [um].
+        Median absolute deviation of the distances times that factor which makes it the standard
+        deviation of normal ones, and at least the rounding of the heights [um].
     """
     measured = distances[~np.isnan(distances)]
     deviations = np.abs(measured - np.median(measured))
@@ -131,183 +124,6 @@ def _medians(values: Values) -> Values:
     lower = ordered[entries, np.maximum((count - 1) // 2, 0)]
     upper = ordered[entries, count // 2]
     return np.asarray(np.where(count % 2 == 1, lower, lower / 2 + upper / 2))
-
-
-# different heights from which a map has enough of them for one to stand apart
-FEWEST_VALUES = 16
-FEWEST_SHARED = 3  # nodes with one height from which this height may be a code
-# The gap between a code and the next height is at least this many times as wide as the widest of
-# the next `GAPS` gaps: steps of a coarse scale are alike, and a plateau has no gap.
-WIDER = 2.0
-GAPS = 10
-# least median step at the rim of a code over the usual step between neighbours: plateaus of
-# saturated and honed maps have less than 3, except for sharp ridges, which have no gap
-RIM = 3.0
-# the same if the only sign of a code is that its nodes lie scattered over the map
-SCATTERED_RIM = 7.0
-# least share of the nodes, and least ratio to the nodes of any other value, from which a value
-# between the other heights may be a code
-COMMON = 5e-4
-COMMONER = 5.0
-# pairs of neighbours with a common value, for each node with this value, up to which its nodes lie
-# scattered over the map; twice the pairs by chance are added
-PAIRED = 0.05
-SAMPLE_VALUES = 2**17  # heights, about, among which the commonest one is looked for
-MOST_CODES = 8  # codes of one map that are looked for
-
-
-@dataclass(frozen=True, eq=False)
-class Code:
-    """A height that probably says that a node was not measured."""
-
-    value: float  # [um]
-    nodes: Nodes  # nodes that have the value
-    between: bool  # whether there are heights below it and heights above it
-
-    @property
-    def number(self) -> int:
-        """Number of nodes that have the value."""
-        return int(np.count_nonzero(self.nodes))
-
-    @property
-    def first(self) -> tuple[int, int]:
-        """Place (row, column) of the first node that has the value."""
-        row, column = np.argwhere(self.nodes)[0].tolist()
-        return row, column
-
-
-def find_codes(heights: Heights) -> list[Code]:
-    """Find the values of a map that are codes for missing heights.
-
-    Parameters
-    ----------
-    heights : ndarray, shape (nx, ny)
-        Heights as they were measured, so that equal ones still are: no plane is subtracted [um].
-        They are NaN where heights are known to be missing.
-
-    Returns
-    -------
-    list of Code
-        Codes at either end of the heights and between them, `MOST_CODES` at most.
-    """
-    remaining = heights.copy()
-    codes: list[Code] = []
-    while len(codes) < MOST_CODES:
-        code = _next_code(remaining)
-        if code is None:
-            break
-        codes.append(code)
-        remaining[code.nodes] = np.nan
-    return codes
-
-
-def _next_code(heights: Heights) -> Code | None:
-    """Return the lowest, the highest or the commonest height, the first of them that is a code."""
-    measured = heights[~np.isnan(heights)]
-    stride = (measured.size // SAMPLE_VALUES) | 1
-    values, counts = np.unique(measured[::stride], return_counts=True)
-    if values.size < FEWEST_VALUES:
-        return None
-    lowest = float(measured.min())
-    lowest_nodes = heights == lowest
-    if _is_lowest_apart(heights, lowest_nodes, measured):
-        return Code(lowest, lowest_nodes, between=False)
-    highest = float(measured.max())
-    highest_nodes = heights == highest
-    if _is_lowest_apart(heights, highest_nodes, -measured):
-        return Code(highest, highest_nodes, between=False)
-    commonest = int(np.argmax(counts))
-    next_count = float(np.delete(counts, commonest).max())
-    if float(counts[commonest]) / next_count < COMMONER:
-        return None
-    value = float(values[commonest])
-    nodes = heights == value
-    is_end = value in {lowest, highest}
-    if _is_common_apart(heights, nodes, measured.size, is_end=is_end):
-        return Code(value, nodes, between=not is_end)
-    return None
-
-
-def _is_lowest_apart(heights: Heights, nodes: Nodes, measured: Values) -> bool:
-    """Tell whether the nodes with the lowest of the measured heights [um] lie apart.
-
-    For the highest nodes, `measured` are the heights with the opposite sign.
-    """
-    number = int(np.count_nonzero(nodes))
-    if 2 * number > measured.size:
-        return False
-    lowest = _lowest_values(measured, number)
-    gaps = np.diff(lowest)
-    span_of_others = float(measured.max()) - float(lowest[1])
-    if gaps[0] > span_of_others:
-        return True
-    if number < FEWEST_SHARED or gaps[0] <= WIDER * gaps[1:].max():
-        return False
-    return rim_steps(heights, nodes) >= RIM
-
-
-def _lowest_values(measured: Values, number: int) -> Values:
-    """Return the `GAPS` + 2 lowest different heights, if the lowest one is at a number of nodes."""
-    last = min(number + 8 * GAPS, measured.size - 1)
-    lowest = np.unique(np.partition(measured, last)[: last + 1])
-    if lowest.size < GAPS + 2:  # a map of few different heights, each at many nodes
-        lowest = np.unique(measured)
-    return lowest[: GAPS + 2]
-
-
-def _is_common_apart(heights: Heights, nodes: Nodes, total: int, *, is_end: bool) -> bool:
-    """Tell whether the common value of some nodes is not the height of a flat part of the surface.
-
-    `total` is the number of measured nodes, and `is_end` says that no height is beyond the value.
-    """
-    number = int(np.count_nonzero(nodes))
-    if not COMMON * total <= number <= total / 2:
-        return False
-    pairs_along_x = int(np.count_nonzero(nodes & np.roll(nodes, 1, 0)))
-    pairs_along_y = int(np.count_nonzero(nodes & np.roll(nodes, 1, 1)))
-    by_chance = (
-        2 * number / total
-    )  # pairs for each node of as many nodes at random places
-    scattered = pairs_along_x + pairs_along_y <= number * (2 * by_chance + PAIRED)
-    if is_end:
-        return scattered and rim_steps(heights, nodes) >= SCATTERED_RIM
-    return scattered or rim_steps(heights, nodes) >= RIM
-
-
-def rim_steps(heights: Heights, nodes: Nodes) -> float:
-    """Compute the median step at the rim of some nodes over the usual step between other nodes.
-
-    Steps of 0 are left out, because heights with few digits have many of them.
-
-    Parameters
-    ----------
-    heights : ndarray, shape (nx, ny)
-        Heights, NaN at holes [um].
-    nodes : ndarray of bool, shape (nx, ny)
-        Nodes whose rim is looked at.
-
-    Returns
-    -------
-    float
-        The lesser of the ratios along x and along y, as usual steps along a lay are small; 0 if
-        there is no step at the rim [1].
-    """
-    ratios = []
-    for axis in (0, 1):
-        steps = np.abs(np.diff(heights, axis=axis))
-        pairs = np.arange(steps.shape[axis])
-        first = np.take(nodes, pairs, axis)
-        second = np.take(nodes, pairs + 1, axis)
-        measured = steps > 0  # and neither node is NaN
-        at_rim = steps[measured & (first ^ second)]
-        outside = steps[measured & ~first & ~second]
-        if not at_rim.size:
-            continue
-        usual = np.inf
-        if outside.size:
-            usual = TO_DEVIATION * float(np.median(outside))
-        ratios.append(float(np.median(at_rim)) / usual)
-    return min(ratios, default=0.0)
 
 
 # Nodes at this distance from a pit or spike are its surroundings; it is part of a ridge, groove,
@@ -485,64 +301,6 @@ def _is_kept(height: float, bounds: str) -> bool:
     return float(low) <= height <= float(high)
 
 
-def refuse_overflowing_heights(topography: Topography) -> None:
-    """Refuse a map with heights beyond `HIGHEST`, whose squares are beyond what numbers hold.
-
-    Parameters
-    ----------
-    topography : Topography
-        The map, with at least one height.
-
-    Raises
-    ------
-    InputError
-        If a height is beyond it. The message advises a mask if other heights are not.
-    """
-    heights = topography.heights
-    largest = float(np.nanmax(np.abs(heights)))
-    if largest <= HIGHEST:
-        return
-    overflowing = np.abs(heights) > HIGHEST
-    bounds = mask_bounds(heights, overflowing)
-    fault = f"{topography.name}: heights of {largest:.3g} um"
-    if not bounds:
-        raise InputError(f"{fault}; check their unit")
-    row, column = np.argwhere(overflowing)[0].tolist()
-    raise InputError(
-        f"{fault}, the first at the node ({row}, {column}), which may stand for missing"
-        f" heights: --mask {bounds} makes holes of them, which --fill closes"
-    )
-
-
-def with_code_warnings(topography: Topography) -> Topography:
-    """Add a warning for each code for missing heights, and note its nodes as doubtful.
-
-    Parameters
-    ----------
-    topography : Topography
-        The map, with its heights as they were measured.
-
-    Returns
-    -------
-    Topography
-        The map with these warnings, or the same one if it has no code.
-    """
-    heights = topography.heights
-    codes = find_codes(heights)
-    if not codes:
-        return topography
-    doubtful = np.any([code.nodes for code in codes], axis=0)
-    kept = heights[~doubtful & ~np.isnan(heights)]
-    bounds = mask_bounds(heights, doubtful)
-    warnings = list(topography.warnings)
-    for code in codes:
-        if code.between:
-            warnings.append(_code_between(topography, code))
-        else:
-            warnings.append(_code_at_end(topography, code, kept, bounds))
-    return replace(topography, warnings=tuple(warnings), doubtful=doubtful)
-
-
 @dataclass(frozen=True)
 class OutlierWords:
     """Words of a warning for spikes or for pits."""
@@ -567,66 +325,29 @@ OTHER_REMEDIES: tuple[Remedy, ...] = (
 """Remedies of a pit or spike that need no mask."""
 
 
-def _mask_remedy(bounds: str, *, plural: bool) -> Remedy:
-    """Return the mask with the given bounds and what it does to one node or several."""
+def mask_remedy(bounds: str, *, plural: bool) -> Remedy:
+    """Return a mask as the remedy of a pit, a spike or a code.
+
+    Parameters
+    ----------
+    bounds : str
+        Value of `--mask`, from `mask_bounds`.
+    plural : bool
+        Whether it is the remedy for several nodes rather than for one.
+
+    Returns
+    -------
+    Remedy
+        The mask and what it does.
+    """
     holes = "holes of them" if plural else "a hole of it"
     return Remedy(f"mask {bounds}", f"makes {holes}, which --fill closes")
-
-
-def _code_at_end(topography: Topography, code: Code, kept: Values, bounds: str) -> str:
-    """Return the warning for a code at an end of the heights, with a mask of the given bounds.
-
-    `kept` are the heights of all nodes without a code [um].
-    """
-    span = f"{kept.min():.6g} to {kept.max():.6g} um"
-    if code.number >= FEWEST_SHARED:
-        fault = (
-            f"{_shared(topography, code)}, apart from the others, {span}; they may stand"
-            " for missing heights"
-        )
-        return topography.advised(fault, _mask_remedy(bounds, plural=True))
-    words = SPIKES_IN_WORDS if code.value > kept.max() else PITS_IN_WORDS
-    fault = (
-        f"the {words.node} {code.first} is a {words.kind}{words.consequence}, or stands"
-        f" for a missing height, at {_in_file(topography, code.value)}, apart from the"
-        f" others, {span}"
-    )
-    mask = _mask_remedy(bounds, plural=False)
-    return topography.advised(fault, mask, *OTHER_REMEDIES)
-
-
-def _code_between(topography: Topography, code: Code) -> str:
-    """Return the warning for a code that lies between the other heights."""
-    return (
-        f"{_shared(topography, code)}, unlike their neighbours; they may stand for"
-        " missing heights; write nan for them in the file, as a mask would leave out"
-        " other heights too"
-    )
-
-
-def _shared(topography: Topography, code: Code) -> str:
-    """Write how many nodes share the value of a code, and the place of the first of them."""
-    share = 100 * code.number / topography.heights.size
-    value = _in_file(topography, code.value)
-    return (
-        f"{code.number} nodes ({share:.3g} %) are at {value}, the first is {code.first}"
-    )
-
-
-def _in_file(topography: Topography, height: float) -> str:
-    """Write a height in um, followed by the number in the file if its unit is another one."""
-    text = f"{height:.6g} um"
-    factor = UNITS.get(unit_of(topography.unit), 1.0)
-    if factor == 1.0:
-        return text
-    upright = -1.0 if "invert" in topography.followed else 1.0
-    return f"{text} ({upright * height / factor:.6g} {topography.unit} in the file)"
 
 
 def with_outlier_warnings(
     topography: Topography, measured: Heights, level: Heights
 ) -> Topography:
-    """Add a warning for the spikes of a map and one for its pits, and note them as doubtful.
+    """Add a warning for the spikes of a map and one for its pits, and note their nodes as doubtful.
 
     Parameters
     ----------
@@ -664,7 +385,7 @@ def with_outlier_warnings(
             continue
         remedies = list(OTHER_REMEDIES)
         if bounds and not _is_kept(float(measured[outliers.node]), bounds):
-            remedies.insert(0, _mask_remedy(bounds, plural=False))
+            remedies.insert(0, mask_remedy(bounds, plural=False))
         fault = _outliers_in_words(outliers, words, topography.heights)
         warnings.append(topography.advised(fault, *remedies))
     return replace(topography, warnings=tuple(warnings), doubtful=doubtful)
@@ -673,7 +394,8 @@ def with_outlier_warnings(
 def _outliers_in_words(outliers: Outliers, words: OutlierWords, heights: Heights) -> str:
     """Write where the outermost spike or pit is, how far from its neighbours, and its companions.
 
-    `heights`, shape (nx, ny), are those of the map [um]. A tilted map has nodes further out.
+    `heights`, shape (nx, ny), are those of the map [um]. In a tilted map, other nodes may be higher
+    or lower.
     """
     outward = words.end * heights
     node = "node"

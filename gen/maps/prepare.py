@@ -15,14 +15,9 @@ from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
 from gen.doubts import STEEP, steep_slopes
+from gen.maps.codes import refuse_overflowing_heights, with_code_warnings
 from gen.maps.filters import filled, filtered, without_form
-from gen.maps.outliers import (
-    local_medians,
-    refuse_overflowing_heights,
-    scatter_of,
-    with_code_warnings,
-    with_outlier_warnings,
-)
+from gen.maps.outliers import local_medians, scatter_of, with_outlier_warnings
 from gen.maps.read import BEYOND_INSTRUMENTS, NEAREST, WIDEST, Remedy, Topography
 from gen.maps.settings import KEYS, SPIKE, Reading, as_option, numbers_in
 from gen.runtime.errors import InputError
@@ -36,11 +31,11 @@ MANY_SPIKES = 0.01
 def prepare(topography: Topography, settings: Reading) -> Topography:
     """Crop, invert, mask, despike, level, fill, filter and downsample a map, in this order.
 
-    The order is a metrologist's. The mask comes before the spikes, so that heights out of range
-    are no part of any median. The spikes come before the level, because they would bend a fit, and
-    before the holes, which are filled from their rims. A filter needs all nodes, and no slope at
-    the borders. Means of nodes come last, when the S-filter has removed the waves that they would
-    fold back.
+    Metrologists take the steps in this order. The mask comes before the spikes, so that heights out
+    of range are no part of any median. The spikes come before the level, because they would bend a
+    fit, and before the holes, which are filled from their rims. A filter needs all nodes, and no
+    slope at the borders. Means of nodes come last, when the S-filter has removed the waves that
+    they would fold back.
 
     Parameters
     ----------
@@ -239,7 +234,7 @@ def cropped(topography: Topography, text: str) -> Topography:
 
 
 def inverted(topography: Topography) -> Topography:
-    """Turn a map upside down, of heights that point into the material.
+    """Turn a map upside down, because its heights point into the material.
 
     Parameters
     ----------

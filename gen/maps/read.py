@@ -42,8 +42,8 @@ NEAREST = 1e-6
 WIDEST = 1e4
 # what warnings say of a length that is out of this range
 BEYOND_INSTRUMENTS = (
-    "which no instrument measures; compare with the instrument's own display, and overrule the file"
-    " by --side or --unit with --override-scale"
+    "which no instrument measures; compare with the instrument's own display, and"
+    " overrule the file by --side or --unit with --override-scale"
 )
 # relative difference up to which the lengths of a file and those of `--side` agree
 AGREEING = 1e-3
@@ -218,7 +218,8 @@ class _FileLengths:
     def agree_with(self, reading: Reading) -> bool:
         """Tell whether the lengths are those of `--side` but for their last digits.
 
-        Users may give the lengths of all pixels instead, unless they overrule the file.
+        Users may give the lengths of all pixels instead, unless they overrule the file. InputError
+        if `--side` holds no lengths.
         """
         sides = parse_sides(reading.side)
         if np.allclose(sides, self.patch, rtol=AGREEING):
@@ -259,7 +260,8 @@ def read(
         The file: .npy, text, or an instrument's.
     reading : Reading
         The settings, of which `side`, `unit`, `channel` and `override_scale` count. Side and unit
-        are needed if the file lacks them, and refused if it has others.
+        are needed if the file lacks them, and refused if they differ from those of the file and do
+        not overrule it.
     boundary : {"free", "periodic", "mirror"}
         Boundary of the patch.
     for_windows : bool
@@ -275,7 +277,7 @@ def read(
     ------
     InputError
         If the file cannot be read or holds no map of heights, its channel is unknown, or a length
-        or unit is missing, wrong, or given although the file has another one.
+        or unit is missing, wrong, or contradicts the file.
     """
     scan = _read_scan(path, reading)
     unit = _agreed_unit(path, scan, reading)
@@ -299,8 +301,9 @@ def read(
     ignores_period = scan.repeats and boundary != "periodic"
     if ignores_period and not for_windows and not reading.crop:
         warnings.append(
-            f"the file says that its map is periodic, and it is taken as a {boundary} patch:"
-            " --boundary periodic of gen describe, contact and law follows the file"
+            f"the file says that its map is periodic, and it is taken as a {boundary}"
+            " patch: --boundary periodic of gen describe, contact and law follows the"
+            " file"
         )
     return replace(topography, warnings=tuple(warnings))
 
@@ -362,15 +365,15 @@ def _agreed_unit(path: Path, scan: Scan, reading: Reading) -> _AgreedUnit:
             raise InputError(f"{path}: names no unit; give --unit, one of {NAMED_UNITS}")
         return _AgreedUnit(reading.unit)
     if not reading.unit:
-        factor_of(scan.unit, f"{path}: unit")
+        factor_of(scan.unit, f"{path}: unit")  # refuses an unknown unit
         return _AgreedUnit(scan.unit)
     if UNITS.get(unit_of(scan.unit)) == UNITS[unit_of(reading.unit)]:
         return _AgreedUnit(reading.unit)
     if not reading.override_scale:
         numbers = "lengths" if scan.length_unit is None else "heights"
         raise InputError(
-            f"{path}: its {numbers} are in {scan.unit}, --unit says {reading.unit}; leave that"
-            " out, or overrule the file by --override-scale"
+            f"{path}: its {numbers} are in {scan.unit}, --unit says {reading.unit}; leave"
+            " that out, or overrule the file by --override-scale"
         )
     return _AgreedUnit(reading.unit, f"unit {scan.unit}, taken as {reading.unit}")
 
@@ -420,8 +423,8 @@ def _contradicted_sides(
     if boundary == "free":
         scale += " between its outer nodes"
     return InputError(
-        f"{path}: is {scale}, --side says {reading.side}; leave that out, or overrule the file by"
-        " --override-scale"
+        f"{path}: is {scale}, --side says {reading.side}; leave that out, or overrule the"
+        " file by --override-scale"
     )
 
 
@@ -438,8 +441,8 @@ def _sides_of_user(path: Path, scan: Scan, reading: Reading, boundary: Boundary)
         along_x, along_y = spacings_along(scan.heights.shape, boundary)
         square = x / along_x * along_y
         raise InputError(
-            f"{path}: has {nx} x {ny} nodes; give --side two lengths, {x:g},{square:g} for square"
-            f" cells or {x:g},{x:g} for a square patch"
+            f"{path}: has {nx} x {ny} nodes; give --side two lengths, {x:g},{square:g}"
+            f" for square cells or {x:g},{x:g} for a square patch"
         )
     return x, y
 
@@ -468,8 +471,8 @@ def parse_sides(text: str) -> Sides:
         if len(lengths) in {1, 2} and inside:
             return lengths[0], lengths[-1]
     raise InputError(
-        f"--side {text!r}: give the scan length in um, a number from {SMALLEST:g} to {LARGEST:g},"
-        " or two as 1000,500"
+        f"--side {text!r}: give the scan length in um, a number from {SMALLEST:g} to"
+        f" {LARGEST:g}, or two as 1000,500"
     )
 
 
@@ -540,7 +543,8 @@ def _require_map(path: Path, heights: Heights) -> None:
     infinite = int(np.count_nonzero(np.isinf(heights)))
     if infinite:
         raise InputError(
-            f"{path}: {infinite} of {heights.size} heights are infinite; give finite heights"
+            f"{path}: {infinite} of {heights.size} heights are infinite; give finite"
+            " heights"
         )
 
 

@@ -333,8 +333,9 @@ def _refuse_coordinates(
     any_is_even = any(border.kind == "even" for border in borders)
     if certain and (all_are_coordinates or any_is_even):
         raise InputError(
-            f"{path}: its first row holds {first_row.coordinates} coordinates, its first column"
-            f" {first_column.coordinates} coordinates; leave both out, or give both in even steps"
+            f"{path}: its first row holds {first_row.coordinates} coordinates, its first"
+            f" column {first_column.coordinates} coordinates; leave both out, or give"
+            " both in even steps"
         )
 
 
@@ -395,8 +396,8 @@ def _map_of_points(path: Path, scan: Scan, columns: Values, direction: str) -> S
     if grid is None or fault:
         looks = _words_for_columns(columns.shape[1])
         raise InputError(
-            f"{path}: holds {points} x {width} numbers in {direction}: looks like {looks}{fault},"
-            f" not a map of heights; {ADVICE}"
+            f"{path}: holds {points} x {width} numbers in {direction}: looks like"
+            f" {looks}{fault}, not a map of heights; {ADVICE}"
         )
     heights = np.full(grid.shape, np.nan)
     heights[grid.x.nodes, grid.y.nodes] = columns[:, 2]
@@ -412,8 +413,8 @@ def _words_for_columns(width: int) -> str:
     if width == 3:
         return "a list of points, x, y and z, "
     return (
-        f"a list of points with {width} numbers each (leave all but x, y and z out, or name the"
-        " columns in a first line, as x,y,z,quality)"
+        f"a list of points with {width} numbers each (leave all but x, y and z out, or"
+        " name the columns in a first line, as x,y,z,quality)"
     )
 
 

@@ -77,8 +77,8 @@ def require_one(inputs: Sequence[Path], options: dict[str, Path | None]) -> None
     for option, path in options.items():
         if path is not None:
             raise InputError(
-                f"{option} {path}: is of one surface: give one file, or leave the option out for"
-                f" {' '.join(map(str, inputs))}"
+                f"{option} {path}: is of one surface: give one file, or leave the option"
+                f" out for {' '.join(map(str, inputs))}"
             )
 
 

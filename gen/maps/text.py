@@ -49,9 +49,9 @@ LABELS = {
     "to be scaled": "datascaleneeded",
     "format": "file format",
 }
-# quantity of each label
+# quantity of `LABELS` for each label
 MEANINGS = {
-    word: meaning for meaning, words in LABELS.items() for word in words.split("|")
+    label: meaning for meaning, labels in LABELS.items() for label in labels.split("|")
 }
 
 ENTRY = re.compile(r"(?P<label>[^:=：]{1,40}?)\s*[:=：]\s*(?P<value>.*)")
@@ -77,7 +77,7 @@ WITH_COMMA = re.compile(r"[-+]?\d+(,\d+)?([eE][-+]?\d+)?")  # number with a deci
 # both parts of such a number, split at its comma
 WHOLE = re.compile(r"[-+]?(0|[1-9]\d*)")
 DECIMALS = re.compile(r"\d+([eE][-+]?\d+)?")
-# beginning of decimals, as 05 or 5e3, that whole numbers do not have: the comma is a decimal one
+# beginning of decimals, as 05 or 5e3, that no whole number has: their comma is a decimal one
 PLAIN_DECIMALS = re.compile(r"0\d|\d+[eE]")
 # first line of files whose header has no `#` in front
 BARE = re.compile(r"\s*(File Format\s*=|WSxM file)", re.IGNORECASE)
@@ -187,7 +187,9 @@ def read_matrices(content: bytes, path: Path) -> list[Scan]:
 
 
 def choose_matrix(path: Path, matrices: list[Scan], reading: Reading) -> Scan:
-    """Choose the matrix of a channel, and turn its x from the lines to axis 0 if it has a header.
+    """Choose the matrix of a channel, and transpose it if its header states lengths.
+
+    In such texts x runs along the lines, in maps along axis 0.
 
     Parameters
     ----------
@@ -202,7 +204,7 @@ def choose_matrix(path: Path, matrices: list[Scan], reading: Reading) -> Scan:
     Returns
     -------
     Scan
-        The matrix, with both lengths in the unit of the one along x.
+        The matrix, with both lengths in the unit of the length along x.
 
     Raises
     ------
@@ -246,7 +248,10 @@ def _channel(index: int, scan: Scan, *, overruled: bool) -> Channel:
 
 
 def _decoded(content: bytes) -> str | None:
-    """Decode UTF-8 and UTF-16, or the ASCII letters of other encodings; None if it is no text."""
+    """Decode a text in UTF-8, UTF-16 or an encoding that extends ASCII; None if it is no text.
+
+    Letters that are not ASCII become U+FFFD in encodings other than UTF-8 and UTF-16.
+    """
     encoding = "utf-8-sig"
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         encoding = "utf-16"
@@ -327,8 +332,8 @@ def _refuse_profile(line: str, place: str) -> None:
     if "x" in axes and 2 <= len(columns) <= 3:
         names = ", ".join(column.text for column in columns)[:40]
         raise InputError(
-            f"{place}: {names}: looks like the columns of a profile or of a list of points; give"
-            " a map of heights, or points in columns x, y and z"
+            f"{place}: {names}: looks like the columns of a profile or of a list of"
+            " points; give a map of heights, or points in columns x, y and z"
         )
 
 
@@ -369,14 +374,17 @@ def _marked_lines(lines: list[str], path: Path) -> Iterator[_Line]:
 
 
 def _is_title(text: str, fields: list[str]) -> bool:
-    """Tell whether a text is made of words, none of which is a number, and no header's entry."""
+    """Tell whether a line is a title: no entry of a header, and no field begins as numbers do."""
     if ENTRY.fullmatch(text):
         return False
     return not any(BEGINS.match(word) for word in fields)
 
 
 def _bare_lines(lines: list[str], path: Path) -> Iterator[_Line]:
-    """Yield the lines of a text whose header has no # in front: all lines with words are its."""
+    """Yield the lines of a text with a header that has no # in front.
+
+    A line with a field that is no number belongs to the header.
+    """
     for number, text in enumerate(lines, start=1):
         line = _split_line(number, text, path)
         if not _are_numbers(line.fields):
@@ -417,14 +425,17 @@ def _koala_entries(line: str) -> list[str]:
 
 
 def _split_line(number: int, line: str, path: Path) -> _Line:
-    """Split a line into fields and a comment; refuse commas that both separate and are decimal."""
+    """Split a line into fields and a comment.
+
+    Fields that commas separate although their decimals have commas, too, are refused.
+    """
     text, _, comment = line.partition("#")
     text = text.strip()
     fields = _fields(text)
     if "," in text and _are_split(fields):
         raise InputError(
-            f"{path}, line {number}: {text[:20]!r}: its commas look like decimal commas as well as"
-            " separators; separate the numbers by ';', tabs or blanks"
+            f"{path}, line {number}: {text[:20]!r}: its commas look like decimal commas"
+            " as well as separators; separate the numbers by ';', tabs or blanks"
         )
     return _Line(number, comment.strip(), fields)
 
@@ -448,8 +459,8 @@ def _matrix(path: Path, block: _Block) -> Scan:
     _require_counts(path, entries, numbers.shape, has_lengths=extent.widths is not None)
     if entries.get("to be scaled", "").lower() in {"yes", "1", "true"}:
         raise InputError(
-            f"{path}: its header says that its numbers are to be scaled (DataScaleNeeded), which is"
-            " not read; give heights in units of length"
+            f"{path}: its header says that its numbers are to be scaled"
+            " (DataScaleNeeded), which is not read; give heights in units of length"
         )
     scale = _scale(path, entries)
     names: tuple[str, ...] = ()
@@ -484,8 +495,8 @@ def _require_counts(
             return
     raise InputError(
         f"{path}: its header states {_count_text(stated_lines)} lines of"
-        f" {_count_text(stated_columns)} numbers, it holds {shape[0]} of {shape[1]}; give the whole"
-        " file"
+        f" {_count_text(stated_columns)} numbers, it holds {shape[0]} of {shape[1]}; give"
+        " the whole file"
     )
 
 
@@ -502,8 +513,8 @@ def _scale(path: Path, entries: dict[str, str]) -> _Quantity:
         factor = conversion.number
         if unit_of(data_unit) in UNITS and factor != 1.0:
             raise InputError(
-                f"{path}: its header states numbers in {data_unit} as well as a height conversion"
-                f" factor of {factor:g}; delete the line that does not hold"
+                f"{path}: its header states numbers in {data_unit} as well as a height"
+                f" conversion factor of {factor:g}; delete the line that does not hold"
             )
         return _Quantity(factor or 1.0, conversion.unit)
     if "value unit" in entries:
@@ -574,8 +585,9 @@ def _fault_of_row(line: _Line, path: Path, *, is_first: bool) -> InputError:
     text = " ".join(line.fields)
     if is_first and word == line.fields[0] and ENTRY.fullmatch(text):
         return InputError(
-            f"{path}, line {line.number}: {text[:40]!r} belongs to a header that is not known; put"
-            " # before the lines of the header, and state lengths and units as options"
+            f"{path}, line {line.number}: {text[:40]!r} belongs to a header that is not"
+            " known; put # before the lines of the header, and state lengths and units as"
+            " options"
         )
     return _no_number(word, path, line.number)
 
@@ -626,6 +638,6 @@ def _is_number(field: str) -> bool:
 def _no_number(field: str, path: Path, line: int) -> InputError:
     """Return the error for a field that is not a number."""
     return InputError(
-        f"{path}, line {line}: {repr(field.strip())[:40]} is not a number; give numbers separated"
-        " by whitespace, commas or ';', and nan for a missing height"
+        f"{path}, line {line}: {repr(field.strip())[:40]} is not a number; give numbers"
+        " separated by whitespace, commas or ';', and nan for a missing height"
     )

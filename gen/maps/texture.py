@@ -157,7 +157,7 @@ def radial_spectrum(topography: Topography) -> RadialSpectrum:
 
 
 def _bin_ends(topography: Topography) -> Values:
-    """Return the ends of bins of wavenumbers, which rise from the longest wave on [1/um]."""
+    """Return the ends of the bins of wavenumbers, from the longest wave to the shortest [1/um]."""
     sides = np.multiply(topography.heights.shape, topography.spacing)
     step = 2 * math.pi / float(sides.min())
     first = 0.5 if topography.boundary == "periodic" else 1.5
@@ -173,7 +173,7 @@ class _Waves:
 
     wavenumbers: Values  # [1/um]
     densities: Values  # spectral density [um^4]
-    # share of a wave, as the real transform holds two opposite waves once or twice
+    # 0.5 for each of two opposite waves that the transform both has, 1 for all other waves
     numbers: Values
 
     def between(self, smallest: float, largest: float) -> _Waves:
@@ -376,7 +376,7 @@ def _without_law(topography: Topography, spectrum: RadialSpectrum, aspect: float
 
 
 def lay_of(topography: Topography, aspect: float = math.nan) -> str:
-    """Tell whether a surface is directional, by its slopes and its texture aspect ratio.
+    """Explain why a surface is directional, by its slopes and its texture aspect ratio.
 
     Parameters
     ----------

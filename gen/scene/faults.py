@@ -25,12 +25,14 @@ LETTERS = 80  # most letters of a value in a message
 class _Fault:
     """One broken rule of a scene."""
 
-    rule: str  # pydantic's name of it; "conflict" is that of `gen.distribution.conflict`
-    location: Location  # of the value in the scene; empty for the whole scene
-    value: object
-    generator: str  # that has the key; "" for a key outside of the table [surface]
-    message: str  # of pydantic
-    refusal: str  # words of a validator's ValueError; "" for other rules
+    rule: (
+        str  # pydantic's name of the rule, or "conflict", see `gen.distribution.conflict`
+    )
+    location: Location  # place of the value in the scene; empty for the whole scene
+    value: object  # the wrong value; that of the whole table for a missing key
+    generator: str  # generator whose table has the key; "" outside of the table [surface]
+    message: str  # pydantic's message
+    refusal: str  # message of a validator's ValueError; "" for other rules
 
     @property
     def key(self) -> str:
@@ -44,16 +46,15 @@ class _Fault:
 
     @classmethod
     def of(cls, details: ErrorDetails) -> _Fault:
-        """Take over a fault that pydantic reports, with the location as the scene's author sees it.
+        """Make the record of a fault that pydantic reports, with its location in the scene's file.
 
-        Pydantic's locations inside `[surface]` have the name of the generator as a further part.
+        Pydantic's locations inside the table `[surface]` contain the name of the generator too.
         """
         rule = details["type"]
         location = details["loc"]
         value = details["input"]
-        if (
-            rule == "union_tag_invalid"
-        ):  # it stands for the table, and is about one key of it
+        if rule == "union_tag_invalid":
+            # Pydantic gives the location of the whole table.
             location = (*location, "generator")
             value = value["generator"]
         generator = ""

@@ -165,15 +165,15 @@ class Scene(Table):
     def pieces(self) -> tuple[Piece, ...]:
         """The pieces of the distribution of loads."""
         loads = self.delta if self.load is None else self.load
-        assert loads is not None  # refused above
+        assert loads is not None  # `_require_one_table_of_loads` refuses it
         return loads.pieces
 
     @property
     def grid(self) -> Grid:
         """The grid that surfaces are made on.
 
-        The sides hold a whole number of cells with a node each on patches without edges, and on
-        free ones with MIRCO's spacing side/n. Otherwise they reach from the first to the last node.
+        With the spacing side/n, which all patches without edges have, each node has a cell of its
+        own inside the sides. Otherwise the sides reach from the first node to the last one.
         """
         boundary = self.contact.boundary
         cells = boundary != "free" or self.contact.spacing == "side/n"

@@ -53,42 +53,70 @@ def contents(folder):
     return {path.name: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def test_every_value_and_unit_is_in_the_parquet_files(folder):
-    table = pq.read_table(folder / "out" / "rows.parquet")
+@pytest.fixture
+def reader(folder):
+    """The database that is exported."""
     with Reader(folder / "a.h5") as reader:
-        assert table["sample"].to_pylist() == list(range(40))
-        for column in rows_files.exported_columns(reader).scalars:
-            assert np.array_equal(
-                table[column.name].to_numpy(), reader.column(column.name)
-            )
-            metadata = table.schema.field(column.name).metadata
-            assert metadata[b"unit"].decode() == column.unit
-            assert metadata[b"long_name"].decode() == column.long_name
-        for name in ("heights", "pressure"):
-            (file,) = (folder / "out" / "fields").glob(f"{name}-*.parquet")
-            values = np.array(pq.read_table(file)[name].to_pylist()).reshape(40, 9, 9)
-            assert np.array_equal(values, reader.column(name))
-        assert not {"host", "rank", "status"} & set(table.column_names)
+        yield reader
 
 
-@pytest.mark.filterwarnings(
-    "ignore::DeprecationWarning"
-)  # of the validator's own libraries
-def test_croissant_is_valid_and_its_loader_reads_the_rows(folder):
-    dataset = mlc.Dataset(str(folder / "out" / "croissant.json"))
+@pytest.fixture(scope="module")
+def table(folder):
+    """The table of all rows of the export."""
+    return pq.read_table(folder / "out" / "rows.parquet")
+
+
+def test_every_value_is_in_the_table_of_rows(table, reader):
+    assert table["sample"].to_pylist() == list(range(40))
+    for column in rows_files.exported_columns(reader).scalars:
+        assert np.array_equal(table[column.name].to_numpy(), reader.column(column.name))
+
+
+def test_every_column_of_the_table_has_its_unit_and_meaning(table, reader):
+    for column in rows_files.exported_columns(reader).scalars:
+        metadata = table.schema.field(column.name).metadata
+        assert metadata[b"unit"].decode() == column.unit
+        assert metadata[b"long_name"].decode() == column.long_name
+
+
+@pytest.mark.parametrize("name", ["heights", "pressure"])
+def test_every_field_is_in_files_of_its_own(folder, reader, name):
+    (file,) = (folder / "out" / "fields").glob(f"{name}-*.parquet")
+    values = np.array(pq.read_table(file)[name].to_pylist()).reshape(40, 9, 9)
+    assert np.array_equal(values, reader.column(name))
+
+
+def test_the_machine_that_computed_a_row_stays_private(table):
+    assert not {"host", "rank", "status"} & set(table.column_names)
+
+
+@pytest.fixture
+def dataset(folder):
+    """The export as the makers of Croissant validate and load it."""
+    return mlc.Dataset(str(folder / "out" / "croissant.json"))
+
+
+old_libraries = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+"""For warnings of the validator's own libraries."""
+
+
+@old_libraries
+def test_croissant_s_description_is_valid(dataset):
     assert not dataset.metadata.ctx.issues.errors
     assert not dataset.metadata.ctx.issues.warnings
     assert dataset.metadata.name == "A trial: with a colon"
-    rows = list(dataset.records("rows"))
-    with Reader(folder / "a.h5") as reader:
-        assert [row["rows/area_percent"] for row in rows] == list(
-            reader.column("area_percent")
-        )
-        fields = list(dataset.records("pressure"))
-        assert np.array_equal(
-            [row["pressure/pressure"] for row in fields],
-            reader.column("pressure").reshape(40, 81),
-        )
+
+
+@old_libraries
+def test_croissant_s_loader_reads_the_rows(dataset, reader):
+    areas = [row["rows/area_percent"] for row in dataset.records("rows")]
+    assert areas == list(reader.column("area_percent"))
+
+
+@old_libraries
+def test_croissant_s_loader_reads_the_fields(dataset, reader):
+    fields = [row["pressure/pressure"] for row in dataset.records("pressure")]
+    assert np.array_equal(fields, reader.column("pressure").reshape(40, 81))
 
 
 def test_the_scene_of_an_export_makes_the_same_rows(folder, tmp_path):
@@ -165,26 +193,30 @@ def test_an_export_of_a_database_that_has_grown_is_renewed(tmp_path):
     assert pq.read_table(tmp_path / "out" / "rows.parquet").num_rows == 9
 
 
-def test_folders_with_something_else_are_left_alone(folder, tmp_path, refused):
+@pytest.mark.parametrize(
+    ("place", "words"), [("out", "another database"), ("full", "not empty and no export")]
+)
+def test_folders_with_something_else_are_left_alone(
+    folder, tmp_path, refused, place, words
+):
     other = filled(tmp_path / "b.h5", small(4), (0, 4, Status.DONE))
     shutil.copytree(folder / "out", tmp_path / "out")
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "README.md").write_text("mine")
-    for place, words in (
-        ("out", "another database"),
-        ("full", "not empty and no export"),
-    ):
-        before = contents(tmp_path / place)
-        assert words in refused(cli, "export", other, "-o", tmp_path / place)
-        assert contents(tmp_path / place) == before
+    before = contents(tmp_path / place)
+    assert words in refused(cli, "export", other, "-o", tmp_path / place)
+    assert contents(tmp_path / place) == before
 
 
-def test_a_licence_that_nobody_can_look_up_and_a_folder_at_work_are_refused(
-    folder, tmp_path, refused
-):
+def test_a_licence_that_nobody_can_look_up_is_refused(folder, tmp_path, refused):
     line = ["export", folder / "a.h5", "-o", tmp_path / "new"]
-    said = refused(cli, *line, "--licence", "MIT or Apache-2.0")
-    assert "'MIT or Apache-2.0': give an SPDX identifier" in said
+    message = refused(cli, *line, "--licence", "MIT or Apache-2.0")
+    assert "'MIT or Apache-2.0': give an SPDX identifier" in message
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_folder_at_work_is_refused(folder, tmp_path, refused):
+    line = ["export", folder / "a.h5", "-o", tmp_path / "new"]
     with lock_folder(tmp_path / "new"):
         assert "is being written by host" in refused(cli, *line)
     assert not (tmp_path / "new").exists()
@@ -193,36 +225,66 @@ def test_a_licence_that_nobody_can_look_up_and_a_folder_at_work_are_refused(
 HOSTILE = "T\n# x | <script>alert(1)</script> \x1b[31m ` *b* [y](javascript:z) \u202e \\"
 
 
-def tokens(text):
-    """The tokens of a text in Markdown with tables and raw HTML, those inside of others too."""
-    for token in MarkdownIt("commonmark", {"html": True}).enable("table").parse(text):
-        yield from (token, *(token.children or ()))
+class HostileCard:
+    """The card of a database with hostile texts, also such as the command refuses as options."""
+
+    def __init__(self, folder, title):
+        texts = dict.fromkeys(("title", "creator", "licence"), HOSTILE)
+        scene = small(3).model_copy(update=texts)
+        filled(folder / "a.h5", scene, (0, 3, Status.DONE))
+        line = ["export", str(folder / "a.h5"), "-o", str(folder / "out")]
+        assert cli.main([*line, "--title", title] if title else line) == 0
+        self.folder = folder / "out"
+        self.title = title or printable(HOSTILE)
+        self.text = (self.folder / "README.md").read_text()
+        self.front, _, body = self.text.removeprefix("---\n").partition("\n---\n")
+        markdown = MarkdownIt("commonmark", {"html": True}).enable("table")
+        self.tokens = markdown.parse(body)
+
+    def kinds(self):
+        """Kinds of all tokens of the Markdown, with raw HTML, and of those inside of others."""
+        inner = [child for token in self.tokens for child in token.children or ()]
+        return {token.type for token in (*self.tokens, *inner)}
+
+    def lines(self):
+        """Texts of headings, paragraphs and cells as a browser shows them."""
+        return [
+            "".join(part.content for part in token.children)
+            for token in self.tokens
+            if token.children
+        ]
 
 
-@pytest.mark.parametrize("title", ["", "My \\ title | <b>"])
-def test_texts_of_a_database_are_shown_in_a_card_and_mark_nothing_up(tmp_path, title):
-    """Also texts that the command would refuse as options."""
-    texts = dict.fromkeys(("title", "creator", "licence"), HOSTILE)
-    filled(tmp_path / "a.h5", small(3).model_copy(update=texts), (0, 3, Status.DONE))
-    line = ["export", str(tmp_path / "a.h5"), "-o", str(tmp_path / "out")]
-    assert cli.main([*line, "--title", title] if title else line) == 0
-    text = (tmp_path / "out" / "README.md").read_text()
-    assert all(letter.isprintable() for letter in text.replace("\n", ""))
-    front, _, body = text.removeprefix("---\n").partition("\n---\n")
-    shown, heading = printable(HOSTILE), title or printable(HOSTILE)
-    assert f"pretty_name: {json.dumps(heading)}".replace("<", "\\u003c") in front
-    assert len(front.splitlines()) == 2
-    found = list(tokens(body))
-    assert not {"html_block", "html_inline", "link_open", "em_open"} & {
-        each.type for each in found
-    }
-    said = [
-        "".join(part.content for part in each.children) for each in found if each.children
-    ]
-    assert said[0] == heading
-    assert said[said.index("creator") + 1] == said[said.index("licence") + 1] == shown
-    assert said[-1].startswith(f"{shown} (20")
-    json.loads((tmp_path / "out" / "croissant.json").read_text())
+@pytest.fixture(scope="module", params=["", "My \\ title | <b>"])
+def hostile(request, tmp_path_factory):
+    return HostileCard(tmp_path_factory.mktemp("hostile"), request.param)
+
+
+def test_letters_of_a_card_are_printable(hostile):
+    assert all(letter.isprintable() for letter in hostile.text.replace("\n", ""))
+
+
+def test_the_title_is_one_text_of_a_card_s_front_matter(hostile):
+    quoted = json.dumps(hostile.title).replace("<", "\\u003c")
+    assert f"pretty_name: {quoted}" in hostile.front
+    assert len(hostile.front.splitlines()) == 2
+
+
+def test_texts_of_a_database_mark_nothing_up_in_a_card(hostile):
+    markup = {"html_block", "html_inline", "link_open", "em_open"}
+    assert not markup & hostile.kinds()
+
+
+def test_texts_of_a_database_are_shown_in_a_card(hostile):
+    lines, shown = hostile.lines(), printable(HOSTILE)
+    assert lines[0] == hostile.title
+    assert lines[lines.index("creator") + 1] == shown
+    assert lines[lines.index("licence") + 1] == shown
+    assert lines[-1].startswith(f"{shown} (20")
+
+
+def test_hostile_texts_leave_the_description_for_machines_readable(hostile):
+    json.loads((hostile.folder / "croissant.json").read_text())
 
 
 def test_letters_that_utf_8_cannot_hold_become_question_marks(tmp_path):

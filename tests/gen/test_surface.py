@@ -114,44 +114,66 @@ pieces = [{ share = 1.0, range = [0.5, 1.0] }]
 """
 
 
-def test_a_generator_is_one_file_and_a_line(tmp_path):
-    manual = (ROOT / "docs/how-to/scenes.md").read_text(encoding="utf-8")
-    (code,) = re.findall(
-        r"```python\n# gen/generators/ridges.py\n(.*?)```", manual, re.DOTALL
-    )
-    shutil.copytree(
-        ROOT / "gen", tmp_path / "gen", ignore=shutil.ignore_patterns("__pycache__")
-    )
-    generators = tmp_path / "gen/generators"
-    (generators / "ridges.py").write_text(code)
-    registry = (generators / "__init__.py").read_text()
-    registry = registry.replace(
-        "    PythonSurface,\n", "    PythonSurface,\n    RidgedSurface,\n"
-    )
-    line = "from gen.generators.scans import ScanSurface\n"
-    own = "from gen.generators.ridges import RidgedSurface\n"
-    (generators / "__init__.py").write_text(registry.replace(line, own + line))
-    (tmp_path / "ridges.toml").write_text(RIDGES)
+class Copy:
+    """A copy of the program with the generator of the manual, and a database of its surfaces."""
 
-    def ended(*words):
-        done = python(*words, folder=tmp_path, PYTHONPATH=str(tmp_path))
-        return done.returncode, done.stdout, done.stderr
+    def __init__(self, folder):
+        self.folder = folder
+        manual = (ROOT / "docs/how-to/scenes.md").read_text(encoding="utf-8")
+        pattern = r"```python\n# gen/generators/ridges.py\n(.*?)```"
+        (code,) = re.findall(pattern, manual, re.DOTALL)
+        without_caches = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(ROOT / "gen", folder / "gen", ignore=without_caches)
+        generators = folder / "gen/generators"
+        (generators / "ridges.py").write_text(code)
+        text = (generators / "__init__.py").read_text()
+        for line, added in (
+            ("    PythonSurface,\n", "    RidgedSurface,\n"),
+            (
+                "from gen.generators.scans import ScanSurface\n",
+                "from gen.generators.ridges import RidgedSurface\n",
+            ),
+        ):
+            assert line in text
+            text = text.replace(line, line + added)
+        (generators / "__init__.py").write_text(text)
+        (folder / "ridges.toml").write_text(RIDGES)
 
-    code, _, trouble = ended("-m", "gen", "run", "ridges.toml", "-o", "ridges.h5")
-    assert code == 0, trouble
-    _, columns, _ = ended("-m", "gen", "columns")
-    assert (
-        "| `amplitude` | um | amplitude of the ridges (with the generator `ridges`) |"
-        in columns
-    )
-    code, told, trouble = ended("-m", "gen", "check", "ridges.h5", "--recompute", "4")
-    assert code == 0, told + trouble
-    with h5py.File(tmp_path / "ridges.h5") as file:
+    def run(self, *words):
+        """Run a command of the copy."""
+        return python(
+            "-m", "gen", *words, folder=self.folder, PYTHONPATH=str(self.folder)
+        )
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory):
+    copy = Copy(tmp_path_factory.mktemp("copy"))
+    done = copy.run("run", "ridges.toml", "-o", "ridges.h5")
+    assert done.returncode == 0, done.stderr
+    return copy
+
+
+def test_a_new_generator_s_parameters_are_drawn_into_columns(copy):
+    with h5py.File(copy.folder / "ridges.h5") as file:
         amplitudes, meaning = file["amplitude"][:], file["wavelength"].attrs["long_name"]
     assert all(1 <= amplitude <= 2 for amplitude in amplitudes)
     assert len(set(amplitudes)) == 4
     assert meaning == b"distance of the ridges"
-    (tmp_path / "ridges.toml").write_text(RIDGES.replace("ridges", "ridge"))
-    code, _, trouble = ended("-m", "gen", "run", "ridges.toml", "-o", "none.h5")
-    assert code == 2
-    assert "'ridges'" in trouble
+
+
+def test_a_new_generator_s_parameters_are_in_the_manual_s_table(copy):
+    meaning = "amplitude of the ridges (with the generator `ridges`)"
+    assert f"| `amplitude` | um | {meaning} |" in copy.run("columns").stdout
+
+
+def test_rows_of_a_new_generator_are_computed_again_alike(copy):
+    done = copy.run("check", "ridges.h5", "--recompute", "4")
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_a_generator_that_is_misspelt_is_refused_beside_the_new_one(copy):
+    (copy.folder / "ridge.toml").write_text(RIDGES.replace("ridges", "ridge"))
+    done = copy.run("run", "ridge.toml", "-o", "none.h5")
+    assert done.returncode == 2
+    assert "'ridges'" in done.stderr

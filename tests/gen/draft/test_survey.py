@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bench.made_maps import MAPS, measured, write
-from gen.draft.survey import common_threshold, find_spikes, measure, survey
+from gen.draft.survey import common_threshold, find_spikes, measure, survey_maps
 from gen.maps.prepare import despiked
 from gen.maps.read import Topography
 from gen.maps.settings import Reading
@@ -21,7 +21,7 @@ def saved(tmp_path):
     def look(heights, side="10"):
         path = tmp_path / "scan.txt"
         np.savetxt(path, heights)
-        return survey([path], Reading(side=side))[0]
+        return survey_maps([path], Reading(side=side))[0]
 
     return look
 
@@ -29,7 +29,7 @@ def saved(tmp_path):
 @pytest.mark.parametrize("name", ["turned-3", "ground-3", "honed-4"])
 def test_a_made_map_is_seen_as_it_was_made(tmp_path, name):
     made = MADE[name]
-    [look] = survey([write(made, tmp_path)], Reading())
+    [look] = survey_maps([write(made, tmp_path)], Reading())
     assert (look.fault, look.shape, look.unit != "") == ("", made.shape, True)
     assert look.spacing == pytest.approx(made.spacing)
     assert (look.missing > 0) == (made.faults.holes > 0)
@@ -45,7 +45,7 @@ def test_files_that_are_no_use_say_why(tmp_path):
     np.savetxt(tmp_path / "a.txt", np.random.default_rng(1).normal(size=(20, 20)))
     np.savetxt(tmp_path / "b.txt", np.random.default_rng(1).normal(size=(20, 20)))
     names = ["notes.txt", "noise.x3p", "a.txt", "b.txt", "none.txt"]
-    looks = survey([tmp_path / name for name in names], Reading(side="10"))
+    looks = survey_maps([tmp_path / name for name in names], Reading(side="10"))
     faults = [look.fault for look in looks]
     assert "number" in faults[0]
     assert faults[1]

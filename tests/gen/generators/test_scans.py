@@ -1,6 +1,11 @@
 """Tests of windows of maps as a scene's surfaces, from the files to the rows of a database."""
 
+import contextlib
+import io
 import re
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -43,16 +48,54 @@ range = [0.005, 0.05]
 """
 
 
+@dataclass(frozen=True)
+class Run:
+    """A folder with a scene, its maps and the database `a.h5` of a run."""
+
+    folder: Path
+    messages: str  # what the run said on standard error
+
+    @property
+    def database(self):
+        return self.folder / "a.h5"
+
+    def copy(self):
+        """Return a copy of the database, to be extended."""
+        return shutil.copy(self.database, self.folder / "copy.h5")
+
+
+def fill(folder, monkeypatch):
+    """Write a scene and its maps, and keep prepared maps of other tests away."""
+    (folder / "temporary").mkdir()
+    monkeypatch.setenv("TMPDIR", str(folder / "temporary"))
+    monkeypatch.setattr("tempfile.tempdir", None)
+    monkeypatch.setattr(scans, "_OPEN", {})
+    write_all(folder / "maps", MAPS)
+    write_scene(folder)
+
+
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """A folder with a scene, its maps in another one, and prepared maps of no other test."""
-    (tmp_path / "temporary").mkdir()
-    monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))
-    monkeypatch.setattr("tempfile.tempdir", None)
-    monkeypatch.setattr(scans, "_OPEN", {})
-    write_all(tmp_path / "maps", MAPS)
-    write_scene(tmp_path)
+    fill(tmp_path, monkeypatch)
     return tmp_path
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A database of one body."""
+    folder = tmp_path_factory.mktemp("run")
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        fill(folder, monkeypatch)
+        yield made_run(folder)
+
+
+def made_run(folder):
+    """Run the scene of a folder."""
+    messages = io.StringIO()
+    with contextlib.redirect_stderr(messages):
+        assert run("run", folder / "s.toml", "-o", folder / "a.h5") == 0
+    return Run(folder, messages.getvalue())
 
 
 def write_scene(folder, samples=30, nodes="16", keys="", name="s.toml"):
@@ -92,36 +135,63 @@ def test_a_surface_is_a_window_of_a_prepared_map(folder, nodes, symmetries):
     assert seen == set(range(symmetries))
 
 
-def test_a_run_is_checked_extended_and_resumed(folder, capsys):
-    assert run("run", folder / "s.toml", "-o", folder / "a.h5") == 0
-    said = capsys.readouterr()
-    assert (
-        "3 maps with a node every 1 um, 12 tiles; they are kept prepared in" in said.err
-    )
-    assert run("check", folder / "a.h5", "--recompute", 6) == 0
-    write_scene(folder, samples=44)
-    assert run("run", folder / "s.toml", "-o", folder / "a.h5") == 0
-    assert len(list(folder.glob("*.maps"))) == 1
-    assert run("check", folder / "a.h5", "--recompute", 44) == 0
-    with Reader(folder / "a.h5") as reader:
-        assert reader.counts().done == 44
+def test_a_run_says_what_its_maps_are(made):
+    words = "3 maps with a node every 1 um, 12 tiles; they are kept prepared in"
+    assert words in made.messages
+
+
+def test_rows_of_maps_are_computed_again(made):
+    assert run("check", made.database, "--recompute", 6) == 0
+
+
+def test_windows_of_a_database_are_mirrored(made):
+    with Reader(made.database) as reader:
         assert reader.scene.contact.boundary == "mirror"
-    assert run("info", folder / "a.h5") == 0
+
+
+def test_a_database_names_its_maps(made, capsys):
+    assert run("info", made.database) == 0
     assert "map 2: 36 x 64 nodes, SHA-256" in capsys.readouterr().out
 
 
-def test_a_check_needs_the_maps_themselves(folder, refused):
-    run("run", folder / "s.toml", "-o", folder / "a.h5")
-    path = folder / "maps" / "turned-0.nc"
+def test_a_database_is_extended_by_windows_of_the_same_prepared_maps(made):
+    database = made.copy()
+    write_scene(made.folder, samples=44, name="longer.toml")
+    assert run("run", made.folder / "longer.toml", "-o", database) == 0
+    assert len(list(made.folder.glob("*.maps"))) == 1
+    assert run("check", database, "--recompute", 44) == 0
+    with Reader(database) as reader:
+        assert reader.counts().done == 44
+
+
+@pytest.fixture
+def turned(made):
+    """The file of a map of the database, which tests may change or delete."""
+    path = made.folder / "maps" / "turned-0.nc"
     content = path.read_bytes()
-    path.unlink()
-    line = ["check", folder / "a.h5", "--recompute", 3]
-    assert f"{path}: the map is gone that the database was made of" in refused(cli, *line)
-    path.write_bytes(content + b"\0")
-    assert "is not the map that the database was made of" in refused(cli, *line)
-    path.unlink()
-    (folder / "turned-0.nc").write_bytes(content)  # beside the database
-    assert run(*line) == 0
+    yield path
+    path.write_bytes(content)
+
+
+def test_a_check_needs_the_maps(made, turned, refused):
+    turned.unlink()
+    message = refused(cli, "check", made.database, "--recompute", 3)
+    assert f"{turned}: the map is gone that the database was made of" in message
+
+
+def test_a_check_refuses_changed_maps(made, turned, refused):
+    turned.write_bytes(turned.read_bytes() + b"\0")
+    message = refused(cli, "check", made.database, "--recompute", 3)
+    assert "is not the map that the database was made of" in message
+
+
+def test_a_check_takes_maps_that_lie_beside_the_database(made, turned):
+    beside = made.folder / turned.name
+    turned.rename(beside)
+    try:
+        assert run("check", made.database, "--recompute", 3) == 0
+    finally:
+        beside.unlink()
 
 
 SECOND = (
@@ -185,41 +255,92 @@ def test_a_second_body_is_a_window_of_its_group_of_tiles(second, monkeypatch, ag
     assert set(plan.places["tile"]) == set(range(tiles))
 
 
-@pytest.mark.long
-def test_a_run_with_two_sets_of_maps_is_checked_and_told(second, capsys, refused):
-    write_scene(second, keys='against = "second"')
-    assert run("run", second / "s.toml", "-o", second / "a.h5") == 0
-    said = capsys.readouterr().err
-    assert "body 1: 3 maps with a node every 1 um, 12 tiles" in said
-    assert "body 2: 2 maps with a node every 1 um" in said
-    assert len(list(second.glob("*.maps"))) == 2
-    assert run("check", second / "a.h5", "--recompute", 30) == 0
-    assert run("info", second / "a.h5") == 0
-    assert "the second body's map 1: 70 x 34 nodes, SHA-256" in capsys.readouterr().out
+@pytest.fixture(scope="module")
+def two_bodies(tmp_path_factory):
+    """A database of two bodies with maps of their own."""
+    folder = tmp_path_factory.mktemp("two")
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        fill(folder, monkeypatch)
+        write_all(folder / "second", SECOND)
+        write_scene(folder, keys='against = "second"')
+        yield made_run(folder)
+
+
+def test_a_run_says_what_the_maps_of_both_bodies_are(two_bodies):
+    words = "body 1: 3 maps with a node every 1 um, 12 tiles"
+    assert words in two_bodies.messages
+    assert "body 2: 2 maps with a node every 1 um" in two_bodies.messages
+    assert len(list(two_bodies.folder.glob("*.maps"))) == 2
+
+
+def test_rows_of_two_bodies_are_computed_again(two_bodies):
+    assert run("check", two_bodies.database, "--recompute", 30) == 0
+
+
+def test_a_database_names_the_maps_of_its_second_body(two_bodies, capsys):
+    assert run("info", two_bodies.database) == 0
+    words = "the second body's map 1: 70 x 34 nodes, SHA-256"
+    assert words in capsys.readouterr().out
+
+
+@pytest.fixture
+def moved(two_bodies):
+    """The maps of the second body in another folder, and none of them open."""
+    place = two_bodies.folder / "moved"
     scans._OPEN.clear()
-    (second / "second").rename(second / "moved")
-    write_scene(second, samples=40, keys='against = "moved"')
-    assert run("run", second / "s.toml", "-o", second / "a.h5") == 0
-    with Reader(second / "a.h5") as reader:
+    (two_bodies.folder / "second").rename(place)
+    yield place
+    place.rename(two_bodies.folder / "second")
+
+
+def test_a_database_is_extended_by_maps_of_a_second_body_that_were_moved(
+    two_bodies, moved
+):
+    database = two_bodies.copy()
+    keys = f'against = "{moved.name}"'
+    write_scene(two_bodies.folder, samples=40, keys=keys, name="moved.toml")
+    assert run("run", two_bodies.folder / "moved.toml", "-o", database) == 0
+    with Reader(database) as reader:
         assert reader.counts().done == 40
-    write_scene(second, samples=40)
-    said = refused(cli, "run", second / "s.toml", "-o", second / "a.h5")
-    assert "surface.against" in said
-    (second / "moved" / "ground-3.x3p").unlink()
-    said = refused(cli, "check", second / "a.h5", "--recompute", 3)
-    assert "ground-3.x3p: the map is gone" in said
 
 
-def test_maps_of_two_bodies_that_do_not_go_together_are_refused(second):
+def test_a_database_of_two_bodies_is_not_extended_by_one(two_bodies, refused):
+    write_scene(two_bodies.folder, samples=40, name="one.toml")
+    scene = two_bodies.folder / "one.toml"
+    message = refused(cli, "run", scene, "-o", two_bodies.copy())
+    assert "surface.against" in message
+
+
+def test_a_check_needs_the_maps_of_the_second_body(two_bodies, moved, refused):
+    message = refused(cli, "check", two_bodies.database, "--recompute", 3)
+    assert "ground-3.x3p: the map is gone" in message
+
+
+def test_a_map_of_both_bodies_is_refused(second):
     write_scene(second, keys='against = ["second", "maps/turned-0.nc"]')
     with pytest.raises(InputError, match="is one of files and of against"):
         scene_of(second)
+
+
+@pytest.fixture
+def coarse(second):
+    """A folder whose second body has nodes that are twice as far apart."""
     write_all(second / "coarse", [MadeMap("honed", 7, (40, 40), 0.5, 15.0, (2.0, 2.0))])
-    write_scene(second, keys='against = "coarse"')
+    return second
+
+
+def test_two_bodies_with_different_spacings_are_refused(coarse):
+    write_scene(coarse, keys='against = "coarse"')
     with pytest.raises(InputError, match="every 1 x 1 and 2 x 2 um: give"):
-        scene_of(second)
-    write_scene(second, keys='against = "coarse"\nspacing = 1.5')
-    assert scene_of(second).surface.against_found.spacing == (1.5, 1.5)
+        scene_of(coarse)
+
+
+def test_two_bodies_are_resampled_to_the_spacing_of_the_scene(coarse):
+    write_scene(coarse, keys='against = "coarse"\nspacing = 1.5')
+    assert scene_of(coarse).surface.against_found.spacing == (1.5, 1.5)
+
+
+def test_a_second_body_without_maps_is_refused(second):
     write_scene(second, keys='against = "none"')
     with pytest.raises(InputError, match="none"):
         scene_of(second)
@@ -241,32 +362,43 @@ def with_maps(made, *, folder="/here", spacing=(0.5, 0.5), sha256s=("a" * 64, "b
     )
 
 
-def test_windows_are_mirrored_unless_the_scene_says_otherwise():
+def test_windows_are_mirrored_by_default():
     assert parsed().contact.boundary == "mirror"
     assert parsed(more="[contact]\nmodulus = 7.0\n").contact.boundary == "mirror"
-    for boundary in ("free", "periodic", "mirror"):
-        given = parsed(more=f"[contact]\nboundary = '{boundary}'\n")
-        assert given.contact.boundary == boundary
-        again = Scene.from_text(given.text())
-        assert again == given
-        assert again.fingerprint() == given.fingerprint()
     assert Scene.parse("samples = 1", "a").contact.boundary == "free"
 
 
-def test_moved_maps_are_the_same_scene_and_changed_ones_another():
-    made = with_maps(parsed())
-    assert (
-        with_maps(parsed('"elsewhere"'), folder="/there").fingerprint()
-        == made.fingerprint()
-    )
+@pytest.mark.parametrize("boundary", ["free", "periodic", "mirror"])
+def test_the_boundary_of_windows_is_that_of_the_scene(boundary):
+    scene = parsed(more=f"[contact]\nboundary = '{boundary}'\n")
+    assert scene.contact.boundary == boundary
+    again = Scene.from_text(scene.text())
+    assert again == scene
+    assert again.fingerprint() == scene.fingerprint()
+
+
+def test_moved_maps_are_the_same_scene():
+    moved = with_maps(parsed('"elsewhere"'), folder="/there")
+    assert moved.fingerprint() == with_maps(parsed()).fingerprint()
+
+
+def test_changed_maps_are_another_scene():
     changed = with_maps(parsed(), sha256s=("a" * 64, "c" * 64))
-    (difference,) = differences(made, changed)
-    old, new = f"'{'b' * 64}, 90 x 81'", f"'{'c' * 64}, 90 x 81'"
+    (difference,) = differences(with_maps(parsed()), changed)
+    old = f"'{'b' * 64}, 90 x 81'"
+    new = f"'{'c' * 64}, 90 x 81'"
     assert difference == f"surface.found.maps[1]: {old} in the file, {new} asked for"
-    (fewer, *_) = differences(made, with_maps(parsed(), sha256s=("a" * 64,)))
-    assert fewer == "surface.found.number: 2 in the file, 1 asked for"
+
+
+def test_fewer_maps_are_another_scene():
+    fewer = with_maps(parsed(), sha256s=("a" * 64,))
+    (difference, *_) = differences(with_maps(parsed()), fewer)
+    assert difference == "surface.found.number: 2 in the file, 1 asked for"
+
+
+def test_maps_with_another_spacing_are_another_scene():
     coarser = with_maps(parsed(), spacing=(1.0, 1.0))
-    assert coarser.fingerprint() != made.fingerprint()
+    assert coarser.fingerprint() != with_maps(parsed()).fingerprint()
 
 
 def test_files_start_from_the_folder_of_the_scene(tmp_path):

@@ -1,47 +1,46 @@
-"""Points of tables whose straight lines follow a law."""
+"""Contacts between the loads of a law."""
 
 import numpy as np
-import pytest
 
-from gen.law.between import Column
+from gen.law import between
+from gen.law.curves import Curve, Curves
 
-
-def column(at, values, own=None):
-    """A column that is known at points, all of which are the law's own unless they are named."""
-    whole = np.ones(at.size, dtype=bool)
-    return Column.through(at, values, whole if own is None else own, whole, powers=True)
+NODES = 10**4
 
 
-def diverging(points):
-    """A conductance that diverges towards full contact at a pressure of 1."""
-    at = np.append(0.0, np.geomspace(1e-3, 0.99, points))
-    return at, at / (1 - at)
+def law_at(pressures):
+    """A law whose conductance jumps by 9 % eight times a decade, at ascending pressures."""
+    jumps = np.floor(8 * np.log10(pressures))
+    columns = {
+        "closure_um": np.log1p(pressures),
+        "area_percent": pressures,
+        "conductance_W_per_mm2_K": pressures**0.6 * 1.09**jumps,
+    }
+    unknown = np.full(pressures.size, np.nan)
+    return Curves(
+        "pressure_MPa",
+        pressures,
+        {name: Curve(each, unknown, unknown, unknown) for name, each in columns.items()},
+        np.zeros(pressures.size),
+        ("",) * pressures.size,
+        {},
+        np.zeros(pressures.size, dtype=bool),
+    )
 
 
-@pytest.mark.parametrize("room", [8, 12, 20, None])
-def test_lines_are_as_close_as_there_is_room_for(room):
-    at, values = diverging(60)
-    few = np.zeros(at.size, dtype=bool)
-    few[[0, 1, 30, -1]] = True
-    law = column(at, values, few)
-    line = law.laid(room)
-    assert room is None or line.at.size <= room
-    assert (np.diff(line.at) > 0).all()
-    assert (np.diff(line.values) >= 0).all()
-    for end in (0, 1, -1):
-        assert line.values[end] == pytest.approx(values[end], rel=1e-9)
-    even = column(at, values)
-    places = np.unique(np.linspace(0, 16 * 60, room or 30).round().astype(int))
-    places = np.unique(np.append(places, 16))
-    assert law.deviation(line).inside < even.deviation(even._on_law(places)).inside
-    if room is None:
-        assert law.deviation(line).inside <= 0.0101
+def test_lines_are_improved_until_no_contact_between_others_can_be_further_off(
+    monkeypatch,
+):
+    monkeypatch.setattr(between, "IMPROVEMENTS", 20)
+    table = law_at(np.geomspace(3, 80, 5))
+    contacts = between.solve_for_lines(table, NODES, law_at)
+    known = between.merged(table, contacts)
+    doubtful = between._doubtful(known, np.isin(known.at, table.at), NODES)
+    assert doubtful.size == 0
+    assert contacts.at.size < between.MOST_CONTACTS
 
 
-def test_points_beside_a_law_that_is_level_at_its_end_do_not_fall():
-    """Steps of few asperities, the last one level within rounding."""
-    at = np.append(0.0, np.geomspace(1e-3, 1, 30))
-    steps = np.append(0.0, 1.37 ** np.floor(np.arange(30) / 2))
-    line = column(at, steps).laid(9)
-    assert line.at.size <= 9
-    assert (np.diff(line.values) >= -1e-9 * line.values[1:]).all()
+def test_no_more_contacts_are_solved_than_are_allowed(monkeypatch):
+    monkeypatch.setattr(between, "MOST_CONTACTS", 60)
+    contacts = between.solve_for_lines(law_at(np.geomspace(0.5, 80, 7)), NODES, law_at)
+    assert contacts.at.size == 60

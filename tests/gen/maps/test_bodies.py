@@ -35,8 +35,8 @@ def test_a_body_faces_the_other_one_with_one_axis_turned():
     first, second = rough((6, 5)), rough((6, 5), 1)
     below = second - second.max()
     for turned, facing in (("x", below[::-1]), ("y", below[:, ::-1]), ("none", below)):
-        made = composite(surface(first), surface(second), turned)
-        np.testing.assert_array_equal(made.heights, first + facing)
+        both = composite(surface(first), surface(second), turned)
+        np.testing.assert_array_equal(both.heights, first + facing)
     default = composite(surface(first), surface(second))
     np.testing.assert_array_equal(default.heights, first + below[::-1])
 
@@ -50,26 +50,26 @@ def test_the_map_with_the_wider_spacing_is_interpolated(boundary):
     fine, coarse = (72, 80), (40, 36)
     whole = wave(fine)
     for shapes in ((fine, coarse), (coarse, fine)):
-        made = composite(*(surface(wave(shape), boundary=boundary) for shape in shapes))
-        assert made.heights.shape == fine
-        assert made.sides == (8.0, 8.0)
-        error = made.heights - made.heights.max() - 2 * (whole - whole.max())
+        both = composite(*(surface(wave(shape), boundary=boundary) for shape in shapes))
+        assert both.heights.shape == fine
+        assert both.sides == (8.0, 8.0)
+        error = both.heights - both.heights.max() - 2 * (whole - whole.max())
         assert np.abs(error - error.mean()).max() < 3e-4
         number = 2 if shapes[0] == fine else 1
         assert (
             f"body {number} interpolated by cubic splines from nodes every"
-            in made.steps[-1]
+            in both.steps[-1]
         )
 
 
 def test_a_periodic_body_is_shifted_round():
     first, second = (surface(rough((8, 8), seed), boundary="periodic") for seed in (0, 1))
-    made = composite(first, second, "none", (3.0, -21.0))
+    both = composite(first, second, "none", (3.0, -21.0))
     below = second.heights - second.heights.max()
     np.testing.assert_array_equal(
-        made.heights, first.heights + np.roll(below, (3, -21), (0, 1))
+        both.heights, first.heights + np.roll(below, (3, -21), (0, 1))
     )
-    assert made.sides == (8.0, 8.0)
+    assert both.sides == (8.0, 8.0)
 
 
 sizes = st.integers(5, 14)
@@ -88,11 +88,11 @@ def test_who_is_pressed_against_whom_does_not_matter(shapes, sides, shift, bound
     cells = [np.prod(each.spacing) for each in (first, second)]
     assume(not np.isclose(*cells, rtol=1e-5))  # else the first one's grid is taken
     assume(max(first.spacing + second.spacing) < 0.9)  # two nodes of either lie on both
-    made = composite(first, second, "x", shift)
+    both = composite(first, second, "x", shift)
     again = composite(second, first, "x", (shift[0], -shift[1]))
-    assert again.sides == pytest.approx(made.sides)
-    difference = again.heights[::-1] - made.heights
-    assert np.ptp(difference) < 1e-9 * (1 + np.abs(made.heights).max())
+    assert again.sides == pytest.approx(both.sides)
+    difference = again.heights[::-1] - both.heights
+    assert np.ptp(difference) < 1e-9 * (1 + np.abs(both.heights).max())
 
 
 @pytest.mark.parametrize(
@@ -100,12 +100,16 @@ def test_who_is_pressed_against_whom_does_not_matter(shapes, sides, shift, bound
     [("z", "", "--turned 'z'"), ("", "5", "--shift '5'"), ("", "inf,0", "--shift")],
 )
 def test_placements_that_are_none_are_refused(turned, shift, word):
-    path, first = Path("b.npy"), Reading()
     with pytest.raises(InputError, match=word):
-        Against(path, None, turned, shift).second_body(first)
+        Against(Path("b.npy"), None, turned, shift).second_body(Reading())
+
+
+def test_a_second_body_is_turned_about_x_and_centred_unless_it_is_placed():
+    path = Path("b.npy")
+    first = Reading()
     assert Against(path).second_body(first) == Opposite(path, first)
-    laid = Against(path, None, "y", "1,-2.5").second_body(first)
-    assert laid == Opposite(path, first, "y", (1.0, -2.5))
+    placed = Against(path, None, "y", "1,-2.5").second_body(first)
+    assert placed == Opposite(path, first, "y", (1.0, -2.5))
 
 
 @pytest.fixture(autouse=True)

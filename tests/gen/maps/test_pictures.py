@@ -1,7 +1,6 @@
-"""Pictures of one surface and of its contacts: nothing cut or overlapping, whatever is drawn."""
+"""Pictures of surfaces and axes: nothing is cut, whatever is drawn."""
 
 import os
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -9,12 +8,11 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 from databases import database_of
+from whole_pictures import assert_whole
 
-import bem
 from gen import cli
 from gen.runtime.figure import draw_parity, log_axis, new_figure, parity_axes
 from gen.spectral import SelfAffineSpectrum, generate_spectral
-from gen.surface import generate
 
 pytest.importorskip("matplotlib", reason="needs the extra plot")
 
@@ -22,9 +20,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgba
 
 from gen.maps import pictures
-from gen.maps.contacts import AnswerOptions, answers
-from gen.maps.pictures import ContactCaptions, Map, plot_contacts
-from gen.material import Bodies
+from gen.maps.pictures import Map
 
 ROUGH = generate_spectral(
     (129, 129),
@@ -44,7 +40,7 @@ SHAPES = {
 }
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(4)
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("shape", SHAPES)
 def test_every_surface_is_drawn_and_nothing_is_cut(shape, here, monkeypatch, capsys):
@@ -65,77 +61,6 @@ def test_every_surface_is_drawn_and_nothing_is_cut(shape, here, monkeypatch, cap
     labels = [axis.get_xlabel() for axis in figure.axes]
     assert "wavenumber q = 2π / wavelength [1/µm]" in labels
     assert_whole(figure, FigureCanvasAgg(figure).get_renderer())
-
-
-def assert_whole(figure, renderer):
-    """Whether nothing is cut at any border."""
-    box, (width, height) = figure.get_tightbbox(renderer), figure.get_size_inches()
-    assert min(box.x0, box.y0) >= 0, "something is cut on the left or below"
-    assert (box.x1 <= width, box.y1 <= height) == (True, True), "something is cut"
-
-
-FRACTAL = generate("diamond-square", 33, 0.7, 5.0, np.random.default_rng(4))
-E_STAR = 2e5
-NAME = "a folder/with $ signs_and {braces}/" + 40 * "long " + "scan.x3p"
-WARNING = "pressures are above what most materials bear, " * 5
-
-ONE, DECADES, FROM_NOTHING = [2.0], [0.01, 0.1, 4.0], [0.0, 3.0]
-PATCHES = {
-    "oblong": (FRACTAL[:, :9], (100.0, 25.0), FROM_NOTHING),
-    "tall sliver": (FRACTAL[:5], (3.0, 100.0), ONE),
-    "yielding": (FRACTAL, (100.0, 100.0), DECADES),
-}
-
-
-def drawn(contacts, **changes):
-    """A figure as it would be written, without the work of drawing its pixels."""
-    figure = new_figure(11, 8.2, dpi=110)
-    captions = ContactCaptions(
-        name=NAME,
-        load="delta",
-        bodies=Bodies(E_STAR, contacts[0].problem.hardness, has_modulus=True),
-        warnings=(),
-        options=AnswerOptions(),
-    )
-    captions = replace(captions, **changes)
-    rows = [
-        {answer.column: answer.value for answer in answers(contact, AnswerOptions())}
-        for contact in contacts
-    ]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pictures, "save", lambda *_: None)
-        plot_contacts(figure, contacts[-1], rows, Path("contact.png"), captions)
-    return figure
-
-
-def titled(figure, text):
-    """The axes with a text in their title or label."""
-    return next(
-        axis
-        for axis in figure.axes
-        if text in f"{axis.get_title(loc='left')} {axis.get_ylabel()}".splitlines()[0]
-    )
-
-
-@pytest.mark.few(2)
-@pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("shape", PATCHES)
-def test_nothing_is_cut_or_overlaps(shape):
-    heights, sides, deltas = PATCHES[shape]
-    hardness = 4000.0 if "yielding" in shape else None
-    contacts = list(bem.ladder(heights, sides, deltas, modulus=E_STAR, hardness=hardness))
-    figure = drawn(contacts, warnings=(WARNING, "short"))
-    renderer = FigureCanvasAgg(figure).get_renderer()
-    figure.get_layout_engine().execute(figure)
-    assert_whole(figure, renderer)
-    section = titled(figure, "section at")
-    assert section.get_window_extent(renderer).height > 1.2 * figure.dpi  # inches
-    legend = section.get_legend().get_window_extent(renderer)
-    assert not legend.overlaps(section._left_title.get_window_extent(renderer))
-    left, spots = (titled(figure, text) for text in ("heights", "contact"))
-    title = spots._left_title.get_window_extent(renderer)
-    assert not title.overlaps(section.get_tightbbox(renderer))
-    assert not left.get_tightbbox(renderer).overlaps(spots.get_tightbbox(renderer))
 
 
 def map_with(value):
@@ -176,54 +101,6 @@ def test_what_is_beyond_the_colours_has_its_arrow_colour_and_words(
         assert title.endswith(f"beyond the colours: {words}")
     others = np.delete(image.get_array().ravel(), 3 * 40 + 7)
     assert bar.vmax - bar.vmin < 1.1 * np.ptp(others)
-
-
-PRESSURES = {"linear": [1.0, 3.0, 10.0], "log": [3.0, 0.1, 30.0]}  # [MPa]
-
-
-def law_over(pressures):
-    """The figure of the law of a surface over pressures [MPa]."""
-    sides = (100.0, 100.0)
-    contacts = list(bem.ladder(FRACTAL, sides, pressures=pressures, modulus=1e4))
-    return drawn(contacts, load="pressure")
-
-
-@pytest.mark.parametrize("scale", PRESSURES)
-def test_axes_of_a_law_are_logarithmic_over_decades(scale):
-    figure = law_over(PRESSURES[scale])
-    gap = titled(figure, "mean gap [µm]")
-    area = titled(figure, "contact area [%]")
-    assert gap.get_xscale() == area.get_xscale() == area.get_yscale() == scale
-
-
-@pytest.mark.parametrize("scale", PRESSURES)
-def test_laws_have_the_gap_over_rising_loads(scale):
-    gap = titled(law_over(PRESSURES[scale]), "mean gap [µm]")
-    loads, gaps = gap.lines[0].get_data()
-    np.testing.assert_allclose(loads, sorted(PRESSURES[scale]), rtol=1e-6)
-    assert sorted(gaps, reverse=True) == list(gaps)
-
-
-def pressed(pressure):
-    """The contact of a surface under a mean pressure [MPa]."""
-    return bem.solve(FRACTAL, 100.0, pressure=pressure, modulus=E_STAR)
-
-
-def test_gap_and_flux_take_the_place_of_heights_and_pressure():
-    contact = pressed(1e-2)
-    figure = drawn([contact], options=AnswerOptions(flow=True))
-    assert titled(figure, "gap: connects")
-    assert titled(figure, f"flux along x: flow factor {contact.flow().factor:.3g}")
-
-
-def test_spots_take_the_place_of_the_gap_if_there_is_the_flux_too():
-    figure = drawn([pressed(1e7)], options=AnswerOptions(spots=True, flow=True))
-    assert titled(figure, "1 spots")
-
-
-def test_a_contact_that_seals_has_no_flow():
-    figure = drawn([pressed(1e7)], options=AnswerOptions(flow=True))
-    assert titled(figure, "flux along x: no flow")
 
 
 @pytest.mark.parametrize("values", [(2.1, 4.4), (7.0, 45.0), (1, 1e6)])
@@ -291,7 +168,6 @@ DRAWING = {
 }
 
 
-@pytest.mark.few(2)
 @pytest.mark.parametrize("name", DRAWING)
 def test_every_name_of_a_file_can_be_drawn(here, name):
     np.save(f"{LATIN}.npy", np.random.default_rng(0).random((16, 16)))

@@ -1,6 +1,9 @@
 """Holes, levels, crops: what they leave as it is, what they change; and Hertz from a scan."""
 
-from dataclasses import fields, replace
+from contextlib import redirect_stdout
+from dataclasses import dataclass, fields, replace
+from io import StringIO
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -91,17 +94,30 @@ def test_a_crop_without_edges_keeps_the_pixels(boundary):
     assert part.boundary == boundary
 
 
-def test_steps_are_taken_in_their_order_whatever_is_asked_for():
+@pytest.fixture(scope="module")
+def prepared():
+    """A map upside down after all steps: with a spike, a height out of range, holes and a form."""
     random = np.random.default_rng(0)
     x, y = np.meshgrid(np.arange(41.0), np.arange(33.0), indexing="ij")
     heights = -(2 + 0.1 * x - 0.02 * y + 1e-4 * x**3) + random.normal(0, 0.01, x.shape)
     heights[10, 12] -= 50  # masked: it is below -40
     heights[20, 8] += 9  # a spike
     heights[30:33, 20:24] = np.nan
-    settings = Reading(crop="0:39,0:32", invert=True, mask=":40", despike=12)
-    settings = replace(settings, form=3, fill=True, filter="4:30", downsample=3)
-    prepared = prepare(topography(heights, (40.0, 32.0)), settings)
-    words = [
+    settings = Reading(
+        crop="0:39,0:32",
+        invert=True,
+        mask=":40",
+        despike=12,
+        form=3,
+        fill=True,
+        filter="4:30",
+        downsample=3,
+    )
+    return prepare(topography(heights, (40.0, 32.0)), settings)
+
+
+def test_steps_are_taken_in_their_order_whatever_is_asked_for(prepared):
+    assert [step.split()[0].strip(":") for step in prepared.steps] == [
         "cropped",
         "turned",
         "masked",
@@ -111,14 +127,22 @@ def test_steps_are_taken_in_their_order_whatever_is_asked_for():
         "filtered",
         "downsampled",
     ]
-    assert [step.split()[0].strip(":") for step in prepared.steps] == words
-    told = [
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
         "masked 1 node ",
         "despiked: 1 node ",
         "filled 13 nodes",
         "13 x 11 means of 3 x 3",
-    ]
-    assert all(any(words in step for step in prepared.steps) for words in told)
+    ],
+)
+def test_steps_say_how_many_nodes_they_change(words, prepared):
+    assert any(words in step for step in prepared.steps)
+
+
+def test_all_steps_leave_the_noise_alone(prepared):
     assert np.abs(prepared.heights).max() < 0.02
     assert prepared.spacing == pytest.approx((3, 3))
 
@@ -213,31 +237,48 @@ def test_heights_in_metres_are_told_unless_their_distance_is_wrong():
     assert not surface_warnings(topography(rough, (1e7, 1e7)))  # reading says that
 
 
-def test_much_that_is_missing_is_warned_of_and_more_refused():
-    for share, warned, refused in (
-        (0.05, False, False),
-        (0.3, True, False),
-        (0.8, True, True),
+def with_holes(share):
+    """A plane of which a share is missing."""
+    missing = np.random.default_rng(1).random(X.shape) < share
+    return topography(np.where(missing, np.nan, 0.1 * X))
+
+
+@pytest.mark.parametrize(("share", "warned"), [(0.05, False), (0.3, True)])
+def test_many_holes_are_warned_of(share, warned):
+    filled = prepare(with_holes(share), Reading(fill=True))
+    warnings = " ".join(surface_warnings(filled))
+    assert ("were missing and are filled" in warnings) == warned
+
+
+def test_more_holes_than_heights_are_refused():
+    with pytest.raises(
+        InputError, match=r"are missing \(.* %\): .* insist by --fill-most"
     ):
-        heights = np.where(
-            np.random.default_rng(1).random(X.shape) < share, np.nan, 0.1 * X
-        )
-        if refused:
-            with pytest.raises(
-                InputError, match=r"are missing \(.* %\): .* insist by --fill-most"
-            ):
-                prepare(topography(heights), Reading(fill=True))
-        filled = prepare(topography(heights), Reading(fill=True, fill_most=refused))
-        told = [
-            line
-            for line in surface_warnings(filled)
-            if "were missing and are filled" in line
-        ]
-        assert len(told) == warned
+        prepare(with_holes(0.8), Reading(fill=True))
 
 
-def test_a_scanned_sphere_is_hertz(here, capsys):
+def test_who_insists_has_more_holes_than_heights_filled_with_a_warning():
+    filled = prepare(with_holes(0.8), Reading(fill=True, fill_most=True))
+    assert "were missing and are filled" in " ".join(surface_warnings(filled))
+
+
+MODULI = ["--young", "210e3", "--poisson", "0.3", "--young", "70e3", "--poisson", "0.33"]
+
+
+@dataclass(frozen=True, eq=False)
+class Sphere:
+    """A scanned sphere that is pressed under three displacements."""
+
+    command: list[str]  # without the load
+    printed: str
+    rows: pd.DataFrame
+    picture: Path
+
+
+@pytest.fixture(scope="module")
+def sphere(tmp_path_factory):
     """R = 5 mm on 160 x 120 um: tilted, noisy, 2 % missing and a hole; heights in nm."""
+    folder = tmp_path_factory.mktemp("sphere")
     random = np.random.default_rng(0)
     x, y = np.meshgrid(
         np.linspace(-80, 80, 161), np.linspace(-60, 60, 161), indexing="ij"
@@ -246,29 +287,38 @@ def test_a_scanned_sphere_is_hertz(here, capsys):
     heights += random.normal(0, 2e-4, x.shape)
     heights[random.random(x.shape) < 0.02] = np.nan
     heights[30:40, 100:115] = np.nan
-    np.save("sphere.npy", 1e3 * heights)
-    prepared = ["--side", "160,120", "--unit", "nm", "--level", "plane", "--fill"]
-    moduli = [
-        "--young",
-        "210e3",
-        "--poisson",
-        "0.3",
-        "--young",
-        "70e3",
-        "--poisson",
-        "0.33",
-    ]
-    ask = ["contact", "sphere.npy", *prepared, *moduli, "--csv", "law.csv"]
-    assert cli.main([*ask, "--delta", "0.1:0.3:3", "--plot", "law.png"]) == 0
-    assert "filled" in capsys.readouterr().out
-    rows = pd.read_csv("law.csv")
+    np.save(folder / "sphere.npy", 1e3 * heights)
+    reading = ["--side", "160,120", "--unit", "nm", "--level", "plane", "--fill"]
+    table = folder / "law.csv"
+    picture = folder / "law.png"
+    command = ["contact", str(folder / "sphere.npy"), *reading, *MODULI]
+    outputs = ["--csv", str(table), "--plot", str(picture)]
+    printed = StringIO()
+    with redirect_stdout(printed):
+        assert cli.main([*command, "--delta", "0.1:0.3:3", *outputs]) == 0
+    return Sphere(command, printed.getvalue(), pd.read_csv(table), picture)
+
+
+def test_a_scanned_sphere_is_hertz(sphere):
     modulus = combined_modulus([210e3, 70e3], [0.3, 0.33])
-    hertz = 4 / 3 * modulus * np.sqrt(5000.0) * rows.delta_um**1.5
-    np.testing.assert_allclose(rows.force_uN, hertz, rtol=0.02)
-    assert rows.prepared.str.contains("levelled by a plane").all()
-    assert (here / "law.png").stat().st_size > 10_000
-    assert cli.main([*ask, "--force", f"{rows.force_uN[0]}:{rows.force_uN[2]}:2"]) == 0
-    np.testing.assert_allclose(pd.read_csv("law.csv").delta_um, [0.1, 0.3], rtol=1e-4)
+    hertz = 4 / 3 * modulus * np.sqrt(5000.0) * sphere.rows.delta_um**1.5
+    np.testing.assert_allclose(sphere.rows.force_uN, hertz, rtol=0.02)
+
+
+def test_the_preparation_of_a_sphere_is_printed_and_written(sphere):
+    assert "filled" in sphere.printed
+    assert sphere.rows.prepared.str.contains("levelled by a plane").all()
+
+
+def test_the_law_of_a_sphere_is_drawn(sphere):
+    assert sphere.picture.stat().st_size > 10_000
+
+
+def test_the_forces_of_a_sphere_give_its_displacements_back(sphere, tmp_path):
+    table = tmp_path / "law.csv"
+    loads = f"{sphere.rows.force_uN[0]}:{sphere.rows.force_uN[2]}:2"
+    assert cli.main([*sphere.command, "--force", loads, "--csv", str(table)]) == 0
+    np.testing.assert_allclose(pd.read_csv(table).delta_um, [0.1, 0.3], rtol=1e-4)
 
 
 @given(
@@ -299,33 +349,46 @@ def test_a_cut_off_of_four_spacings_is_one_though_lengths_are_rounded():
         filtered(cut, 0.399, None)
 
 
-def test_steps_that_do_not_suit_the_map_are_refused():
-    plane = spaced(np.add.outer(np.arange(9.0), np.arange(7.0)))
-    with pytest.raises(InputError, match="3 nodes along an axis, resampling needs 4"):
-        resampled(shaped((3, 9), (1.0, 1.0), cubic), (0.5, 1.0))
-    with pytest.raises(InputError, match="a spacing of 7 um leaves 1 x 1 nodes"):
-        resampled(shaped((9, 9), (1.0, 1.0), cubic), (7.0, 7.0))
-    with pytest.raises(
-        InputError, match=r"map: --mask 50:60 leaves no height, they are 0 to 14"
-    ):
-        masked(plane, 50, 60)
-    with pytest.raises(
-        InputError, match="map: --downsample 4 leaves fewer than 2 x 2 of 9 x 7"
-    ):
-        downsampled(plane, 4)
-    with pytest.raises(
-        InputError, match="map: --form 7 has 36 coefficients, too many for 63 hei"
-    ):
-        without_form(plane, 7)
-    for cutoffs in ((1.0, None), (None, 9.0), (9.0, None)):
-        with pytest.raises(
-            InputError, match=r"-filter's cut-off, .* um, is outside 8 to 4 um, fo"
-        ):
-            filtered(plane, *cutoffs)
-
-
 def cubic(x, y):
     return 1 + x - 0.5 * y + 0.1 * x * y**2 - 0.02 * x**3
+
+
+def plane():
+    """A map of 9 x 7 nodes."""
+    return spaced(np.add.outer(np.arange(9.0), np.arange(7.0)))
+
+
+UNSUITABLE = {
+    "3 nodes along an axis, resampling needs 4": lambda: resampled(
+        shaped((3, 9), (1.0, 1.0), cubic), (0.5, 1.0)
+    ),
+    "a spacing of 7 um leaves 1 x 1 nodes": lambda: resampled(
+        shaped((9, 9), (1.0, 1.0), cubic), (7.0, 7.0)
+    ),
+    "map: --mask 50:60 leaves no height, they are 0 to 14": lambda: masked(
+        plane(), 50, 60
+    ),
+    "map: --downsample 4 leaves fewer than 2 x 2 of 9 x 7": lambda: downsampled(
+        plane(), 4
+    ),
+    "map: --form 7 has 36 coefficients, too many for 63 hei": lambda: without_form(
+        plane(), 7
+    ),
+}
+
+
+@pytest.mark.parametrize("message", UNSUITABLE)
+def test_steps_that_do_not_suit_the_map_are_refused(message):
+    with pytest.raises(InputError, match=message):
+        UNSUITABLE[message]()
+
+
+@pytest.mark.parametrize("cutoffs", [(1.0, None), (None, 9.0), (9.0, None)])
+def test_cut_offs_that_do_not_suit_the_map_are_refused(cutoffs):
+    with pytest.raises(
+        InputError, match=r"-filter's cut-off, .* um, is outside 8 to 4 um, fo"
+    ):
+        filtered(plane(), *cutoffs)
 
 
 def test_coarser_nodes_are_means_of_a_cubic_over_their_cells():

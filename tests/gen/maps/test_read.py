@@ -112,18 +112,29 @@ def test_a_line_scan_is_refused_by_name(tmp_path):
         read(path)
 
 
-def test_channels_are_chosen_and_named(tmp_path):
-    scan = tmp_path / "two.mat"
-    savemat(scan, {"front": HEIGHTS, "back": -HEIGHTS})
-    assert "channel 0 'front' (not 1 'back')" in read(scan, "12,2", "um").steps[0]
-    for wanted in ("back", "1"):
-        topography = read(scan, "12,2", "um", channel=wanted)
-        np.testing.assert_array_equal(topography.heights, -HEIGHTS)
-        assert "channel 1 'back' (not 0 'front')" in topography.steps[0]
-    with pytest.raises(
-        InputError, match=r"'side': no such channel; .* holds 0 'front', 1 'back'"
-    ):
-        read(scan, "12,2", "um", channel="side")
+@pytest.fixture
+def two(tmp_path):
+    """A file with two channels of heights."""
+    path = tmp_path / "two.mat"
+    savemat(path, {"front": HEIGHTS, "back": -HEIGHTS})
+    return path
+
+
+def test_the_first_channel_is_read_and_the_others_are_named(two):
+    assert "channel 0 'front' (not 1 'back')" in read(two, "12,2", "um").steps[0]
+
+
+@pytest.mark.parametrize("channel", ["back", "1"])
+def test_a_channel_is_chosen_by_name_or_index(two, channel):
+    topography = read(two, "12,2", "um", channel=channel)
+    np.testing.assert_array_equal(topography.heights, -HEIGHTS)
+    assert "channel 1 'back' (not 0 'front')" in topography.steps[0]
+
+
+def test_an_unknown_channel_is_refused_with_those_of_the_file(two):
+    message = r"'side': no such channel; .* holds 0 'front', 1 'back'"
+    with pytest.raises(InputError, match=message):
+        read(two, "12,2", "um", channel="side")
 
 
 @pytest.mark.parametrize(
@@ -141,28 +152,39 @@ def test_a_damaged_x3p_is_refused_with_the_reason(tmp_path, replaced, message):
         read(x3p(tmp_path / "scan.x3p", replaced))
 
 
-def test_a_scale_can_be_overruled(tmp_path):
-    scan = written(
-        tmp_path / "scan.nc", "m", 1.0
-    )  # um written as m: a spacing of 2 and 0.5 m
-    for wrong in (("1000,200", ""), ("", "um")):
-        with pytest.raises(InputError, match="or overrule the file by --override-scale"):
-            read(scan, *wrong)
-    side = read(scan, "1000,200", override_scale=True)
-    assert (side.sides, np.nanmax(side.heights)) == (
-        (1000, 200),
-        pytest.approx(1e6 * HIGHEST),
-    )
+@pytest.fixture
+def in_metres(tmp_path):
+    """A file whose um are written as m: its nodes are 2 m and 0.5 m apart."""
+    return written(tmp_path / "scan.nc", "m", 1.0)
+
+
+@pytest.mark.parametrize("wrong", [{"side": "1000,200"}, {"unit": "um"}])
+def test_a_scale_that_contradicts_the_file_is_refused(in_metres, wrong):
+    with pytest.raises(InputError, match="or overrule the file by --override-scale"):
+        read(in_metres, **wrong)
+
+
+def test_lengths_of_the_file_can_be_overruled(in_metres):
+    topography = read(in_metres, "1000,200", override_scale=True)
+    assert topography.sides == (1000, 200)
+    assert np.nanmax(topography.heights) == pytest.approx(1e6 * HIGHEST)
     assert (
         "OVERRULED by --override-scale: 1.2e+07 x 2e+06 um, taken as 1000 x 200 um"
-        in side.steps
+        in topography.steps
     )
-    unit = read(scan, unit="um", override_scale=True)
-    assert unit.sides == pytest.approx((12, 2))
-    assert np.nanmax(unit.heights) == pytest.approx(HIGHEST)
-    assert unit.warnings == ("the file's own scale is overruled: unit m, taken as um",)
-    warnings = read(scan, unit="m", override_scale=True).warnings
-    assert not any("overruled:" in each for each in warnings)
+
+
+def test_the_unit_of_the_file_can_be_overruled(in_metres):
+    topography = read(in_metres, unit="um", override_scale=True)
+    assert topography.sides == pytest.approx((12, 2))
+    assert np.nanmax(topography.heights) == pytest.approx(HIGHEST)
+    warning = "the file's own scale is overruled: unit m, taken as um"
+    assert topography.warnings == (warning,)
+
+
+def test_the_unit_of_the_file_itself_overrules_nothing(in_metres):
+    warnings = read(in_metres, unit="m", override_scale=True).warnings
+    assert not any("overruled:" in warning for warning in warnings)
 
 
 SMOOTH = np.random.default_rng(4).normal(scale=0.1, size=(9, 7))  # um
@@ -192,19 +214,31 @@ def test_nanofocus_files_have_their_spacing_in_nm(tmp_path, lowest):
     assert not topography.warnings
 
 
-def test_the_number_that_is_absurd_is_named(tmp_path):
-    wide = SurfaceTopography.Topography(SMOOTH, (9e6, 7e6), unit="um")
-    wide.to_netcdf(str(tmp_path / "wide.nc"))
-    [said] = read(tmp_path / "wide.nc").warnings
-    assert said.startswith("its nodes are 1e+06 um apart, which no instrument measures")
+@pytest.fixture
+def wide(tmp_path):
+    """A file whose nodes are 1 m apart."""
+    path = tmp_path / "wide.nc"
+    SurfaceTopography.Topography(SMOOTH, (9e6, 7e6), unit="um").to_netcdf(str(path))
+    return path
+
+
+def test_nodes_that_no_instrument_measures_are_named(wide):
+    [warning] = read(wide).warnings
+    assert warning.startswith(
+        "its nodes are 1e+06 um apart, which no instrument measures"
+    )
+
+
+def test_nodes_whose_distance_is_overruled_are_not_named(wide):
+    warnings = read(wide, "8,6", override_scale=True).warnings
+    assert all("overruled" in warning for warning in warnings)
+
+
+def test_heights_that_no_instrument_measures_are_named(tmp_path):
     high = SurfaceTopography.Topography(1e6 * SMOOTH, (9.0, 7.0), unit="um")
     high.to_netcdf(str(tmp_path / "high.nc"))
-    [said, *_] = prepare(read(tmp_path / "high.nc"), Reading()).warnings
-    assert re.match(r"its heights span \S+ um, which no instrument", said)
-    scale = {"side": "8,6", "override_scale": True}
-    assert all(
-        "overruled" in said for said in read(tmp_path / "wide.nc", **scale).warnings
-    )
+    [warning, *_] = prepare(read(tmp_path / "high.nc"), Reading()).warnings
+    assert re.match(r"its heights span \S+ um, which no instrument", warning)
 
 
 def x3p(path, replaced=(b"", b""), folder=""):

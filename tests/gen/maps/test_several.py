@@ -1,8 +1,12 @@
 """Several maps of one command: a row each, mean and deviation, and maps that cannot be read."""
 
+import contextlib
+import io
 import json
 import math
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,13 +19,18 @@ from tests.maps import waves
 SIDE = ["--side", "100"]
 
 
+def write_maps(folder):
+    """Write a folder of three maps and a text that is none."""
+    (folder / "many").mkdir()
+    for seed in range(3):
+        np.save(folder / f"many/s{seed}.npy", waves(20, seed))
+    (folder / "many/notes.txt").write_text("measured on a Monday\n")
+
+
 @pytest.fixture
 def maps(here):
     """A folder of three maps and a text that is none, in the working directory."""
-    (here / "many").mkdir()
-    for seed in range(3):
-        np.save(here / f"many/s{seed}.npy", waves(20, seed))
-    Path("many/notes.txt").write_text("measured on a Monday\n")
+    write_maps(here)
     return here
 
 
@@ -29,78 +38,134 @@ def run(*arguments, ends=0):
     assert cli.main([*map(str, arguments)]) == ends
 
 
+ROWS = [
+    {
+        "row": "surface",
+        "surface": "a",
+        "x": 1.0,
+        "word": "yes",
+        "some": "",
+        "wild": math.inf,
+    },
+    {
+        "row": "surface",
+        "surface": "b",
+        "x": 2.0,
+        "word": "no",
+        "some": 3.0,
+        "wild": math.inf,
+    },
+]
+
+
 def test_a_summary_has_numbers_where_all_rows_have_one():
-    rows = [
-        {
-            "row": "surface",
-            "surface": "a",
-            "x": 1.0,
-            "word": "yes",
-            "some": "",
-            "wild": math.inf,
-        },
-        {
-            "row": "surface",
-            "surface": "b",
-            "x": 2.0,
-            "word": "no",
-            "some": 3.0,
-            "wild": math.inf,
-        },
-    ]
-    mean, deviation = summary(rows)
+    mean, deviation = summary(ROWS)
     assert (mean["row"], mean["surface"], mean["x"]) == ("mean", "2 surfaces", 1.5)
     assert (mean["word"], mean["some"], mean["wild"]) == ("", "", math.inf)
     assert deviation["x"] == pytest.approx(math.sqrt(0.5))
     assert deviation["wild"] == ""
-    assert summary(rows[:1])[1]["x"] == "", "one map does not scatter"
+
+
+def test_one_map_does_not_scatter():
+    _, deviation = summary(ROWS[:1])
+    assert deviation["x"] == ""
+
+
+def test_loads_that_differ_by_rounding_do_not_scatter():
+    rows = [{**ROWS[0], "x": 0.3}, {**ROWS[0], "x": 0.1 + 0.2}]
+    _, deviation = summary(rows)
+    assert deviation["x"] == 0.0
+
+
+def test_two_files_are_several():
     assert are_several([Path("a"), Path("b")])
     assert not are_several([Path("a.npy")])
 
 
-@pytest.mark.parametrize(
-    "command", [["describe"], ["contact", "--pressure", "1e-3,5e-3"]]
+@dataclass(frozen=True)
+class Described:
+    """What a command gives of several maps, and of each of them alone."""
+
+    output: str
+    errors: str
+    table: pd.DataFrame
+    document: dict[str, Any]
+    alone: pd.DataFrame  # rows of the maps alone, one after the other
+    column: str  # a column with numbers
+    loads: int  # number of rows of each map
+
+    @property
+    def surfaces(self):
+        """The rows of maps."""
+        return self.table[self.table.row == "surface"]
+
+
+SEEDS = (1, 0, 1, 2)  # the first map is named twice, once by its folder
+
+
+@pytest.fixture(
+    scope="module", params=[["describe"], ["contact", "--pressure", "1e-3,5e-3"]]
 )
-def test_a_row_a_map_is_that_of_the_map_alone(maps, capsys, command):
-    """Then mean and standard deviation; what cannot be read is named and costs no other."""
-    name, *loads = command
-    inputs = ["many/s1.npy", "many", "none.npy"]
-    run(name, *inputs, *loads, *SIDE, "--csv", "all.csv", "--json", "all.json")
-    said = capsys.readouterr()
-    assert "warning: left out: many/notes.txt" in said.err
-    assert "warning: left out: none.npy: is neither a file nor a folder" in said.err
-    assert "standard deviation" in said.out
-    found = pd.read_csv("all.csv")
-    surfaces = found[found.row == "surface"]
-    many = len(loads[-1].split(",")) if loads else 1
-    assert surfaces.surface.tolist() == [
-        f"many/s{seed}.npy" for seed in (1, 0, 1, 2) for _ in range(many)
-    ]
-    alone = []
-    for seed in (1, 0, 1, 2):
-        run(name, f"many/s{seed}.npy", *loads, *SIDE, "--csv", "one.csv")
-        alone.append(pd.read_csv("one.csv"))
-    alone = pd.concat(alone, ignore_index=True)
+def described(request, tmp_path_factory):
+    """A command of several maps and of files that are none."""
+    name, *loads = request.param
+    folder = tmp_path_factory.mktemp("described")
+    write_maps(folder)
+    output = io.StringIO()
+    errors = io.StringIO()
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.chdir(folder)
+        inputs = ["many/s1.npy", "many", "none.npy"]
+        with contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors):
+            run(name, *inputs, *loads, *SIDE, "--csv", "all.csv", "--json", "all.json")
+        alone = []
+        for seed in SEEDS:
+            run(name, f"many/s{seed}.npy", *loads, *SIDE, "--csv", "one.csv")
+            alone.append(pd.read_csv("one.csv"))
+    return Described(
+        output.getvalue(),
+        errors.getvalue(),
+        pd.read_csv(folder / "all.csv"),
+        json.loads((folder / "all.json").read_text()),
+        pd.concat(alone, ignore_index=True),
+        "area_percent" if loads else "Sq",
+        len(loads[-1].split(",")) if loads else 1,
+    )
+
+
+def test_what_cannot_be_read_is_named_and_left_out(described):
+    assert "warning: left out: many/notes.txt" in described.errors
+    missing = "warning: left out: none.npy: is neither a file nor a folder"
+    assert missing in described.errors
+    assert {*described.document["left_out"]} == {"many/notes.txt", "none.npy"}
+
+
+def test_a_row_of_a_map_is_that_of_the_map_alone(described):
+    names = [f"many/s{seed}.npy" for seed in SEEDS for _ in range(described.loads)]
+    assert described.surfaces.surface.tolist() == names
     pd.testing.assert_frame_equal(
-        surfaces[alone.columns].reset_index(drop=True),
-        alone,
+        described.surfaces[described.alone.columns].reset_index(drop=True),
+        described.alone,
         check_dtype=False,
         rtol=1e-9,
     )
-    column = "area_percent" if loads else "Sq"
-    values = alone[column].to_numpy().reshape(4, many)
-    for kind, expected in (
-        ("mean", values.mean(0)),
-        ("standard deviation", values.std(0, ddof=1)),
-    ):
-        np.testing.assert_allclose(
-            found[found.row == kind][column], expected, 1e-9, 1e-12
-        )
-    document = json.loads(Path("all.json").read_text())
-    assert {*document["left_out"]} == {"many/notes.txt", "none.npy"}
-    assert [row["row"] for row in document["rows"]] == found.row.tolist()
-    numbers = [row[column] for row in document["rows"]]
-    np.testing.assert_allclose(numbers, found[column])
+
+
+@pytest.mark.parametrize("kind", ["mean", "standard deviation"])
+def test_mean_and_deviation_are_those_over_the_maps(described, kind):
+    numbers = described.alone[described.column].to_numpy()
+    values = numbers.reshape(len(SEEDS), described.loads)
+    expected = values.mean(0) if kind == "mean" else values.std(0, ddof=1)
+    found = described.table[described.table.row == kind][described.column]
+    np.testing.assert_allclose(found, expected, 1e-9, 1e-12)
+    assert "standard deviation" in described.output
+
+
+def test_the_document_has_the_rows_of_the_table(described):
+    rows = described.document["rows"]
+    assert [row["row"] for row in rows] == described.table.row.tolist()
+    numbers = [row[described.column] for row in rows]
+    np.testing.assert_allclose(numbers, described.table[described.column])
 
 
 @pytest.mark.parametrize("command", [["describe"], ["contact", "--delta", "0.1"]])

@@ -73,30 +73,48 @@ def test_lengths_of_the_header_may_be_given_again(tmp_path):
         read(path, "10,7")
 
 
-def test_concatenated_exports_are_channels(tmp_path):
-    other = GWYDDION.replace("Topo", "Phase").replace(": m", ": deg")
-    zoom = GWYDDION.replace("Topo", "Zoom")
-    scan = written(
-        tmp_path, other + NUMBERS + "\n" + GWYDDION + NUMBERS + "\n" + zoom + NUMBERS
-    )
-    topography = read(scan)
+PHASE = GWYDDION.replace("Topo", "Phase").replace(": m", ": deg") + NUMBERS
+
+
+@pytest.fixture
+def three(tmp_path):
+    """Three exports in one file: a phase, and two maps of heights."""
+    zoom = GWYDDION.replace("Topo", "Zoom") + NUMBERS
+    return written(tmp_path, "\n".join([PHASE, GWYDDION + NUMBERS, zoom]))
+
+
+def test_of_concatenated_exports_the_first_with_heights_is_read(three):
+    topography = read(three)
     same(topography, 1e6)
-    assert (
-        "channel 1 'Topo' (not 0 'Phase' (in deg, no heights), 2 'Zoom')"
-        in topography.steps[0]
-    )
-    for wanted in ("Zoom", "2"):
-        assert "channel 2 'Zoom'" in read(scan, channel=wanted).steps[0]
+    words = "channel 1 'Topo' (not 0 'Phase' (in deg, no heights), 2 'Zoom')"
+    assert words in topography.steps[0]
+
+
+@pytest.mark.parametrize("channel", ["Zoom", "2"])
+def test_a_concatenated_export_is_chosen_by_name_or_index(three, channel):
+    assert "channel 2 'Zoom'" in read(three, channel=channel).steps[0]
+
+
+@pytest.mark.parametrize(
+    ("channel", "fault"), [("Top", "no such channel"), ("Phase", "holds no heights")]
+)
+def test_a_concatenated_export_without_heights_is_refused(three, channel, fault):
     holds = "holds 0 'Phase' .in deg, no heights., 1 'Topo', 2 'Zoom'"
-    for wanted, why in (("Top", "no such channel"), ("Phase", "holds no heights")):
-        with pytest.raises(InputError, match=f"--channel '{wanted}': {why}.*{holds}"):
-            read(scan, channel=wanted)
+    with pytest.raises(InputError, match=f"--channel '{channel}': {fault}.*{holds}"):
+        read(three, channel=channel)
+
+
+def test_a_name_of_two_exports_is_refused(tmp_path):
+    path = written(tmp_path, 2 * (GWYDDION + NUMBERS))
     with pytest.raises(
         InputError, match="several channels have this name; give an index"
     ):
-        read(written(tmp_path, 2 * (GWYDDION + NUMBERS)), channel="Topo")
+        read(path, channel="Topo")
+
+
+def test_a_file_without_a_channel_of_heights_is_refused(tmp_path):
     with pytest.raises(InputError, match="holds no heights; its channels are 0 'Phase'"):
-        read(written(tmp_path, other + NUMBERS))
+        read(written(tmp_path, PHASE))
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r\r\n", "\r"])

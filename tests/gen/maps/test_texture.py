@@ -61,7 +61,7 @@ def test_the_law_is_printed_with_its_range(law_of_wide):
 
 def test_the_exponents_that_generators_need_are_printed_beside_the_law(law_of_wide):
     _, printed = law_of_wide
-    advice = "diamond-square and midpoint give it if they are asked for 0.07 to 0.16 more"
+    advice = "diamond-square and midpoint need a hurst that is 0.07 to 0.16 larger"
     assert advice in printed
 
 
