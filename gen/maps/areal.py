@@ -438,10 +438,11 @@ def _ray(correlation: Values, spacing: tuple[float, float], angle: float) -> _Ra
 
 def _bilinear(values: Values, x: Values, y: Values) -> Values:
     """Interpolate values on a grid, shape (m, n), at places in spacings, shape (k,)."""
-    left = np.clip(np.floor(x).astype(int), 0, values.shape[0] - 2)
-    lower = np.clip(np.floor(y).astype(int), 0, values.shape[1] - 2)
-    u = x - left
-    v = y - lower
-    at_left = (1 - v) * values[left, lower] + v * values[left, lower + 1]
-    at_right = (1 - v) * values[left + 1, lower] + v * values[left + 1, lower + 1]
-    return np.asarray((1 - u) * at_left + u * at_right)
+    nx, ny = values.shape
+    i = np.clip(np.floor(x).astype(int), 0, nx - 2)
+    j = np.clip(np.floor(y).astype(int), 0, ny - 2)
+    u = x - i
+    v = y - j
+    near = (1 - v) * values[i, j] + v * values[i, j + 1]
+    far = (1 - v) * values[i + 1, j] + v * values[i + 1, j + 1]
+    return np.asarray((1 - u) * near + u * far)

@@ -123,7 +123,8 @@ def _medians(values: Values) -> Values:
     entries = np.arange(len(numbers))
     lower = ordered[entries, np.maximum((count - 1) // 2, 0)]
     upper = ordered[entries, count // 2]
-    return np.asarray(np.where(count % 2 == 1, lower, lower / 2 + upper / 2))
+    odd = count % 2 == 1
+    return np.asarray(np.where(odd, lower, lower / 2 + upper / 2))
 
 
 # Nodes at this distance from a pit or spike are its surroundings; it is part of a ridge, groove,
@@ -240,8 +241,9 @@ def _distance_alone(window: Values, end: End, threshold: float) -> float | None:
     plane = level.along_x[0] * places[:, None] + level.along_y[0] * places
     outward = end * (window - plane - level.medians[0])
     distance = float(outward[AROUND, AROUND])
-    slope = max(abs(float(level.along_x[0, 0, 0])), abs(float(level.along_y[0, 0, 0])))
-    if not distance > max(threshold, STEEPER * slope):
+    slope_x = abs(float(level.along_x.item()))
+    slope_y = abs(float(level.along_y.item()))
+    if not distance > max(threshold, STEEPER * slope_x, STEEPER * slope_y):
         return None
     rows, columns = np.meshgrid(places, places)
     surroundings = np.maximum(np.abs(rows), np.abs(columns)) == AROUND

@@ -366,7 +366,8 @@ def least_squares(topography: Topography, degree: Literal[1, 2] = 1) -> LeastSqu
     for coefficient, term in zip(coefficients, terms, strict=True):
         fit = fit + coefficient * term
     # x and y run over 2 from the first node to the last one
-    slopes = 2 * coefficients[1:3] / (np.subtract(heights.shape, 1) * topography.spacing)
+    lengths = np.subtract(heights.shape, 1) * topography.spacing
+    slopes = 2 * coefficients[1:3] / lengths
     return LeastSquares(fit, Tilt(float(slopes[0]), float(slopes[1])))
 
 

@@ -1,4 +1,4 @@
-"""One master and its workers, serially or over MPI behind one contract, and what ends their work.
+"""One master and its workers, serially or over MPI, and the signals and limits that end work.
 
 Work is a pure function of a task. Tasks are drawn when a worker becomes free, and results reach the
 master one by one in the order of completion. This is the home of mpi4py.
@@ -97,14 +97,6 @@ class MasterLeft(BaseException):
 
 
 @dataclass(frozen=True)
-class _Envelope:
-    """Message of the master to all processes: a value, or the end of the command."""
-
-    value: Any = None
-    code: int | None = None  # exit code if the master has ended the command
-
-
-@dataclass(frozen=True)
 class World:
     """The processes of this run.
 
@@ -146,10 +138,10 @@ class World:
         """
         if self.communicator is None:
             return value
-        envelope = self._exchange(_Envelope(value=value))
-        if envelope.code is not None:
-            raise MasterLeft(envelope.code)
-        return envelope.value
+        code = self._code_of_master(None)
+        if code is not None:
+            raise MasterLeft(code)
+        return self.communicator.bcast(value, root=0)
 
     def end(self, code: int) -> int:
         """End the command on all processes; a collective call, and the last one.
@@ -171,21 +163,25 @@ class World:
         """
         if self.communicator is None:
             return code
-        envelope = self._exchange(_Envelope(code=code))
-        if envelope.code is None:
+        agreed = self._code_of_master(code)
+        if agreed is None:
             raise RuntimeError(
                 f"rank {self.rank} has left a command that rank 0 goes on with"
             )
-        return envelope.code
+        return agreed
 
-    def _exchange(self, envelope: _Envelope) -> _Envelope:
-        """Return the master's envelope on every process; a process that waits for it sleeps."""
+    def _code_of_master(self, code: int | None) -> int | None:
+        """Return the master's exit code on every process, or None if it goes on with the command.
+
+        A process that waits for the master sleeps. A value of `broadcast` is sent separately: a
+        worker that ends because its memory has run out must not import what a value is made of.
+        """
         announced = self.communicator.Ibcast(bytearray(1), root=0)
         nap = LONGEST_NAP / 1024
         while not announced.Test():
             time.sleep(nap)
             nap = min(2 * nap, LONGEST_NAP)
-        received: _Envelope = self.communicator.bcast(envelope, root=0)
+        received: int | None = self.communicator.bcast(code, root=0)
         return received
 
     def abort(self, code: int | None = None) -> NoReturn:
@@ -262,7 +258,7 @@ def _started_mpi() -> Any:
 
     if NAMESPACE in os.environ:
         mpi4py.rc.initialize = False
-        mpi4py.rc.finalize = True  # at the end of the process, as MPI is started below
+        mpi4py.rc.finalize = True  # MPI is started below, and ends with the process
     from mpi4py import MPI
 
     if MPI.Is_initialized():

@@ -146,7 +146,7 @@ class Output:
     """A file that a command is going to write."""
 
     path: Path | None  # None if the user gave no name
-    option: str  # option that gave the name, as "--csv", for messages
+    option: str  # option that gave the name, such as "--csv", for messages
     kind: Kind = "text"
 
 
@@ -519,7 +519,7 @@ def require_writable(path: Path) -> None:
 
 
 def _output_place(path: Path, kind: Kind) -> Path:
-    """Return the place of a file, or refuse what must not be replaced or cannot be written.
+    """Return the place of a file that is going to be written, without links, or raise InputError.
 
     Refused are folders, devices, files of another kind, read-only files, and files in a folder
     where none can be made. A full disk shows only on writing.

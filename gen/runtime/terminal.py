@@ -138,7 +138,7 @@ def finish_output() -> None:
 
 
 def discard_pending(stream: Any) -> None:
-    """Discard what a stream still holds, which Python would try to write again as it exits.
+    """Discard the text that a stream still holds, which Python would try to write at its exit.
 
     Parameters
     ----------
@@ -200,7 +200,7 @@ def first_reason(reasons: str) -> str:
     Returns
     -------
     str
-        Text for a narrow column, as "not resolved; and 2 more".
+        Text for a narrow column, such as "not resolved; and 2 more".
     """
     first, _, remaining = reasons.partition("; ")
     if not remaining:
@@ -214,7 +214,7 @@ def command_to_type(words: str) -> str:
     Parameters
     ----------
     words : str
-        Program, command and arguments, as "gen info FILE" or "asperity gen info FILE".
+        Program, command and arguments, such as "gen info FILE" or "asperity gen info FILE".
 
     Returns
     -------
@@ -239,7 +239,7 @@ class RunProgress(AbstractContextManager["RunProgress"]):
     total : int
         Number of rows to compute.
     noun : str
-        Plural of a row, as "samples"; further words may follow it, as "fits of ridge".
+        Plural of a row, such as "samples"; further words may follow it, as "fits of ridge".
     work : float, optional
         Cost of all rows, in any unit, from which the remaining time follows; by default `total`.
     """
