@@ -25,7 +25,6 @@ if TYPE_CHECKING:  # each command imports no more than it needs
     from pathlib import Path
 
     from bem import Contact
-    from gen.commands.descriptions import DescribedMap
     from gen.database import Reader
     from gen.database.reader import Counts
     from gen.maps.contacts import Answer, SolvedLoads
@@ -222,24 +221,22 @@ def print_preparation_in_line(topography: Topography, warnings: Sequence[str]) -
         echo(f"  warning: {warning}", err=True)
 
 
-def print_statistics(described: DescribedMap) -> None:
+def print_statistics(
+    topography: Topography, statistics: Description, areal: Description
+) -> None:
     """Print a line about the grid of a surface, its 22 statistics and its ISO 25178 parameters."""
     from gen.maps.areal import PARAMETERS
 
-    echo(_grid_line(described.topography))
+    echo(_grid_line(topography))
     _print_description(
         "statistic",
-        described.statistics,
+        statistics,
         [(column.name, column.unit, column.long_name) for column in TABLE_1],
     )
     _print_description(
         "ISO 25178",
-        described.areal,
-        [
-            (name, unit, words)
-            for name, unit, words in PARAMETERS
-            if name in described.areal.values
-        ],
+        areal,
+        [(name, unit, words) for name, unit, words in PARAMETERS if name in areal.values],
     )
 
 
