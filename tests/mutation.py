@@ -49,8 +49,8 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "bem/solving.py": (
         (
-            "* unit * (problem.spacing[0] * problem.spacing[1])",
-            "* unit * problem.spacing[0] ** 2",
+            "* (problem.spacing[0] * problem.spacing[1])",
+            "* problem.spacing[0] ** 2",
         ),
         ("np.abs(contact.gap), -contact.gap)", "np.abs(contact.gap), contact.gap)"),
         ("not contact.residual <= problem.rtol", "contact.residual > problem.rtol"),

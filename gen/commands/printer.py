@@ -25,7 +25,6 @@ if TYPE_CHECKING:  # each command imports no more than it needs
     from pathlib import Path
 
     from bem import Contact
-    from gen.commands.descriptions import DescribedMap
     from gen.database import Reader
     from gen.database.reader import Counts
     from gen.maps.contacts import Answer, SolvedLoads
@@ -258,19 +257,31 @@ def print_preparation_in_line(topography: Topography, warnings: Sequence[str]) -
         echo(f"  warning: {warning}", err=True)
 
 
-def print_statistics(described: DescribedMap) -> None:
-    """Print the grid of a surface, then tables of its 22 statistics and ISO 25178 parameters."""
+def print_statistics(
+    topography: Topography, statistics: Description, areal: Description
+) -> None:
+    """Print the grid of a surface, then tables of its statistics and ISO 25178 parameters.
+
+    Parameters
+    ----------
+    topography : Topography
+        The surface, whose nodes, spacing, heights and tilt are printed.
+    statistics : Description
+        Its 22 statistics.
+    areal : Description
+        Its parameters of ISO 25178. Parameters without a value in it are left out.
+    """
     from gen.maps.areal import PARAMETERS
 
-    echo(_grid_line(described.topography))
-    statistics = [(column.name, column.unit, column.long_name) for column in TABLE_1]
-    _print_description("statistic", described.statistics, statistics)
+    echo(_grid_line(topography))
+    columns = [(column.name, column.unit, column.long_name) for column in TABLE_1]
+    _print_description("statistic", statistics, columns)
     parameters = [
         (parameter.name, parameter.unit, parameter.meaning)
         for parameter in PARAMETERS
-        if parameter.name in described.areal.values
+        if parameter.name in areal.values
     ]
-    _print_description("ISO 25178", described.areal, parameters)
+    _print_description("ISO 25178", areal, parameters)
 
 
 def _grid_line(topography: Topography) -> str:

@@ -432,9 +432,8 @@ def unfinished(
     mode = 0o666
     if real.exists():
         replaced = real.stat()
-        mode = (
-            0o600  # no other user reads the file before it has the rights of the target
-        )
+        # No other user may read the new file before it has the rights of the target.
+        mode = 0o600
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
     descriptor = os.open(temporary, flags, mode)
     try:
@@ -612,9 +611,8 @@ def kind_of(path: Path) -> str:
             return kind
     if b"<svg" in start:  # an SVG may begin with comments of any length
         return "picture"
-    if start.startswith(b"PK") and _holds_arrays(
-        path
-    ):  # every zip archive begins with PK
+    # Every zip archive begins with PK.
+    if start.startswith(b"PK") and _holds_arrays(path):
         return "arrays"
     bytes_beyond_text = start.translate(None, TEXT)
     if bytes_beyond_text:
@@ -709,9 +707,8 @@ def lock_folder(folder: Path) -> Iterator[None]:
         with _held(folder, folder / ".asperity.lock"):
             yield
     finally:
-        with suppress(
-            OSError
-        ):  # a folder is not empty: it stays, and so do those above it
+        # A folder that is not empty stays, and so do the folders above it.
+        with suppress(OSError):
             for made_folder in missing:
                 made_folder.resolve().rmdir()
 

@@ -18,9 +18,8 @@ from typing import Any
 from gen.runtime.errors import InputError
 
 OUTPUT = "standard output"  # the file's name in errors of standard output
-LONGEST_NAME = (
-    110  # number of letters of a name that fit into a line of a picture's title
-)
+LONGEST_NAME = 110
+"""Largest number of letters of a file's name in the title of a picture."""
 
 ENDLESS = 1000
 """Width of a table in a file or a pipe [letters]; it is so large that no line is broken."""

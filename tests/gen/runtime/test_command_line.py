@@ -129,6 +129,7 @@ def started(folder, *arguments, **variables):
     )
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     "variables",
     [
