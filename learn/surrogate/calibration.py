@@ -15,7 +15,6 @@ import numpy as np
 from gen.arrays import Indices, Values
 from gen.runtime.errors import InputError
 from learn.dataset import Dataset
-from learn.features.scene import SCENE
 from learn.models import POPULATION
 from learn.split import FOLDS, dealt
 from learn.surrogate.interval import (
@@ -86,7 +85,7 @@ def groups_of(rows: Dataset) -> Groups:
     unit = "tile" if rows.by_tile else SURFACE if surfaces.size > 1 else "row"
     number = surfaces.size if surfaces.size > 1 else rows.size
     alone = Groups(np.zeros(rows.size, dtype=np.int64), number, unit, "surfaces")
-    if rows.features.name == SCENE and not rows.by_tile:
+    if rows.features.of_scene and not rows.by_tile:
         enough = surfaces.size >= FEWEST
         return Groups(own, surfaces.size, SURFACE, "others") if enough else alone
     used, labels = np.unique(rows.population, return_inverse=True)
@@ -151,7 +150,7 @@ def planned(model: str, train: Dataset, other: Dataset | None) -> Plan:
         list[tuple[Indices, Indices]](),
     )
     kept, remark, database, sha256 = np.arange(0), "", "", ""
-    if train.features.name == SCENE:  # drawn independently of each other: ranges say all
+    if train.features.of_scene:  # drawn independently of each other: ranges say all
         distance = Distance(np.zeros((1, size)), np.zeros((1, size, size)), np.inf)
         seen = Measured(distance, *distance.measured(train.inputs))
     elif own.scheme == "others":
@@ -163,7 +162,7 @@ def planned(model: str, train: Dataset, other: Dataset | None) -> Plan:
         groups, (database, sha256, *_) = groups_of(other), other.origins[-1]
         distance, whole = seen.distance, groups.scheme == "others"
         seen = Measured(distance, *distance.measured(other.inputs))
-        if whole and train.features.name != SCENE:
+        if whole and not train.features.of_scene:
             distance = from_maps(train.inputs, groups.labels, other.inputs)
     else:
         groups, distance = own, seen.distance

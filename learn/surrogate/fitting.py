@@ -18,7 +18,7 @@ from learn.comparison.folder import Folder, Settings, targets
 from learn.comparison.paper import OPTIMA
 from learn.dataset import TARGETS, Dataset, Request, results, short_name
 from learn.executor import Executor
-from learn.features.scene import SCENE, training_ranges
+from learn.features.scene import SCENE
 from learn.kernel_ridge import left_out_errors
 from learn.metrics import no_better
 from learn.models import (
@@ -277,10 +277,7 @@ def fit_parts(
         if not keeps_its_scale(fitted.learnt, rows.features):
             say(f"  {target}: {OWN_SCALE}")
     inputs, features = sets[0].inputs[train], sets[0].features
-    low, high = inputs.min(axis=0), inputs.max(axis=0)
-    if features.name == SCENE:
-        scenes = [each.scene for each in sets[0].origins]
-        low, high = training_ranges(scenes, features.columns, inputs)
+    ranges = features.ranges([origin.scene for origin in sets[0].origins], inputs)
     largest = min(each.calibration.largest_level for each in learnt.values())
     say(f"  {card.level_line(largest)}")
     calibration = {**plan.entry, "largest_level": largest}
@@ -289,8 +286,8 @@ def fit_parts(
         | {"calibration": calibration}
         | own_scale(sets, learnt.values(), train),
         learnt=learnt,
-        low=low,
-        high=high,
+        low=ranges.low,
+        high=ranges.high,
         distance=plan.distance,
     )
 

@@ -50,8 +50,8 @@ import numpy as np
 from bem.problem import node_spacing
 from gen.arrays import Indices, Values
 from gen.runtime.errors import InputError
-from learn.features.scene import SCENE, shown
-from learn.features.sets import NODES, Rows
+from learn.features.columns import NODES
+from learn.features.rows import Rows
 
 if TYPE_CHECKING:
     from learn.surrogate.model import Surrogate
@@ -395,8 +395,7 @@ def reasons_of(surrogate: Surrogate, rows: Rows, inputs: Values) -> list[str]:
     far, limit = surrogate.distance.measured(inputs)[0], surrogate.distance.limit
     outside = (inputs < surrogate.low) | (inputs > surrogate.high)
     told, names = [inputs, surrogate.low, surrogate.high], features.names
-    if features.name == SCENE:  # without logarithms
-        told = [shown(features.columns, each) for each in told]
+    told = [features.shown(each) for each in told]  # without logarithms of scenes
     values, least, most = told
     for row in np.flatnonzero(outside.any(axis=1) | (far > limit)).tolist():
         if far[row] > limit:

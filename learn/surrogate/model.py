@@ -16,8 +16,8 @@ from gen.arrays import Values
 from gen.material import Bodies
 from gen.runtime.errors import InputError, input_errors
 from learn.features import SETS, FeatureSet, SurfaceFeatures
+from learn.features.rows import Rows
 from learn.features.scene import SCENE, checked_numbers, plain
-from learn.features.sets import Rows
 from learn.surrogate.interval import Distance, between, reasons_of
 from learn.surrogate.learnt import Learnt, load_parts, write_parts
 from learn.surrogate.scale import scale_notes
@@ -215,7 +215,7 @@ class Surrogate:
             training asks for a hardness, a parameter or a load that is not given.
         """
         load = self.features.load
-        if self.features.name == SCENE:
+        if self.features.of_scene:
             if surface is not None or side is not None or e_star is not None:
                 asks = ", ".join(self.features.names)
                 raise InputError(
@@ -303,14 +303,14 @@ class Surrogate:
             If a name is missing or unknown, lengths differ, or a number is not finite, or not above
             0 where its logarithm is learnt.
         """
-        if self.features.name != SCENE:
+        if not self.features.of_scene:
             raise InputError(
                 "the surrogate asks for surfaces: numbers need --features scene"
             )
         numbers = checked_numbers(self.features.columns, given)
         ones = np.ones(next(iter(numbers.values())).size)
         delta = numbers.get("delta", np.nan * ones)
-        return Rows(np.empty((ones.size, 0)), delta, 1.0, given=numbers)
+        return Rows(np.empty((ones.size, 0)), delta, 1.0, scene_numbers=numbers)
 
     def for_surface(
         self,
@@ -332,7 +332,7 @@ class Surrogate:
         OnSurface
             The surrogate with the features of this surface.
         """
-        if self.features.name == SCENE:
+        if self.features.of_scene:
             asks = ", ".join(self.features.names)
             raise InputError(f"{name}: the surrogate asks for {asks}, not for a surface")
         with input_errors(name):
@@ -427,7 +427,7 @@ class Surrogate:
         features, number = self.features, len(rows.delta)
         inputs = features.of(rows)
         known = ~np.isnan(inputs).any(axis=1)
-        if features.name != SCENE:  # whose numbers `of_numbers` has checked
+        if not features.of_scene:  # whose numbers `of_numbers` has checked
             defined = ~np.isnan(rows.statistics).any(axis=1)
             wrong = defined & ~(np.abs(inputs) <= LARGEST).all(axis=1)
             bad = np.flatnonzero(wrong | ~(rows.delta > 0))
@@ -439,8 +439,12 @@ class Surrogate:
         said = reasons_of(self, rows, inputs)
         for place, note in enumerate(scale_notes(self, rows, e_star)):
             said[place] = "; ".join(filter(None, (said[place], note)))
-        delta = rows.delta.copy() if "pressure" not in rows.given else np.nan * rows.delta
-        found = Prediction(delta, {}, given=dict(rows.given))
+        delta = (
+            rows.delta.copy()
+            if "pressure" not in rows.scene_numbers
+            else np.nan * rows.delta
+        )
+        found = Prediction(delta, {}, given=dict(rows.scene_numbers))
         for name, learnt in self.learnt.items():
             scale = features.scale(learnt.powers, rows, self.modulus)
             if e_star is not None and learnt.powers is not None and learnt.powers.modulus:

@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gen.arrays import Indices
-from learn.features.scene import SCENE
-from learn.features.sets import STATISTICS, FeatureSet, Rows
+from learn.features.columns import STATISTICS
+from learn.features.rows import Rows
+from learn.features.sets import FeatureSet
 
 if TYPE_CHECKING:
     from learn.dataset import Dataset
@@ -52,7 +53,7 @@ def keeps_its_scale(learnt: Learnt, features: FeatureSet) -> bool:
     bool
         False if the target holds at the scale of the training alone.
     """
-    return learnt.powers is not None or features.name == SCENE
+    return learnt.powers is not None or features.of_scene
 
 
 def own_scale(

@@ -17,7 +17,7 @@ from gen.surface import generate
 from learn import Surrogate, split
 from learn import cli as learn_cli
 from learn.comparison.paper import OPTIMA
-from learn.features.sets import ROOTED_LOCAL
+from learn.features.columns import ROOTED_LOCAL
 from learn.models import MODELS
 from learn.surrogate import fitting, law
 from learn.surrogate.card import lines
