@@ -21,8 +21,10 @@ from gen.scene.faults import shown
 from gen.schema import REASONS, Column, Reason, Status
 from learn.executor import Executor
 from learn.features import FeatureSet, chosen
-from learn.features.scene import BY_FORCE, SCENE, given_values, load_of
-from learn.features.sets import STATISTICS, Rows, limits_of
+from learn.features.columns import STATISTICS
+from learn.features.rows import Rows
+from learn.features.scene import BY_FORCE, SCENE, load_of, numbers_of_rows
+from learn.features.sets import limits_of
 from learn.split import MAP, TILE, populations_of, related
 
 # short names of the two targets that every database has, and their columns
@@ -231,8 +233,8 @@ def stored(path: Path, request: Request, load: str) -> Stored:
             math.sqrt(math.prod(scene.grid.shape)),
         )
         scenic = request.features == SCENE
-        given = given_values(scene, reader.column) if scenic or load != "delta" else {}
-        numbers = Rows(statistics, reader.column("delta"), *size, given=given)
+        given = numbers_of_rows(scene, reader.column) if scenic or load != "delta" else {}
+        numbers = Rows(statistics, reader.column("delta"), *size, scene_numbers=given)
         if load == "pressure" and not scenic:
             numbers = numbers.under(given["pressure"], scene.contact.e_star)
         return Stored(

@@ -24,7 +24,7 @@ from learn.comparison.folder import Settings
 from learn.comparison.grid import baseline, space_of
 from learn.dataset import Dataset, Origin, Request, remarks
 from learn.features import chosen
-from learn.features.sets import Rows
+from learn.features.rows import Rows
 from learn.models import MODELS, STEP
 from learn.surrogate import Surrogate
 from learn.surrogate.calibration import plan_calibration

@@ -212,7 +212,7 @@ def describe_one(order: DescriptionOrder, surface: Path, files: DescriptionFiles
     figure = figure_for(files.picture, 10.5, 8.6)
     described = order.describe(surface)
     printer.print_preparation(described.topography, described.warnings)
-    printer.print_statistics(described)
+    printer.print_statistics(described.topography, described.statistics, described.areal)
     if described.is_directional:
         printer.print_profiles(texture.profile_roughness(described.topography))
     printer.print_spectrum(described.fit, described.nodes_per_wave)

@@ -267,7 +267,10 @@ def plot_contacts(
 def _contact_title(last: Contact, loads: int, captions: ContactCaptions) -> str:
     """Return the title of a picture of contacts: name, last of some loads, and bodies."""
     pressure = last.force / nominal_area(last)
-    load = f"Δ = {last.delta:.4g} µm, force {last.force:.4g} µN, mean pressure {pressure:.4g} MPa"
+    load = (
+        f"Δ = {last.delta:.4g} µm, force {last.force:.4g} µN,"
+        f" mean pressure {pressure:.4g} MPa"
+    )
     if loads > 1:
         load = f"last of {loads} loads: {load}"
     bodies = captions.bodies.text

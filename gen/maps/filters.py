@@ -55,7 +55,9 @@ def fitted_polynomial(heights: Heights, degree: int) -> Heights:
             np.linalg.qr(np.concatenate([triangle, measured]), mode="r")
         )
     coefficients = np.zeros((degree + 1, degree + 1))
-    coefficients[i, j] = np.linalg.lstsq(triangle[:, :-1], triangle[:, -1], rcond=None)[0]
+    matrix = triangle[:, :-1]
+    right = triangle[:, -1]
+    coefficients[i, j] = np.linalg.lstsq(matrix, right, rcond=None)[0]
     fit: Heights = along_x @ coefficients @ along_y.T
     return fit
 
@@ -267,7 +269,8 @@ def filled_harmonically(
     entries = np.concatenate([diagonal, *values])
     places = (np.concatenate(rows), np.concatenate(columns))
     complete = heights.copy()
-    complete.reshape(-1)[holes] = spsolve(coo_matrix((entries, places)).tocsc(), right)
+    matrix = coo_matrix((entries, places)).tocsc()
+    complete.reshape(-1)[holes] = spsolve(matrix, right)
     return complete
 
 

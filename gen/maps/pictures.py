@@ -267,7 +267,7 @@ def plot_surface(
         If the file cannot be written.
     """
     top, bottom = figure.subfigures(2, 1, height_ratios=[1.12, 1.0])
-    left, right = top.subplots(1, 2, width_ratios=[1.15, 1.0])
+    map_axis, distribution_axis = top.subplots(1, 2, width_ratios=[1.15, 1.0])
     figure.suptitle(shortened(topography.name), fontsize=11, parse_math=False)
     heights = topography.heights
     surface_map = Map(
@@ -278,8 +278,8 @@ def plot_surface(
         unit="µm",
         colours="viridis",
     )
-    plot_map(left, surface_map)
-    _plot_distribution(right, heights)
+    plot_map(map_axis, surface_map)
+    _plot_distribution(distribution_axis, heights)
     if directional:
         radial, profiles = bottom.subplots(1, 2)
         _plot_spectrum(radial, spectrum, fit, LETTERS)

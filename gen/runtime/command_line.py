@@ -35,10 +35,10 @@ LONGEST_LINE = 1200
 """Letters of a message; the middle of a longer one is left out."""
 
 MOST_DETAILS = 40
-"""Lines of a list below a message; of a longer list the number of further lines is printed."""
+"""Lines of a list below a message. The further lines of a longer list are only counted."""
 
 EMPTY = re.compile("|--[^=]*=")
-"""An argument without a value, as it is made of a shell's variable that is not set."""
+"""An argument without a value, which a shell makes of a variable that is not set."""
 
 EXTRAS = {
     "aiohttp": "serve",
@@ -167,13 +167,13 @@ def recorded_command_line(context: typer.Context, program: str) -> str:
     context : typer.Context
         Context of the command.
     program : str
-        Name of its program, as "gen".
+        Name of its program, such as "gen".
 
     Returns
     -------
     str
         A line that a shell can run: the program as `command_to_type` writes it, the command, and
-        what the user gave; defaults are left out.
+        the values that the user gave. Defaults are left out.
     """
     words = [*command_to_type(program).split(), str(context.info_name)]
     for parameter in context.command.params:
@@ -203,7 +203,7 @@ def warn_deprecated(option: str, instead: str) -> None:
     Parameters
     ----------
     option : str
-        The option that the user gave, as "--solver".
+        The option that the user gave, such as "--solver".
     instead : str
         What to do in its place.
     """
@@ -390,7 +390,7 @@ def _ending_by(error: BaseException, name: str) -> _Ending:
 
 
 def _refusal(error: BaseException, name: str) -> str:
-    """Return what input, machine or installation lack, in words; raise a bug again."""
+    """Return why input, machine or installation stop a command; raise a bug again."""
     match error:
         case InputError():
             return str(error.args[0])
@@ -446,9 +446,9 @@ def _complain(message: str, details: Sequence[str] = ()) -> None:
 
 
 def _one_line(text: str) -> str:
-    """Put a text into one line, and leave the middle of a long one out.
+    """Return a text as one line, without the middle if it is longer than `LONGEST_LINE`.
 
-    A long one has a name or a number in it that nobody has typed by hand.
+    Such a text has a name or a number in it that nobody has typed by hand.
     """
     line = " ".join(text.split())
     if len(line) <= LONGEST_LINE:

@@ -1,4 +1,4 @@
-"""The error for input that cannot be used, and what errors of the system say."""
+"""The error for input that cannot be used, and the number and the file in errors of the system."""
 
 import os
 import re
@@ -41,12 +41,12 @@ class SourceError(InputError):
 
 @contextmanager
 def input_errors(place: str = "") -> Iterator[None]:
-    """Turn a ValueError of the block, as of `bem.checks`, into an InputError.
+    """Turn a ValueError of the block, such as one of `bem.checks`, into an InputError.
 
     Parameters
     ----------
     place : str
-        File or option that the input comes from, as "rough.npy"; the message begins with it.
+        File or option that the input comes from, such as "rough.npy"; the message begins with it.
 
     Yields
     ------

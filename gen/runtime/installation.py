@@ -27,7 +27,7 @@ def versions(packages: Iterable[str]) -> dict[str, str]:
     Parameters
     ----------
     packages : iterable of str
-        Names of distributions, as "scikit-learn".
+        Names of distributions, such as "scikit-learn".
 
     Returns
     -------
@@ -92,7 +92,7 @@ def command_for(extra: str) -> str:
     Parameters
     ----------
     extra : str
-        Name of an extra in pyproject.toml, as "plot".
+        Name of an extra in pyproject.toml, such as "plot".
 
     Returns
     -------

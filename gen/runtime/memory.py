@@ -50,7 +50,7 @@ def allowed() -> int:
 
 
 def free() -> int:
-    """Return the memory that the system can give now, or else what is `allowed` [bytes]."""
+    """Return the memory that the system can give now, or `allowed` if that is unknown [bytes]."""
     with suppress(OSError, ValueError, IndexError):
         table = Path("/proc/meminfo").read_text(encoding="ascii")
         kibibytes = table.partition("MemAvailable:")[2].split()[0]
@@ -165,7 +165,7 @@ def format_bytes(count: float) -> str:
     Returns
     -------
     str
-        Number with one decimal and the largest unit of which there is one, as "330 bytes" or
+        Number with one decimal and the largest unit that it reaches, such as "330 bytes" or
         "1.5 GB"; a kB has 1000 bytes.
     """
     for unit, unit_bytes in (("TB", 1e12), ("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):

@@ -39,7 +39,7 @@ def source_hash(name: str) -> str:
     Parameters
     ----------
     name : str
-        The function, as "module:function".
+        The function, such as "module:function".
 
     Returns
     -------
@@ -62,10 +62,10 @@ def load_function(name: str, source: str | None) -> Function:
     Parameters
     ----------
     name : str
-        The function, as "module:function".
+        The function, such as "module:function".
     source : str or None
-        SHA-256 of the module's source, as a database records it; None if a file lacks it, which no
-        run has made.
+        SHA-256 of the module's source, as a database records it. None, from a file that no run has
+        made, is refused.
 
     Returns
     -------
@@ -96,7 +96,7 @@ def load_function(name: str, source: str | None) -> Function:
 def source_errors(
     place: str, passing: tuple[type[Exception], ...] = (ArithmeticError,)
 ) -> Iterator[None]:
-    """Turn what a user's code raises in the block into a SourceError of one line.
+    """Turn an error of a user's code in the block into a SourceError of one line.
 
     If the code ran out of memory, the message says so, because the contact itself may need little.
 
@@ -148,7 +148,7 @@ def source_of(name: str) -> Path:
     Parameters
     ----------
     name : str
-        The function, as "package.module:function".
+        The function, such as "package.module:function".
 
     Returns
     -------

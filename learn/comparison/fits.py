@@ -124,9 +124,8 @@ class Trials(AbstractContextManager["Trials"]):
         self.path = path
         self.finished: dict[tuple[str, int, int], Trial] = {}
         content = files.read_bytes(path) if path.exists() else b""
-        whole = content[
-            : content.rfind(b"\n") + 1
-        ]  # a kill may have cut the last line short
+        # A kill may have cut the last line short.
+        whole = content[: content.rfind(b"\n") + 1]
         agreed = json.dumps(conditions, sort_keys=True)
         first, *lines = whole.split(b"\n")[:-1] or [agreed.encode()]
         stored = documents.parse(path, first, documents.Document)

@@ -29,7 +29,6 @@ from gen.runtime.documents import Document, cell
 from gen.runtime.errors import InputError
 from learn.comparison import grid as grids
 from learn.dataset import Dataset, Request
-from learn.features.scene import SCENE
 from learn.models import EVERY, versions
 from learn.split import FOLDS, Split
 
@@ -164,7 +163,7 @@ class Folder:
 
         The conditions of results: two of them can be compared if these are equal.
         """
-        pressed = dataset.features.load == "pressure" and dataset.features.name != SCENE
+        pressed = dataset.features.by_pressure
         agreed = {
             "database_sha256": dataset.sha256,
             "target": dataset.target_name,

@@ -30,7 +30,6 @@ from learn.comparison.search import GridSearch
 from learn.comparison.tables import WHY_BASELINE
 from learn.dataset import Request, short_name
 from learn.executor import Ended, Executor
-from learn.features.scene import SCENE
 from learn.metrics import scores
 from learn.models import (
     EVERY,
@@ -159,7 +158,7 @@ def targets(
             split.check_folds(rows, parts)
         for model in models:
             check_memory(model.name, parts.train.size, baseline=not searched)
-        scaling = scaling_of(rows, parts.train, standard=rows.features.name == SCENE)
+        scaling = scaling_of(rows, parts.train, standard=rows.features.of_scene)
         folder = Folder(inside(request.output, short_name(rows.target_name)))
         folder.begin(rows, parts, request)
         note(

@@ -28,7 +28,8 @@ from gen.runtime.terminal import RunProgress
 from gen.scene import Scene
 from gen.schema import PHYSICS, Status
 from learn.executor import Executor
-from learn.features.sets import BLOCKS, HYBRID, SETS, STATISTICS, FeatureSet
+from learn.features.columns import BLOCKS, HYBRID, STATISTICS
+from learn.features.sets import SETS, FeatureSet
 from learn.features.surface import LOOSE, SurfaceFeatures
 
 if TYPE_CHECKING:

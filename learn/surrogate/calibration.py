@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from gen.arrays import Indices, Values
 from gen.runtime.errors import InputError
 from learn.dataset import Dataset
-from learn.features.scene import SCENE
 from learn.models import POPULATION
 from learn.split import FOLDS, dealt
 from learn.surrogate.interval import (
@@ -126,7 +125,7 @@ def groups_of(rows: Dataset) -> Groups:
         Their groups.
     """
     surfaces, surface = np.unique(rows.groups, return_inverse=True)
-    if rows.features.name == SCENE and not rows.by_tile:
+    if rows.features.of_scene and not rows.by_tile:
         if surfaces.size >= FEWEST:
             return Groups(surface, surfaces.size, SURFACE, "others")
         return _one_group(rows, surfaces.size)
@@ -240,7 +239,7 @@ def plan_calibration(model: str, train: Dataset, other: Dataset | None = None) -
 
 def _measure(train: Dataset, groups: Groups) -> MeasuredRows:
     """Measure training rows from the training, without the groups or surfaces that they are in."""
-    if train.features.name == SCENE:
+    if train.features.of_scene:
         # Parameters are drawn independently of each other: their ranges say all.
         features = train.inputs.shape[1]
         whitening = np.zeros((1, features, features))
@@ -256,7 +255,7 @@ def _plan_by_other(train: Dataset, other: Dataset, distance: Distance) -> Plan:
     """Plan to calibrate by the rows of another database, by their distances from the training."""
     groups = groups_of(other)
     measured = MeasuredRows(distance, distance.nearest(other.inputs))
-    if groups.are_left_out and train.features.name != SCENE:
+    if groups.are_left_out and not train.features.of_scene:
         distance = from_training(train.inputs, other.inputs, groups.labels)
     origin = other.origins[-1]
     return Plan(

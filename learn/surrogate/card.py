@@ -71,9 +71,7 @@ def make(
         "boundary": boundary if boundary != "free" else "",
         "hardness_ratio": None if limits is None else list(limits),
         "elastic": features.elastic,
-        "load": features.load
-        if features.name == SCENE or features.load != "delta"
-        else "",
+        "load": features.load if features.of_scene or features.load != "delta" else "",
         "databases": databases if len(databases) > 1 else [],
     }
     return {

@@ -19,7 +19,7 @@ from learn.comparison.folder import Folder, Settings, targets
 from learn.comparison.paper import OPTIMA
 from learn.dataset import TARGETS, Dataset, Request, results, short_name
 from learn.executor import Executor
-from learn.features.scene import SCENE, training_ranges
+from learn.features.scene import SCENE
 from learn.features.sets import Scaling
 from learn.kernel_ridge import left_out_errors
 from learn.metrics import no_better
@@ -383,7 +383,8 @@ def fit_parts(
     whole_card["calibration"] = {**plan.entry, "largest_level": largest_level}
     if not all(keeps_its_scale(model.powers, rows.features) for model in learnt.values()):
         whole_card["own_scale"] = scale_ranges(rows, parts.train)
-    ranges = _ranges_of(rows, parts.train)
+    scenes = [origin.scene for origin in rows.origins]
+    ranges = rows.features.ranges(scenes, rows.inputs[parts.train])
     return Surrogate(
         card=whole_card,
         learnt=learnt,
@@ -430,23 +431,6 @@ def _lines_on_target(
     if not keeps_its_scale(fitted.learnt.powers, rows.features):
         lines.append(f"  {target}: {NO_POWERS}")
     return lines
-
-
-@dataclass(frozen=True, eq=False)
-class _Ranges:
-    """The training ranges of d features."""
-
-    low: Values  # (d,)
-    high: Values  # (d,)
-
-
-def _ranges_of(rows: Dataset, train: Indices) -> _Ranges:
-    """Return the training ranges of features, which for a scene are what it can draw."""
-    inputs = rows.inputs[train]
-    if rows.features.name == SCENE:
-        scenes = [origin.scene for origin in rows.origins]
-        return _Ranges(*training_ranges(scenes, rows.features.columns, inputs))
-    return _Ranges(inputs.min(axis=0), inputs.max(axis=0))
 
 
 def fit_target(

@@ -36,7 +36,8 @@ from gen.runtime.errors import InputError
 from gen.runtime.files import SURROGATE, atomic, kind_of, require_file
 from gen.runtime.memory import is_shortage
 from gen.runtime.terminal import command_to_type, printable
-from learn.features.sets import PURE, SETS, SKEWNESS, Scaling
+from learn.features.columns import PURE, SKEWNESS
+from learn.features.sets import SETS, Scaling
 from learn.models import STEP
 from learn.surrogate.interval import (
     GROWTH,

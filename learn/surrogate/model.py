@@ -17,8 +17,8 @@ from gen.material import Bodies
 from gen.quantities import Powers
 from gen.runtime.errors import InputError, input_errors
 from learn.features import FeatureSet, SurfaceFeatures
-from learn.features.scene import SCENE, checked_numbers
-from learn.features.sets import Rows
+from learn.features.rows import Rows
+from learn.features.scene import checked_numbers
 from learn.surrogate.interval import Distance
 from learn.surrogate.learnt import Contents, Learnt, read_contents, write_contents
 from learn.surrogate.scale import keeps_its_scale, scale_notes
@@ -228,7 +228,7 @@ class Surrogate:
             surface, hardness, parameter or load is missing or unknown.
         """
         load = self.features.load
-        if self.features.name == SCENE:
+        if self.features.of_scene:
             if surface is not None or side is not None or e_star is not None:
                 names = ", ".join(self.features.names)
                 raise InputError(
@@ -327,14 +327,14 @@ class Surrogate:
             If the surrogate is one of surfaces, a name is missing or unknown, lengths differ, or a
             number is not finite, or not above 0 where its logarithm is learnt.
         """
-        if self.features.name != SCENE:
+        if not self.features.of_scene:
             raise InputError(
                 "the surrogate asks for surfaces: numbers need --features scene"
             )
         columns = checked_numbers(self.features.columns, numbers)
         size = next(iter(columns.values())).size
         delta = columns.get("delta", np.full(size, np.nan))
-        return Rows(np.empty((size, 0)), delta, 1.0, given=columns)
+        return Rows(np.empty((size, 0)), delta, 1.0, scene_numbers=columns)
 
     def for_surface(
         self,
@@ -363,7 +363,7 @@ class Surrogate:
         InputError
             If heights or lengths are impossible, or the surrogate is of a scene's own features.
         """
-        if self.features.name == SCENE:
+        if self.features.of_scene:
             names = ", ".join(self.features.names)
             raise InputError(f"{name}: the surrogate asks for {names}, not for a surface")
         with input_errors(name):
@@ -457,7 +457,7 @@ class Surrogate:
             if level is not None:
                 level = real_number("level", level, LEVEL)
         inputs = self.features.of(rows)
-        if self.features.name != SCENE:  # `of_numbers` has checked the numbers of a scene
+        if not self.features.of_scene:  # `of_numbers` has checked the numbers of a scene
             _require_numbers(rows, inputs)
         values: dict[str, Values] = {}
         lows: dict[str, Values] = {}
@@ -469,7 +469,7 @@ class Surrogate:
                 interval = answer.mean_interval if mean else answer.interval
                 lows[name], highs[name] = interval(level, inputs)
         delta = rows.delta.copy()
-        if "pressure" in rows.given:
+        if "pressure" in rows.scene_numbers:
             delta = np.full(delta.shape, np.nan)
         return Prediction(
             delta=delta,
@@ -477,7 +477,7 @@ class Surrogate:
             low=lows,
             high=highs,
             reasons=self._reasons(rows, inputs, values, e_star),
-            given=dict(rows.given),
+            given=dict(rows.scene_numbers),
         )
 
     def _answer(

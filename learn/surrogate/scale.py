@@ -16,8 +16,9 @@ import numpy as np
 
 from gen.arrays import Indices, Values
 from gen.quantities import Powers
-from learn.features.scene import SCENE
-from learn.features.sets import STATISTICS, FeatureSet, Rows
+from learn.features.columns import STATISTICS
+from learn.features.rows import Rows
+from learn.features.sets import FeatureSet
 from learn.surrogate.training import Training
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def keeps_its_scale(powers: Powers | None, features: FeatureSet) -> bool:
     bool
         False if the target holds at the scale of the training alone.
     """
-    return powers is not None or features.name == SCENE
+    return powers is not None or features.of_scene
 
 
 def scale_ranges(rows: Dataset, train: Indices) -> dict[str, list[float]]:

@@ -14,8 +14,10 @@ import numpy as np
 
 from bem.problem import Boundary, node_spacing
 from gen.arrays import Values
-from learn.features.scene import SCENE, plain, shown
-from learn.features.sets import NODES, SETS, FeatureSet, Rows
+from learn.features.columns import NODES
+from learn.features.rows import Rows
+from learn.features.scene import SCENE, plain
+from learn.features.sets import SETS, FeatureSet
 from learn.surrogate.interval import Distance
 
 # relative difference from the training's hardness up to which two numbers are equal
@@ -130,11 +132,9 @@ class Training:
         """Return for each row which features are outside their training ranges, or ""."""
         notes = [""] * len(inputs)
         outside = (inputs < self.low) | (inputs > self.high)
-        values, low, high = inputs, self.low, self.high
-        if self.features.name == SCENE:  # users give these numbers, not their logarithms
-            values = shown(self.features.columns, inputs)
-            low = shown(self.features.columns, self.low)
-            high = shown(self.features.columns, self.high)
+        values = self.features.shown(inputs)
+        low = self.features.shown(self.low)
+        high = self.features.shown(self.high)
         names = self.features.names
         for row in np.flatnonzero(outside.any(axis=1)):
             notes[row] = "; ".join(

@@ -11,7 +11,7 @@ from gen.runtime.errors import InputError
 from gen.scene import load
 from learn import split
 from learn.dataset import Dataset, Origin
-from learn.features import FeatureSet
+from learn.features.sets import OfSurface
 
 
 def rows_of(sizes, seed=0):
@@ -27,7 +27,7 @@ def rows_of(sizes, seed=0):
         groups=groups,
         database=np.zeros(size, dtype=np.int64),
         population=np.zeros(size, dtype=np.int64),
-        features=FeatureSet("three", ("a", "b", "c"), "none", scaled=False),
+        features=OfSurface("three", ("a", "b", "c"), "none"),
         target_name="area_percent",
         unit="%",
         dropped={},

@@ -17,7 +17,8 @@ from learn import dataset
 from learn.dataset import Request
 from learn.executor import Executor
 from learn.features import SurfaceFeatures, regeneration
-from learn.features.sets import BLOCK_COUNTS, BLOCKS, HYBRID, SETS
+from learn.features.columns import BLOCK_COUNTS, BLOCKS, HYBRID
+from learn.features.sets import SETS
 
 
 def never():

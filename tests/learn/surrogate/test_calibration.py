@@ -14,7 +14,7 @@ from learn import Surrogate, cli, dataset, split
 from learn.comparison.folder import Settings
 from learn.dataset import Request
 from learn.executor import Executor
-from learn.features.sets import SKEWNESS
+from learn.features.columns import SKEWNESS
 from learn.surrogate import calibration, fitting
 from learn.surrogate.fitting import fit_target
 from learn.surrogate.level import require_level

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from learn.features import SETS
-from learn.features.sets import Rows
+from learn.features.rows import Rows
 from learn.surrogate.interval import (
     GROWTH,
     INSIDE,

@@ -20,7 +20,7 @@ from skops import io
 
 from gen.runtime.errors import InputError
 from learn import Surrogate, cli
-from learn.features.sets import Rows
+from learn.features.rows import Rows
 from learn.models import MODELS, pipeline
 from learn.surrogate.learnt import FORMAT, HEAD
 

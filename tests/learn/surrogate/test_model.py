@@ -17,7 +17,7 @@ from gen.surface import generate
 from learn import Surrogate, split
 from learn import cli as learn_cli
 from learn.comparison.paper import OPTIMA
-from learn.features.sets import ROOTED_LOCAL
+from learn.features.columns import ROOTED_LOCAL
 from learn.models import MODELS
 from learn.surrogate import fitting, law
 from learn.surrogate.card import lines
@@ -80,6 +80,7 @@ def test_surfaces_by_pressure_are_learnt_predicted_and_served(
     assert "give some, and --pressure" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_models_are_compared_by_pressure_and_their_winner_fitted(solved, tmp_path):
     asked = [str(solved), "--model", "decision-tree", "-o"]
     assert (
@@ -108,6 +109,7 @@ def heights():
     return generate("diamond-square", 33, 0.7, 12.0, np.random.default_rng(5))
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("model", list(MODELS))
 def test_every_model_fits_saves_loads_and_predicts_the_same(
     solved, tmp_path, heights, model, monkeypatch
