@@ -17,7 +17,8 @@ from gen.runtime.terminal import command_to_type
 from learn import dataset, split
 from learn.comparison.folder import Folder, Settings, targets
 from learn.comparison.paper import OPTIMA
-from learn.dataset import TARGETS, Dataset, Request, results, short_name
+from learn.database_rows import Dataset
+from learn.dataset import TARGETS, Request, results, short_name
 from learn.executor import Executor
 from learn.features.scene import SCENE
 from learn.features.sets import Scaling
@@ -292,7 +293,11 @@ def fit(
             return None
         calibrating = rows_of_another(sets, together)
     parts = split.draw(
-        sets[0], request.seed, request.train_rows, others=sets[1:], tiles=split.TILES
+        sets[0],
+        request.seed,
+        request.train_rows,
+        further_targets=sets[1:],
+        tiles=split.TILES,
     )
     surrogate = fit_parts(request, sets, parts, say, calibrating)
     require_better(surrogate, str(request.databases[0]))

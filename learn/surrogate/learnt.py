@@ -50,7 +50,7 @@ from learn.surrogate.interval import (
 
 if TYPE_CHECKING:
     from learn.comparison.folder import Settings
-    from learn.dataset import Dataset
+    from learn.database_rows import Dataset
 
 # rows that are predicted together: a kernel needs memory for these rows times the training rows
 CHUNK = 2000

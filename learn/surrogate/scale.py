@@ -22,7 +22,7 @@ from learn.features.sets import FeatureSet
 from learn.surrogate.training import Training
 
 if TYPE_CHECKING:
-    from learn.dataset import Dataset
+    from learn.database_rows import Dataset
 
 RMS_HEIGHT = STATISTICS.index("height_rms")  # column of the statistics
 # relative distance beyond a range of the training up to which a number still counts as inside
