@@ -142,7 +142,6 @@ CIRCLES = {
     frozenset(
         {"bem.contact", "bem.derived.grid_error"}
     ): "the type of a contact's grid error",
-    frozenset({"learn.dataset", "learn.features.regeneration", "learn.split"}): "types",
     frozenset({"learn.surrogate.card", "learn.surrogate.fitting"}): "types",
     frozenset(
         {

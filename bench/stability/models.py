@@ -22,7 +22,8 @@ from gen.scene import Scene, load
 from gen.statistics import describe
 from learn.comparison.folder import Settings
 from learn.comparison.grid import baseline, space_of
-from learn.dataset import Dataset, Origin, Request, remarks
+from learn.database_rows import Dataset, Origin
+from learn.dataset import Request, remarks
 from learn.features import chosen
 from learn.features.rows import Rows
 from learn.models import MODELS, STEP

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from gen.arrays import Values
 from learn import dataset, split
 from learn.comparison.folder import Settings
-from learn.dataset import Dataset, Request
+from learn.database_rows import Dataset
+from learn.dataset import Request
 from learn.features import chosen
 from learn.metrics import Scores, scores
 from learn.surrogate.calibration import planned

@@ -402,8 +402,7 @@ def _marked_lines(lines: list[str], path: Path) -> Iterator[_Line]:
             if _is_title(words.strip(), line.fields):
                 _refuse_profile(words, f"{path}, line {number}")
                 line = _Line(number=number, comment=words.strip(), fields=[])
-                if not first_title:
-                    first_title = number
+                first_title = first_title or number
             else:
                 has_numbers = True
         if line.fields or line.comment:

@@ -28,7 +28,8 @@ from gen.runtime import documents, files
 from gen.runtime.documents import Document, cell
 from gen.runtime.errors import InputError
 from learn.comparison import grid as grids
-from learn.dataset import Dataset, Request
+from learn.database_rows import Dataset
+from learn.dataset import Request
 from learn.models import EVERY, versions
 from learn.split import FOLDS, Split
 

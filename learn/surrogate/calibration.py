@@ -14,7 +14,7 @@ import numpy as np
 
 from gen.arrays import Indices, Values
 from gen.runtime.errors import InputError
-from learn.dataset import Dataset
+from learn.database_rows import Dataset
 from learn.models import POPULATION
 from learn.split import FOLDS, dealt
 from learn.surrogate.interval import (

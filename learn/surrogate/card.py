@@ -14,7 +14,8 @@ from gen.arrays import Indices, Values
 from gen.runtime import VERSION
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import echo, print_columns, printable
-from learn.dataset import Dataset, Request
+from learn.database_rows import Dataset
+from learn.dataset import Request
 from learn.features.scene import SCENE, plain, shown
 from learn.features.sets import limits_of
 from learn.metrics import magnitude, no_better, scores

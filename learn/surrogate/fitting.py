@@ -16,7 +16,8 @@ from gen.runtime.terminal import command_to_type
 from learn import dataset, split
 from learn.comparison.folder import Folder, Settings, targets
 from learn.comparison.paper import OPTIMA
-from learn.dataset import TARGETS, Dataset, Request, results, short_name
+from learn.database_rows import Dataset
+from learn.dataset import TARGETS, Request, results, short_name
 from learn.executor import Executor
 from learn.features.scene import SCENE
 from learn.kernel_ridge import left_out_errors
@@ -207,7 +208,7 @@ def fit(
     if not sets or others == []:
         return None
     own = request.seed, request.train_rows
-    parts = split.draw(sets[0], *own, others=sets[1:], tiles=split.TILES)
+    parts = split.draw(sets[0], *own, further_targets=sets[1:], tiles=split.TILES)
     fitted = fit_parts(request, sets, parts, say, others)
     require_better(fitted, str(request.databases[0]))
     return fitted

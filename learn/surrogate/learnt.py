@@ -49,7 +49,7 @@ from learn.surrogate.interval import (
 )
 
 if TYPE_CHECKING:
-    from learn.dataset import Dataset
+    from learn.database_rows import Dataset
     from learn.surrogate.model import Surrogate
 
 PART = 2000  # rows that are predicted together: a kernel needs memory for rows times training rows

@@ -20,7 +20,7 @@ from learn.features.rows import Rows
 from learn.features.sets import FeatureSet
 
 if TYPE_CHECKING:
-    from learn.dataset import Dataset
+    from learn.database_rows import Dataset
     from learn.surrogate.learnt import Learnt
     from learn.surrogate.model import Surrogate
 
