@@ -46,6 +46,7 @@ check: .venv/test-installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/complexipy --plain
 	$(BIN)/python -m pytest bench/suites --benchmark-disable
 	$(BIN)/python -m tests.ledger
 

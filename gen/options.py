@@ -404,7 +404,7 @@ class LawOutputs(NamedTuple):
 
     @property
     def refined_tables(self) -> tuple[Literal["delta", "pressure"], ...]:
-        """Tables for which contacts are solved between the loads too, as programs join points."""
+        """Tables with contacts solved between the loads too, for programs that join points."""
         if not self.check:
             return ()
         if self.header is not None:

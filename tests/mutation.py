@@ -49,8 +49,8 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "bem/solving.py": (
         (
-            "* unit * (problem.spacing[0] * problem.spacing[1])",
-            "* unit * problem.spacing[0] ** 2",
+            "* (problem.spacing[0] * problem.spacing[1])",
+            "* problem.spacing[0] ** 2",
         ),
         ("np.abs(contact.gap), -contact.gap)", "np.abs(contact.gap), contact.gap)"),
         ("not contact.residual <= problem.rtol", "contact.residual > problem.rtol"),
@@ -77,9 +77,12 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "gen/runtime/files.py": (
         ("        os.fsync(descriptor)\n", ""),
-        ("if any(_is_same(path, file) for file in read):", "if path in read:"),
+        (
+            "if any(_is_same(path, file) for file in input_files):",
+            "if path in input_files:",
+        ),
         ("_is_same(path, other.path):", "path == other.path:"),
-        ('if present not in {kind, ""}:', 'if present == "database":'),
+        ('if present_kind not in {kind, ""}:', 'if present_kind == "database":'),
         ("os.fchmod(descriptor, stat.S_IMODE(replaced.st_mode))", "pass"),
         ("fcntl.LOCK_EX | fcntl.LOCK_NB", "fcntl.LOCK_SH | fcntl.LOCK_NB"),
     ),
@@ -137,7 +140,7 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
         ('character if character.isprintable() else "?"', "character"),
     ),
     "learn/split.py": (
-        ("train, test = shuffled[cut:]", "train, test = shuffled[cut - 1 :]"),
+        ("train = shuffled[cut:]", "train = shuffled[cut - 1 :]"),
         ("np.random.default_rng(seed)", "np.random.default_rng(0)"),
     ),
     "learn/metrics.py": (
@@ -156,7 +159,9 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
             "io.loads(archive, trusted=io.get_untrusted_types(data=archive))",
         ),
     ),
-    "learn/features/surface.py": (("first + (sizes - 1) / 2", "first + sizes / 2"),),
+    "learn/features/surface.py": (
+        ("self.first + (self.sizes - 1) / 2", "self.first + self.sizes / 2"),
+    ),
     "learn/comparison/fits.py": (
         ('content[: content.rfind(b"\\n") + 1]', "content"),
         ("            self._file.flush()\n", ""),

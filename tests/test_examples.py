@@ -54,7 +54,7 @@ def surrogate(tmp_path_factory):
 def test_every_example_is_short_and_tested():
     scripts = {path.stem for path in FOLDER.glob("*.py")}
     assert scripts == set(re.findall(r'example\("(\w+)"\)', Path(__file__).read_text()))
-    assert all(len((FOLDER / f"{n}.py").read_text().splitlines()) < 80 for n in scripts)
+    assert all(len((FOLDER / f"{n}.py").read_text().splitlines()) <= 100 for n in scripts)
 
 
 @pytest.mark.long
@@ -204,6 +204,7 @@ def test_the_second_loading_is_elastic_up_to_the_first_load(tmp_path):
     assert (tmp_path / "laws.png").stat().st_size > 1000
 
 
+@pytest.mark.long
 def test_laws_of_larger_windows_scatter_less(tmp_path):
     table, picture = tmp_path / "windows.csv", tmp_path / "windows.png"
     found = example("windows")(["--small", "--plot", str(picture), "--table", str(table)])
@@ -227,6 +228,7 @@ def test_midpoint_displacement_has_a_smaller_exponent_than_it_is_asked_for(tmp_p
         ), row
 
 
+@pytest.mark.long
 def test_the_served_solver_has_the_mean_area_of_the_solver(tmp_path, monkeypatch, capsys):
     """QMCPy's mean through a model that answers as the server does, against plain averaging."""
     import umbridge
@@ -257,6 +259,7 @@ def test_the_served_solver_has_the_mean_area_of_the_solver(tmp_path, monkeypatch
     assert "sizes [2, 1]" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_multilevel_finds_the_mean_of_the_finest_grid():
     main = example("multilevel")
     mean, error, _ = main(
@@ -291,6 +294,7 @@ hardness = [1000.0, 8000.0]
 """
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("here")
 def test_calibration_finds_the_hardness_of_a_surface_that_it_has_not_seen(capsys):
     Path("scene.toml").write_text(PRESSED)
@@ -370,7 +374,9 @@ CLAIMS = {
 def test_every_example_of_the_gallery_is_short_and_tested():
     found = {path.stem.removeprefix("plot_"): path for path in GALLERY.glob("plot_*.py")}
     assert found.keys() == CLAIMS.keys()
-    assert all(len(path.read_text("utf-8").splitlines()) < 80 for path in found.values())
+    assert all(
+        len(path.read_text("utf-8").splitlines()) <= 100 for path in found.values()
+    )
 
 
 @pytest.mark.long  # make docs runs the gallery too

@@ -173,7 +173,7 @@ def test_exponents_are_as_much_smaller_as_is_said():
     least, most = stated("docs/how-to/scenes.md", sentence)
     assert [least, most] == [round(min(displaced) + 1e-9, 2), round(max(displaced), 2)]
     printer = (ROOT / "gen" / "commands" / "printer.py").read_text(encoding="utf-8")
-    assert f"asked for {least} to {most} more" in printer
+    assert f"a hurst that is {least} to {most} larger" in printer
     scene = (ROOT / "gen" / "scenes" / "paper.toml").read_text(encoding="utf-8")
     (paper,) = re.findall(r"at 129 nodes a side ([.\d]+) less", scene)
     for hurst in ("0.5", "0.7"):

@@ -138,6 +138,40 @@ def test_no_rooms_import_each_other(package):
     graphlib.TopologicalSorter(arrows(package)).prepare()  # CycleError names the circle
 
 
+CIRCLES = {
+    frozenset(
+        {"bem.contact", "bem.derived.grid_error"}
+    ): "the type of a contact's grid error",
+}
+"""Files that import each other, at least for types or inside of functions, and what for."""
+
+
+def files_in_circles(package: str) -> set[frozenset[str]]:
+    """Groups of modules of a package each of which leads to each other one of its group."""
+    leads: dict[str, set[str]] = {}
+    for path in sources(package):
+        module = path.relative_to(ROOT).with_suffix("").as_posix().replace("/", ".")
+        leads[module.removesuffix(".__init__")] = set(imported_modules(path))
+    for middle, beyond in leads.items():  # Warshall's closure
+        for targets in leads.values():
+            if middle in targets:
+                targets.update(beyond)
+    inside = {module for module in leads if module in leads[module]}
+    return {
+        frozenset(
+            other for other in inside if other in leads[module] and module in leads[other]
+        )
+        for module in inside
+    }
+
+
+@pytest.mark.parametrize("package", MAY_IMPORT)
+def test_no_files_import_each_other(package):
+    """Also not inside of functions or for types: a reader would need both to read one."""
+    allowed = {names for names in CIRCLES if min(names).startswith(f"{package}.")}
+    assert files_in_circles(package) == allowed
+
+
 def is_named_after_a_module(test: Path) -> bool:
     """Whether tests/PACKAGE/ROOM/test_NAME.py has a module, or a room, PACKAGE/ROOM/NAME."""
     home = ROOT / test.relative_to("tests").parent / test.stem.removeprefix("test_")

@@ -30,10 +30,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.arrays import Indices, Values
+from gen.arrays import Values
 from gen.law.between import CALCULIX_POINTS, ENOUGH, MOST_AREA, in_range, merged
 from gen.law.contact_law import Law
-from gen.law.curves import APART, risen, slopes, trend
+from gen.law.curves import APART, Curves, risen, slopes, trend
 from gen.law.lines import LEVEL, Column, Deviation, Line
 from gen.options import BAND_SIDES, Units
 from gen.quantities import ALSO, CLOSURE, IN_LAWS
@@ -83,33 +83,76 @@ BEYOND = (
     " pressures, up to full contact, if your model gets there."
 )
 
-SIDES = {"": ("value", "value"), "soft": ("high", "low"), "stiff": ("low", "high")}
+
+class BandEnds(NamedTuple):
+    """Parts of the curves of closure and conductance that one file takes."""
+
+    closure: str  # "value", "low" or "high"
+    conductance: str
+
+
+SIDES = {
+    "": BandEnds("value", "value"),
+    "soft": BandEnds("high", "low"),
+    "stiff": BandEnds("low", "high"),
+}
 """What the law and each side of its band take of the curves of closure and conductance."""
 
 
 def write(path: Path, law: Law, program: Program, units: Units) -> list[Path]:
     """Write the surface interaction of a law, and those of both sides of a band of its closure.
 
-    A side that the program cannot take, as the band of few unlike surfaces is wide, is left out
-    with a warning.
+    A side that the program cannot take, because the band of few unlike surfaces is wide, is left
+    out with a warning.
+
+    Parameters
+    ----------
+    path : Path
+        File of the law. The sides of the band stand beside it.
+    law : Law
+        The law, which closes somewhere.
+    program : {"calculix", "abaqus"}
+        Program that reads the file.
+    units : {"mm", "si", "um"}
+        System of units of the file.
+
+    Returns
+    -------
+    list of Path
+        The files that were written.
     """
-    texts = {path: "\n".join(_lines(path, law, program, UNITS[units], ""))}
+    system = UNITS[units]
+    texts = {path: "\n".join(_lines(path, law, program, system, ""))}
     if law.over_pressure.curves[CLOSURE.in_laws].banded.any():
         for side in BAND_SIDES:
-            beside = path.with_stem(f"{path.stem}-{side}")
+            side_path = path.with_stem(f"{path.stem}-{side}")
             try:
-                texts[beside] = "\n".join(
-                    _lines(beside, law, program, UNITS[units], side)
-                )
+                lines = _lines(side_path, law, program, system, side)
+                texts[side_path] = "\n".join(lines)
             except InputError as fault:
-                echo(f"warning: {beside} is not written: {fault}")
-    for each, text in texts.items():
-        files.write(each, text + "\n")
+                echo(f"warning: {side_path} is not written: {fault}")
+    for text_path, text in texts.items():
+        files.write(text_path, text + "\n")
     return list(texts)
 
 
 def write_for_4c(path: Path, law: Law, units: Units) -> list[Path]:
-    """Write a law's monotone cubic as the Python file of a contact constitutive law of 4C."""
+    """Write a law's monotone cubic as the Python file of a contact constitutive law of 4C.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    law : Law
+        The law, which closes somewhere.
+    units : {"mm", "si", "um"}
+        System of units of the file.
+
+    Returns
+    -------
+    list of Path
+        The file.
+    """
     joint = rising(law)
     system = UNITS[units]
     loads = joint.pressures * system.pressure
@@ -120,15 +163,13 @@ def write_for_4c(path: Path, law: Law, units: Units) -> list[Path]:
         "SLOPES": _slopes_that_go_on(overclosures, loads),
     }
     lines = list(_comment(_description(law, "4c", system, joint.pressures, ""), "# "))
-    lines += _comment([_beside_contacts(law, [_pressure_at_closure(law)])], "# ")
-    lines += ["", *(FUNCTIONS / "law_4c.py.in").read_text(encoding="ascii").splitlines()]
+    lines += _comment([_cubics_in_words(law, [_pressure_at_closure(law)])], "# ")
+    lines.append("")
+    lines += (FUNCTIONS / "law_4c.py.in").read_text(encoding="ascii").splitlines()
     for name, values in columns.items():
-        lines += [
-            "",
-            f"{name} = (",
-            *(f"    {value!r}," for value in values.tolist()),
-            ")",
-        ]
+        lines += ["", f"{name} = ("]
+        lines += [f"    {value!r}," for value in values.tolist()]
+        lines.append(")")
     files.write(path, "\n".join(lines) + "\n")
     return [path]
 
@@ -140,9 +181,7 @@ class Joint:
     pressures: Values  # [MPa]
     closures: Values  # [um]
     conductances: Values | None  # [W/(mm2 K)]; None if the law has none
-    own: NDArray[
-        np.bool_
-    ]  # where the points are those of the law, not contacts between them
+    at_loads: NDArray[np.bool_]  # where the points are at loads of the law, not between
     inside: NDArray[np.bool_]  # where neither few nor nearly all nodes touch
 
 
@@ -171,39 +210,39 @@ def rising(law: Law, side: str = "", *, between: bool = False) -> Joint:
     table = law.over_pressure
     if between and law.between_pressures is not None:
         table = merged(table, law.between_pressures)
-    closure, conductance = SIDES[side]
-    closures = getattr(table.curves[CLOSURE.in_laws], closure)
-    known = table.conducting
-    conductances = getattr(table.curves[known], conductance) if known else None
-    usable = (table.at > 0) & np.isfinite(closures) & ~table.flagged
-    if conductances is not None:
-        usable &= np.isfinite(conductances)
-    places = np.flatnonzero(usable)
-    closures = outwards(closures[places], closure)
-    places, closures = _apart(places, closures, side)
-    if not places.size:
-        outside = (
-            ": no load lies inside the surrogate's training; --solver solves the law"
-        )
-        ends = outside if table.flagged.any() else ""
+    ends = SIDES[side]
+    all_closures = getattr(table.curves[CLOSURE.in_laws], ends.closure)
+    usable = (table.at > 0) & np.isfinite(all_closures) & ~table.flagged
+    if table.conducting:
+        all_conductances = getattr(table.curves[table.conducting], ends.conductance)
+        usable &= np.isfinite(all_conductances)
+    usable_places = np.flatnonzero(usable)
+    closures = outwards(all_closures[usable_places], ends.closure)
+    kept = _apart(closures, side)
+    if not kept.any():
+        reason = ""
+        if table.flagged.any():
+            reason = (
+                ": no load lies inside the surrogate's training; --solver solves the law"
+            )
         raise InputError(
-            f"the law closes nowhere, so that only tables can be written{ends}"
+            f"the law closes nowhere, so that only tables can be written{reason}"
         )
-    if conductances is not None:
-        first = law.over_delta.curves[known].value[0]  # of the gas alone
-        outer = conductances[usable]
-        if (
-            trend(known) == "rises"
-        ):  # a gas conducts less where contact has taken its place
-            outer = outwards(outer, conductance)
-        kept = np.searchsorted(np.flatnonzero(usable), places)
-        conductances = np.append(first, outer[kept])
+    conductances: Values | None = None
+    if table.conducting:
+        gas_alone = law.over_delta.curves[table.conducting].value[0]
+        conductances = all_conductances[usable_places]
+        # A gas conducts less where contact has taken its place, so that it may fall.
+        if trend(table.conducting) == "rises":
+            conductances = outwards(conductances, ends.conductance)
+        conductances = np.append(gas_alone, conductances[kept])
+    places = usable_places[kept]
     inside = in_range(table, law.nodes)[places]
     return Joint(
         pressures=np.append(0.0, table.at[places]),
-        closures=np.append(0.0, closures),
+        closures=np.append(0.0, closures[kept]),
         conductances=conductances,
-        own=np.append(True, np.isin(table.at[places], law.over_pressure.at)),
+        at_loads=np.append(True, np.isin(table.at[places], law.over_pressure.at)),
         inside=np.append(inside[0], inside),
     )
 
@@ -234,34 +273,41 @@ def outwards(ends: Values, part: str) -> Values:
     return ends
 
 
-def _apart(places: Indices, closures: Values, side: str) -> tuple[Indices, Values]:
-    """Return the points at which the closure rises, of which the table of a program is made.
+def _apart(closures: Values, side: str) -> NDArray[np.bool_]:
+    """Return where the closure rises, of which the table of a program is made, (k,).
 
     Of points with one closure the first is kept, and for the stiff side the last: straight lines
     to the next point are then on the outer side of the points between.
     """
-    kept = risen(closures, LEVEL)
-    if side == "stiff":
-        kept = (closures > 0) & (np.append(closures[1:], np.inf) > (1 + LEVEL) * closures)
-    return places[kept], closures[kept]
+    if side != "stiff":
+        return risen(closures, LEVEL)
+    following = np.append(closures[1:], np.inf)
+    return np.asarray((closures > 0) & (following > (1 + LEVEL) * closures))
 
 
-def _lines(
-    path: Path, law: Law, program: Program, units: UnitSystem, side: str
-) -> Iterator[str]:
-    """Yield the whole file.
+@dataclass(frozen=True, eq=False)
+class Tables:
+    """The tables of an input file, which are straight between their points."""
 
-    A side of a band has the loads of the law alone: it is drawn outwards from its ends there.
+    behaviour: Line  # pressure over closure [MPa, um]
+    conducting: Line | None  # conductance over pressure [W/(mm2 K), MPa]; None without
+    pressures: Values  # of all contacts, from 0 on [MPa], (k,)
+    deviations: dict[str, Deviation]  # of the lines from the law, by columns
+
+
+def _tables(law: Law, side: str, *, calculix: bool) -> Tables:
+    """Lay the points of both tables for a law, or for a side of its band.
+
+    A side has the loads of the law alone: it is drawn outwards from its ends there.
     """
     joint = rising(law, side, between=not side)
     pressure = _pressure_column(joint)
-    calculix = program == "calculix"
-    behaviour = (
-        pressure.laid(CALCULIX_POINTS - 1, filled=True) if calculix else pressure.laid()
-    )
+    behaviour = pressure.laid()
+    if calculix:
+        behaviour = pressure.laid(CALCULIX_POINTS - 1, filled=True)
     deviations = {"pressure": pressure.deviation(behaviour)}
     if not side:
-        checked = _beside_checks(law, behaviour, CLOSURE.in_laws)
+        checked = _off_checks(law, behaviour, CLOSURE.in_laws)
         deviations["pressure"] = deviations["pressure"].or_more(checked)
     conducting: Line | None = None
     if joint.conductances is not None:
@@ -269,44 +315,71 @@ def _lines(
         conducting = conductance.laid(CALCULIX_POINTS if calculix else None)
         deviations["conductance"] = conductance.deviation(conducting)
         if not side:
-            checked = _beside_checks(law, conducting, law.over_pressure.conducting)
+            checked = _off_checks(law, conducting, law.over_pressure.conducting)
             deviations["conductance"] = deviations["conductance"].or_more(checked)
-    yield from _comment(_description(law, program, units, joint.pressures, side), "** ")
-    yield from _comment([_straight(law, side, deviations)], "** ")
-    name = re.sub(r"[^0-9A-Za-z]+", "_", path.stem).strip("_").upper()[:LONGEST_NAME]
-    name = name if name[:1].isalpha() else f"LAW_{name}".rstrip("_")  # a letter first
-    yield f"*SURFACE INTERACTION, NAME={name}"
+    return Tables(behaviour, conducting, joint.pressures, deviations)
+
+
+def _lines(
+    path: Path, law: Law, program: Program, units: UnitSystem, side: str
+) -> Iterator[str]:
+    """Yield the lines of an input file: of the law, or of a side of its band."""
+    calculix = program == "calculix"
+    tables = _tables(law, side, calculix=calculix)
+    yield from _comment(_description(law, program, units, tables.pressures, side), "** ")
+    yield from _comment([_lines_in_words(law, side, tables.deviations)], "** ")
+    yield f"*SURFACE INTERACTION, NAME={_interaction_name(path)}"
     yield "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR"
-    loads = behaviour.values * units.pressure
-    overclosures = behaviour.at * units.length
+    loads = tables.behaviour.values * units.pressure
+    overclosures = tables.behaviour.at * units.length
     if calculix:
         loads, overclosures = _with_far_points(loads, overclosures)
     for load, overclosure in zip(loads, overclosures, strict=True):
         yield f"{load:.10g}, {overclosure:.10g}"  # 20 characters at most, which both programs read
-    if conducting is None:
-        return
-    yield "*GAP CONDUCTANCE" if calculix else "*GAP CONDUCTANCE, PRESSURE"
-    temperature = f", {TEMPERATURE:.10g}" if calculix else ""
+    if tables.conducting is not None:
+        yield from _conductance_lines(tables.conducting, units, calculix=calculix)
+
+
+def _interaction_name(path: Path) -> str:
+    """Return the name of the surface interaction in a file, which begins with a letter."""
+    stem = re.sub(r"[^0-9A-Za-z]+", "_", path.stem)
+    name = stem.strip("_").upper()[:LONGEST_NAME]
+    if name[:1].isalpha():
+        return name
+    return f"LAW_{name}".rstrip("_")
+
+
+def _conductance_lines(
+    conducting: Line, units: UnitSystem, *, calculix: bool
+) -> Iterator[str]:
+    """Yield the keyword of the conductance and its table."""
+    keyword = "*GAP CONDUCTANCE, PRESSURE"
+    temperature = ""
+    if calculix:
+        keyword = "*GAP CONDUCTANCE"
+        temperature = f", {TEMPERATURE:.10g}"
+    yield keyword
+    loads = conducting.at * units.pressure
     conductances = conducting.values * units.conductance
-    for value, load in zip(conductances, conducting.at * units.pressure, strict=True):
-        yield f"{value:.10g}, {load:.10g}{temperature}"
+    for conductance, load in zip(conductances, loads, strict=True):
+        yield f"{conductance:.10g}, {load:.10g}{temperature}"
 
 
 def _pressure_column(joint: Joint) -> Column:
     """Return the pressure over the closure."""
     return Column.through(
-        joint.closures, joint.pressures, joint.own, joint.inside, powers=False
+        joint.closures, joint.pressures, joint.at_loads, joint.inside, powers=False
     )
 
 
 def _conductance_column(joint: Joint, conductances: Values) -> Column:
     """Return the conductance over the pressure."""
     return Column.through(
-        joint.pressures, conductances, joint.own, joint.inside, powers=True
+        joint.pressures, conductances, joint.at_loads, joint.inside, powers=True
     )
 
 
-def _beside_checks(law: Law, line: Line, quantity: str) -> Deviation:
+def _off_checks(law: Law, line: Line, quantity: str) -> Deviation:
     """Return how far a line is off contacts that had no part in laying its points.
 
     The line of the closure has pressures over closures, that of a conductance is over pressures.
@@ -320,24 +393,29 @@ def _beside_checks(law: Law, line: Line, quantity: str) -> Deviation:
     if quantity == CLOSURE.in_laws:
         at = values
         solved = checks.at
-    known = np.isfinite(values) & (at >= line.at[1]) & (at <= line.at[-1]) & (solved > 0)
-    lines = np.interp(at[known], line.at, line.values)
+    usable = np.isfinite(values) & (at >= line.at[1]) & (at <= line.at[-1]) & (solved > 0)
+    lines = np.interp(at[usable], line.at, line.values)
     return Deviation.of(
-        np.abs(lines / solved[known] - 1), in_range(checks, law.nodes)[known]
+        np.abs(lines / solved[usable] - 1), in_range(checks, law.nodes)[usable]
     )
 
 
-def _straight(law: Law, side: str, deviations: Mapping[str, Deviation]) -> str:
+def _lines_in_words(law: Law, side: str, deviations: Mapping[str, Deviation]) -> str:
     """Say how far the straight lines between the points of a table are off the law."""
     between = law.between_pressures
-    beside = "the curve through the loads of the law, between which no contact was solved"
     if side:
-        beside = "the curve through the loads of the law"
-    elif between is not None:
-        number = between.at.size + (0 if law.checks is None else law.checks.at.size)
-        beside = f"contacts at {number} pressures between the loads of the law"
-    off = f"It is off {beside}, by up to this"
-    return f"The table is straight between its points. {off}, {_in_words(deviations)}."
+        reference = "the curve through the loads of the law"
+    elif between is None:
+        reference = (
+            "the curve through the loads of the law, between which no contact was solved"
+        )
+    else:
+        number = between.at.size
+        if law.checks is not None:
+            number += law.checks.at.size
+        reference = f"contacts at {number} pressures between the loads of the law"
+    largest = f"It is off {reference}, by up to this, {_in_words(deviations)}."
+    return f"The table is straight between its points. {largest}"
 
 
 def _in_words(deviations: Mapping[str, Deviation]) -> str:
@@ -348,16 +426,13 @@ def _in_words(deviations: Mapping[str, Deviation]) -> str:
     inside = {name: off.inside for name, off in deviations.items() if off.inside >= 0}
     outside = {name: off.outside for name, off in deviations.items() if off.outside >= 0}
     texts = []
+    elsewhere = f"where fewer than {ENOUGH} nodes or nearly all touch"
     if inside:
         where = f"where {ENOUGH} nodes or more and up to {MOST_AREA:g} % of all touch"
         texts.append(f"{where}: {_percentages(inside)}")
+        elsewhere = "elsewhere"
     if outside:
-        where = (
-            "elsewhere"
-            if inside
-            else f"where fewer than {ENOUGH} nodes or nearly all touch"
-        )
-        texts.append(f"{where}: {_percentages(outside)}")
+        texts.append(f"{elsewhere}: {_percentages(outside)}")
     return "; ".join(texts) or "nowhere, as it has one load"
 
 
@@ -387,26 +462,13 @@ def _description(
 ) -> Iterator[str]:
     """Yield the paragraphs of the comment at the top."""
     yield f"Contact of rough surfaces: {law.bodies.text}. Units: {units.text}."
-    if law.order.conductivities is not None and program != "4c":
-        k1, k2 = law.order.conductivities
-        yield f"Conductivities of the bodies: {k1:g} and {k2:g} W/(m K)."
-    if law.order.gas is not None and program != "4c":
-        yield GAS_IN_WORDS.format(*law.order.gas)
+    if program != "4c":
+        yield from _conductors(law)
     yield f"Surface: {'; '.join(law.descriptions)}"
     for source in law.sources:
         yield f"From: {source.text}"
     if side:
-        closure, conductance = SIDES[side]
-        yield (
-            f"The {side} side of the band: its {closure} closures and {conductance} conductances,"
-            f" ends at each load by itself and not the curves of one surface. Band: {law.band}."
-        )
-        ends = getattr(law.over_pressure.curves["closure_um"], closure)
-        if (np.diff(ends[np.isfinite(ends)]) < 0).any():
-            yield (
-                "Where its closures turn back, this side is drawn outwards until they rise: a band"
-                " of more surfaces is smoother."
-            )
+        yield from _side_in_words(law, side)
     yield f"Command: {law.order.command}"
     yield f"Made by asperity {VERSION} {git_commit()[:12]}"
     for note in law.notes:
@@ -415,9 +477,9 @@ def _description(
         "Overclosure is counted from first touch: let the two meshes just touch where the highest"
         " asperities do. The elastic bodies are the mesh's; these tables are the interface's alone."
     )
-    between = (
-        "the cubic joins both" if program == "4c" else "the table is a straight line"
-    )
+    between = "the table is a straight line"
+    if program == "4c":
+        between = "the cubic joins both"
     yield (
         f"From 0 to the first pressure, {pressures[1]:.6g} MPa, nothing was computed: there"
         f" {between}."
@@ -426,20 +488,50 @@ def _description(
     if law.over_pressure.conducting and program != "4c":
         yield "Beyond its last point the conductance stays the last one."
     if program == "calculix":
-        last = CALCULIX_POINTS - 1
+        yield from _advice_for_calculix(conducts=bool(law.over_pressure.conducting))
+
+
+def _conductors(law: Law) -> Iterator[str]:
+    """Yield what conducts through the interface."""
+    if law.order.conductivities is not None:
+        k1, k2 = law.order.conductivities
+        yield f"Conductivities of the bodies: {k1:g} and {k2:g} W/(m K)."
+    if law.order.gas is not None:
+        yield GAS_IN_WORDS.format(*law.order.gas)
+
+
+def _side_in_words(law: Law, side: str) -> Iterator[str]:
+    """Yield what a side of the band is."""
+    ends = SIDES[side]
+    yield (
+        f"The {side} side of the band: its {ends.closure} closures and {ends.conductance}"
+        " conductances, ends at each load by itself and not the curves of one surface. Band:"
+        f" {law.band}."
+    )
+    closures = getattr(law.over_pressure.curves[CLOSURE.in_laws], ends.closure)
+    if (np.diff(closures[np.isfinite(closures)]) < 0).any():
         yield (
-            f"CalculiX (2.20 and its source of August 2026) reads {CALCULIX_POINTS} points and"
-            f" holds the pressure behind them. So the first {last} lines of the table are points"
-            " of the law, laid where straight lines follow it best. All others continue its last"
-            f" slope; the overclosure of the last line, {FAR[-1]:g}, is where CalculiX finds the"
-            " number of points."
+            "Where its closures turn back, this side is drawn outwards until they rise: a band"
+            " of more surfaces is smoother."
         )
-        faces = (
-            "Take TYPE=SURFACE TO SURFACE in *CONTACT PAIR, for which this table is made"
+
+
+def _advice_for_calculix(*, conducts: bool) -> Iterator[str]:
+    """Yield how CalculiX reads the tables, and the kind of contact that they are made for."""
+    last = CALCULIX_POINTS - 1
+    yield (
+        f"CalculiX (2.20 and its source of August 2026) reads {CALCULIX_POINTS} points and"
+        f" holds the pressure behind them. So the first {last} lines of the table are points"
+        " of the law, laid where straight lines follow it best. All others continue its last"
+        f" slope; the overclosure of the last line, {FAR[-1]:g}, is where CalculiX finds the"
+        " number of points."
+    )
+    faces = "Take TYPE=SURFACE TO SURFACE in *CONTACT PAIR, for which this table is made"
+    if conducts:
+        faces += (
+            ": with TYPE=NODE TO SURFACE CalculiX passes no heat, and says nothing of it"
         )
-        if law.over_pressure.conducting:
-            faces += ": with TYPE=NODE TO SURFACE CalculiX passes no heat, and says nothing of it"
-        yield f"{faces}."
+    yield f"{faces}."
 
 
 def _with_far_points(loads: Values, overclosures: Values) -> tuple[Values, Values]:
@@ -457,26 +549,34 @@ PER_LINE = 5  # numbers in a line of the C header
 
 
 def write_header(path: Path, law: Law) -> list[Path]:
-    """Write a law as a C header, without the points outside a surrogate's training."""
-    if law.over_delta.flagged.any() or law.over_pressure.flagged.any():
-        inside = [
-            each.chosen(~each.flagged) for each in (law.over_delta, law.over_pressure)
-        ]
-        law = replace(law, over_delta=inside[0], over_pressure=inside[1])
-    own = re.sub(r"[^0-9A-Za-z]+", "_", path.stem).strip("_")
-    name = f"asperity_{own or 'law'}"  # asperity_steel_2 for steel-2.h
+    """Write a law as a C header, without the points outside a surrogate's training.
+
+    Parameters
+    ----------
+    path : Path
+        The file, from whose name those of its functions come.
+    law : Law
+        The law, which closes somewhere.
+
+    Returns
+    -------
+    list of Path
+        The file.
+    """
+    law = _inside_training(law)
+    stem = re.sub(r"[^0-9A-Za-z]+", "_", path.stem).strip("_")
+    name = f"asperity_{stem or 'law'}"  # asperity_steel_2 for steel-2.h
     guard = f"{name.upper()}_H"
     functions = list(_functions(law))
     body = list(_body(functions, name))
     checksum = f"0x{zlib.crc32(chr(10).join(body).encode()):08x}u"
-    # A second law of this name in a program is an error. What is said comes without what could end
-    # a comment, splice lines or make a compiler warn, as names may.
+    description = [*_header_description(law, name), _cubics_in_words(law, functions)]
+    # Names may have what would end a comment, splice lines or make a compiler warn.
     odd = re.compile(r"[^ -~]|[\\?]|\*(?=/)|(?<=/)\*")
-    description = _header_description(law, name)
-    beside = _beside_contacts(law, functions)
+    # A second law of this name in a program is an error.
     lines = [
         "/*",
-        *_comment((odd.sub("_", each) for each in [*description, beside]), " * ", 96),
+        *_comment((odd.sub("_", text) for text in description), " * ", 96),
         " */",
         f"#ifdef {guard}",
         f"#if {guard} != {checksum}",
@@ -489,6 +589,19 @@ def write_header(path: Path, law: Law) -> list[Path]:
     ]
     files.write(path, "\n".join(lines) + "\n")
     return [path]
+
+
+def _inside_training(law: Law) -> Law:
+    """Return a law without the points outside a surrogate's training."""
+    over_delta = law.over_delta
+    over_pressure = law.over_pressure
+    if not over_delta.flagged.any() and not over_pressure.flagged.any():
+        return law
+    return replace(
+        law,
+        over_delta=over_delta.chosen(~over_delta.flagged),
+        over_pressure=over_pressure.chosen(~over_pressure.flagged),
+    )
 
 
 def _header_description(law: Law, name: str) -> Iterator[str]:
@@ -507,18 +620,14 @@ def _header_description(law: Law, name: str) -> Iterator[str]:
     yield f"Made: {datetime.now(UTC).isoformat(timespec='seconds')}, asperity {VERSION} {commit}"
     for note in law.notes:
         yield f"How: {note}"
-    if law.over_delta.banded or law.over_pressure.banded:
-        yield f"Band (the functions _low and _high): {law.band}. NAN where no band holds."
-    else:
-        banded = any(curve.banded.all() for curve in law.over_pressure.curves.values())
-        few = "Functions _low and _high of the area in the continuum alone"
-        yield f"{few if banded else 'No functions _low and _high'}. Band: {law.band}."
+    yield _band_in_words(law)
     yield (
         "Delta, closure and mean gap in um, nominal pressure in MPa, area in %, force in uN,"
         " stiffness in MPa/um, conductance in W/(mm2 K)."
     )
-    for further in law.order.also:
-        yield f"{short_name(ALSO[further].in_laws)}: {ALSO[further].words} [{ALSO[further].unit}]."
+    for name_of_quantity in law.order.also:
+        quantity = ALSO[name_of_quantity]
+        yield f"{short_name(quantity.in_laws)}: {quantity.words} [{quantity.unit}]."
     yield (
         "Closure is what the interface alone gives way from first touch on:"
         f" {name}_pressure_at_closure(closure) and its tangent are the law of a contact element."
@@ -536,8 +645,31 @@ def _header_description(law: Law, name: str) -> Iterator[str]:
     )
 
 
+def _band_in_words(law: Law) -> str:
+    """Return which functions give the ends of the band, and what the band is."""
+    if law.over_delta.banded or law.over_pressure.banded:
+        return (
+            f"Band (the functions _low and _high): {law.band}. NAN where no band holds."
+        )
+    functions = "No functions _low and _high"
+    if any(curve.banded.all() for curve in law.over_pressure.curves.values()):
+        functions = "Functions _low and _high of the area in the continuum alone"
+    return f"{functions}. Band: {law.band}."
+
+
 def short_name(quantity: str) -> str:
-    """Return what functions of a header call a quantity of laws."""
+    """Return what functions of a header call a quantity.
+
+    Parameters
+    ----------
+    quantity : str
+        Name of a quantity in laws.
+
+    Returns
+    -------
+    str
+        The short name.
+    """
     law = IN_LAWS[quantity].law
     assert law is not None  # it is in laws
     return law.short
@@ -554,6 +686,19 @@ def _goes_on(quantity: str) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
+class Between:
+    """Contacts of one function that were solved between its points; none if none were solved."""
+
+    at: Values  # arguments, (m,)
+    values: Values  # (m,)
+    inside: NDArray[np.bool_]  # where neither few nor nearly all nodes touch, (m,)
+
+
+NONE_BETWEEN = Between(np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool))
+"""Contacts of a function between whose points none was solved."""
+
+
+@dataclass(frozen=True, eq=False)
 class Function:
     """A function of the C header: a monotone cubic through points from first touch on."""
 
@@ -563,11 +708,7 @@ class Function:
     values: Values  # (k,)
     goes_on: bool  # with the last slope beyond the last point
     tangent: bool  # whether its slope is a function too
-    # Contacts that were solved between the points, (m,): arguments, values, and where neither few
-    # nor nearly all nodes touch; none of them if none were solved.
-    between: Values
-    solved: Values
-    inside: NDArray[np.bool_]
+    between: Between
     falls: bool = False
 
     @property
@@ -578,73 +719,101 @@ class Function:
         return slopes(self.at, self.values, float(self.values[0]))
 
     @property
-    def off(self) -> Deviation:
-        """How far the cubic is off the contacts solved between its points, in shares of these.
+    def deviation(self) -> Deviation:
+        """Largest distances of the cubic from the contacts between its points, as shares of these.
 
-        What falls to nothing is off in shares of its value at first touch.
+        Those of a quantity that falls to nothing are shares of its value at first touch.
         """
-        known = np.isfinite(self.solved)
-        if not known.any() or self.at.size < 2 or not np.isfinite(self.values).all():
+        usable = np.isfinite(self.between.values)
+        if not usable.any() or self.at.size < 2 or not np.isfinite(self.values).all():
             return Deviation(np.nan, np.nan)
         from scipy.interpolate import PchipInterpolator
 
-        solved = self.solved[known]
-        cubic = PchipInterpolator(self.at, self.values)(self.between[known])
-        unit = (
-            np.full(solved.shape, abs(self.values[0])) if self.falls else np.abs(solved)
-        )
-        off = np.abs(cubic - solved) / np.where(unit > 0, unit, np.inf)
-        return Deviation.of(off, self.inside[known])
+        contacts = self.between.values[usable]
+        cubic = PchipInterpolator(self.at, self.values)(self.between.at[usable])
+        unit = np.abs(contacts)
+        if self.falls:
+            unit = np.full(contacts.shape, abs(self.values[0]))
+        distances = np.abs(cubic - contacts) / np.where(unit > 0, unit, np.inf)
+        return Deviation.of(distances, self.between.inside[usable])
 
 
 def _functions(law: Law) -> Iterator[Function]:
     """Yield the functions of the C header, from first touch on, where curves over Delta begin."""
-    rest = law.over_delta.curves
-    pairs = (
-        (law.over_delta, law.between_deltas),
-        (law.over_pressure, law.between_pressures),
-    )
-    for curves, between in pairs:
-        argument = short_name(curves.against)
-        suffix = "_at_pressure" if argument == "pressure" else ""
-        missing = curves.at[:1] > 0  # first touch, where pressures were given
-        at = np.append(np.zeros(1)[missing], curves.at)
-        inside = (
-            np.zeros(0, dtype=bool) if between is None else in_range(between, law.nodes)
-        )
-        for quantity, curve in curves.curves.items():
-            short = short_name(quantity)
-            parts = {"": "value"}
-            if curves.banded or curve.banded.all():
-                parts |= {"_low": "low", "_high": "high"}
-            for end, part in parts.items():
-                first = np.zeros(1)
-                if IN_LAWS[quantity].at_rest is not None and quantity in rest:
-                    first = getattr(rest[quantity], part)[:1]
-                solved = np.zeros(0)
-                if between is not None and quantity in between.curves:
-                    solved = getattr(between.curves[quantity], part)
-                yield Function(
-                    name=f"{short}{suffix}{end}",
-                    argument=argument,
-                    at=at,
-                    values=np.append(first[missing], getattr(curve, part)),
-                    goes_on=_goes_on(quantity),
-                    tangent=not end,
-                    between=np.zeros(0)
-                    if solved.size == 0 or between is None
-                    else between.at,
-                    solved=solved,
-                    inside=inside if solved.size else inside[:0],
-                    falls=trend(quantity) == "falls",
-                )
+    yield from _functions_of(law, law.over_delta, law.between_deltas)
+    yield from _functions_of(law, law.over_pressure, law.between_pressures)
     yield _pressure_at_closure(law)
+
+
+def _functions_of(law: Law, table: Curves, between: Curves | None) -> Iterator[Function]:
+    """Yield the functions of one table, and those of the ends of its bands."""
+    for quantity, curve in table.curves.items():
+        parts = {"": "value"}
+        if table.banded or curve.banded.all():
+            parts |= {"_low": "low", "_high": "high"}
+        for suffix, part in parts.items():
+            yield _function(law, table, between, quantity, part, suffix)
+
+
+def _function(
+    law: Law,
+    table: Curves,
+    between: Curves | None,
+    quantity: str,
+    part: str,
+    suffix: str,
+) -> Function:
+    """Return the function of a part of a curve: its value, or an end of its band."""
+    argument = short_name(table.against)
+    over = ""
+    if argument == "pressure":
+        over = "_at_pressure"
+    at = table.at
+    values = getattr(table.curves[quantity], part)
+    if at.size and at[0] > 0:  # pressures that were given begin behind first touch
+        at = np.append(0.0, at)
+        values = np.append(_at_first_touch(law, quantity, part), values)
+    return Function(
+        name=f"{short_name(quantity)}{over}{suffix}",
+        argument=argument,
+        at=at,
+        values=values,
+        goes_on=_goes_on(quantity),
+        tangent=not suffix,
+        between=_contacts_between(law, between, quantity, part),
+        falls=trend(quantity) == "falls",
+    )
+
+
+def _at_first_touch(law: Law, quantity: str, part: str) -> float:
+    """Return a part of a quantity at first touch, in its unit."""
+    curves = law.over_delta.curves
+    if IN_LAWS[quantity].at_rest is None or quantity not in curves:
+        return 0.0
+    return float(getattr(curves[quantity], part)[0])
+
+
+def _contacts_between(
+    law: Law, between: Curves | None, quantity: str, part: str
+) -> Between:
+    """Return the contacts between the points of a table, with a part of one quantity."""
+    if between is None or quantity not in between.curves:
+        return NONE_BETWEEN
+    values = getattr(between.curves[quantity], part)
+    return Between(between.at, values, in_range(between, law.nodes))
 
 
 def _pressure_at_closure(law: Law) -> Function:
     """Return the law of a contact element, which 4C has too."""
     joint = rising(law)
-    further = law.between_pressures
+    between = NONE_BETWEEN
+    if law.between_pressures is not None:
+        contacts = law.between_pressures
+        between = Between(
+            at=contacts.curves[CLOSURE.in_laws].value,
+            values=contacts.at,
+            inside=in_range(contacts, law.nodes),
+        )
     return Function(
         name="pressure_at_closure",
         argument="closure",
@@ -652,23 +821,19 @@ def _pressure_at_closure(law: Law) -> Function:
         values=joint.pressures,
         goes_on=True,
         tangent=True,
-        between=np.zeros(0) if further is None else further.curves[CLOSURE.in_laws].value,
-        solved=np.zeros(0) if further is None else further.at,
-        inside=np.zeros(0, dtype=bool)
-        if further is None
-        else in_range(further, law.nodes),
+        between=between,
     )
 
 
-def _beside_contacts(law: Law, functions: Iterable[Function]) -> str:
+def _cubics_in_words(law: Law, functions: Iterable[Function]) -> str:
     """Say how far monotone cubics are off the contacts solved between their points."""
     if law.between_pressures is None:
         return "No contact was solved between the points to compare the cubics with."
     deviations: dict[str, Deviation] = {}
     for function in functions:  # a band counts to its function
         name = function.name.removesuffix("_low").removesuffix("_high")
-        one = deviations.get(name, function.off)
-        deviations[name] = one.or_more(function.off)
+        deviation = function.deviation
+        deviations[name] = deviation.or_more(deviations.get(name, deviation))
     number = law.between_pressures.at.size
     off = f"They are off contacts at {number} pressures between the points by up to this"
     falling = ""
@@ -695,7 +860,9 @@ def _body(functions: Iterable[Function], name: str) -> Iterator[str]:
         yield from _array(f"{full}_table", size, function.values)
         yield from _array(f"{full}_slopes", size, function.slopes)
         tables = f"{over}, {full}_table, {full}_slopes, {size}, {argument}"
-        kind = "" if function.goes_on else "held_"
+        kind = "held_"
+        if function.goes_on:
+            kind = ""
         yield f"static inline double {full}(double {argument})"
         yield f"{{ return {name}_{kind}interpolate({tables}); }}"
         if function.tangent:
@@ -718,6 +885,7 @@ def _slopes_that_go_on(at: Values, values: Values) -> Values:
 
 
 def _array(name: str, size: str, values: Values) -> Iterator[str]:
+    """Yield the lines of a constant array in C."""
     yield f"static const double {name}[{size}] = {{"
     texts = ["NAN" if np.isnan(value) else f"{value:.17g}" for value in values.tolist()]
     for start in range(0, len(texts), PER_LINE):

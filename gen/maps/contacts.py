@@ -502,7 +502,9 @@ def border_remark(topography: Topography, contact: Contact, loads: int) -> str:
     nx, ny = pressure.shape
     outer_x = int(OUTER * nx)
     outer_y = int(OUTER * ny)
-    if topography.boundary != "free" or min(outer_x, outer_y) < 1 or not pressure.any():
+    if topography.boundary != "free" or not pressure.any():
+        return ""
+    if min(outer_x, outer_y) < 1:
         return ""
     inner = pressure[outer_x : nx - outer_x, outer_y : ny - outer_y]
     force_percent = 100 * (1 - float(inner.sum() / pressure.sum()))

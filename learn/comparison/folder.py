@@ -16,7 +16,6 @@ is read, and what is read is the checked document.
 import csv
 import io
 import json
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,8 +29,8 @@ from gen.runtime import documents, files
 from gen.runtime.documents import Document, cell
 from gen.runtime.errors import InputError
 from learn.comparison import grid as grids
-from learn.dataset import Dataset, Request
-from learn.features.scene import SCENE
+from learn.database_rows import Dataset
+from learn.dataset import Request
 from learn.models import EVERY, versions
 from learn.split import FOLDS, Split
 
@@ -44,10 +43,10 @@ LARGEST = 1e30
 LONGEST = 1e15
 """Bound of the times in results [s]."""
 
-TUNED_IN = "tuned in {}"
-BASELINE_BY = "the baseline, by {}"
-ORIGIN = re.compile(r"(?:tuned in|, by) (.*)")
-"""Both origins of settings that a comparison has given, and the pattern that finds its folder."""
+# Origins of settings that `Folder.winner` gives, before the path of the folder. Cards of surrogates
+# keep them, and `folder_of_origin` reads them there: later versions must not change them.
+TUNED_IN = "tuned in "
+BASELINE_BY = "the baseline, by "
 
 Count = Annotated[int, Field(ge=0, le=2**53)]
 Seconds = Annotated[float, Field(ge=0, le=LONGEST)]
@@ -195,23 +194,6 @@ class Predictions(NamedTuple):
     prediction: Values  # shape (m,)
 
 
-def comparison_of(origin: str) -> Path | None:
-    """Return the comparison that settings come from.
-
-    Parameters
-    ----------
-    origin : str
-        Origin of settings in words, as in `Settings`.
-
-    Returns
-    -------
-    Path or None
-        The comparison folder, for the option `--from`; None for settings of another origin.
-    """
-    match = ORIGIN.search(origin)
-    return None if match is None else Path(match[1]).parent
-
-
 def require_same(
     path: Path, stored: Mapping[str, Any], wanted: Mapping[str, Any]
 ) -> None:
@@ -270,7 +252,7 @@ def conditions_of(dataset: Dataset, split: Split, request: Request) -> dict[str,
         "area_max": request.area_max,
     }
     # Results of before other loads were possible are compared too: "delta" is not written.
-    if features.load == "pressure" and features.name != SCENE:
+    if features.by_pressure:
         conditions["load"] = "pressure"
     return conditions
 
@@ -413,14 +395,14 @@ class Folder:
                 raise InputError(
                     f"{path}: settings = {settings!r} are not those of the baseline"
                 )
-            return Settings(settings, False, BASELINE_BY.format(self.path))
+            return Settings(settings, False, f"{BASELINE_BY}{self.path}")
         space = grids.space_of(model, features)
         for name, value in settings.items():
             if value not in grids.reach(name, space.values.get(name, [])):
                 raise InputError(
                     f"{path}: {name} = {value!r} is not in the grid {space.name!r}"
                 )
-        return Settings(settings, True, TUNED_IN.format(self.path))
+        return Settings(settings, True, f"{TUNED_IN}{self.path}")
 
     def prediction(self, kind: str, model: str) -> Predictions:
         """Read the predictions of a result.
@@ -536,6 +518,25 @@ class Folder:
 def _as_searched(value: Setting) -> Any:
     """Return a setting as a grid has it: JSON stores the layers of a perceptron as a list."""
     return tuple(value) if isinstance(value, list) else value
+
+
+def folder_of_origin(origin: str) -> Path | None:
+    """Return the folder that settings come from.
+
+    Parameters
+    ----------
+    origin : str
+        Origin of settings, from `Folder.winner` or from anywhere else.
+
+    Returns
+    -------
+    Path or None
+        Folder of the target in its comparison; None if no comparison chose the settings.
+    """
+    for words in (TUNED_IN, BASELINE_BY):
+        if origin.startswith(words):
+            return Path(origin.removeprefix(words))
+    return None
 
 
 def targets(path: Path) -> list[Folder]:

@@ -31,9 +31,9 @@ from learn.comparison.folder import Folder, SearchReport
 from learn.comparison.grid import SettingValues
 from learn.comparison.search import GridSearch
 from learn.comparison.tables import WHY_BASELINE
-from learn.dataset import Dataset, Request, short_name
+from learn.database_rows import Dataset
+from learn.dataset import Request, short_name
 from learn.executor import Ended, Executor
-from learn.features.scene import SCENE
 from learn.metrics import Scores, scores
 from learn.models import (
     EVERY,
@@ -302,7 +302,7 @@ def open_targets(
 
 def _training(request: Request, rows: Dataset, parts: Split) -> Training:
     """Return training and test rows of a target, which is scaled over its training rows."""
-    scaling = scaling_of(rows, parts.train, standard=rows.features.name == SCENE)
+    scaling = scaling_of(rows, parts.train, standard=rows.features.of_scene)
     return Training(
         inputs=rows.inputs[parts.train],
         target=scaling.scaled(rows.target[parts.train]),

@@ -52,6 +52,7 @@ def test_samples_are_one_surface_on_two_grids(kind):
         assert fine[:: sample.finer, :: sample.finer] == pytest.approx(coarse, abs=1e-12)
 
 
+@pytest.mark.long
 def test_bars_are_judged_by_kind_and_in_all():
     with pytest.MonkeyPatch.context() as patch:
         kept = {name: grid_error.KINDS[name] for name in ("sphere", "fractal")}

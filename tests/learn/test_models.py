@@ -165,6 +165,7 @@ def test_a_growth_to_a_negative_target_does_not_meet_its_mark_by_the_sign(
     assert card["grown"]["bounds"]["negative"] > 0.01
 
 
+@pytest.mark.long
 def test_columns_are_cut_at_their_own_bounds_only(kinds, tmp_path):
     """An output without bounds may be negative; with `store.least` and `most` it keeps to them."""
     surrogate = fitted(kinds / "free.h5", targets=("area", "negative"))

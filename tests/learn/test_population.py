@@ -48,6 +48,7 @@ def test_the_evidence_has_the_slopes_of_its_differences():
     assert rows.evidence(at, X[:20])[1] == pytest.approx(slopes, rel=1e-5)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", [2, 6, 9])
 def test_a_target_over_many_decades_leaves_equations_that_can_be_solved(seed):
     """Rounding made them indefinite where the scatter is far below what the process reaches."""
@@ -227,6 +228,7 @@ def test_wrong_numbers_are_refused_in_a_line(small, refused, options, said):
         assert "population alone knows the error" in told
 
 
+@pytest.mark.long
 def test_compare_and_tune_know_it_and_say_what_fit_takes(tmp_path, capsys):
     database, folder = str(database_of(tmp_path, SCENE)), tmp_path / "compared"
     asked = [database, "-o", str(folder), "--features", "scene", "--model", "population"]

@@ -111,6 +111,7 @@ def test_a_question_that_ends_soon_after_its_client_left_keeps_the_process(
     assert asyncio.run(leave())
 
 
+@pytest.mark.long
 def test_more_questions_than_may_wait_are_refused(folder, monkeypatch):
     monkeypatch.setattr(workers, "WAITING", 3)
     monkeypatch.setattr(workers, "GRACE", 0.0)

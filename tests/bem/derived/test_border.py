@@ -64,6 +64,7 @@ def test_westergaard_waves_at_seven_angles(waves):
     assert np.sqrt(np.mean(np.square(errors))) < 0.02
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("hardness", "bound"), [(None, 0.005), (0.05, 0.01), (0.02, 0.015)]
 )

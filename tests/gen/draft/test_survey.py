@@ -71,6 +71,7 @@ def test_a_map_without_roughness_is_left_out(saved):
 SOME = [made for made in MAPS if made.number in {2, 3}]
 
 
+@pytest.mark.long
 def test_the_threshold_takes_out_the_spikes_of_all_maps_and_nothing_else():
     maps = [measured(made) for made in SOME]
     threshold = common_threshold([find_spikes(heights) for heights in maps])

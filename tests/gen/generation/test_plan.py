@@ -60,6 +60,7 @@ def test_rows_are_cut_from_streams_drawn_in_full(m):
         np.testing.assert_array_equal(rows.load, delta.ravel())
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("m", [1, 5])
 def test_any_slice_equals_the_whole(m):
     stop = 2 * SURFACES_PER_STREAM * m + 100

@@ -193,6 +193,7 @@ def test_a_tilted_map_is_told_with_what_levels_it(tilt_x, level, boundary):
         assert not [each for each in surface_warnings(surface) if "--boundary" in each]
 
 
+@pytest.mark.long
 def test_surfaces_without_a_roll_off_are_not_called_tilted():
     for seed in range(100):
         fractal = generate("diamond-square", 65, 0.8, 12.5, np.random.default_rng(seed))

@@ -129,6 +129,7 @@ def started(folder, *arguments, **variables):
     )
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     "variables",
     [
@@ -180,11 +181,14 @@ def test_a_file_name_cannot_drive_the_terminal(capsys):
     assert said.err.count("\n") == 1
 
 
-def test_lines_and_tables_are_harmless(capsys):
+def test_tables_are_harmless(capsys):
     print_columns([["c\x1b]0;\x07 [red] :smile:"]], [EVIL.replace("\n", " ")])
     said = capsys.readouterr().out
     assert "\x1b" not in said
     assert "c?]0; [red] :smile:" in said
+
+
+def test_lines_are_harmless(capsys):
     echo(EVIL)
     echo(EVIL, err=True)
     said = capsys.readouterr()

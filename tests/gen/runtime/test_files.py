@@ -102,16 +102,31 @@ def test_reports_find_out_before_they_measure(folder, capsys):
     assert [*contents(report).values()] == [REPLACED["rows.h5"]]
 
 
-def test_a_picture_replaces_a_picture_and_keeps_link_and_mode(folder, capsys):
+@pytest.fixture
+def replaced(folder, capsys):
+    """The folder after a command that wrote a table and a picture by links to older ones."""
     (folder / "old.png").chmod(0o640)
     (folder / "link.png").symlink_to("old.png")
     assert cli.main([*CONTACT, "--csv", "same.csv", "--plot", "link.png"]) == 0
-    assert (folder / "link.png").is_symlink()
-    assert (folder / "same.csv").is_symlink()
-    assert stat.S_IMODE((folder / "old.png").stat().st_mode) == 0o640
-    assert (folder / "old.png").stat().st_size > 1000
-    assert (folder / "table.csv").read_text().startswith("delta_um,")
-    assert not list(folder.glob(".asperity-*"))
+    return folder
+
+
+def test_a_file_of_the_same_kind_is_replaced(replaced):
+    assert (replaced / "old.png").stat().st_size > 1000
+    assert (replaced / "table.csv").read_text().startswith("delta_um,")
+
+
+def test_a_link_to_a_file_that_is_replaced_stays_a_link(replaced):
+    assert (replaced / "link.png").is_symlink()
+    assert (replaced / "same.csv").is_symlink()
+
+
+def test_a_file_passes_on_its_mode_to_the_one_that_replaces_it(replaced):
+    assert stat.S_IMODE((replaced / "old.png").stat().st_mode) == 0o640
+
+
+def test_no_unfinished_file_is_left(replaced):
+    assert not list(replaced.glob(".asperity-*"))
 
 
 def test_a_full_disk_keeps_the_old_picture(folder):
@@ -278,20 +293,37 @@ HELD_ELSEWHERE = """
 """
 
 
-def test_second_writer_is_told_who_writes(path, monkeypatch):
+@pytest.fixture
+def holder(path, monkeypatch):
+    """A process of a batch job that holds the lock of a path until it is killed."""
     command = [sys.executable, "-c", textwrap.dedent(HELD_ELSEWHERE), str(path)]
     monkeypatch.setenv("SLURM_JOB_ID", "4711")
     with subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as holder:
-        assert holder.stdout.readline() == "held\n"
-        with pytest.raises(InputError) as raised, lock(path):
-            pass
-        holder.kill()
+    ) as process:
+        assert process.stdout.readline() == "held\n"
+        yield process
+        process.kill()
+
+
+def test_second_writer_is_told_who_writes(path, holder):
+    with pytest.raises(InputError) as raised, lock(path):
+        pass
     assert f"process {holder.pid}, job 4711, since 20" in str(raised.value)
     assert os.uname().nodename in str(raised.value)
-    with lock(path):  # a killed holder holds nothing, though its file is still there
+
+
+def test_a_killed_holder_holds_nothing_though_its_file_is_still_there(path, holder):
+    holder.kill()
+    holder.wait()
+    assert path.with_name("some.h5.lock").exists()
+    with lock(path):
         assert f"process {os.getpid()}" in path.with_name("some.h5.lock").read_text()
+
+
+def test_the_file_of_a_lock_is_removed_with_it(path):
+    with lock(path):
+        assert path.with_name("some.h5.lock").exists()
     assert list(path.parent.iterdir()) == []
 
 
@@ -331,22 +363,37 @@ def test_file_system_without_locks(path, monkeypatch):
         pass
 
 
-@pytest.mark.parametrize(
-    "kind", ["new", "of several levels", "of the user's", "a link to a new one"]
+@pytest.fixture(
+    params=["new", "of several levels", "of the user's", "a link to a new one"]
 )
-def test_a_folder_is_made_held_and_removed_again_unless_it_was_there_or_is_used(
-    tmp_path, kind
-):
-    folder = tmp_path / "a" / "b" if kind == "of several levels" else tmp_path / "a"
-    if kind == "of the user's":
+def output_folder(request, tmp_path):
+    """A folder that a command is to write to; only that of the user's exists."""
+    folder = tmp_path / "a"
+    if request.param == "of several levels":
+        return folder / "b"
+    if request.param == "of the user's":
         folder.mkdir()
-    if kind == "a link to a new one":
+    if request.param == "a link to a new one":
         folder.symlink_to("place")
+    return folder
+
+
+def test_a_folder_has_one_writer_at_a_time(output_folder):
     again = pytest.raises(InputError, match="is being written by host")
-    with lock_folder(folder), again, lock_folder(folder):
+    with lock_folder(output_folder), again, lock_folder(output_folder):
         pass
-    left = {each.name for each in tmp_path.iterdir() if not each.is_symlink()}
-    assert left == ({"a"} if kind == "of the user's" else set())
-    with lock_folder(folder):
-        (folder / "result").write_text("1")
-    assert [each.name for each in folder.iterdir()] == ["result"]
+
+
+def test_a_folder_that_stays_empty_is_removed_unless_it_was_there(
+    output_folder, tmp_path
+):
+    before = {path.name for path in tmp_path.iterdir()}
+    with lock_folder(output_folder):
+        assert output_folder.is_dir()
+    assert {path.name for path in tmp_path.iterdir()} == before
+
+
+def test_a_folder_that_is_used_stays_with_its_content_alone(output_folder):
+    with lock_folder(output_folder):
+        (output_folder / "result").write_text("1")
+    assert [path.name for path in output_folder.iterdir()] == ["result"]

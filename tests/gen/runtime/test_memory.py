@@ -17,22 +17,27 @@ from gen.runtime import memory
 from gen.schema import RUNTIME
 
 
-def test_what_is_out_of_memory_says_what_it_needs_and_fails_no_row(
-    here, monkeypatch, capsys
-):
+@pytest.fixture
+def no_memory(monkeypatch):
+    """A context in which no solve has memory."""
+    with monkeypatch.context() as patch:
+        for name in ("solve", "ladder"):
+            patch.setattr(f"bem.{name}", mock.Mock(side_effect=MemoryError))
+        yield patch
+
+
+def test_a_contact_that_is_out_of_memory_says_what_it_needs(here, no_memory, refused):
     np.save("surface.npy", np.arange(81.0).reshape(9, 9))
+    line = refused(cli, *["contact", "surface.npy", "--side", "9", "--delta", "1"])
+    assert "9 x 9 nodes does not fit into memory: it needs about 32.4 kB" in line
+
+
+def test_a_run_that_is_out_of_memory_fails_no_row(here, no_memory, capsys):
     text = "samples = 3\n[surface]\nnodes = 9\n"
     (here / "rows.toml").write_text(text)
-    with monkeypatch.context() as full:
-        for name in ("solve", "ladder"):
-            full.setattr(f"bem.{name}", mock.Mock(side_effect=MemoryError))
-        for line, needs in (
-            ("contact surface.npy --side 9 --delta 1", ": it needs about 32.4 kB"),
-            ("run rows.toml -o rows.h5", ""),
-        ):
-            assert cli.main(line.split()) == 2
-            said = capsys.readouterr().err.splitlines()[-1]
-            assert f"9 x 9 nodes does not fit into memory{needs}" in said
+    assert cli.main(["run", "rows.toml", "-o", "rows.h5"]) == 2
+    assert "9 x 9 nodes does not fit into memory" in capsys.readouterr().err
+    no_memory.undo()
     database_of(here, text)
     assert "3 rows done, 0 failed" in capsys.readouterr().out
 

@@ -72,6 +72,7 @@ def trial(several, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path / "trial")
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("trial")
 def test_the_card_of_several_databases_names_them_all(capsys):
     surrogate = Surrogate.load("all.surrogate")

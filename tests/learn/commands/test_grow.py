@@ -46,6 +46,7 @@ def test_a_growth_ends_in_one_screen_and_its_files_are_those_of_other_commands(
     assert run("fit", "copy.h5", "-o", "fitted.surrogate", "--target", "area") == 0
 
 
+@pytest.mark.long
 @pytest.mark.mpi
 def test_three_ranks_grow_what_one_process_grows(grown, tmp_path):
     folder, _ = grown

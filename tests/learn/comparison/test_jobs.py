@@ -95,6 +95,7 @@ def spoilt(file):
     file["area_percent"][81] = np.nan
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -166,7 +167,7 @@ def undisturbed(solved, tmp_path_factory):
     return path / "area"
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_a_search_that_was_stopped_goes_on_and_ends_with_the_same_tables(
     work, undisturbed, number, capsys
@@ -221,6 +222,7 @@ def stumps(monkeypatch):
     monkeypatch.setitem(paper.SPACES, "decision-tree", STUMPS)
 
 
+@pytest.mark.few(1)
 @pytest.mark.usefixtures("stumps")
 @pytest.mark.parametrize("limit", [[], ["--budget", "1h"]])
 def test_where_the_baseline_wins_every_table_and_picture_names_it(

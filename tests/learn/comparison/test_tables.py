@@ -81,6 +81,7 @@ def test_rows_that_do_not_belong_to_the_predictions_are_refused(thrice, tmp_path
         tables.read(Folder(tmp_path / "area"))
 
 
+@pytest.mark.long
 def test_winners_beyond_the_grid_and_searches_of_too_few_candidates_are_said(
     work, capsys
 ):
@@ -103,6 +104,7 @@ def test_winners_beyond_the_grid_and_searches_of_too_few_candidates_are_said(
     assert table("out/area/tuning.csv")[0]["winner"] == "not searched"
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
 def test_the_library_s_own_process_stands_beside_the_one_with_the_paper_s_kernel(
     work, capsys
