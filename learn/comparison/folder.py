@@ -28,7 +28,8 @@ from gen.runtime import documents, files
 from gen.runtime.documents import Document, cell
 from gen.runtime.errors import InputError
 from learn.comparison import grid as grids
-from learn.dataset import Dataset, Request
+from learn.database_rows import Dataset
+from learn.dataset import Request
 from learn.models import EVERY, versions
 from learn.split import FOLDS, Split
 
@@ -37,6 +38,10 @@ KINDS = (
     "library",
     "tuned",
 )  # kinds of results, and the names of their folders
+# Origins of settings that `Folder.winner` gives, before the path of the folder. Cards of surrogates
+# keep them, and `folder_of_origin` reads them there: later versions must not change them.
+TUNED_IN = "tuned in "
+BASELINE_BY = "the baseline, by "
 LARGEST = 1e30  # bound of the targets' values: the axes of a picture take no larger ones
 
 Count = Annotated[int, Field(ge=0, le=2**53)]
@@ -245,14 +250,14 @@ class Folder:
                 raise InputError(
                     f"{path}: settings = {settings!r} are not those of the baseline"
                 )
-            return Settings(settings, False, f"the baseline, by {self.path}")
+            return Settings(settings, False, f"{BASELINE_BY}{self.path}")
         grid, space, _ = grids.space_of(model, features)
         for name, value in settings.items():
             if value not in grids.reach(name, space.get(name, [])):
                 raise InputError(
                     f"{path}: {name} = {value!r} is not in the grid {grid!r}"
                 )
-        return Settings(settings, True, f"tuned in {self.path}")
+        return Settings(settings, True, f"{TUNED_IN}{self.path}")
 
     def prediction(self, kind: str, model: str) -> tuple[Values, Values]:
         """Read truth and prediction of the test rows, each of shape (m,), in the target's unit."""
@@ -293,6 +298,25 @@ class Folder:
         files.make_folder(path.parent)
         files.write(path, text)
         return path
+
+
+def folder_of_origin(origin: str) -> Path | None:
+    """Return the folder that settings come from.
+
+    Parameters
+    ----------
+    origin : str
+        Origin of settings, from `Folder.winner` or from anywhere else.
+
+    Returns
+    -------
+    Path or None
+        Folder of the target in its comparison; None if no comparison chose the settings.
+    """
+    for words in (TUNED_IN, BASELINE_BY):
+        if origin.startswith(words):
+            return Path(origin.removeprefix(words))
+    return None
 
 
 def targets(path: Path) -> list[Folder]:
