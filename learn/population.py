@@ -381,14 +381,14 @@ class EvidenceTerms:
     among: Kernel  # among the centres
     seen: Values  # (n, m + 1 + d), whitened functions at the rows
     unit: Values  # (n,), whitened targets
-    whole: Any  # Cholesky factor of the equations, as `cho_factor` returns it
-    prior: Any  # Cholesky factor of the functions among the centres
+    factor: Any  # Cholesky factor of the equations, as `cho_factor` returns it
+    prior_factor: Any  # Cholesky factor of the functions among the centres
     solution: Values  # (m + 1 + d,), coefficients
 
     def minus_logarithm(self) -> float:
         """Return minus the logarithm of the evidence."""
-        determinants = np.log(np.diag(self.whole[0])).sum()
-        determinants = determinants - np.log(np.diag(self.prior[0])).sum()
+        determinants = np.log(np.diag(self.factor[0])).sum()
+        determinants = determinants - np.log(np.diag(self.prior_factor[0])).sum()
         squares = self.unit @ self.unit - self.solution @ (self.seen.T @ self.unit)
         count = len(self.about)
         return float(determinants + (count * self.logarithm + squares) / 2)
@@ -499,7 +499,7 @@ class Whitened:
         matrix = seen.T @ seen
         matrix += np.eye(len(matrix)) * (1 + ROUNDING * np.trace(matrix))
         matrix[:count, :count] += among.values / variance - np.eye(count)
-        whole = cho_factor(matrix)
+        factor = cho_factor(matrix)
         return EvidenceTerms(
             logarithm=logarithms[-1],
             variance=variance,
@@ -509,9 +509,9 @@ class Whitened:
             among=among,
             seen=seen,
             unit=unit,
-            whole=whole,
-            prior=cho_factor(among.values),
-            solution=cho_solve(whole, seen.T @ unit),
+            factor=factor,
+            prior_factor=cho_factor(among.values),
+            solution=cho_solve(factor, seen.T @ unit),
         )
 
     def _evidence_slopes(self, terms: EvidenceTerms) -> Values:
@@ -521,13 +521,13 @@ class Whitened:
         """
         count = len(terms.about)
         solution = terms.solution[:count]
-        inverse = cho_solve(terms.whole, np.eye(len(terms.solution)))
+        inverse = cho_solve(terms.factor, np.eye(len(terms.solution)))
         errors = terms.unit - terms.seen @ terms.solution
         by_seen = np.outer(errors, solution) - terms.seen @ inverse[:, :count]
         by_near = self.white(by_seen, back=True) * self.reach[:, None]
         moments = inverse[:count, :count] + np.outer(solution, solution)
         moments = moments / terms.variance
-        by_among = (cho_solve(terms.prior, np.eye(count)) - moments) / 2
+        by_among = (cho_solve(terms.prior_factor, np.eye(count)) - moments) / 2
         slopes = np.empty(terms.about.shape[1] + 1)
         slopes[:-1] = _by_lengths(by_near * terms.near.slopes, terms.places, terms.about)
         slopes[:-1] += _by_lengths(

@@ -66,7 +66,9 @@ class Blocks:
 
     heights: Values  # (nx, ny) [um]
     steps: tuple[float, float]  # spacing of the nodes along x and y [um]
-    most: int  # blocks per side at most; with fewer nodes every node is a block
+    limit: (
+        int  # largest number of blocks per side; with fewer nodes every node is a block
+    )
 
     @cached_property
     def means(self) -> Values:
@@ -162,7 +164,7 @@ class Blocks:
         """The blocks along x and along y."""
         edges = []
         for nodes in self.heights.shape:
-            number = min(nodes, self.most)
+            number = min(nodes, self.limit)
             borders = np.arange(number + 1) * nodes // number
             edges.append(BlockEdges(borders[:-1], np.diff(borders)))
         return edges
@@ -480,8 +482,8 @@ class SurfaceFeatures:
         The blocks are kept for the next call.
         """
         if number not in self._in_blocks:
-            most = number if self.boundary == "free" else number - 1
-            self._in_blocks[number] = Blocks(self.heights, self.spacing, most)
+            limit = number if self.boundary == "free" else number - 1
+            self._in_blocks[number] = Blocks(self.heights, self.spacing, limit)
         return self._in_blocks[number]
 
 
