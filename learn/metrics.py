@@ -85,7 +85,8 @@ def magnitude(truth: ArrayLike) -> float:
     float
         Mean of their absolute values, in their unit.
     """
-    return float(np.abs(np.asarray(truth, dtype=float)).mean())
+    values = np.asarray(truth, dtype=float)
+    return float(np.abs(values).mean())
 
 
 def no_better(r2: float) -> str:
@@ -122,7 +123,8 @@ def spread(truth: ArrayLike) -> float:
     float
         The spread in the unit of the truth.
     """
-    return float(np.asarray(truth, dtype=float).var()) / magnitude(truth)
+    variance = float(np.asarray(truth, dtype=float).var())
+    return variance / magnitude(truth)
 
 
 def bootstrap(

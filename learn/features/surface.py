@@ -66,9 +66,8 @@ class Blocks:
 
     heights: Values  # (nx, ny) [um]
     steps: tuple[float, float]  # spacing of the nodes along x and y [um]
-    limit: (
-        int  # largest number of blocks per side; with fewer nodes every node is a block
-    )
+    # largest number of blocks per side; with fewer nodes every node is a block
+    limit: int
 
     @cached_property
     def means(self) -> Values:
@@ -178,8 +177,11 @@ class Blocks:
 def _squared_slopes(heights: Values, step: float) -> Values:
     """Return the squared slope along the first axis at each node, the mean of both its sides."""
     between = (np.diff(heights, axis=0) / step) ** 2
+    # At the ends both sides of a node are the same one.
     extended = np.concatenate([between[:1], between, between[-1:]])
-    return np.asarray((extended[1:] + extended[:-1]) / 2)
+    before = extended[:-1]
+    after = extended[1:]
+    return np.asarray((after + before) / 2)
 
 
 class Undefined(InputError):
@@ -190,9 +192,8 @@ class CoarseMeans(NamedTuple):
     """Means over the patch of a coarse contact."""
 
     compliance: float  # mean displacement over F / (E* L), 0 without edges [1]
-    yielded_depth: (
-        float  # mean depth by which nodes have yielded, 0 for elastic bodies [um]
-    )
+    # mean depth by which nodes have yielded, 0 for elastic bodies [um]
+    yielded_depth: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -474,7 +475,9 @@ class SurfaceFeatures:
 
     def _depth(self, coarse: Blocks, delta: float) -> float:
         """Return how far Delta reaches below the highest block [um]."""
-        return delta - (float(self.heights.max()) - float(coarse.means.max()))
+        highest_node = float(self.heights.max())
+        highest_block = float(coarse.means.max())
+        return delta - (highest_node - highest_block)
 
     def _blocks(self, number: int) -> Blocks:
         """Return the surface in a number of blocks per side, one less without edges.
