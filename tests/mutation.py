@@ -145,7 +145,7 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "learn/metrics.py": (
         ("/ float(np.abs(known).max())", "/ magnitude(known)"),
-        ("low, high = (1 - level) / 2, (1 + level) / 2", "low, high = 1 - level, level"),
+        ("np.quantile(values, (1 + level) / 2)", "np.quantile(values, level)"),
     ),
     "learn/kernel_ridge.py": (("if reciprocal > EPSILON:", "if reciprocal > 0:"),),
     "learn/surrogate/interval.py": (
