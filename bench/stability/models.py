@@ -182,7 +182,7 @@ def fitted(
     )
     values = baseline(name, features.name)
     if way == "tuned":
-        values = space_of(name, features.name)[2] | FEWER.get(name, {})
+        values = space_of(name, features.name).default | FEWER.get(name, {})
     wanted = Settings({**values, **(settings or {})}, way == "tuned", way)
     plan = plan_calibration(name, train, calibration)
     folds = np.zeros(train.size, np.int8)

@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -32,6 +32,13 @@ class Document(BaseModel):
     """
 
     model_config = ConfigDict(extra="allow", strict=True, allow_inf_nan=False)
+
+    def content(self) -> dict[str, Any]:
+        """Return all keys and values that the document was made with, further ones included."""
+        return self.model_dump(exclude_unset=True)
+
+
+Kind = TypeVar("Kind", bound=Document)
 
 
 def cell(value: object) -> object:
@@ -101,7 +108,7 @@ def json_text(content: dict[str, Any]) -> str:
     return text.encode(errors="replace").decode() + "\n"
 
 
-def read(path: Path, kind: type[Document]) -> dict[str, Any] | None:
+def read(path: Path, kind: type[Kind]) -> Kind | None:
     """Read a JSON document if its file exists.
 
     Parameters
@@ -113,8 +120,8 @@ def read(path: Path, kind: type[Document]) -> dict[str, Any] | None:
 
     Returns
     -------
-    dict or None
-        All values of the document by key, or None if there is no such file.
+    Document or None
+        The checked document, or None if there is no such file.
 
     Raises
     ------
@@ -128,7 +135,7 @@ def read(path: Path, kind: type[Document]) -> dict[str, Any] | None:
     return parse(path, content, kind)
 
 
-def parse(path: Path | str, content: bytes, kind: type[Document]) -> dict[str, Any]:
+def parse(path: Path | str, content: bytes, kind: type[Kind]) -> Kind:
     """Parse the content of a JSON document.
 
     Parameters
@@ -142,8 +149,8 @@ def parse(path: Path | str, content: bytes, kind: type[Document]) -> dict[str, A
 
     Returns
     -------
-    dict
-        All values of the document by key.
+    Document
+        The checked document.
 
     Raises
     ------
@@ -152,11 +159,9 @@ def parse(path: Path | str, content: bytes, kind: type[Document]) -> dict[str, A
         and its fault.
     """
     try:
-        document = kind.model_validate_json(content)
+        return kind.model_validate_json(content)
     except ValidationError as error:
         first_error = error.errors(include_url=False, include_input=False)[0]
-    else:
-        return document.model_dump(exclude_unset=True)
     fault = str(first_error["msg"])
     key = ".".join(map(str, first_error["loc"]))
     if key:  # none if the text is no JSON

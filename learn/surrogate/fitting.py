@@ -192,7 +192,7 @@ def with_conditions(request: Request, choice: Any) -> Request:
     conditions = {
         "features": "paper",
         "load": request.load,
-        **folders[0].record()["conditions"],
+        **folders[0].record().conditions.content(),
     }
     for folder in folders:
         _tuned(folder, request.models[0])

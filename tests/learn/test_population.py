@@ -275,7 +275,7 @@ def test_compare_and_tune_know_it_and_say_what_fit_takes(tmp_path, capsys):
     asked = [database, "-o", str(folder), "--features", "scene", "--model", "population"]
     assert learn_cli.main(["compare", *asked, "--model", "decision-tree"]) == 0
     found = Folder(folder / "area").results()
-    r2 = {model: result["test"]["r2"] for model, kind, result in found}
+    r2 = {stored.model: stored.result.test.r2 for stored in found}
     assert r2["population"] > r2["decision-tree"]
     assert "takes Population Mean unless told otherwise" in capsys.readouterr().out
     assert learn_cli.main(["tune", *asked]) == 0
