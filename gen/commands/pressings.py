@@ -187,10 +187,10 @@ class PressingOrder:
                     cells = _cells_of_contact(solution.contact, self.options)
                     rows.append({self.column: value, **cells})
                 counted += 1
-                progress.advance(1, int(solution.contact is None))
+                progress.advance(1, failed=int(solution.contact is None))
         except InputError:
             remaining = len(self.values) - counted
-            progress.advance(remaining, remaining)
+            progress.advance(remaining, failed=remaining)
             raise
         warnings = [*material_doubts(self.bodies), *warnings, *faults]
         warnings += self.doubts(topography, rows)

@@ -188,7 +188,7 @@ def write_piece(
     number = int(done.within(rows.start, rows.stop).sum())
     origin = identity(reader) | {"rows": [rows.start, rows.stop], "done": number}
     if origin_of(path) == origin:
-        progress.advance(len(rows), 0)
+        progress.advance(len(rows))
         return
     schema = piece.schema.with_metadata({KEY: json.dumps(origin)})
     step = _rows_at_once(piece, reader)
@@ -200,7 +200,7 @@ def write_piece(
             stop = min(start + step, rows.stop)
             table = _table(schema, reader, done, start, stop)
             writer.write_table(table)
-            progress.advance(len(table), 0)
+            progress.advance(len(table))
 
 
 def _rows_at_once(piece: Piece, reader: Reader) -> int:

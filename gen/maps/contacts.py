@@ -450,7 +450,7 @@ def solve_all(
                 rows.append(answers(solution.contact, options))
                 last = solution.contact
             if progress is not None:
-                progress.advance(1, solution.contact is None)
+                progress.advance(1, failed=int(solution.contact is None))
     assert last is not None  # `solve_loads` raises at the last load if none is solved
     return SolvedLoads(rows, last, faults, seconds)
 

@@ -88,7 +88,7 @@ def compare(request: Request, executor: Executor) -> int:
                         own = training.first(grids.LIBRARY_ROWS) if limited else training
                         result = executor.call(fit_and_time, own, task)
                         write_fit(folder, task, own, result, progress.say)
-                    progress.advance(1, 0)
+                    progress.advance(1)
     return interruption.signal
 
 

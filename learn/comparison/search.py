@@ -109,7 +109,7 @@ class GridSearch:
                     self.ended.append(result.seconds)
                 self.trials.add(trials)
                 failed = all(trial.r2 is None for trial in trials)
-                progress.advance(1, int(failed), expected_work(task))
+                progress.advance(1, failed=int(failed), work=expected_work(task))
 
             self.executor.run(fit, self.training, tasks, keep, stopping=over, until=until)
 

@@ -91,7 +91,7 @@ def hybrid_rows(
                     " another surface: use --features paper or dimensionless"
                 )
             values[inside][left[inside]] = result[1][left[inside]]
-            progress.advance(block[1] - block[0], 0)
+            progress.advance(block[1] - block[0])
             if time.monotonic() > last + SAVE_SECONDS:
                 last = time.monotonic()
                 _save(cache, content)
