@@ -521,7 +521,7 @@ class SurrogateFunction(Function):
     ) -> None:
         from learn.features.scene import HARDNESSES
         from learn.surrogate import Surrogate
-        from learn.surrogate.interval import level_of
+        from learn.surrogate.level import level_of
 
         if outside not in {"warn", "nan", "raise"}:
             raise InputError(f"outside = {outside!r}: allowed: warn, nan, raise")

@@ -58,9 +58,8 @@ def run(
     if world.is_master:
         _print_result(result, output)
     if result.signal and result.counts.pending:
-        return (
-            128 + result.signal
-        )  # the exit code that shells give a process ended by a signal
+        # The exit code that a shell gives a process that a signal has ended.
+        return 128 + result.signal
     return 0
 
 
@@ -132,9 +131,8 @@ def estimate(
     completed_scene = completed(load(scene))
     measured = measured_time(completed_scene)
     printer.print_plan(completed_scene)
-    workers = max(
-        ranks - 1, 1
-    )  # of several ranks, rank 0 is the master and computes nothing
+    # Of several ranks, rank 0 is the master and computes nothing.
+    workers = max(ranks - 1, 1)
     noun = "worker" if workers == 1 else "workers"
     time = _duration(completed_scene.samples * measured.mean / workers)
     echo(

@@ -214,9 +214,8 @@ class PreparedMap:
     """One prepared map."""
 
     heights: Heights  # heights without holes, read-only [um], shape (nx, ny)
-    spacing: (
-        Sides  # spacing of the nodes along x and y, equal for all maps of a library [um]
-    )
+    # spacing of the nodes along x and y, equal for all maps of a library [um]
+    spacing: Sides
     remarks: tuple[str, ...] = ()  # one line for each reason to distrust the heights
 
 
@@ -639,9 +638,8 @@ class Window:
     map: int  # index of the map
     tile: int  # number of the tile, from 0 through all maps
     corner: tuple[int, int]  # indices of the first node along x and y, in the map
-    symmetry: (
-        int  # sum of `MIRRORED_X`, `MIRRORED_Y` and `TRANSPOSED`, each once or not at all
-    )
+    # sum of `MIRRORED_X`, `MIRRORED_Y` and `TRANSPOSED`, each once or not at all
+    symmetry: int
 
 
 def draw_window(

@@ -52,7 +52,7 @@ def prepare(topography: Topography, settings: Reading) -> Topography:
     Topography
         The prepared map without holes. A line for each step is added to its `steps`, and one for
         each reason to distrust its heights to its `warnings`. `doubtful` are the nodes of codes,
-        spikes and pits, and `followed` the steps that were taken.
+        spikes and pits, unless the map was downsampled; `followed` are the steps that were taken.
 
     Raises
     ------

@@ -112,7 +112,7 @@ def predict(
     from gen.runtime.documents import Row, write_csv
     from learn.surrogate import Surrogate
     from learn.surrogate.answers import answers, answers_of_parameters
-    from learn.surrogate.interval import level_note, level_of
+    from learn.surrogate.level import level_note, level_of
 
     inputs = inputs or []
     check_outputs([Output(output, "--output")], [file, *inputs])
@@ -216,9 +216,10 @@ def _parameters(
 def card(file: File) -> None:
     """Print a surrogate's model card: what it was made of, its scores, intervals and ranges."""
     from learn.surrogate.card import show
-    from learn.surrogate.learnt import read
+    from learn.surrogate.learnt import read_file
 
-    show(*read(file)[:3])
+    surrogate = read_file(file)
+    show(surrogate.card, surrogate.low, surrogate.high)
 
 
 @grouped

@@ -173,10 +173,6 @@ def joined(parts: Sequence[Rows]) -> Rows:
     if all(part.grids for part in parts):
         grids = _repeated([part.grids for part in parts], sizes)
     hybrid = [part.hybrid for part in parts if part.hybrid is not None]
-    scene_numbers = {
-        name: np.concatenate([part.scene_numbers[name] for part in parts])
-        for name in parts[0].scene_numbers
-    }
     return Rows(
         statistics=np.concatenate([part.statistics for part in parts]),
         delta=np.concatenate([part.delta for part in parts]),
@@ -185,9 +181,17 @@ def joined(parts: Sequence[Rows]) -> Rows:
         nodes=_joined_numbers([part.nodes for part in parts], sizes),
         hybrid=np.concatenate(hybrid) if hybrid else None,
         notes=notes,
-        scene_numbers=scene_numbers,
+        scene_numbers=_joined_scene_numbers(parts),
         grids=grids,
     )
+
+
+def _joined_scene_numbers(parts: Sequence[Rows]) -> dict[str, Values]:
+    """Join the numbers of the scene, by name, that all parts have."""
+    return {
+        name: np.concatenate([part.scene_numbers[name] for part in parts])
+        for name in parts[0].scene_numbers
+    }
 
 
 def _joined_numbers(

@@ -20,7 +20,7 @@ from gen.arrays import Indices, Values
 from gen.database import Reader
 from gen.generators.scans import ScanSurface
 from gen.runtime.errors import InputError
-from learn.dataset import Dataset
+from learn.database_rows import Dataset
 from learn.metrics import LEVEL, no_better
 from learn.split import FOLDS, TILE, Split
 from learn.surrogate.learnt import Learnt

@@ -66,7 +66,7 @@ from gen.runtime.terminal import RunProgress
 from gen.scene import Scene
 from learn.features import SurfaceFeatures, Undefined
 from learn.features.scene import shown
-from learn.surrogate.interval import level_note, level_of
+from learn.surrogate.level import level_note, level_of
 from learn.surrogate.model import OnSurface, Prediction, Surrogate
 
 BEYOND = (
