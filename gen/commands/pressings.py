@@ -270,7 +270,7 @@ def press_one(order: PressingOrder, surface: Path, files: ContactFiles) -> None:
     from gen.doubts import material_doubts
     from gen.maps import contacts
 
-    figure = figure_for(files.picture, 11, 8.2)
+    figure = figure_for(files.picture, width=11, height=8.2)
     topography, warnings = order.read(surface)
     solutions = order.solutions(topography)
     solved = contacts.solve_all(solutions, len(order.values), order.options)
