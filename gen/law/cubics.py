@@ -4,8 +4,8 @@ Both hold monotone cubics with consistent tangents. The names in the C header co
 its file, so that one program can include several laws.
 
 4C imports a Python file. It calls the functions there with the gap at a node, which is negative
-where the bodies overlap, and with the offset of its input, by which they overlap before they touch.
-The law acts where gap + offset <= 0. Pressures of 4C are negative, so that derivatives are positive.
+where the bodies overlap, and with the offset of its input: the overlap at which they touch. The law
+acts where gap + offset <= 0. Pressures of 4C are negative, so that derivatives are positive.
 """
 
 import re
@@ -405,9 +405,7 @@ def _slopes_that_go_on(at: Values, values: Values) -> Values:
 def _array(name: str, size: str, values: Values) -> Iterator[str]:
     """Yield the lines of a constant array in C; `size` is the macro that has its length."""
     yield f"static const double {name}[{size}] = {{"
-    texts: list[str] = []
-    for value in values.tolist():
-        texts.append("NAN" if np.isnan(value) else f"{value:.17g}")
+    texts = ["NAN" if np.isnan(value) else f"{value:.17g}" for value in values.tolist()]
     for start in range(0, len(texts), PER_LINE):
         yield "    " + ", ".join(texts[start : start + PER_LINE]) + ","
     yield "};"

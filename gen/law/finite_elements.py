@@ -437,7 +437,9 @@ def _lines_in_words(law: Law, side: str, deviations: Mapping[str, Deviation]) ->
 
 
 def in_words(deviations: Mapping[str, Deviation]) -> str:
-    """Say how far columns are off the law where neither few nor nearly all nodes touch, and elsewhere.
+    """Say how far columns are off the law: in the range followed closely, and elsewhere.
+
+    Lines follow the law closely where neither few nor nearly all nodes touch.
 
     Parameters
     ----------

@@ -3,6 +3,7 @@
 import ast
 import importlib
 import re
+import shutil
 
 import numpy as np
 import pandas as pd
