@@ -406,7 +406,7 @@ class Column:
         return places
 
     def _nearest(self, room: int, kept: Indices) -> Indices:
-        """Return at most `room` places on the law, with the kept ones, whose lines deviate least."""
+        """Return `room` places at most, the kept ones included, whose lines are nearest."""
         places = self._within(GOOD, kept)
         if places.size <= room:
             return places
