@@ -233,9 +233,8 @@ class _Overlay:
 
     grid: Topography  # map with the finer grid
     added: Topography  # map that is interpolated to this grid
-    added_number: (
-        int  # number of the body of the added map: 1 for the first, 2 for the second
-    )
+    # number of the body of the added map: 1 for the first, 2 for the second
+    added_number: int
     along_x: _Line  # nodes of the grid along x that are on the added map
     along_y: _Line  # nodes of the grid along y that are on the added map
 

@@ -246,16 +246,20 @@ def _outlier_threshold(heights: Heights, windows: Values, end: End) -> float:
     The windows, shape (nx, ny, n, n), hold the heights around each node. The threshold does not
     include the slope, which is another one at each node.
     """
-    rows, columns = (
-        np.unique(np.linspace(0, nodes - 1, SAMPLE).astype(int))
-        for nodes in heights.shape
-    )
-    sample = windows[np.ix_(rows, columns)].reshape(-1, *windows.shape[2:])
+    nx, ny = heights.shape
+    sampled = np.ix_(_sample(nx), _sample(ny))
+    sample = windows[sampled].reshape(-1, *windows.shape[2:])
     levels = local_levels(_middle(sample)).medians
     distances = sample[:, AROUND, AROUND] - levels
     usual = float(np.nanquantile(end * distances, USUAL))
     scatter = scatter_of(distances, heights)
     return max(SPIKE * scatter, FARTHER * usual)
+
+
+def _sample(nodes: int) -> NDArray[np.int_]:
+    """Return the indices of at most `SAMPLE` evenly spaced nodes of an axis, shape (k,)."""
+    places = np.linspace(0, nodes - 1, SAMPLE).astype(int)
+    return np.unique(places)
 
 
 def _distance_alone(window: Values, end: End, threshold: float) -> float | None:
@@ -264,7 +268,7 @@ def _distance_alone(window: Values, end: End, threshold: float) -> float | None:
     Return None if the distance is not above the threshold [um] and not above `STEEPER` steps of
     the level's slope, or if the node is not alone.
     """
-    level = local_levels(_middle(window)[None])
+    level = local_levels(_middle(window)[None])  # of this one window
     offsets = np.arange(-AROUND, AROUND + 1)
     slopes = level.along_x[0] * offsets[:, None] + level.along_y[0] * offsets
     outward = end * (window - slopes - level.medians[0])
