@@ -243,8 +243,8 @@ def _middle(windows: Values) -> Values:
 def _outlier_threshold(heights: Heights, windows: Values, end: End) -> float:
     """Return the least distance of a spike or pit from its level [um], by a sample of the nodes.
 
-    The windows, shape (nx, ny, n, n), hold the heights around each node. The threshold does not
-    include the slope, which is another one at each node.
+    The windows, shape (nx, ny, n, n), hold the heights around each node. The bound by the slope
+    (`STEEPER`) is not included, because it differs from node to node.
     """
     nx, ny = heights.shape
     sampled = np.ix_(_sample(nx), _sample(ny))
@@ -265,8 +265,8 @@ def _sample(nodes: int) -> NDArray[np.int_]:
 def _distance_alone(window: Values, end: End, threshold: float) -> float | None:
     """Return the distance of the middle of a window from the level around it [um].
 
-    Return None if the distance is not above the threshold [um] and not above `STEEPER` steps of
-    the level's slope, or if the node is not alone.
+    Return None unless the distance is above the threshold [um], is above `STEEPER` times the change
+    of the level to the next node, and the node is alone (`HALF`).
     """
     level = local_levels(_middle(window)[None])  # of this one window
     offsets = np.arange(-AROUND, AROUND + 1)
