@@ -258,7 +258,7 @@ def press_one(order: PressingOrder, surface: Path, files: ContactFiles) -> None:
     surface : Path
         File of the map.
     files : ContactFiles
-        Files to write. The picture and the flattened heights are those of the last load.
+        Files to write. The picture and the flattened heights show the contact under the last load.
 
     Raises
     ------

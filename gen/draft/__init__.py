@@ -56,7 +56,7 @@ def draft(
     output : Path
         The file to write the scene to, which must not exist.
     reading : Reading
-        Settings for files that lack a unit or lengths.
+        Unit, lengths and channel for files that do not determine them.
     bodies : Bodies
         Material of the contact.
     command : str
