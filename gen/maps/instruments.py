@@ -156,9 +156,8 @@ class _OpenFile:
     """A file that is opened by a reader of SurfaceTopography."""
 
     reader: Any  # the reader, an instance of a class of SurfaceTopography
-    remark: (
-        str  # what was mended in the file, in words with a blank in front; "" for nothing
-    )
+    # what was mended in the file, in words with a blank in front; "" for nothing
+    remark: str
 
 
 @dataclass

@@ -63,7 +63,7 @@ class Remedy:
 class Topography:
     """A surface from a file, and how it was made from the file."""
 
-    name: str  # path of the file
+    name: str  # name of the surface in messages, as the path of its file
     heights: Heights  # heights, NaN at holes [um], shape (nx, ny)
     sides: Sides  # lengths of the patch along x and y [um]
     steps: tuple[str, ...] = ()  # one line for each step from the file to these heights
@@ -76,7 +76,7 @@ class Topography:
     unit: str = ""
     # settings that the user has chosen and no warning advises again, as "crop" or "level plane"
     followed: frozenset[str] = frozenset()
-    # spacing of the nodes along x and y [um], where it is known better than from the sides
+    # spacing of the nodes along x and y [um]; None if it is computed from the sides
     exact_spacing: Sides | None = None
     # nodes that a warning calls codes, pits or spikes, shape (nx, ny); further warnings ignore them
     doubtful: NDArray[np.bool_] | None = None
@@ -109,8 +109,8 @@ class Topography:
         step : str
             The step that led to the new heights, in words. It is added to `steps`, unless it is "".
         spacing : (float, float), optional
-            New spacing of the nodes along x and y [um], from which new sides are computed. Without
-            it, the sides and `exact_spacing` stay as they are.
+            New spacing of the nodes along x and y [um]. New sides are computed from it, and
+            `exact_spacing` becomes None. Without it, `sides` and `exact_spacing` stay as they are.
 
         Returns
         -------
@@ -240,9 +240,8 @@ class _AgreedUnit:
     """The unit of the heights, after comparing the file with the user's settings."""
 
     name: str  # "" if the heights are in um by default
-    overruled: str = (
-        ""  # what the user overrules, as "unit nm, taken as um"; "" for nothing
-    )
+    # what the user overrules, as "unit nm, taken as um"; "" for nothing
+    overruled: str = ""
 
 
 @dataclass(frozen=True)
@@ -250,9 +249,8 @@ class _AgreedSides:
     """The sides of the patch, after comparing the file with the user's settings."""
 
     sides: Sides  # sides along x and y [um]
-    overruled: str = (
-        ""  # what the user overrules, as "9 x 9 um, taken as 5 x 5 um"; "" for nothing
-    )
+    # what the user overrules, as "9 x 9 um, taken as 5 x 5 um"; "" for nothing
+    overruled: str = ""
 
 
 def read(
@@ -272,8 +270,9 @@ def read(
         The file: .npy, text, or an instrument's.
     reading : Reading
         The settings. `side`, `unit`, `channel` and `override_scale` are followed. `side` and `unit`
-        have to be set if the file does not state them. If the file states others, they are refused
-        unless `override_scale` is set. `crop` only silences the warning about a period.
+        have to be set if the file does not state them; only a .npy file or a text without lengths
+        is in um by default. If the file states others, they are refused unless `override_scale` is
+        set. `crop` only silences the warning about a period.
     boundary : {"free", "periodic", "mirror"}
         Boundary of the patch.
     for_windows : bool
@@ -310,6 +309,7 @@ def read(
     )
     warnings = [f"the file's own scale is overruled: {text}" for text in overruled]
     warnings += _doubts_about_scale(scan, topography)
+    # A window or another part of a periodic map is not periodic.
     ignores_period = scan.repeats and boundary != "periodic"
     if ignores_period and not for_windows and not reading.crop:
         warnings.append(

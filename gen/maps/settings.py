@@ -104,12 +104,10 @@ class Key:
 
     help: str  # help text of the option, and description in the manual
     metavar: str = ""  # placeholder for the value of the option, as "UM"; "" for a flag
-    table: str = (
-        ""  # table of a scene that has the key: `READ`, `PREPARED` or "" for none
-    )
-    words: str = (
-        ""  # the allowed values in words; "" if the metavar and the type say enough
-    )
+    # table of a scene that has the key: `READ`, `PREPARED` or "" for none
+    table: str = ""
+    # the allowed values in words; "" if the metavar and the type say enough
+    words: str = ""
     # function that tells whether a value, which has the type of the field, is allowed
     suits: Callable[[Any], bool] = _suits_always
 
@@ -211,9 +209,8 @@ class FileReading:
     """
 
     KEYS: ClassVar = KEYS
-    side: str = (
-        ""  # scan length as "1000" or "1000,500" [um]; "" to take it from the file
-    )
+    # scan length as "1000" or "1000,500" [um]; "" to take it from the file
+    side: str = ""
     # Unit of the heights, and of lengths in the file that have no unit of their own. "" takes the
     # unit from the file, or um if a .npy file or a text names none.
     unit: str = ""

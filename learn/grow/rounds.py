@@ -387,7 +387,7 @@ class Growth:
                 made += len(block)
                 self.row_seconds = (time.time() - began) / made
                 failed = int(np.count_nonzero(columns["status"] == Status.FAILED))
-                progress.advance(len(block), failed)
+                progress.advance(len(block), failed=failed)
 
             # Rows in the hands of the workers are finished before another look.
             under_way = farm.IN_FLIGHT * workers if workers > 1 else 1
