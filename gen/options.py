@@ -453,8 +453,9 @@ class LawOutputs(NamedTuple):
     def refined_tables(self) -> tuple[Literal["delta", "pressure"], ...]:
         """Tables for which contacts are solved between the loads too.
 
-        "delta" is the law over Delta, "pressure" the law over the nominal pressure. The tables are
-        those of the files whose programs join the points.
+        "delta" is the table over Delta, "pressure" the table over the nominal pressure. A table is
+        refined if a program joins the points of a file made from it: both tables for a C header,
+        the one over pressure for CalculiX, Abaqus and 4C. There is none with --no-check.
         """
         if not self.check:
             return ()

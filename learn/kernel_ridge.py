@@ -166,7 +166,7 @@ def _linear_predictions(
     train: Values, target: Values, test: Values, alphas: Sequence[float]
 ) -> list[Values]:
     """Return the predictions with a linear kernel, by ridge regression in its few directions."""
-    left, singular, directions = np.linalg.svd(train, full_matrices=False)
+    row_directions, singular, directions = np.linalg.svd(train, full_matrices=False)
     largest = singular[0]
     for alpha in alphas:
         if largest**2 * EPSILON > alpha:
@@ -180,7 +180,7 @@ def _linear_predictions(
             )
     kept = singular > EPSILON * len(train) * largest
     singular = singular[kept]
-    weights = left[:, kept].T @ target
+    weights = row_directions[:, kept].T @ target
     projected = test @ directions[kept].T
     return [projected @ (singular / (singular**2 + alpha) * weights) for alpha in alphas]
 

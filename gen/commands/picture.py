@@ -44,8 +44,8 @@ class _PlottedDatabase:
 def plot_database(file: Path, picture: Path) -> None:
     """Draw surface and pressure of the done row with the median area, and areas and solve times.
 
-    The surface of the row is generated again, and its contact is solved again. Areas and times are
-    those of all done rows.
+    The surface of the row is generated again, and its contact is solved again. The areas and the
+    solve times of all done rows are drawn.
 
     Parameters
     ----------

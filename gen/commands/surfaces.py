@@ -167,8 +167,8 @@ def contact(
 def _conductivities(values: Sequence[float] | None) -> tuple[float, float] | None:
     """Return the conductivities of both bodies [W/(m K)], None if the option is left out.
 
-    `values` are those of the option --conductivity: one for equal bodies, or two. Raises InputError
-    for other numbers.
+    `values` has the values of the option --conductivity: one for equal bodies, or two. Raises
+    InputError if there are more values, or one is outside the range of physical numbers.
     """
     from gen.maps.contacts import require_conductivities
 

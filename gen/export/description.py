@@ -233,9 +233,8 @@ def card(reader: Reader, about: About, done: DoneRows) -> str:
         scene=Markup(scene_text(reader)),
         citation=about.citation(str(attributes["created"])[:4]),
     )
-    return text.replace(
-        "\\\n", ""
-    )  # The template ends a line that goes on with a backslash.
+    # In the template, a backslash at the end of a line joins it to the next line.
+    return text.replace("\\\n", "")
 
 
 def _environment() -> Environment:

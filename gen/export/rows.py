@@ -205,7 +205,7 @@ def write_piece(
     number = int(done.within(rows.start, rows.stop).sum())
     origin = identity(reader) | {"rows": [rows.start, rows.stop], "done": number}
     if origin_of(path) == origin:
-        progress.advance(rows=len(rows), failed=0)
+        progress.advance(rows=len(rows))
         return
     schema = piece.schema.with_metadata({KEY: json.dumps(origin)})
     rows_at_once = _rows_at_once(piece, reader)
@@ -217,7 +217,7 @@ def write_piece(
             stop = min(start + rows_at_once, rows.stop)
             table = _table(schema, reader, done, start, stop)
             writer.write_table(table)
-            progress.advance(rows=len(table), failed=0)
+            progress.advance(rows=len(table))
 
 
 def _rows_at_once(piece: Piece, reader: Reader) -> int:

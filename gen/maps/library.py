@@ -64,7 +64,7 @@ def map_files(patterns: Sequence[str], folder: Path) -> list[Path]:
     InputError
         If a pattern names no file, or a folder holds no map or cannot be read.
     """
-    files: dict[Path, None] = {}
+    files: dict[Path, None] = {}  # as keys, files are unique and keep their order
     for pattern in patterns:
         try:
             matches = _files_of_pattern(pattern, folder)
@@ -91,6 +91,7 @@ def _files_of_pattern(pattern: str, folder: Path) -> list[Path]:
     path = folder / name
     if path.is_file() or path.is_dir():
         return files_in(path)
+    # An absolute pattern starts at its root.
     start = folder
     if name.anchor:
         start = Path(name.anchor)
@@ -213,7 +214,9 @@ class Recipe:
 class PreparedMap:
     """One prepared map."""
 
-    heights: Heights  # heights without holes, read-only [um], shape (nx, ny)
+    heights: (
+        Heights  # heights without holes [um], shape (nx, ny); read-only in a `Library`
+    )
     # spacing of the nodes along x and y, equal for all maps of a library [um]
     spacing: Sides
     remarks: tuple[str, ...] = ()  # one line for each reason to distrust the heights
@@ -297,7 +300,7 @@ def _new_library(
     # A file of this name was not accepted before: it is damaged.
     damaged = path.exists()
     write_maps(path, key, _prepared_one_by_one(paths, recipe), replace=damaged)
-    library = stored_maps(path, key, verify=False)
+    library = stored_maps(path, key, verify=False)  # heights were written a moment ago
     if library is None:
         raise InputError(
             f"{path}: was damaged while it was written; delete it and try again"
@@ -337,7 +340,7 @@ def open_maps(
 
 
 def _file_of_key(folder: Path, key: str) -> Path:
-    """Return the path in a folder of the file of prepared maps with a key."""
+    """Return the path of the file in a folder that holds the prepared maps of a key."""
     return folder / f"asperity-{key[:16]}.maps"
 
 
@@ -362,7 +365,7 @@ def _prepared_one_by_one(paths: Sequence[Path], recipe: Recipe) -> Iterator[Prep
         topography = _prepared_map(path, recipe.reading)
         if recipe.spacing is not None:
             topography = resampled(topography, recipe.spacing)
-        elif spacing is not None:
+        elif spacing is not None:  # this is not the first map
             _require_spacing(path, topography.spacing, paths[0], spacing)
         if spacing is None:
             spacing = _rounded(topography.spacing)
@@ -427,9 +430,8 @@ def _temporary_folder(*, make: bool) -> Path | None:
 
 
 PAGE = 4096  # each map begins at a multiple of this in the file, as pages of memory do [bytes]
-LONGEST_START = (
-    200  # most bytes of the second line: place, length and SHA-256 of the table
-)
+# largest length of the second line, with place, length and SHA-256 of the table [bytes]
+LONGEST_START = 200
 
 
 def write_maps(

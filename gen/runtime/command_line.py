@@ -32,7 +32,7 @@ from gen.runtime.terminal import (
 CommandLineError: Any = typer.BadParameter.__mro__[2]
 """Base class of Typer's errors about a command line.
 
-It is taken from a subclass, because its own module has changed twice between versions.
+It is taken from a subclass, because releases of Typer have moved it to another module twice.
 """
 
 LONGEST_LINE = 1200
