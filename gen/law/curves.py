@@ -191,9 +191,9 @@ class Curves:
     at_rest: Mapping[str, float]
     # True where most surfaces are outside a surrogate's training, (k,).
     flagged: NDArray[np.bool_]
-    # For each argument, why the grid does not resolve the contact, so that the area in the continuum
-    # is not known; "" where it does. A population is judged on its first surface. Empty if that was
-    # not judged.
+    # For each argument, why the grid does not resolve the contact, so that the area in the
+    # continuum is not known; "" where it does. A population is judged on its first surface. Empty
+    # if that was not judged.
     grid: tuple[str, ...] = ()
 
     @property
