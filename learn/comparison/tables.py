@@ -722,20 +722,25 @@ def _bars(rows: list[TableRow], columns: list[str]) -> Any:
     """Draw a pair of bars for each model, baseline and tuned, in one panel for each column."""
     figure = new_figure(1.6 + 1.15 * len(MODELS), 2.3 * len(columns))
     axes = figure.subplots(len(columns), 1, sharex=True, squeeze=False)[:, 0]
-    models = list(dict.fromkeys(row.model for row in rows))
-    titles = [EVERY[model].title.replace(" ", "\n") for model in models]
     for axis, column in zip(axes, columns, strict=True):
-        for kind in COLOURS:
-            of_kind = [row for row in rows if row.kind == kind]
-            if of_kind:
-                places = [models.index(row.model) + SHIFTS[kind] for row in of_kind]
-                _draw_bars(axis, places, of_kind, column)
-        axis.set_xticks(range(len(models)), titles)
-        axis.margins(y=0.2)
-        scale = "linear" if column in LINEAR else "log"
-        axis.set(ylabel=PANELS[column], yscale=scale)
+        _draw_panel(axis, rows, column)
     axes[0].legend(ncols=2, loc="lower right", bbox_to_anchor=(1, 1))
     return figure
+
+
+def _draw_panel(axis: Any, rows: list[TableRow], column: str) -> None:
+    """Draw the bars of all models for one column."""
+    models = list(dict.fromkeys(row.model for row in rows))
+    titles = [EVERY[model].title.replace(" ", "\n") for model in models]
+    for kind in COLOURS:
+        of_kind = [row for row in rows if row.kind == kind]
+        if of_kind:
+            places = [models.index(row.model) + SHIFTS[kind] for row in of_kind]
+            _draw_bars(axis, places, of_kind, column)
+    axis.set_xticks(range(len(models)), titles)
+    axis.margins(y=0.2)
+    scale = "linear" if column in LINEAR else "log"
+    axis.set(ylabel=PANELS[column], yscale=scale)
 
 
 def _draw_bars(axis: Any, places: list[float], rows: list[TableRow], column: str) -> None:
