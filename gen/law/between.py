@@ -109,10 +109,10 @@ def solve_between(
     Curves or None
         The further contacts; None without any.
     """
-    known = _usable(table)
-    low = known.at[:-1]
-    high = known.at[1:]
-    further: Curves | None = None
+    solved = _usable(table)
+    low = solved.at[:-1]
+    high = solved.at[1:]
+    between: Curves | None = None
     for _ in range(rounds):
         if not low.size:
             break
@@ -120,15 +120,15 @@ def solve_between(
         contacts = solve(middles)
         if not contacts.at.size:
             break
-        # A little beyond the ends, so that the intervals there are known too.
+        # A little beyond the ends, so that the intervals there are foreseen too.
         near = _touching(contacts, nodes, ENOUGH / 2, (MOST_AREA + 100) / 2)
-        unforeseen = contacts.at[near & (_missed(known, contacts) > FORESEEN)]
-        known = merged(known, contacts)
-        further = contacts if further is None else merged(further, contacts)
-        solved = np.isin(middles, contacts.at)
-        halved = solved & (np.isin(middles, unforeseen) | (middles > NEAR * low))
+        unforeseen = contacts.at[near & (_missed(solved, contacts) > FORESEEN)]
+        solved = merged(solved, contacts)
+        between = contacts if between is None else merged(between, contacts)
+        answered = np.isin(middles, contacts.at)
+        halved = answered & (np.isin(middles, unforeseen) | (middles > NEAR * low))
         low, high = _halves(low[halved], middles[halved], high[halved])
-    return further
+    return between
 
 
 def _halves(low: Values, middles: Values, high: Values) -> tuple[Values, Values]:
@@ -165,8 +165,8 @@ def solve_for_lines(table: Curves, nodes: int, solve: Solve) -> Curves | None:
     if between is None:
         return None
     for _ in range(IMPROVEMENTS):
-        known = merged(_usable(table), between)
-        middles = _doubtful(known, np.isin(known.at, table.at), nodes)
+        solved = merged(_usable(table), between)
+        middles = _doubtful(solved, np.isin(solved.at, table.at), nodes)
         contacts_left = max(MOST_CONTACTS - between.at.size, 0)
         middles = np.sort(middles[:contacts_left])
         if not middles.size:
@@ -178,19 +178,19 @@ def solve_for_lines(table: Curves, nodes: int, solve: Solve) -> Curves | None:
     return between
 
 
-def _doubtful(known: Curves, asked: NDArray[np.bool_], nodes: int) -> Values:
+def _doubtful(solved: Curves, at_loads: NDArray[np.bool_], nodes: int) -> Values:
     """Return pressures between contacts where lines may be too far off, the furthest first [MPa].
 
-    `asked` is where the contacts are at loads of the law.
+    `at_loads` is where the contacts are at loads of the law.
     """
-    pressures = known.at
-    conductances = known.curves[known.conducting].value
-    close = in_range(known, nodes)
-    rest = known.at_rest.get(known.conducting, 0.0)
+    pressures = solved.at
+    conductances = solved.curves[solved.conducting].value
+    close = in_range(solved, nodes)
+    at_rest = solved.at_rest.get(solved.conducting, 0.0)
     line = Column.through(
         np.append(0.0, pressures),
-        np.append(rest, conductances),
-        np.append(True, asked),
+        np.append(at_rest, conductances),
+        np.append(True, at_loads),
         np.append(False, close),
         powers=True,
     ).laid(CALCULIX_POINTS)
@@ -234,19 +234,19 @@ def _usable(table: Curves) -> Curves:
     return table.chosen((table.at > 0) & ~table.flagged)
 
 
-def _missed(known: Curves, contacts: Curves) -> Values:
+def _missed(solved: Curves, contacts: Curves) -> Values:
     """Return by which share the curve through a table misses contacts between its points, (k,)."""
     missed = np.zeros(contacts.at.size)
-    if known.against != PRESSURE.in_laws:
+    if solved.against != PRESSURE.in_laws:
         return missed
-    closures = known.curves[CLOSURE.in_laws].value
+    closures = solved.curves[CLOSURE.in_laws].value
     kept = risen(closures, LEVEL)
     if np.count_nonzero(kept) > 1:
-        foreseen = curve_through(closures[kept], known.at[kept])
+        foreseen = curve_through(closures[kept], solved.at[kept])
         at = contacts.curves[CLOSURE.in_laws].value
         missed = np.maximum(missed, np.abs(foreseen(at) / contacts.at - 1))
-    if name := known.conducting:
-        foreseen = curve_through(known.at, known.curves[name].value, powers=True)
+    if name := solved.conducting:
+        foreseen = curve_through(solved.at, solved.curves[name].value, powers=True)
         values = contacts.curves[name].value
         with np.errstate(divide="ignore", invalid="ignore"):
             missed = np.fmax(missed, np.abs(foreseen(contacts.at) / values - 1))
@@ -271,8 +271,8 @@ def merged(first: Curves, second: Curves) -> Curves:
     curves: dict[str, Curve] = {}
     for name, curve in first.curves.items():
         if name in second.curves:
-            rest = first.at_rest.get(name, 0.0)
-            curves[name] = _joined(name, curve, second.curves[name], at, order, rest)
+            at_rest = first.at_rest.get(name, 0.0)
+            curves[name] = _joined(name, curve, second.curves[name], at, order, at_rest)
     reasons = np.array([*first.reasons, *second.reasons], dtype=object)
     return replace(
         first,
@@ -291,7 +291,7 @@ def _joined(
     second: Curve,
     at: Values,
     order: NDArray[np.int64],
-    rest: float,
+    at_rest: float,
 ) -> Curve:
     """Join two curves of a quantity, whose arguments `at` ascend in an order."""
     parts: dict[str, Values] = {}
@@ -300,4 +300,4 @@ def _joined(
         if np.isfinite(values).all():
             values = held(name, values)
         parts[part] = values
-    return Curve(**parts, slope=slopes(at[order], parts["value"], rest))
+    return Curve(**parts, slope=slopes(at[order], parts["value"], at_rest))

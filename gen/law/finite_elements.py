@@ -181,7 +181,7 @@ class Joint:
     pressures: Values  # [MPa]
     closures: Values  # [um]
     conductances: Values | None  # [W/(mm2 K)]; None if the law has none
-    asked: NDArray[np.bool_]  # where the points are at loads of the law, not between
+    at_loads: NDArray[np.bool_]  # where the points are at loads of the law, not between
     inside: NDArray[np.bool_]  # where neither few nor nearly all nodes touch
 
 
@@ -242,7 +242,7 @@ def rising(law: Law, side: str = "", *, between: bool = False) -> Joint:
         pressures=np.append(0.0, table.at[places]),
         closures=np.append(0.0, closures[kept]),
         conductances=conductances,
-        asked=np.append(True, np.isin(table.at[places], law.over_pressure.at)),
+        at_loads=np.append(True, np.isin(table.at[places], law.over_pressure.at)),
         inside=np.append(inside[0], inside),
     )
 
@@ -368,14 +368,14 @@ def _conductance_lines(
 def _pressure_column(joint: Joint) -> Column:
     """Return the pressure over the closure."""
     return Column.through(
-        joint.closures, joint.pressures, joint.asked, joint.inside, powers=False
+        joint.closures, joint.pressures, joint.at_loads, joint.inside, powers=False
     )
 
 
 def _conductance_column(joint: Joint, conductances: Values) -> Column:
     """Return the conductance over the pressure."""
     return Column.through(
-        joint.pressures, conductances, joint.asked, joint.inside, powers=True
+        joint.pressures, conductances, joint.at_loads, joint.inside, powers=True
     )
 
 
@@ -393,10 +393,10 @@ def _off_checks(law: Law, line: Line, quantity: str) -> Deviation:
     if quantity == CLOSURE.in_laws:
         at = values
         solved = checks.at
-    known = np.isfinite(values) & (at >= line.at[1]) & (at <= line.at[-1]) & (solved > 0)
-    lines = np.interp(at[known], line.at, line.values)
+    usable = np.isfinite(values) & (at >= line.at[1]) & (at <= line.at[-1]) & (solved > 0)
+    lines = np.interp(at[usable], line.at, line.values)
     return Deviation.of(
-        np.abs(lines / solved[known] - 1), in_range(checks, law.nodes)[known]
+        np.abs(lines / solved[usable] - 1), in_range(checks, law.nodes)[usable]
     )
 
 
@@ -724,18 +724,18 @@ class Function:
 
         Those of a quantity that falls to nothing are shares of its value at first touch.
         """
-        known = np.isfinite(self.between.values)
-        if not known.any() or self.at.size < 2 or not np.isfinite(self.values).all():
+        usable = np.isfinite(self.between.values)
+        if not usable.any() or self.at.size < 2 or not np.isfinite(self.values).all():
             return Deviation(np.nan, np.nan)
         from scipy.interpolate import PchipInterpolator
 
-        contacts = self.between.values[known]
-        cubic = PchipInterpolator(self.at, self.values)(self.between.at[known])
+        contacts = self.between.values[usable]
+        cubic = PchipInterpolator(self.at, self.values)(self.between.at[usable])
         unit = np.abs(contacts)
         if self.falls:
             unit = np.full(contacts.shape, abs(self.values[0]))
         distances = np.abs(cubic - contacts) / np.where(unit > 0, unit, np.inf)
-        return Deviation.of(distances, self.between.inside[known])
+        return Deviation.of(distances, self.between.inside[usable])
 
 
 def _functions(law: Law) -> Iterator[Function]:

@@ -23,6 +23,11 @@ FINE = 16
 GOOD = 0.01
 """Relative distance from the law up to which lines of a table without a bound are long."""
 
+NEAR = 0.025
+"""Relative distance up to which points of a table with little room lie on the law.
+
+The slopes of such lines change as smoothly as those of the law, so that solvers converge."""
+
 TOLERABLE = 0.04
 """Relative distance up to which lines with little room go through the points asked for."""
 
@@ -38,8 +43,8 @@ HALVINGS = 7
 MOST_WIDTH = 10.0
 """Half width of a corridor, as a share of the law, in which a path is looked for at most."""
 
-MOST_PLACES = 300
-"""Number of places among which the vertices of a path are chosen, unless more points are known."""
+PART_RISE = 0.03
+"""Relative rise of the law from one place to the next at which a path is compared with it."""
 
 LEVELS = np.linspace(-1, 1, 7)
 """Heights of a vertex in a corridor, in shares of the corridor's half width."""
@@ -117,7 +122,7 @@ class Column:
 
     at: Values  # ascending fine arguments, from 0 on, (FINE * k + 1,)
     curve: Values  # the law at these
-    asked: Indices  # places of the points at the loads that the law was asked for
+    at_loads: Indices  # places of the points at the loads that the law was asked for
     inside: NDArray[np.bool_]  # where neither few nor nearly all nodes touch
 
     @classmethod
@@ -125,7 +130,7 @@ class Column:
         cls,
         at: Values,
         values: Values,
-        asked: NDArray[np.bool_],
+        at_loads: NDArray[np.bool_],
         inside: NDArray[np.bool_],
         *,
         powers: bool,
@@ -136,7 +141,7 @@ class Column:
         ----------
         at, values : ndarray, shape (k + 1,)
             Known points, at ascending arguments.
-        asked : ndarray of bool, shape (k + 1,)
+        at_loads : ndarray of bool, shape (k + 1,)
             True at the loads that the law was asked for.
         inside : ndarray of bool, shape (k + 1,)
             True where neither few nor nearly all nodes touch.
@@ -162,12 +167,12 @@ class Column:
         close[:-1] |= inside[1:]
         close[1:] |= inside[:-1]
         before = np.floor(steps).astype(int)
-        behind = np.ceil(steps).astype(int)
+        after = np.ceil(steps).astype(int)
         return cls(
             at=fine,
             curve=curve,
-            asked=FINE * np.flatnonzero(asked),
-            inside=close[before] & close[behind],
+            at_loads=FINE * np.flatnonzero(at_loads),
+            inside=close[before] & close[after],
         )
 
     @property
@@ -210,9 +215,9 @@ class Column:
     def laid(self, room: int | None = None, *, filled: bool = False) -> Line:
         """Lay points so that straight lines follow the law best.
 
-        Without a bound the points lie on the law. With room for few they lie beside it, and the
-        lines go through the points that were asked for unless they were off by more than
-        `TOLERABLE`.
+        Without a bound the points lie on the law. With room for few they do if lines are then off
+        by `NEAR` at most, and otherwise lie beside the law. Lines go through the points at the
+        loads of the law unless they were off by more than `TOLERABLE`.
 
         Parameters
         ----------
@@ -227,12 +232,18 @@ class Column:
             Points from an argument of 0 on. The first two and the last lie on the law.
         """
         if room is None:
-            return self._on_law(self._within(GOOD, self.asked))
-        if self.asked.size <= room:
-            line = self._beside_law(room, self.asked, filled=filled)
+            return self._on_law(self._within(GOOD, self.at_loads))
+        if self.at_loads.size <= room:
+            places = self._nearest(room, self.at_loads)
+            if filled:
+                places = self._with_further(places, room)
+            line = self._on_law(places)
+            if not self.deviation(line).inside > NEAR:
+                return line
+            line = self._beside_law(room, self.at_loads, filled=filled)
             if not self.deviation(line).inside > TOLERABLE:
                 return line
-        ends = np.unique(self.asked[[0, min(1, self.asked.size - 1), -1]])
+        ends = np.unique(self.at_loads[[0, min(1, self.at_loads.size - 1), -1]])
         return self._beside_law(room, ends, filled=filled)
 
     def _on_law(self, places: Indices) -> Line:
@@ -273,16 +284,23 @@ class Column:
 
     def _path(self, allowed: float, kept: Indices) -> Indices | None:
         """Return the places of the fewest points whose lines are off by what is allowed at most."""
-        known = (self.at.size - 1) // FINE
-        stride = FINE
-        while stride > 1 and 2 * FINE // stride * known <= MOST_PLACES:
-            stride //= 2
-        places = np.arange(FINE, self.at.size, stride)
+        places = self._places_of_paths()
         curve = self.curve[places]
         width = allowed * curve / self.weights[places]
         width[np.isin(places, kept)] = 0.0
         path = shortest_path(self.at[places], curve, width)
         return None if path is None else np.append(0, places[path])
+
+    def _places_of_paths(self) -> Indices:
+        """Return the known points from the first load on, with some between where the law rises."""
+        knots = self.curve[FINE::FINE]
+        larger = np.maximum(knots[1:], knots[:-1])
+        rises = np.abs(np.diff(knots)) / np.where(larger > 0, larger, 1.0)
+        halvings = np.ceil(np.log2(np.maximum(rises / PART_RISE, 1.0)))
+        strides = FINE // np.minimum(2**halvings, FINE).astype(int)
+        places = np.arange(FINE, self.at.size - 1)
+        chosen = places % strides[places // FINE - 1] == 0
+        return np.append(places[chosen], self.at.size - 1)
 
     def _balanced(self, places: Indices, kept: Indices) -> Line:
         """Return the lines between some places that are off least and go through the kept places.
@@ -294,7 +312,7 @@ class Column:
         fine = np.arange(FINE, self.at.size)
         fine = fine[self.curve[fine] > 0]
         lines = self._shares(places, fine) / self.curve[fine, None]
-        one = np.ones(fine.size)
+        ones = np.ones(fine.size)
         distance = -1 / self.weights[fine, None]
         falls, least_falls = self._falls(places)
         no_distance = np.zeros((falls.shape[0], 1))
@@ -302,7 +320,7 @@ class Column:
         program = linprog(
             np.append(np.zeros(places.size), 1.0),
             A_ub=np.block([[lines, distance], [-lines, distance], [falls, no_distance]]),
-            b_ub=np.concatenate([one, -one, least_falls]),
+            b_ub=np.concatenate([ones, -ones, least_falls]),
             A_eq=np.column_stack([through, np.zeros(kept.size)]),
             b_eq=self.curve[kept],
         )
@@ -313,12 +331,12 @@ class Column:
     def _shares(self, places: Indices, fine: Indices) -> Values:
         """Return the shares of values at m places in lines at k fine arguments, (k, m)."""
         right = np.clip(np.searchsorted(places, fine), 1, places.size - 1)
-        left = right - 1
-        start = self.at[places[left]]
+        before = right - 1
+        start = self.at[places[before]]
         share = (self.at[fine] - start) / (self.at[places[right]] - start)
         shares = np.zeros((fine.size, places.size))
         rows = np.arange(fine.size)
-        shares[rows, left] = 1 - share
+        shares[rows, before] = 1 - share
         shares[rows, right] = share
         return shares
 
@@ -466,13 +484,13 @@ def shortest_path(at: Values, curve: Values, width: Values) -> Indices | None:
         ahead = slice(place + 1, None)
         run = at[ahead] - at[place]
         start = heights[place][:, None]
-        least = np.maximum.accumulate((low[ahead] - start) / run, axis=1)
-        most = np.minimum.accumulate((high[ahead] - start) / run, axis=1)
-        open_to = np.count_nonzero((least <= most).any(axis=0))
+        lowest = np.maximum.accumulate((low[ahead] - start) / run, axis=1)
+        highest = np.minimum.accumulate((high[ahead] - start) / run, axis=1)
+        open_to = np.count_nonzero((lowest <= highest).any(axis=0))
         ahead = slice(place + 1, place + 1 + open_to)
         slopes = (heights[ahead] - start[:, :, None]) / run[:open_to, None]
-        seen = slopes >= least[:, :open_to, None]
-        seen &= slopes <= most[:, :open_to, None]
+        seen = slopes >= lowest[:, :open_to, None]
+        seen &= slopes <= highest[:, :open_to, None]
         falling = curve[ahead] < curve[place]
         seen &= (slopes >= 0) | falling[:, None]
         needed = np.where(seen, lines[vertices, None, None] + 1, unseen)

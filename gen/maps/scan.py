@@ -1,8 +1,9 @@
-"""The numbers of a file as a map: its channels, and whether the numbers are heights or points.
+"""Turn the numbers of a file into a map: choose a channel, and tell heights from points.
 
-`arrange` turns heights, heights between coordinates, and lists of points into a map, whatever file
-they come from. Lists of points on a grid become a map with holes at the nodes that no point lies
-on. All other lists are refused. Units of length are defined here too.
+`arrange` takes a table of numbers from any file. The table holds heights, heights with coordinates
+in the first row and column, or a list of points. A list of points on a grid becomes a map with
+holes at the nodes without a point. All other lists are refused. The units of length are defined
+here, too.
 """
 
 from __future__ import annotations
@@ -29,13 +30,13 @@ METRIC = {
     "nm": 1e-3,
     "pm": 1e-6,
 }
-# length of each unit [um]
+# length of each unit by its name [um]
 UNITS = METRIC | {"A": 1e-4, "Å": 1e-4, "inch": 25.4e3}
 NAMED_UNITS = ", ".join(unit for unit in UNITS if unit.isascii())
-# units by other names in the singular; those in metres are read by their prefix
+# further names of units, in lower case and in the singular, and their keys in `UNITS`
 WORDS = {"micron": "um", "angstrom": "A", "ångström": "A", "in": "inch", '"': "inch"}
-# name of a unit in metres, in lower case and without "e" and "s" at its end; the first group is its
-# prefix, the second stands for the prefix u
+# written-out name of a metric unit, as "nanometer", in lower case and without "e" and "s" at its
+# end. The first group is the letter of its prefix; the second is "micro", whose letter is u.
 METRES = re.compile("(p|n|m|c|)(?:ico|ano|illi|enti|)(micro|)met(?:er|r)")
 
 
@@ -47,9 +48,10 @@ def factor_of(unit: str, name: str, advice: str = "give") -> float:
     unit : str
         The unit by any of its names.
     name : str
-        What the unit belongs to, as "--unit"; the message of an error begins with it.
+        Name of the option or of the entry in a file that holds the unit, as "--unit". The message
+        of the error begins with it.
     advice : str
-        The beginning of the advice in the message, before the units that are known.
+        Beginning of the advice in the message of the error; the known units follow it.
 
     Returns
     -------
@@ -78,7 +80,7 @@ def unit_of(name: str) -> str:
     Returns
     -------
     str
-        The key of `UNITS`, or the name itself if it is no known unit of length.
+        The key of `UNITS`; the name itself if it names no known unit of length.
     """
     word = name.lower().removesuffix("s").removesuffix("e")
     metres = METRES.fullmatch(word)
@@ -98,26 +100,34 @@ def unit_of(name: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """The map of a channel, or the table of numbers that holds it, in the file's own units."""
+    """The numbers of a channel, and what the file says of them, in the units of the file."""
 
-    # numbers of shape (nx, ny), or (lines, columns) before `arrange` and in a text; NaN at holes
-    # [factor unit]
+    # Numbers; times `factor` they are heights in `unit`. NaN at holes. Axis 0 is x in a map. In a
+    # text, and in any table before `arrange`, it counts the lines.
     heights: Heights
-    # lengths along x and y, which count whole pixels [length_unit]; None if the file has none
+    # lengths of the map along x and y, each the number of nodes times their spacing
+    # [length_unit]; None if the file states none
     widths: tuple[float, float] | None = None
-    # unit of the heights; if the file names none, "" for one in um by default, else None
+    # unit of the heights. If the file names none: "" in a .npy file or a text, which may be in um,
+    # and None in an instrument's file.
     unit: str | None = None
-    length_unit: str | None = None  # unit of the lengths, None for that of the heights
-    origin: str = ""  # what was read, in words
-    # comments of the file that are not understood and that name a unit of length
+    length_unit: str | None = (
+        None  # unit of the lengths; None if it is the unit of the heights
+    )
+    origin: str = (
+        ""  # which part of the file was read, in words, as " of channel 1 'Topo'"
+    )
+    # comments of the file that name a unit of length, but are not understood
     remarks: tuple[str, ...] = ()
     # whether the file calls the map one period of a periodic surface
     repeats: bool = False
-    channel: str = ""  # name of the channel in a text
+    channel: str = ""  # name of the channel in a text; "" if it has none
     factor: float = 1.0  # factor from the numbers to heights in `unit`
-    # coordinate in each column, "" for another quantity; () if the columns have no names
+    # meaning of each column of a list of points: "x", "y", "z", or "" for another quantity; () if
+    # the file does not name the columns
     names: tuple[str, ...] = ()
-    y_unit: str = ""  # unit of the length along y, or across the lines of a text
+    # unit of the length along y, which is across the lines of a text; "" if it is `length_unit`
+    y_unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -131,7 +141,7 @@ class Channel:
 
     @property
     def label(self) -> str:
-        """Index and name, followed by the unit if the map holds no heights."""
+        """Index and name of the map; without heights also its unit, in brackets."""
         name = f"{self.index} {self.name!r}"
         if self.heights:
             return name
@@ -140,17 +150,17 @@ class Channel:
 
 @dataclass(frozen=True)
 class ChosenChannel:
-    """The map of a file that is read."""
+    """The map that is to be read from a file."""
 
     index: int  # index of the map in the file
-    # " of channel 1 'Topo' (not 0 'Phase')"; "" if the file has no second map
+    # the choice in words, as " of channel 1 'Topo' (not 0 'Phase')"; "" if the file has one map
     origin: str
 
 
 def choose_channel(
     path: Path, channels: Sequence[Channel], reading: Reading
 ) -> ChosenChannel:
-    """Choose the channel that the reading names, or else the first one with heights.
+    """Choose the channel that the reading names; if it names none, the first one with heights.
 
     Parameters
     ----------
@@ -159,17 +169,18 @@ def choose_channel(
     channels : sequence of Channel
         The maps of the file.
     reading : Reading
-        The settings, of which `channel` is the name or index of a map, or "".
+        The settings. Only `channel` is used: the name or index of a map, or "".
 
     Returns
     -------
     ChosenChannel
-        The map with heights to read.
+        The map to read, which holds heights.
 
     Raises
     ------
     InputError
-        If no map or several maps match, or the map holds no heights.
+        If no map or several maps have this name, or the map holds no heights. Without a name, if no
+        map holds heights.
     """
     if reading.channel:
         chosen = _named_channel(path, channels, reading.channel)
@@ -183,11 +194,15 @@ def choose_channel(
     origin = ""
     if left_out:
         origin = f" of channel {chosen.index} {chosen.name!r} (not {_labels(left_out)})"
-    return ChosenChannel(chosen.index, origin)
+    return ChosenChannel(index=chosen.index, origin=origin)
 
 
 def _named_channel(path: Path, channels: Sequence[Channel], name: str) -> Channel:
-    """Return the only channel of a name or else of an index; refuse one without heights."""
+    """Return the channel with a name; if no channel has this name, the channel with this index.
+
+    Raises InputError if there is no such channel, if several have the name, or if the channel holds
+    no heights.
+    """
     matches = [channel for channel in channels if channel.name == name]
     if not matches:
         matches = [channel for channel in channels if str(channel.index) == name]
@@ -205,48 +220,55 @@ def _named_channel(path: Path, channels: Sequence[Channel], name: str) -> Channe
 
 
 def _labels(channels: Sequence[Channel]) -> str:
-    """List channels by index and name."""
+    """Return the labels of channels as "0 'Topo', 1 'Phase' (in deg, no heights)"."""
     return ", ".join(channel.label for channel in channels)
 
 
-# columns of a list of points, at most: the three coordinates with three more numbers
+# largest number of columns of a list of points: three coordinates and three further numbers
 MOST_COLUMNS = 6
-# rows, and rows for each column, from which a table of up to four columns is a list of points
+# A table of two to four columns is a list of points if it has at least `STRIP` rows, and at least
+# `SLENDER` rows for each column.
 STRIP = 50
 SLENDER = 12
-# ratio of the scatter of two columns from which a table of five or six holds not only heights
+# A table of five or six columns is such a list only if one of its columns scatters more than this
+# many times as much as another one.
 UNLIKE = 8
-# numbers that hardly ever rise, fall or lie on a grid throughout, unless they are coordinates
+# Heights rise steadily or form a grid by chance only if they are fewer than about this count.
 CHANCE = 8
 EVEN = 0.02  # largest distance of points or coordinates from an even grid [spacing]
-# largest difference between the steps in a row of heights and those in the next rows [1]
+# largest relative difference between the steps along the first row of a map and the steps that the
+# next two rows predict for it
 ALIKE = 0.25
-COVERED = 0.5  # smallest share of the nodes of a grid that points of a map lie on
+COVERED = 0.5  # smallest share of the nodes of a grid that the points of a map cover
 ADVICE = "give the heights as a grid, one row of them a line, or x, y and z of points on a grid"
 
 
 def arrange(path: Path, scan: Scan) -> Scan:
-    """Turn a table of numbers into a map of heights, without coordinates in its border.
+    """Turn a table of numbers into a map of heights.
+
+    Coordinates in its first row and column, or those of its points, become the lengths of the map.
 
     Parameters
     ----------
     path : Path
         The file of the table, for messages.
     scan : Scan
-        The table, with at least 2 x 2 numbers: heights, heights below a row and beside a column of
-        coordinates, or points in rows or columns.
+        The table, with at least 2 x 2 numbers and no lengths. It holds heights alone, heights with
+        coordinates in the first row and column, or points as its rows or as its columns.
 
     Returns
     -------
     Scan
-        The map. Heights without coordinates are returned as they are.
+        The map. A table of heights alone is returned as it is.
 
     Raises
     ------
     InputError
-        If the table holds a profile, points on no grid, or coordinates along one axis only.
+        If the table holds a profile, points that make no map, coordinates along one axis only, or
+        coordinates that are not evenly spaced.
     """
     numbers = scan.heights
+    # The header names the columns.
     if len(scan.names) == numbers.shape[1]:
         places = [scan.names.index(axis) for axis in "xyz"]
         return _map_of_points(path, scan, numbers[:, places], "columns")
@@ -254,12 +276,13 @@ def arrange(path: Path, scan: Scan) -> Scan:
         return _map_of_points(path, scan, numbers, "columns")
     if _is_list(numbers.T):
         return _map_of_points(path, scan, numbers.T, "rows")
+    # Too few rows or columns to tell coordinates from heights.
     if min(numbers.shape) < 4:
         return scan
     first_row = _border(numbers)
     first_column = _border(numbers.T)
-    large = min(numbers.shape) > CHANCE / 2
-    if large and first_row.kind == first_column.kind == "even":
+    both_are_even = first_row.kind == "even" and first_column.kind == "even"
+    if both_are_even and min(numbers.shape) > CHANCE / 2:
         return _between_coordinates(scan, first_row.numbers, first_column.numbers)
     _refuse_coordinates(path, first_row, first_column, numbers[0, 0])
     return scan
@@ -267,36 +290,46 @@ def arrange(path: Path, scan: Scan) -> Scan:
 
 @dataclass(frozen=True, eq=False)
 class _Border:
-    """The first row or column of a table, without the corner."""
+    """The first row or column of a table, without the number in the corner."""
 
     numbers: Values
-    kind: str  # spacing of the coordinates, "even" or "uneven"; "" if they are heights
+    kind: (
+        str  # "even" or "uneven" if they are coordinates, by their spacing; "" if heights
+    )
 
     @property
     def coordinates(self) -> str:
-        """The kind of the coordinates in words."""
+        """The word for a message in front of "coordinates", as "evenly spaced" or "no"."""
         return f"{self.kind}ly spaced" if self.kind else "no"
 
 
 def _border(numbers: Values) -> _Border:
-    """Tell whether the first row of a table of 3 rows or more holds coordinates."""
+    """Return the first row of a table without its corner, and whether it holds coordinates.
+
+    The table has at least 3 rows. For the first column, its transpose is given.
+    """
     first, second, third = numbers[:3, 1:]
     if _is_axis(first, evenly=True):
-        # Rows of tilted maps are even, too, but continue the rows below them.
+        # Rows of a tilted map have even steps, too, but continue the rows below them linearly.
         steps = np.diff(first)
-        continued = np.diff(2 * second - third)
-        alike = np.abs(steps - continued) / np.abs(steps) <= ALIKE
+        predicted = np.diff(2 * second - third)
+        alike = np.abs(steps - predicted) / np.abs(steps) <= ALIKE
         if np.count_nonzero(alike) > first.size / 2:
-            return _Border(first, "")
-        return _Border(first, "even")
+            return _Border(numbers=first, kind="")
+        return _Border(numbers=first, kind="even")
+    # Few heights rise by chance. On a slope, the second row rises as well.
     rising = first.size >= 2 * CHANCE and _is_axis(first, evenly=False)
     if rising and not _is_axis(second, evenly=False):
-        return _Border(first, "uneven")
-    return _Border(first, "")
+        return _Border(numbers=first, kind="uneven")
+    return _Border(numbers=first, kind="")
 
 
 def _between_coordinates(scan: Scan, x: Values, y: Values) -> Scan:
-    """Return the heights inside a border of even coordinates, with lengths unless they count."""
+    """Return the map inside a first row `x` and a first column `y` of evenly spaced coordinates.
+
+    Axis 0 of the map is x. Axes with falling coordinates are reversed. The map gets its lengths
+    from the coordinates, unless they only number the rows and columns from 0 or 1.
+    """
     dx = float(np.diff(x).mean())
     dy = float(np.diff(y).mean())
     heights = scan.heights[1:, 1:].T
@@ -306,8 +339,8 @@ def _between_coordinates(scan: Scan, x: Values, y: Values) -> Scan:
         heights = heights[:, ::-1]
     heights = np.ascontiguousarray(heights)
     border = "in its first row and column, x along its lines"
-    counted = np.allclose((dx, dy), 1, rtol=1e-9) and {x[0], y[0]} <= {0, 1}
-    if counted:
+    steps_are_one = np.allclose((dx, dy), 1, rtol=1e-9)
+    if steps_are_one and {x[0], y[0]} <= {0, 1}:
         origin = f"{scan.origin} without the row and column numbers {border}"
         return replace(scan, heights=heights, origin=origin)
     nx, ny = heights.shape
@@ -319,10 +352,11 @@ def _between_coordinates(scan: Scan, x: Values, y: Values) -> Scan:
 def _refuse_coordinates(
     path: Path, first_row: _Border, first_column: _Border, corner: float
 ) -> None:
-    """Refuse a first row and column with coordinates, unless both have even steps.
+    """Raise InputError if the first row or column of a table holds coordinates that cannot be used.
 
-    A row or column of uneven steps alone counts as heights. Few numbers can rise by chance, and
-    count as coordinates only beside a corner without a number.
+    These are coordinates along both axes, or evenly spaced ones along a single axis. Uneven
+    coordinates along a single axis may be heights, and are accepted. Fewer than `CHANCE` numbers
+    may rise by chance: they are refused only if the corner of the table holds no number.
     """
     borders = (first_row, first_column)
     certain = any(
@@ -339,55 +373,73 @@ def _refuse_coordinates(
         )
 
 
-def _is_list(columns: Values) -> bool:
-    """Tell whether rows of two to six numbers are points rather than a narrow map of heights."""
-    points, width = columns.shape
+def _is_list(rows: Values) -> bool:
+    """Tell whether every row of a table is a point, rather than a line of a narrow map.
+
+    `rows` has the shape (points, numbers of a point).
+    """
+    points, width = rows.shape
     if not 2 <= width <= MOST_COLUMNS or points < 3:
         return False
+    # Long tables are lists, but one of five or six columns may be a strip of a map.
     if points >= max(STRIP, SLENDER * width):
-        return width <= 4 or _are_unlike(columns)
+        return width <= 4 or _are_unlike(rows)
+    # A table that is not longer than wide is a map.
     if points <= width:
         return False
-    if width <= 3 and _is_axis(columns[:, 0], evenly=points < CHANCE):
+    # The first column of a profile or of sorted points rises. Few heights rise by chance, but
+    # hardly in even steps.
+    if width <= 3 and _is_axis(rows[:, 0], evenly=points < CHANCE):
         return True
-    return _lies_on_grid(columns)
+    # Points in any order are known by their grid.
+    return _lies_on_grid(rows)
 
 
 def _are_unlike(columns: Values) -> bool:
-    """Tell whether one column scatters so much more than another that not all hold heights."""
+    """Tell whether one column scatters more than `UNLIKE` times as much as another one.
+
+    Columns of heights scatter alike; coordinates and heights do not.
+    """
     with np.errstate(over="ignore", invalid="ignore"):
-        scatter = np.ma.masked_invalid(columns).std(axis=0).compressed()
+        deviations = np.ma.masked_invalid(columns).std(axis=0)
+    scatter = deviations.compressed()  # of the columns that hold a number
     return bool((scatter > UNLIKE * scatter[:, None]).any())
 
 
 def _lies_on_grid(columns: Values) -> bool:
-    """Tell whether the first two columns, or the next two of four and more, are places on a grid.
+    """Tell whether two neighbouring columns hold x and y of points on a grid.
 
-    Few points can lie on one by chance: up to `CHANCE` points have to cover all of its nodes, and
-    have no number beside x, y and z.
+    They are the first two columns; of four columns or more, they may also be the second and third.
+    Few points form a grid by chance: up to `CHANCE` points have to cover all of its nodes, and to
+    have x, y and z alone.
     """
     points, width = columns.shape
     if points > CHANCE:
-        share = COVERED
+        smallest_share = COVERED
     elif width == 3:
-        share = 1.0
+        smallest_share = 1.0
     else:
         return False
     for first in range(min(width - 2, 2)):
         grid = _grid(columns[:, first], columns[:, first + 1])
-        if grid and grid.covered >= share and 10 * grid.repeated <= points:
+        if grid is None or grid.covered < smallest_share:
+            continue
+        repeats_few = 10 * grid.repeated <= points
+        if repeats_few:
             return True
     return False
 
 
 def _map_of_points(path: Path, scan: Scan, columns: Values, direction: str) -> Scan:
-    """Lay points on their grid; refuse points on no grid, and columns without clear names.
+    """Turn a list of points into a map, with holes at the nodes without a point.
 
-    `direction` tells whether the coordinates are the "columns" or the "rows" of the file.
+    `columns` has the shape (points, numbers of a point). `direction` tells in a message whether
+    these numbers are the "columns" or the "rows" of the file. A first column of four that numbers
+    the points is left out. InputError if the columns are not x, y and z, or the points make no map.
     """
     points, width = columns.shape
     if width == 4 and (columns[:, 0] == columns[0, 0] + np.arange(points)).all():
-        columns = columns[:, 1:]  # without the numbers of the points
+        columns = columns[:, 1:]
     grid = None
     fault = ""
     if columns.shape[1] == 3:
@@ -407,7 +459,7 @@ def _map_of_points(path: Path, scan: Scan, columns: Values, direction: str) -> S
 
 
 def _words_for_columns(width: int) -> str:
-    """Tell what a list with some number of columns looks like."""
+    """Return words for a list of points with `width` numbers each, as "a profile, x and z"."""
     if width == 2:
         return "a profile, x and z"
     if width == 3:
@@ -419,7 +471,10 @@ def _words_for_columns(width: int) -> str:
 
 
 def _fault_of_grid(grid: _Grid | None) -> str:
-    """Return why points on a grid, or on none, make no map; "" if they make one."""
+    """Return why points on a grid (None: on no grid) make no map; "" if they make one.
+
+    The words continue the message after `_words_for_columns`.
+    """
     if grid is None:
         return f"on no regular grid within {100 * EVEN:g} % of its spacing"
     if grid.repeated:
@@ -431,33 +486,40 @@ def _fault_of_grid(grid: _Grid | None) -> str:
 
 
 def _is_axis(values: Values, *, evenly: bool) -> bool:
-    """Tell whether numbers rise or fall throughout, and with `evenly` also in even steps."""
+    """Tell whether numbers rise throughout, or fall throughout.
+
+    With `evenly` they also have to do so in steps that differ from their mean by at most `EVEN`.
+    """
     with np.errstate(over="ignore", invalid="ignore"):
         steps = np.diff(values)
         if not ((steps > 0).all() or (steps < 0).all()):
             return False
-        deviations = np.abs(steps - steps.mean())
-        uneven = bool((deviations > EVEN * abs(steps.mean())).any())
-    return not (evenly and uneven)
+        if not evenly:
+            return True
+        mean = steps.mean()
+        uneven = np.abs(steps - mean) > EVEN * abs(mean)
+    return not uneven.any()
 
 
 @dataclass(frozen=True, eq=False)
 class _Places:
-    """The places of points along one axis of a grid."""
+    """The nodes of points along one axis of a grid."""
 
-    nodes: NDArray[np.intp]  # number of each point's node, from 0 on
+    nodes: NDArray[
+        np.intp
+    ]  # index of the node of each point, 0 for the lowest coordinate
     count: int  # number of nodes along the axis
     spacing: float  # distance of the nodes, in the unit of the coordinates
 
 
 @dataclass(frozen=True, eq=False)
 class _Grid:
-    """A grid that points lie on, and how they cover it."""
+    """A grid of points, and how the points cover it."""
 
     x: _Places
     y: _Places
-    repeated: int  # number of points on a node that an earlier point lies on
-    covered: float  # share of the nodes that a point lies on
+    repeated: int  # number of points on a node that has an earlier point
+    covered: float  # share of the nodes that have a point, up to 1
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -466,36 +528,46 @@ class _Grid:
 
 
 def _grid(x: Values, y: Values) -> _Grid | None:
-    """Return the grid that points lie on; None if they lie on none."""
+    """Return the grid of points with these coordinates; None if they are on no even grid."""
     along_x = _places(x)
     along_y = _places(y)
     if along_x is None or along_y is None:
         return None
-    covered = int(np.unique(along_x.nodes * along_y.count + along_y.nodes).size)
-    share = covered / (along_x.count * along_y.count)
-    return _Grid(along_x, along_y, along_x.nodes.size - covered, share)
+    flat_indices = along_x.nodes * along_y.count + along_y.nodes
+    covered_nodes = int(np.unique(flat_indices).size)
+    return _Grid(
+        x=along_x,
+        y=along_y,
+        repeated=flat_indices.size - covered_nodes,
+        covered=covered_nodes / (along_x.count * along_y.count),
+    )
 
 
 def _places(coordinates: Values) -> _Places | None:
-    """Return the places of points along an axis; None if the coordinates are not even.
+    """Return the nodes of points along an axis; None if the coordinates are not on even nodes.
 
-    Steps over missing places are whole multiples of the spacing, which is the median step.
+    The spacing is the median step between coordinates. Larger steps, over nodes without a point,
+    have to be whole multiples of it.
     """
-    steady = np.unique(coordinates)
+    distinct = np.unique(coordinates)
     with np.errstate(over="ignore", invalid="ignore"):
-        steps = np.diff(steady)
+        steps = np.diff(distinct)
         if not steps.size or not np.isfinite(steps).all():
             return None
-        # Coordinates of one place differ by rounding, much less than by the step at missing places.
-        steady = steady[np.append(True, steps > EVEN / 10 * steps.max())]
-        steps = np.diff(steady)
-        numbers = np.append(0, np.cumsum(np.rint(steps / np.median(steps))))
-        if not 1 <= numbers[-1] < coordinates.size:
+        # Coordinates of one node may differ by rounding: keep the lowest of them.
+        are_apart = steps > EVEN / 10 * steps.max()
+        distinct = distinct[np.append(True, are_apart)]
+        steps = np.diff(distinct)
+        nodes_passed = np.rint(steps / np.median(steps))
+        indices = np.append(0, np.cumsum(nodes_passed))
+        # An axis has two nodes or more, and not more nodes than there are points.
+        if not 1 <= indices[-1] < coordinates.size:
             return None
-        spacing = float((steady[-1] - steady[0]) / numbers[-1])
-        nearest = np.searchsorted(steady, coordinates, side="right") - 1
-        nodes = numbers[nearest].astype(np.intp)
-        off = np.abs((coordinates - steady[0]) / spacing - nodes)
-        if not (off <= EVEN).all():
+        spacing = float((distinct[-1] - distinct[0]) / indices[-1])
+        # the last distinct coordinate that is not above the coordinate of the point
+        nearest = np.searchsorted(distinct, coordinates, side="right") - 1
+        nodes = indices[nearest].astype(np.intp)
+        distance = np.abs((coordinates - distinct[0]) / spacing - nodes)
+        if not (distance <= EVEN).all():
             return None
-    return _Places(nodes, int(nodes.max()) + 1, spacing)
+    return _Places(nodes=nodes, count=int(nodes.max()) + 1, spacing=spacing)

@@ -1,8 +1,8 @@
-"""Read numbers from text, with the headers that microscopes' programs write above them.
+"""Read tables of numbers from texts, with the headers that programs of microscopes write.
 
 Headers of Gwyddion's ASCII export (in all its languages), of SPIP, Attocube, Nova, WSxM and Koala
-are understood. In all of these, x runs along the lines. `gen.maps.scan` tells whether the numbers
-are heights or coordinates.
+are understood. In texts with these headers, x runs along the lines. Later, `gen.maps.scan` tells
+whether the numbers are heights or coordinates.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from gen.maps.scan import (
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 
-# labels of a header, in lower case, for each quantity that is read from it
+# labels in headers, in lower case and separated by |, by the quantity that they label
 LABELS = {
     "channel": "channel|channel name|display|kanál|kanal|canal|canale|チャネル|채널|канал",
     "width": "width|x-length|x amplitude|šířka|breite|anchura|largeur|larghezza|largura"
@@ -49,75 +49,90 @@ LABELS = {
     "to be scaled": "datascaleneeded",
     "format": "file format",
 }
-# quantity of `LABELS` for each label
+# quantity in `LABELS` by each of its labels
 MEANINGS = {
     label: meaning for meaning, labels in LABELS.items() for label in labels.split("|")
 }
 
+# entry of a header, as `Width: 10 um`
 ENTRY = re.compile(r"(?P<label>[^:=：]{1,40}?)\s*[:=：]\s*(?P<value>.*)")
+# value of an entry that begins with a number, as `10 um`
 QUANTITY = re.compile(
     r"(?P<number>[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?)\s*(?P<unit>.*)"
 )
-# blanks in front of a bracket, which set off the unit of a column's name
+# blanks between the name of a column and the bracket with its unit
 UNIT_SET_OFF = re.compile(r"\s+(?=[\[(])")
-# name of a column with its unit: `x`, `X [mm]`, `Z_(microns)`, `y/um`, `x in nm`
+# name of a column, with or without its unit: `x`, `X [mm]`, `Z_(microns)`, `y/um`, `x in nm`
 NAME = re.compile(
     r"\W*(?P<name>[^\W\d_]+)[^\[(/]*?(?:(?:[\[(/]|\bin )\s*(?P<unit>[^\])]*)\W*)?"
 )
-HEIGHT = {"z", "h", "height", "heights"}  # names of columns of heights
-# beginning of a field that is a number, or meant to be one
+HEIGHT = {"z", "h", "height", "heights"}  # names of a column of heights, in lower case
+# beginning of a field that is a number or was meant to be one, as `1e` or `(2`
 BEGINS = re.compile(r"\W*(\d|(nan|inf)\b)", re.IGNORECASE)
-# most letters of a comment that a warning quotes
+# largest number of letters of a comment that a warning quotes
 QUOTED = 60
-# most comments that warnings quote
+# largest number of comments that are quoted
 MOST_REMARKS = 3
-# control characters, none of which stands in a text file
+# control characters that no text file contains
 CONTROL_CHARACTERS = re.compile("[\0-\x08\x0e-\x1f]")
-WITH_COMMA = re.compile(r"[-+]?\d+(,\d+)?([eE][-+]?\d+)?")  # number with a decimal comma
-# both parts of such a number, split at its comma
+# whole number, or number with a decimal comma
+WITH_COMMA = re.compile(r"[-+]?\d+(,\d+)?([eE][-+]?\d+)?")
+# parts of a number in front of its decimal comma and behind it
 WHOLE = re.compile(r"[-+]?(0|[1-9]\d*)")
 DECIMALS = re.compile(r"\d+([eE][-+]?\d+)?")
-# beginning of decimals, as 05 or 5e3, that no whole number has: their comma is a decimal one
+# beginning of decimals, as 05 or 5e3, with which no whole number begins
 PLAIN_DECIMALS = re.compile(r"0\d|\d+[eE]")
 # first line of files whose header has no `#` in front
 BARE = re.compile(r"\s*(File Format\s*=|WSxM file)", re.IGNORECASE)
-# first line of Koala's header, with the numbers of lines and of values in a line: `h=305 w=400`
+# first line of Koala's header: `h=305 w=400` for 305 lines of 400 numbers
 KOALA = re.compile(r"\s*[hw]\s*=\s*\d+(\s+[hw]\s*=\s*\d+)?\s*", re.IGNORECASE)
-# parts of that line, and the unit of length in the label of Koala's conversion factor
+# letter and number of each count in the first line of Koala's header
 KOALA_COUNT = re.compile(r"([hw])\s*=\s*(\d+)", re.IGNORECASE)
+# label of Koala's conversion factor, which contains a unit of length
 KOALA_FACTOR = re.compile(
     r"height conversion factor \(->\s*(?P<unit>[^)]+)\)", re.IGNORECASE
 )
-# ends of lines as editors count them: some programs write a second carriage return
+# end of a line as editors count lines; some programs write two carriage returns in front of "\n"
 LINE_END = re.compile(r"\r*\n|\r")
-# unit of length in a comment that is not understood; the user is warned of it
+# unit of length; the user is warned of comments that contain one but are not understood
 SAYS_LENGTHS = re.compile(
     r"\b(mm|um|µm|μm|nm|microns?|micromet\w+|nanomet\w+|\d\s*m)\b|Å"
 )
 
 
 class _Line(NamedTuple):
-    """A line of a text, split into what it holds; a plain tuple, as there are many."""
+    """A line of a text, split into its parts; a plain tuple for speed, as texts have many lines."""
 
-    number: int  # number of the line, as editors count
-    comment: str  # comment, entry of a header, or words, without blanks around it
-    fields: list[str]  # fields that are meant to be numbers
+    number: int  # number of the line in the file, from 1
+    comment: (
+        str  # comment, entry of a header, or title, without blanks around it; "" if none
+    )
+    fields: list[str]  # fields that should be numbers; empty if the line has none
 
 
 @dataclass
 class _Block:
-    """The numbers under one header, and what the header says."""
+    """The numbers under one header, and the content of the header."""
 
     rows: list[list[float]] = field(default_factory=list)
-    # values by the quantities of `LABELS`; the first value of a quantity counts
+    # values of the header by the quantities of `LABELS`, and those of `_column_entries`
     entries: dict[str, str] = field(default_factory=dict)
-    # comments that name a unit of length and are not understood
+    # comments that name a unit of length, but are not understood
     remarks: list[str] = field(default_factory=list)
 
     def add_comment(self, line: _Line, entry: dict[str, str]) -> None:
-        """Add the entry of a line, the names of columns, or else a comment that names a length.
+        """Record the comment of a line.
 
-        Names of columns count only above the numbers, on a line without numbers.
+        An entry of the header goes to `entries`, unless an earlier line has stated its quantity.
+        So do the names of columns, if they stand above the numbers. Any other comment goes to
+        `remarks` if it names a unit of length, and is dropped if it does not.
+
+        Parameters
+        ----------
+        line : _Line
+            The line, which has a comment.
+        entry : dict
+            The entry in the comment, from `_entry`; empty if the comment is none.
         """
         if not entry and not self.rows and not line.fields:
             entry = _column_entries(_columns(line.comment))
@@ -129,24 +144,24 @@ class _Block:
 
 @dataclass(frozen=True)
 class _Quantity:
-    """A value of a header."""
+    """A number with a unit, from the value of an entry in a header."""
 
     number: float = 0.0  # 0 if the value holds no number
-    unit: str = ""  # "" if the value names none
+    unit: str = ""  # "" if the value names no unit
 
 
 @dataclass(frozen=True)
 class _Extent:
-    """What a header says of the lengths of a map."""
+    """The lengths of a map that a header states."""
 
-    # lengths along the lines and across them [x_unit, y_unit]; None if one is missing
+    # lengths along the lines [x_unit] and across them [y_unit]; None unless both are stated
     widths: tuple[float, float] | None
     x_unit: str  # "" if the header names none
-    y_unit: str
+    y_unit: str  # "" if the header names none
 
 
 def read_matrices(content: bytes, path: Path) -> list[Scan]:
-    """Read the numbers of a text: one matrix, or one for each header of a channel.
+    """Read the numbers of a text as one matrix, or as one for each channel with a header.
 
     Parameters
     ----------
@@ -158,14 +173,15 @@ def read_matrices(content: bytes, path: Path) -> list[Scan]:
     Returns
     -------
     list of Scan
-        The matrices, with lines along axis 0 and the lengths and units that their headers state;
-        an empty list if the content is no text.
+        The matrices, whose axis 0 counts the lines, with the lengths and units that their headers
+        state. An empty list if the content is no text.
 
     Raises
     ------
     InputError
-        If a field is no number, rows differ in length, a matrix is smaller than 2 x 2, or a header
-        contradicts its numbers.
+        If a field is no number, rows differ in length, a matrix is smaller than 2 x 2, columns are
+        named as those of a profile, or a header contradicts its numbers or says that they are to be
+        scaled.
     """
     text = _decoded(content)
     if text is None:
@@ -175,13 +191,15 @@ def read_matrices(content: bytes, path: Path) -> list[Scan]:
     for line in _lines(text, path):
         if line.comment:
             entry = _entry(line.comment)
+            # Below numbers, this entry begins the header of the next channel.
             if block.rows and entry.keys() & {"channel", "width"}:
                 scans.append(_matrix(path, block))
                 block = _Block()
             block.add_comment(line, entry)
         if line.fields:
             block.rows.append(_row(line, path, block.rows))
-    if block.rows or not scans:  # a header at the end of a file has no numbers
+    # Ignore a header without numbers at the end. `_matrix` refuses a text without any numbers.
+    if block.rows or not scans:
         scans.append(_matrix(path, block))
     return scans
 
@@ -189,7 +207,7 @@ def read_matrices(content: bytes, path: Path) -> list[Scan]:
 def choose_matrix(path: Path, matrices: list[Scan], reading: Reading) -> Scan:
     """Choose the matrix of a channel, and transpose it if its header states lengths.
 
-    In such texts x runs along the lines, in maps along axis 0.
+    In texts with such a header, x runs along the lines. In maps, x is axis 0.
 
     Parameters
     ----------
@@ -198,25 +216,26 @@ def choose_matrix(path: Path, matrices: list[Scan], reading: Reading) -> Scan:
     matrices : list of Scan
         The matrices of the file, at least one.
     reading : Reading
-        The settings, of which `channel` names the matrix; without it the first one with heights is
-        chosen. A unit that overrules the file's makes heights of any numbers.
+        The settings. `channel` names the matrix; if it is "", the first one with heights is chosen.
+        If `override_scale` and `unit` are set, the matrices hold heights in that unit, whatever
+        their own unit is.
 
     Returns
     -------
     Scan
-        The matrix, with both lengths in the unit of the length along x.
+        The matrix. Both of its lengths, if it has them, are in the unit of the length along x.
 
     Raises
     ------
     InputError
-        If no matrix has heights, the channel is unknown, or x and y have different units without
-        lengths.
+        If no matrix has heights, or the channel is unknown. If x and y have different units, and
+        there are no lengths to convert, or one of the units is unknown.
     """
     overruled = reading.override_scale and bool(reading.unit)
     channels = [
         _channel(index, scan, overruled=overruled) for index, scan in enumerate(matrices)
     ]
-    chosen = ChosenChannel(0, "")
+    chosen = ChosenChannel(index=0, origin="")
     if reading.channel or len(matrices) > 1 or not channels[0].heights:
         chosen = choose_channel(path, channels, reading)
     scan = matrices[chosen.index]
@@ -231,8 +250,9 @@ def choose_matrix(path: Path, matrices: list[Scan], reading: Reading) -> Scan:
         return replace(scan, origin=chosen.origin)
     width, length = scan.widths
     if not same_unit:
-        in_um = factor_of(y_unit, f"{path}: unit")
-        length *= in_um / factor_of(x_unit, f"{path}: unit")
+        y_in_um = factor_of(y_unit, f"{path}: unit")
+        x_in_um = factor_of(x_unit, f"{path}: unit")
+        length *= y_in_um / x_in_um
     return replace(
         scan,
         heights=np.ascontiguousarray(scan.heights.T),
@@ -242,16 +262,25 @@ def choose_matrix(path: Path, matrices: list[Scan], reading: Reading) -> Scan:
 
 
 def _channel(index: int, scan: Scan, *, overruled: bool) -> Channel:
-    """Describe a matrix as a channel; its unit need not be one of length if it is overruled."""
-    is_height = not scan.unit or overruled or unit_of(scan.unit) in UNITS
-    return Channel(index, scan.channel or f"matrix {index}", is_height, scan.unit or "")
+    """Describe a matrix as a channel.
+
+    It holds heights if its unit is one of length, or missing, or `overruled` by the user.
+    """
+    return Channel(
+        index=index,
+        name=scan.channel or f"matrix {index}",
+        heights=not scan.unit or overruled or unit_of(scan.unit) in UNITS,
+        unit=scan.unit or "",
+    )
 
 
 def _decoded(content: bytes) -> str | None:
     """Decode a text in UTF-8, UTF-16 or an encoding that extends ASCII; None if it is no text.
 
-    Letters that are not ASCII become U+FFFD in encodings other than UTF-8 and UTF-16.
+    If the text is neither UTF-8 nor UTF-16, its letters outside ASCII become U+FFFD.
     """
+    # UTF-16 begins with a mark of its byte order. Without one, its first letter, if it is ASCII,
+    # has a zero byte.
     encoding = "utf-8-sig"
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         encoding = "utf-16"
@@ -259,7 +288,7 @@ def _decoded(content: bytes) -> str | None:
         encoding = "utf-16-be"
     elif content[1:2] == b"\0":
         encoding = "utf-16-le"
-    # The first letters are enough to tell the binary files of instruments, which may be large.
+    # Binary files of instruments may be large: most of them are known by their first bytes.
     if CONTROL_CHARACTERS.search(content[:4096].decode(encoding, errors="replace")):
         return None
     text = content.decode(encoding, errors="replace")
@@ -269,7 +298,7 @@ def _decoded(content: bytes) -> str | None:
 
 
 def _entry(comment: str) -> dict[str, str]:
-    """Return the value of a header's line by its quantity in `LABELS`; {} if it has none."""
+    """Return a comment that is a known entry as {quantity of `LABELS`: value}, any other as {}."""
     match = ENTRY.fullmatch(comment)
     if match is None:
         return {}
@@ -283,48 +312,57 @@ def _entry(comment: str) -> dict[str, str]:
 class _Column:
     """The name of a column of numbers."""
 
-    text: str  # the name as the file has it
-    axis: str  # coordinate in the column: "x", "y" or "z"; "" for another quantity
-    unit: str  # unit in the name, "" if there is none
+    text: str  # the name as it is in the file
+    axis: str  # coordinate that the name stands for: "x", "y", "z", or "" for another quantity
+    unit: str  # unit in the name; "" if it has none
 
 
 def _columns(line: str) -> list[_Column]:
-    """Return the columns that the words of a line may name."""
+    """Take every word of a line as the name of a column, and return these columns."""
     words = _fields(UNIT_SET_OFF.sub("", line))
     return [_column(word) for word in words]
 
 
 def _column(word: str) -> _Column:
-    """Return the column that a word may name."""
+    """Take a word, as "X[mm]", as the name of a column, and return the column."""
     match = NAME.fullmatch(word.strip())
     if match is None:
-        return _Column(word, "", "")
+        return _Column(text=word, axis="", unit="")
     name = match["name"].lower()
     axis = ""
     if name in HEIGHT:
         axis = "z"
     elif name in {"x", "y"}:
         axis = name
-    return _Column(word, axis, match["unit"] or "")
+    return _Column(text=word, axis=axis, unit=match["unit"] or "")
 
 
-# entry of a header for the unit of each kind of column
-UNIT_ENTRIES = {"x": "x unit", "y": "y unit", "z": "value unit", "": "other unit"}
+# quantity of `LABELS` that is the unit of a coordinate
+UNIT_ENTRIES = {"x": "x unit", "y": "y unit", "z": "value unit"}
 
 
 def _column_entries(columns: list[_Column]) -> dict[str, str]:
-    """Return units and order of columns as entries of a header; {} unless they are x, y and z."""
+    """Return the names of columns as entries of a header; {} unless x, y and z are there once each.
+
+    The entries are the units of x, y and z, by the quantities of `LABELS`, and "columns of points":
+    the coordinates of all columns, as "x,y,z,", in which a column of another quantity is empty.
+    """
     axes = [column.axis for column in columns]
     if sorted(axis for axis in axes if axis) != ["x", "y", "z"]:
         return {}
-    entries = {
-        UNIT_ENTRIES[column.axis]: column.unit for column in columns if column.unit
-    }
-    return entries | {"columns of points": ",".join(axes)}
+    entries = {"columns of points": ",".join(axes)}
+    for column in columns:
+        if column.axis and column.unit:
+            entries[UNIT_ENTRIES[column.axis]] = column.unit
+    return entries
 
 
 def _refuse_profile(line: str, place: str) -> None:
-    """Refuse a title with the columns of a profile or of an incomplete list of points."""
+    """Raise InputError if a title names x and one or two other columns, but not x, y and z.
+
+    These are the columns of a profile or of an incomplete list of points. The message begins with
+    `place`, the file and the number of the line.
+    """
     columns = _columns(line)
     axes = [column.axis for column in columns if column.axis]
     if sorted(axes) == ["x", "y", "z"]:
@@ -338,7 +376,7 @@ def _refuse_profile(line: str, place: str) -> None:
 
 
 def _lines(content: str, path: Path) -> Iterator[_Line]:
-    """Yield every line that is not empty; words above the numbers are comments."""
+    """Yield the lines of a text that are not empty; lines of its header have a comment only."""
     lines = LINE_END.split(content)
     first = next((line for line in lines if line.strip()), "")
     if KOALA.fullmatch(first):
@@ -350,20 +388,22 @@ def _lines(content: str, path: Path) -> Iterator[_Line]:
 
 
 def _marked_lines(lines: list[str], path: Path) -> Iterator[_Line]:
-    """Yield the lines of a text whose comments begin with #; words above the numbers are comments.
+    """Yield the lines of a text whose comments begin with #; titles become comments, too.
 
-    A text that holds words alone is refused, with its first word.
+    A title is a line of words above the numbers. InputError if there is a title but no number, or
+    if a title names the columns of a profile.
     """
     has_numbers = False
-    first_title = 0
+    first_title = 0  # number of the line; 0 if there is no title
     for number, text in enumerate(lines, start=1):
         line = _split_line(number, text, path)
         if line.fields and not has_numbers:
             words = text.partition("#")[0]
             if _is_title(words.strip(), line.fields):
                 _refuse_profile(words, f"{path}, line {number}")
-                line = _Line(number, words.strip(), [])
-                first_title = first_title or number
+                line = _Line(number=number, comment=words.strip(), fields=[])
+                if not first_title:
+                    first_title = number
             else:
                 has_numbers = True
         if line.fields or line.comment:
@@ -374,27 +414,30 @@ def _marked_lines(lines: list[str], path: Path) -> Iterator[_Line]:
 
 
 def _is_title(text: str, fields: list[str]) -> bool:
-    """Tell whether a line is a title: no entry of a header, and no field begins as numbers do."""
+    """Tell whether a line, split into its fields, is a title.
+
+    An entry of a header, as `Width: 10 um`, is none, and no field of a title begins like a number.
+    """
     if ENTRY.fullmatch(text):
         return False
     return not any(BEGINS.match(word) for word in fields)
 
 
 def _bare_lines(lines: list[str], path: Path) -> Iterator[_Line]:
-    """Yield the lines of a text with a header that has no # in front.
+    """Yield the lines of a text whose header has no # in front.
 
-    A line with a field that is no number belongs to the header.
+    A line with a field that is no number belongs to the header: it becomes a comment.
     """
     for number, text in enumerate(lines, start=1):
         line = _split_line(number, text, path)
         if not _are_numbers(line.fields):
-            line = _Line(number, text.strip(), [])
+            line = _Line(number=number, comment=text.strip(), fields=[])
         if line.fields or line.comment:
             yield line
 
 
 def _koala_lines(lines: list[str], path: Path) -> Iterator[_Line]:
-    """Yield the lines of Koala's text: its entries under the labels of `LABELS`, then numbers."""
+    """Yield the lines of a text of Koala, with the header rewritten by `_koala_entries`."""
     has_numbers = False
     for line in _bare_lines(lines, path):
         has_numbers = has_numbers or bool(line.fields)
@@ -403,21 +446,27 @@ def _koala_lines(lines: list[str], path: Path) -> Iterator[_Line]:
             yield line
             continue
         for entry in _koala_entries(text):
-            yield _Line(line.number, entry, [])
+            yield _Line(number=line.number, comment=entry, fields=[])
 
 
 def _koala_entries(line: str) -> list[str]:
-    """Return the entries of a line of Koala's header under the labels of `LABELS`."""
+    """Rewrite a line of Koala's header as lines "label = value" with labels of `LABELS`.
+
+    Lines that are not understood are returned as they are.
+    """
+    # The first line counts the lines (h) and the numbers in each of them (w).
     if KOALA.fullmatch(line):
         counts = KOALA_COUNT.findall(line)
         axes = {"h": "y", "w": "x"}
-        return [f"{axes[label.lower()]}-pixels = {count}" for label, count in counts]
+        return [f"{axes[letter.lower()]}-pixels = {count}" for letter, count in counts]
     match = ENTRY.fullmatch(line.strip())
     if match is None:
         return [line.strip()]
     label = match["label"].lower()
+    # Pixels are square.
     if label == "pixel size":
         return [f"scale x = {match['value']}", f"scale y = {match['value']}"]
+    # The label contains the unit that the factor leads to.
     factor = KOALA_FACTOR.fullmatch(label)
     if factor:
         return [f"conversion factor = {match['value']} {factor['unit']}"]
@@ -425,9 +474,10 @@ def _koala_entries(line: str) -> list[str]:
 
 
 def _split_line(number: int, line: str, path: Path) -> _Line:
-    """Split a line into fields and a comment.
+    """Split a line into its fields and the comment behind #.
 
-    Fields that commas separate although their decimals have commas, too, are refused.
+    `number` is that of the line in the file. InputError if the commas of the line seem both to
+    separate numbers and to mark decimals.
     """
     text, _, comment = line.partition("#")
     text = text.strip()
@@ -437,11 +487,15 @@ def _split_line(number: int, line: str, path: Path) -> _Line:
             f"{path}, line {number}: {text[:20]!r}: its commas look like decimal commas"
             " as well as separators; separate the numbers by ';', tabs or blanks"
         )
-    return _Line(number, comment.strip(), fields)
+    return _Line(number=number, comment=comment.strip(), fields=fields)
 
 
 def _matrix(path: Path, block: _Block) -> Scan:
-    """Return the numbers under a header; refuse more or fewer numbers than it states."""
+    """Return the numbers of a block, with the lengths, units and names that its header states.
+
+    Axis 0 counts the lines. InputError if there are fewer than 2 x 2 numbers, more or fewer than
+    the header states, or if the header says that they are to be scaled.
+    """
     entries = block.entries
     numbers = np.array(block.rows, dtype=np.float64)
     if min(numbers.shape) < 2:
@@ -452,20 +506,23 @@ def _matrix(path: Path, block: _Block) -> Scan:
             f"{path}: holds {count} heights; give 2-D heights, 2 x 2 or more"
         )
     extent = _extent(entries, numbers.shape)
-    remarks = block.remarks
-    if extent.widths is None:  # for example, one of the two lengths is missing
-        single = [name for name in ("width", "height") if name in entries]
-        remarks = [f"{name}: {entries[name]}" for name in single] + remarks
     _require_counts(path, entries, numbers.shape, has_lengths=extent.widths is not None)
     if entries.get("to be scaled", "").lower() in {"yes", "1", "true"}:
         raise InputError(
             f"{path}: its header says that its numbers are to be scaled"
             " (DataScaleNeeded), which is not read; give heights in units of length"
         )
-    scale = _scale(path, entries)
+    # A length cannot be used without the other one: the user is told of it.
+    unused_lengths = []
+    if extent.widths is None:
+        unused_lengths = [
+            f"{name}: {entries[name]}" for name in ("width", "height") if name in entries
+        ]
+    remarks = unused_lengths + block.remarks
     names: tuple[str, ...] = ()
     if "columns of points" in entries:
         names = tuple(entries["columns of points"].split(","))
+    scale = _scale(path, entries)
     return Scan(
         heights=numbers,
         widths=extent.widths,
@@ -482,11 +539,12 @@ def _matrix(path: Path, block: _Block) -> Scan:
 def _require_counts(
     path: Path, entries: dict[str, str], shape: tuple[int, ...], *, has_lengths: bool
 ) -> None:
-    """Refuse a matrix of another shape than its header states, if it states one.
+    """Raise InputError unless a matrix has the numbers of lines and columns that its header states.
 
-    Without lengths the header may be somebody's own, with x down the columns as in .npy files, and
-    counts may be the other way round.
+    A header without lengths may be written by the user, for a matrix with x down the columns, as in
+    .npy files: then both numbers may also be exchanged.
     """
+    # A number that the header does not state is 0.
     stated_lines = _quantity(entries.get("lines", "")).number
     stated_columns = _quantity(entries.get("columns", "")).number
     allowed = [shape] if has_lengths else [shape, shape[::-1]]
@@ -501,12 +559,15 @@ def _require_counts(
 
 
 def _count_text(count: float) -> str:
-    """Write a number that a header states, "?" for one that it does not."""
+    """Return the text of a count in a header; "?" for 0, a count that it does not state."""
     return f"{count:g}" if count else "?"
 
 
 def _scale(path: Path, entries: dict[str, str]) -> _Quantity:
-    """Return the factor of the numbers, and the unit of the heights that they then are."""
+    """Return the factor from the numbers of a text to heights, with the unit of these heights.
+
+    The unit is "" if the header names none. A factor that the header does not state is 1.
+    """
     data_unit = _unit(entries.get("data unit", ""))
     if "conversion" in entries:
         conversion = _quantity(entries["conversion"])
@@ -516,56 +577,68 @@ def _scale(path: Path, entries: dict[str, str]) -> _Quantity:
                 f"{path}: its header states numbers in {data_unit} as well as a height"
                 f" conversion factor of {factor:g}; delete the line that does not hold"
             )
-        return _Quantity(factor or 1.0, conversion.unit)
+        return _Quantity(number=factor or 1.0, unit=conversion.unit)
     if "value unit" in entries:
-        return _Quantity(1.0, _unit(entries["value unit"]))
+        return _Quantity(number=1.0, unit=_unit(entries["value unit"]))
     if "nm per value" in entries:
         factor = _quantity(entries["nm per value"]).number
-        return _Quantity(factor or 1.0, "nm")
-    return _Quantity(1.0, data_unit)
+        return _Quantity(number=factor or 1.0, unit="nm")
+    return _Quantity(number=1.0, unit=data_unit)
 
 
 def _extent(entries: dict[str, str], shape: tuple[int, ...]) -> _Extent:
-    """Return the lengths of a matrix of (lines, columns), from lengths or spacings of a header."""
+    """Return the lengths that a header states for a matrix of shape (lines, columns).
+
+    Spacings of the nodes, if it states them, are multiplied by the numbers of columns and lines.
+    """
     x_unit = entries.get("x unit", "")
     y_unit = entries.get("y unit", "")
     if "x spacing" in entries:
-        along = _quantity(entries["x spacing"])
-        across = _quantity(entries.get("y spacing", ""))
+        along_lines = _quantity(entries["x spacing"])
+        across_lines = _quantity(entries.get("y spacing", ""))
         lines, columns = shape
+        width = along_lines.number * columns
+        length = across_lines.number * lines
     else:
-        along = _quantity(entries.get("width", ""))
-        across = _quantity(entries.get("height", ""))
-        lines, columns = 1, 1
-    if not (0 < along.number < math.inf and 0 < across.number < math.inf):
-        return _Extent(None, x_unit, y_unit)
-    usual = "nm" if "format" in entries else ""  # SPIP states no unit of lengths
-    x_unit = along.unit or _unit(x_unit) or usual
-    y_unit = across.unit or _unit(y_unit) or x_unit
-    return _Extent((along.number * columns, across.number * lines), x_unit, y_unit)
+        along_lines = _quantity(entries.get("width", ""))
+        across_lines = _quantity(entries.get("height", ""))
+        width = along_lines.number
+        length = across_lines.number
+    # A value that is missing or no number is 0.
+    if not (0 < along_lines.number < math.inf and 0 < across_lines.number < math.inf):
+        return _Extent(widths=None, x_unit=x_unit, y_unit=y_unit)
+    default_unit = ""
+    if "format" in entries:  # of SPIP, which states no unit of lengths
+        default_unit = "nm"
+    x_unit = along_lines.unit or _unit(x_unit) or default_unit
+    y_unit = across_lines.unit or _unit(y_unit) or x_unit
+    return _Extent(widths=(width, length), x_unit=x_unit, y_unit=y_unit)
 
 
 def _quantity(text: str) -> _Quantity:
-    """Return number and unit of a value in a header."""
+    """Split a value of a header into number and unit; the number is 0 if it begins with none."""
     match = QUANTITY.fullmatch(text)
     if match is None:
         return _Quantity()
-    return _Quantity(float(match["number"].replace(",", ".")), _unit(match["unit"]))
+    number = float(match["number"].replace(",", "."))
+    return _Quantity(number=number, unit=_unit(match["unit"]))
 
 
 def _unit(text: str) -> str:
-    """Strip brackets from a unit, and mend a micro sign in a foreign encoding."""
+    """Strip brackets from a unit, and restore the micro sign of um in an unknown encoding."""
     return text.strip(" []()").replace("\ufffdm", "µm")
 
 
 def _row(line: _Line, path: Path, rows: list[list[float]]) -> list[float]:
-    """Return the numbers of a line, as many as in the rows above it; refuse words.
+    """Return the fields of a line as numbers; `rows` are the rows above it.
 
-    In the first row, a word in the corner above row numbers or coordinates stands for no number.
+    In a first row of more than three fields, a word in front of numbers becomes NaN: it is the
+    corner of a table with coordinates or row numbers. InputError if another field is no number, or
+    the line has more or fewer numbers than the first row.
     """
     fields = line.fields
-    is_first_row = not rows and len(fields) > 3
-    if is_first_row and not _is_number(fields[0]) and _are_numbers(fields[1:]):
+    may_have_corner = not rows and len(fields) > 3
+    if may_have_corner and not _is_number(fields[0]) and _are_numbers(fields[1:]):
         fields = ["nan", *fields[1:]]
     try:
         row = [float(number) for number in fields]
@@ -580,7 +653,10 @@ def _row(line: _Line, path: Path, rows: list[list[float]]) -> list[float]:
 
 
 def _fault_of_row(line: _Line, path: Path, *, is_first: bool) -> InputError:
-    """Return the error for a line with a field that is no number, perhaps of an unknown header."""
+    """Return the error for a line with a field that is no number.
+
+    A first row that reads "label: value" is called a part of an unknown header.
+    """
     word = next(text for text in line.fields if not _is_number(text))
     text = " ".join(line.fields)
     if is_first and word == line.fields[0] and ENTRY.fullmatch(text):
@@ -593,41 +669,55 @@ def _fault_of_row(line: _Line, path: Path, *, is_first: bool) -> InputError:
 
 
 def _fields(line: str) -> list[str]:
-    """Split a line into fields; a separator may end the line, and commas may be decimal."""
-    words = line.removesuffix(";").split(";") if ";" in line else line.split()
+    """Split a line into fields, and replace decimal commas in them by points.
+
+    Fields are separated by semicolons if there are any, otherwise by blanks or by commas. One more
+    separator may end the line.
+    """
+    has_semicolons = ";" in line
+    words = line.split()
+    if has_semicolons:
+        words = line.removesuffix(";").split(";")
     if "," not in line:
         return words
-    decimal = all(
+    have_decimal_commas = all(
         WITH_COMMA.fullmatch(word.strip()) or _is_number(word) for word in words
     )
-    commas_separate = not decimal or len(words) < 2
-    if ";" not in line and commas_separate:
+    # A single word, as 1,2, is a row of two numbers.
+    commas_separate = not have_decimal_commas or len(words) < 2
+    if commas_separate and not has_semicolons:
         return line.removesuffix(",").split(",")
-    if not decimal:
+    if not have_decimal_commas:
         return words
     return [word.replace(",", ".") for word in words]
 
 
 def _are_split(fields: list[str]) -> bool:
-    """Tell whether fields are numbers split at their decimal commas, as `0,05,-0,5` is."""
-    wholes = fields[::2]
+    """Tell whether fields are numbers that were split at their decimal commas, as `0,05,-0,5` is.
+
+    They alternate between whole numbers and decimals. As `1,2,3,4` may also be four whole numbers,
+    one field at least has to be impossible as a whole number: -0, 05 or 5e3.
+    """
+    whole_parts = fields[::2]
     decimals = fields[1::2]
-    if len(wholes) != len(decimals):
+    if len(whole_parts) != len(decimals):
         return False
-    if not all(WHOLE.fullmatch(digits) for digits in wholes):
+    if not all(WHOLE.fullmatch(digits) for digits in whole_parts):
         return False
     if not all(DECIMALS.fullmatch(digits) for digits in decimals):
         return False
-    return "-0" in wholes or any(PLAIN_DECIMALS.match(digits) for digits in decimals)
+    if "-0" in whole_parts:
+        return True
+    return any(PLAIN_DECIMALS.match(digits) for digits in decimals)
 
 
 def _are_numbers(fields: list[str]) -> bool:
-    """Tell whether all fields are numbers."""
+    """Tell whether all fields are numbers; True for no field."""
     return all(_is_number(text) for text in fields)
 
 
 def _is_number(field: str) -> bool:
-    """Tell whether a field is a number."""
+    """Tell whether a field is a number in the notation of Python; nan and inf are numbers."""
     try:
         float(field)
     except ValueError:
@@ -636,7 +726,7 @@ def _is_number(field: str) -> bool:
 
 
 def _no_number(field: str, path: Path, line: int) -> InputError:
-    """Return the error for a field that is not a number."""
+    """Return the error for a field that is not a number, in the line with this number."""
     return InputError(
         f"{path}, line {line}: {repr(field.strip())[:40]} is not a number; give numbers"
         " separated by whitespace, commas or ';', and nan for a missing height"
