@@ -36,7 +36,7 @@ from gen.runtime.user_code import TRUSTED
 from gen.scene import Scene, load
 
 if TYPE_CHECKING:
-    from learn.features.sets import Rows
+    from learn.features.rows import Rows
     from learn.surrogate import Prediction, Surrogate
 
 KNOWN = (
@@ -464,7 +464,6 @@ class Part:
 
 def _parts_of(surrogate: "Surrogate") -> dict[str, Part]:
     """Return what a surrogate may be asked for, by the names of the outputs."""
-    from learn.features.scene import SCENE
     from learn.models import POPULATION
 
     parts = {target: Part(target) for target in surrogate.learnt}
@@ -472,7 +471,7 @@ def _parts_of(surrogate: "Surrogate") -> dict[str, Part]:
     for target in surrogate.learnt:
         further[f"{target}_low"] = Part(target, "low")
         further[f"{target}_high"] = Part(target, "high")
-        if surrogate.features.name == SCENE:
+        if surrogate.features.of_scene:
             further[f"{target}_mean"] = Part(target, mean=True)
         if surrogate.card["model"] == POPULATION.name:
             further[f"{target}_mean_low"] = Part(target, "low", mean=True)
@@ -520,9 +519,9 @@ class SurrogateFunction(Function):
         outside: Outside = "warn",
         level: float | None = None,
     ) -> None:
-        from learn.features.scene import HARDNESSES, SCENE
+        from learn.features.scene import HARDNESSES
         from learn.surrogate import Surrogate
-        from learn.surrogate.interval import level_of
+        from learn.surrogate.level import level_of
 
         if outside not in {"warn", "nan", "raise"}:
             raise InputError(f"outside = {outside!r}: allowed: warn, nan, raise")
@@ -535,7 +534,7 @@ class SurrogateFunction(Function):
         self._lock = Lock()
         self.surrogate = Surrogate.load(self._path)
         self.level = level_of(self.surrogate, level)
-        self.of_scene = self.surrogate.features.name == SCENE
+        self.of_scene = self.surrogate.features.of_scene
         known = _parts_of(self.surrogate)
         self.outputs = _among(
             known, tuple(self.surrogate.learnt if outputs is None else outputs)
@@ -615,7 +614,7 @@ class SurrogateFunction(Function):
 
     def _rows(self, points: Points) -> tuple["Rows", Indices]:
         """Return rows to predict, and the place of each among the n points."""
-        from learn.features.sets import joined
+        from learn.features.rows import joined
 
         if self.of_scene:
             if not points.of_scene:

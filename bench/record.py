@@ -128,7 +128,7 @@ def _inside(path: Path) -> Iterator[Path]:
 def read(path: Path) -> Record | None:
     """Read a record; None if there is none."""
     found = documents.read(path, Record)
-    return None if found is None else Record.model_validate(found, strict=False)
+    return None if found is None else Record.model_validate(found.content(), strict=False)
 
 
 @dataclass(frozen=True)

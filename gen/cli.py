@@ -1,4 +1,4 @@
-"""The command line of `python -m gen`; its commands have their homes in `gen.commands`."""
+"""The command line of `python -m gen`; the functions of its commands are in `gen.commands`."""
 
 from functools import partial
 
@@ -33,7 +33,7 @@ COMMANDS = (
     estimate,
     scene,
 )
-"""Commands, in the order of the help."""
+"""Functions of the commands, in the order in which the help lists them."""
 
 for _command in COMMANDS:
     app.command()(_command)
@@ -45,5 +45,6 @@ app.callback(
 main = partial(command_line.main, app, name="gen", collective=["run"])
 """Run a command line, given as a sequence of words, and return its exit code.
 
-See `gen.runtime.command_line.main`; its `name` may be given, as "asperity gen".
+See `gen.runtime.command_line.main`. The name of the program in messages is "gen"; the argument
+`name` replaces it, for example by "asperity gen".
 """

@@ -1,9 +1,9 @@
-"""Numbers of a scene that are fixed or drawn: how they are written, and their quantiles.
+"""Numbers of a scene that are fixed or drawn: their notation in scenes, and their quantiles.
 
-A number is fixed, `[low, high]` is uniform, and a table names every other distribution:
-`{ log_uniform = [low, high] }`, `{ normal = [mean, deviation] }`, which is truncated, and
-`{ choice = [...] }`. Quantiles turn numbers in [0, 1) into values; their operations are rounded
-alike on every processor, so that a plan is the same everywhere.
+A single number is fixed. `[low, high]` is a uniform distribution. A table names one of the other
+distributions: `{ log_uniform = [low, high] }`, `{ normal = [mean, deviation] }`, which is
+truncated, or `{ choice = [...] }`. Quantiles turn numbers in [0, 1) into values. They use only
+operations that all processors round alike, so that a scene has the same plan on every machine.
 """
 
 import functools
@@ -30,18 +30,25 @@ from gen.arrays import Values
 
 T = TypeVar("T")
 
-SMALLEST_SHARE = 1e-9  # smallest share of a normal distribution that its range may hold
-REACH = 3.0  # deviations from the mean at which a normal distribution ends unless a range is given
-LARGEST = sys.float_info.max  # largest number
+SMALLEST_SHARE = 1e-9  # a range has to hold more than this share of a normal distribution
+# A normal distribution without a range ends at this number of deviations from its mean.
+REACH = 3.0
+LARGEST = sys.float_info.max  # largest number of double precision
 DIGITS = 53  # binary digits of a random number in [0, 1)
 
-KNOTS = 2**16  # intervals inside which a normal distribution's quantiles are linear
-# decimal digits of the quantiles at their ends, on which processors agree
+# Number of intervals between the knots of a normal distribution. Its quantiles are exact at the
+# knots, and linear between them.
+INTERVALS = 2**16
+# Significant decimal digits to which the quantiles at the knots are rounded. Processors agree on
+# them.
 SIGNIFICANT = 9
 
 
 class Table(BaseModel):
-    """Rules for every table of a scene; a field's description says which values are allowed."""
+    """A table of a scene, which refuses unknown keys and values of a wrong type.
+
+    The description of a field says which values are allowed.
+    """
 
     model_config = ConfigDict(
         extra="forbid", frozen=True, strict=True, allow_inf_nan=False
@@ -49,31 +56,30 @@ class Table(BaseModel):
 
 
 def conflict(words: str) -> PydanticCustomError:
-    """Return the error for keys of a table that do not go together.
+    """Make the error for keys of a table that contradict each other.
 
     Parameters
     ----------
     words : str
-        What is wrong, and what to do. The message is these words alone, without the values that a
-        key allows.
+        The message: what is wrong, and what to do. The allowed values of a key are not added to it.
 
     Returns
     -------
     PydanticCustomError
-        The error, for a validator to raise.
+        The error, which a validator raises.
     """
     return PydanticCustomError("conflict", words)
 
 
 class Limits(NamedTuple):
-    """Both ends of a range of numbers, in the unit of the key."""
+    """The smallest and the largest number of a range, in the unit of the key."""
 
     smallest: float
     largest: float
 
 
 def ascending(limits: tuple[T, T]) -> tuple[T, T]:
-    """Return a range, or refuse it if it is not one.
+    """Return the limits of a range unchanged; raise ValueError unless they are in ascending order.
 
     Parameters
     ----------
@@ -88,33 +94,33 @@ def ascending(limits: tuple[T, T]) -> tuple[T, T]:
     Raises
     ------
     ValueError
-        If the lower limit is above the upper one, or their distance is beyond the largest number.
+        If the lower limit is above the upper one, or their difference exceeds the largest number.
     """
     low, high = limits
-    if low > high:  # type: ignore[operator]  # pydantic has made both numbers
+    if low > high:  # type: ignore[operator]  # pydantic has checked that both are numbers
         raise ValueError(f"{low!r} is above {high!r}")
     if math.isinf(high - low):  # type: ignore[operator]
         raise ValueError("the range is too wide")
     return limits
 
 
-# -0.0 becomes 0.0: the two are equal, and equal scenes must have equal texts.
+# Adding 0.0 turns -0.0 into 0.0. The two are equal, and equal scenes must have equal texts.
 Number = Annotated[float, AfterValidator(lambda number: number + 0.0)]
 Positive = Annotated[Number, Field(gt=0)]
-# TOML and JSON have arrays where the models have tuples: this conversion alone is allowed.
+# A range is a tuple here and an array in TOML and JSON. Values are not converted otherwise.
 Range = Annotated[tuple[T, T], Strict(False), AfterValidator(ascending)]
 
 
 class TabulatedDistribution(Table):
-    """A distribution that a scene writes as a table."""
+    """A distribution that is a table in a scene."""
 
     @property
     def ends(self) -> Limits:
-        """Smallest and largest number."""
+        """Smallest and largest number of the distribution."""
         raise NotImplementedError
 
     def quantiles(self, uniform: Values) -> Values:
-        """Map uniform numbers to numbers of this distribution, each by itself.
+        """Map each uniform number to the number of this distribution at the same probability.
 
         Parameters
         ----------
@@ -124,19 +130,19 @@ class TabulatedDistribution(Table):
         Returns
         -------
         ndarray, shape of uniform
-            Numbers from one end to the other, in the unit of the key.
+            Numbers between the ends of the distribution, in the unit of the key.
         """
         raise NotImplementedError
 
 
 class LogUniform(TabulatedDistribution):
-    """Numbers whose logarithm is uniform."""
+    """A distribution of numbers whose logarithms are uniform."""
 
     log_uniform: Range[Positive] = Field(description="[low, high] with 0 < low <= high")
 
     @model_validator(mode="after")
     def _require_ratio(self) -> Self:
-        """Refuse limits whose ratio no number holds."""
+        """Refuse limits whose ratio is so large that `log_within` overflows."""
         low, high = self.log_uniform
         if math.isinf(math.sqrt(high) / math.sqrt(low)):
             raise ValueError("the range is too wide")
@@ -144,17 +150,17 @@ class LogUniform(TabulatedDistribution):
 
     @property
     def ends(self) -> Limits:
-        """Smallest and largest number."""
+        """Smallest and largest number of the distribution."""
         return Limits(*self.log_uniform)
 
     def quantiles(self, uniform: Values) -> Values:
-        """Map uniform numbers so that their logarithms are uniform."""
+        """Map uniform numbers to numbers with uniform logarithms."""
         low, high = self.log_uniform
         return log_within(low, high, uniform)
 
 
 class Normal(TabulatedDistribution):
-    """Normally distributed numbers, truncated at both ends of a range."""
+    """A normal distribution that is truncated at both ends of a range."""
 
     normal: Annotated[tuple[Number, Positive], Strict(False)] = Field(
         description="[mean, deviation]"
@@ -163,7 +169,7 @@ class Normal(TabulatedDistribution):
 
     @property
     def ends(self) -> Limits:
-        """Smallest and largest number: those of the range, or some deviations from the mean."""
+        """Ends of the range; by default `REACH` deviations below and above the mean."""
         if self.range is not None:
             return Limits(*self.range)
         mean, deviation = self.normal
@@ -171,31 +177,35 @@ class Normal(TabulatedDistribution):
 
     @model_validator(mode="after")
     def _require_numbers_inside(self) -> Self:
-        """Refuse ends between which a normal distribution has no numbers that can be told apart."""
-        reduced = _reduced(*self.normal, self.ends)
+        """Refuse a range with a very small share of the normal distribution.
+
+        Rounding would make its quantiles equal.
+        """
+        mean, deviation = self.normal
+        reduced = _reduced(mean, deviation, self.ends)
         share_below_largest = 0.5 * math.erfc(-reduced.limits.largest / math.sqrt(2))
         share_below_smallest = 0.5 * math.erfc(-reduced.limits.smallest / math.sqrt(2))
         inside = share_below_largest - share_below_smallest
-        if not SMALLEST_SHARE < inside <= 1:
+        if not SMALLEST_SHARE < inside <= 1:  # also if `inside` is NaN
             raise ValueError(
                 f"less than {SMALLEST_SHARE:g} of the distribution is in the range"
             )
         return self
 
     def quantiles(self, uniform: Values) -> Values:
-        """Map uniform numbers to normally distributed ones, linearly between knots."""
+        """Map uniform numbers to normally distributed ones, by interpolation between knots."""
         mean, deviation = self.normal
         ends = self.ends
         knots = _normal_knots(mean, deviation, ends.smallest, ends.largest)
-        places = uniform * KNOTS
+        places = uniform * INTERVALS  # whole numbers are the indices of knots
         lower = places.astype(np.intp)  # index of the knot below each number
-        steps = knots[lower + 1] - knots[lower]
-        steps *= places - lower
-        return np.clip(knots[lower] + steps, ends.smallest, ends.largest)
+        rises = knots[lower + 1] - knots[lower]
+        rises *= places - lower
+        return np.clip(knots[lower] + rises, ends.smallest, ends.largest)
 
 
 class Choice(TabulatedDistribution):
-    """One of several numbers, equally likely unless shares are given."""
+    """A distribution of several numbers, which are equally likely unless shares are given."""
 
     choice: Annotated[
         tuple[Number, ...], Strict(False), Field(min_length=1, max_length=1000)
@@ -206,7 +216,7 @@ class Choice(TabulatedDistribution):
 
     @model_validator(mode="after")
     def _require_shares(self) -> Self:
-        """Refuse shares unless there is one for each number, and they sum to 1."""
+        """Refuse shares unless each number has one and they sum to 1."""
         if self.shares is None:
             return self
         if len(self.shares) != len(self.choice):
@@ -217,16 +227,20 @@ class Choice(TabulatedDistribution):
 
     @property
     def ends(self) -> Limits:
-        """Smallest and largest number."""
+        """Smallest and largest number of the choice."""
         return Limits(min(self.choice), max(self.choice))
 
     def quantiles(self, uniform: Values) -> Values:
-        """Map uniform numbers to the choices, in their order and by their shares."""
+        """Map uniform numbers to the numbers of the choice.
+
+        [0, 1) is divided into an interval for each number, in their order, as long as its share.
+        """
         values = np.array(self.choice)
         shares = self.shares or (1.0 / len(values),) * len(values)
-        # No upper border for the last number: rounded shares cannot leave a gap below 1.
+        # The last interval has no upper border, as the rounded sum of the shares may be below 1.
         borders = np.cumsum(shares)[:-1]
-        return np.asarray(values[np.searchsorted(borders, uniform, side="right")])
+        intervals = np.searchsorted(borders, uniform, side="right")
+        return np.asarray(values[intervals])
 
 
 Distribution = float | tuple[float, float] | LogUniform | Normal | Choice
@@ -236,7 +250,7 @@ TABLES: dict[str, type[LogUniform | Normal | Choice]] = {
     "normal": Normal,
     "choice": Choice,
 }
-"""Distributions that are tables, by the key that names them."""
+"""Classes of the distributions that are tables, by the key that selects them."""
 
 _RULES = ConfigDict(strict=True, allow_inf_nan=False)
 _READERS: dict[str, TypeAdapter[Any]] = {
@@ -244,31 +258,32 @@ _READERS: dict[str, TypeAdapter[Any]] = {
     "range": TypeAdapter(Range[Number], config=_RULES),
     "number": TypeAdapter(Number, config=_RULES),
 }
-"""Pydantic's readers of a number, a range, and each table by the key that names it."""
+"""Pydantic's readers of a number, of a range, and of each table of `TABLES` by its key."""
 
 
 def within(
     low: float = -LARGEST, high: float = LARGEST, *, open_below: bool = False
 ) -> PlainValidator:
-    """Return the validator of a key that takes a number or a distribution within limits.
+    """Return the validator of a key whose value is a number or a distribution within limits.
 
     Parameters
     ----------
     low : float
-        Smallest value that the distribution may have.
+        Lower limit of the values.
     high : float
-        Largest value that the distribution may have.
+        Upper limit of the values, which is allowed itself.
     open_below : bool
-        Whether all values must be above `low`, rather than at least `low`.
+        Whether the lower limit is not allowed itself.
 
     Returns
     -------
     PlainValidator
-        Pydantic's validator. It makes a `Distribution` of a number, a list, a table or a
-        distribution, and refuses anything else by ValueError or PydanticCustomError.
+        Pydantic's validator. It returns a `Distribution` for a number, a list, a table or a
+        distribution, and raises ValueError or PydanticCustomError for any other value.
     """
 
-    def read(value: object) -> Distribution:
+    def validated(value: object) -> Distribution:
+        """Return the distribution of a value of a scene, or raise if a limit is exceeded."""
         distribution = _read(value)
         smallest, largest = limits(distribution)
         is_high_enough = smallest > low if open_below else smallest >= low
@@ -276,13 +291,14 @@ def within(
             raise _beyond_limits(distribution)
         return distribution
 
-    return PlainValidator(read)
+    return PlainValidator(validated)
 
 
 def _read(value: object) -> Distribution:
-    """Make a distribution of a value of a scene; errors tell what is wrong with its kind of value.
+    """Make a distribution of a value of a scene.
 
-    A union of types would be shorter, but pydantic's errors would name the types.
+    The errors say what a number, a range or the table in question allows. With a union of types,
+    pydantic's errors would name the types instead.
     """
     if isinstance(value, LogUniform | Normal | Choice):
         return value
@@ -290,24 +306,28 @@ def _read(value: object) -> Distribution:
     try:
         distribution: Distribution = _READERS[key].validate_python(value)
     except ValidationError as error:
-        raise _refusal(key, error) from None
+        raise _refusal_of(key, error) from None
     return distribution
 
 
 def _reader_of(value: object) -> str:
-    """Return the key in `_READERS` of a value's reader; refuse a table unless it names one kind."""
+    """Return the key in `_READERS` of the reader for a value.
+
+    Raise ValueError for a table that has none or several of the keys of `TABLES`.
+    """
     if isinstance(value, list | tuple):
         return "range"
     if not isinstance(value, dict):
         return "number"
-    names = [name for name in TABLES if name in value]
-    if len(names) != 1:
+    keys = [key for key in TABLES if key in value]
+    if len(keys) != 1:
         raise ValueError(f"give one of the keys {', '.join(TABLES)}")
-    return names[0]
+    return keys[0]
 
 
 def _beyond_limits(distribution: Distribution) -> Exception:
-    """Return the error for a distribution that has values beyond the limits of its key."""
+    """Make the error for a distribution that has values beyond the limits of its key."""
+    # The ends of a normal distribution without a range are not in the scene, so they are named.
     if isinstance(distribution, Normal) and distribution.range is None:
         smallest, largest = distribution.ends
         return ValueError(
@@ -316,14 +336,19 @@ def _beyond_limits(distribution: Distribution) -> Exception:
     return PydanticCustomError("distribution", "a value is outside the limits")
 
 
-def _refusal(key: str, error: ValidationError) -> Exception:
-    """Turn pydantic's error for a number, a range or a table into one that says what is allowed."""
+def _refusal_of(key: str, error: ValidationError) -> Exception:
+    """Make an error that says what is allowed, from pydantic's error of the reader `key`.
+
+    `key` is a key of `_READERS`. Only the first fault that pydantic reports is used.
+    """
     fault = error.errors(include_url=False)[0]
-    if fault["type"] == "value_error":
+    if (
+        fault["type"] == "value_error"
+    ):  # raised by a validator of this module, in its words
         return ValueError(str(fault["ctx"]["error"]))
     if key not in TABLES:
         return PydanticCustomError("distribution", "not a finite number or a range")
-    name = str(fault["loc"][0])
+    name = str(fault["loc"][0])  # key of the table
     field = TABLES[key].model_fields.get(name)
     if field is None:
         return ValueError(f"{name} is unknown beside {key}")
@@ -350,7 +375,7 @@ def limits(distribution: Distribution) -> Limits:
     Returns
     -------
     Limits
-        Both values, which are equal for a fixed number.
+        Both values, in the unit of the key. They are equal for a fixed number.
     """
     if isinstance(distribution, TabulatedDistribution):
         return distribution.ends
@@ -360,7 +385,7 @@ def limits(distribution: Distribution) -> Limits:
 
 
 def is_drawn(distribution: Distribution) -> bool:
-    """Tell whether the value is drawn rather than one fixed number.
+    """Tell whether a distribution is a range or a table rather than one fixed number.
 
     Parameters
     ----------
@@ -370,13 +395,15 @@ def is_drawn(distribution: Distribution) -> bool:
     Returns
     -------
     bool
-        True for ranges and tables, also where both ends are equal.
+        True for a range or a table, even if its two ends are equal.
     """
-    return not isinstance(distribution, float)
+    return not isinstance(
+        distribution, float
+    )  # fixed numbers are floats, also whole ones
 
 
 def quantiles(distribution: Distribution, uniform: Values) -> Values:
-    """Map uniform numbers to the values of a distribution, each by itself.
+    """Map each uniform number to the value of a distribution at the same probability.
 
     Parameters
     ----------
@@ -388,7 +415,7 @@ def quantiles(distribution: Distribution, uniform: Values) -> Values:
     Returns
     -------
     ndarray, shape of uniform
-        Values within the limits of the distribution, in its unit.
+        Values within the limits of the distribution, in the unit of the key.
     """
     if isinstance(distribution, TabulatedDistribution):
         return distribution.quantiles(uniform)
@@ -399,10 +426,11 @@ def quantiles(distribution: Distribution, uniform: Values) -> Values:
 
 
 def log_within(low: float, high: float, uniform: Values) -> Values:
-    """Map uniform numbers to numbers whose logarithms are uniform, alike on every processor.
+    """Map uniform numbers to numbers with uniform logarithms, with equal bits on every processor.
 
-    Each binary digit of a uniform number multiplies by a root of high / low. Logarithms and
-    exponentials, which processors round differently, are not used.
+    A number starts as `low` and is multiplied by the 2^k-th root of high / low if the k-th binary
+    digit of the uniform number is 1. Logarithms and exponentials are not used, because processors
+    round them differently.
 
     Parameters
     ----------
@@ -416,7 +444,7 @@ def log_within(low: float, high: float, uniform: Values) -> Values:
     Returns
     -------
     ndarray, shape of uniform
-        Values from low to high, in the unit of both.
+        Values from `low` to `high`, in the unit of both.
     """
     values = np.full(uniform.shape, low)
     factor = math.sqrt(high) / math.sqrt(low)
@@ -427,21 +455,22 @@ def log_within(low: float, high: float, uniform: Values) -> Values:
         values[digit] *= factor
         remainder -= digit
         factor = math.sqrt(factor)
-    np.minimum(values, high, out=values)
+    np.minimum(values, high, out=values)  # rounding may exceed the upper end
     return values
 
 
 class _Reduced(NamedTuple):
-    """The range of a normal distribution in deviations from its mean."""
+    """The range of a normal distribution, in deviations from its mean."""
 
-    limits: Limits
-    is_mirrored: bool  # whether the range was above the mean, and is turned over
+    limits: Limits  # ends of the range, with the signs exchanged if it is mirrored [1]
+    is_mirrored: bool  # whether the range was above the mean and is mirrored at the mean
 
 
 def _reduced(mean: float, deviation: float, ends: Limits) -> _Reduced:
-    """Return a range in deviations from the mean, turned over if it is in the upper tail.
+    """Return a range in deviations from the mean; mirror it at the mean if it is above the mean.
 
-    In the lower tail probabilities keep their digits.
+    Probabilities of the lower tail are small numbers, which keep their digits; probabilities of the
+    upper tail are rounded to 1.
     """
     smallest = (ends.smallest - mean) / deviation
     largest = (ends.largest - mean) / deviation
@@ -452,17 +481,18 @@ def _reduced(mean: float, deviation: float, ends: Limits) -> _Reduced:
 
 @functools.lru_cache(maxsize=16)
 def _normal_knots(mean: float, deviation: float, low: float, high: float) -> Values:
-    """Compute the quantiles of a normal distribution from low to high at its knots.
+    """Return the quantiles of a normal distribution that is truncated to low and high.
 
-    The `KNOTS` + 1 quantiles are at equal steps of probability, and rounded to the digits on which
-    all processors agree.
+    The `INTERVALS` + 1 quantiles are at equal steps of probability, in the unit of the mean. In
+    deviations from the mean they are rounded to the digits on which all processors agree.
     """
     from scipy.special import ndtr, ndtri
 
     reduced = _reduced(mean, deviation, Limits(low, high))
     first, last = reduced.limits
-    shares = np.linspace(ndtr(first), ndtr(last), KNOTS + 1)
-    knots = ndtri(shares)
+    probabilities = np.linspace(ndtr(first), ndtr(last), INTERVALS + 1)
+    knots = ndtri(probabilities)
+    # The ends are known, and rounding in the probabilities would move them.
     knots[0] = first
     knots[-1] = last
     if reduced.is_mirrored:

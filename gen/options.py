@@ -22,10 +22,14 @@ if TYPE_CHECKING:
 
 
 OUT = ("--output", "-o")
+"""Names of the option for the file or folder that a command writes."""
 
 
 def _file(help_text: str, *names: str) -> Any:
-    """Return an option that names a file to write, called as its field unless names are given."""
+    """Return an option for the path of a file to write.
+
+    Without `names`, such as "--csv", Typer names the option after its field or argument.
+    """
     return Option(*names, metavar="FILE", help=help_text)
 
 
@@ -43,8 +47,8 @@ SurfaceFiles = Annotated[
         help="Heights: .npy, text, instruments' (x3p, sur, gwy ...); or several, or folders.",
     ),
 ]
-Table = Annotated[Path | None, _file("Also write a table.", "--csv")]
-Json = Annotated[Path | None, _file("Also write it as JSON.", "--json")]
+Table = Annotated[Path | None, _file("Also write the results as a CSV table.", "--csv")]
+Json = Annotated[Path | None, _file("Also write the results as JSON.", "--json")]
 Scene = Annotated[
     str, Argument(metavar="SCENE", help="A shipped scene, as quick, or a TOML file.")
 ]
@@ -54,13 +58,15 @@ ExportFolder = Annotated[
 ]
 Title = Annotated[str, Option(metavar="TEXT", help="Title of the dataset.")]
 Creator = Annotated[
-    str, Option(metavar="TEXT", help="Who made it, as the dataset is to be cited.")
+    str, Option(metavar="TEXT", help="Creator of the dataset, as it is to be cited.")
 ]
 Licence = Annotated[
-    str, Option(metavar="NAME", help="Its licence: an SPDX identifier, or URL.")
+    str,
+    Option(metavar="NAME", help="Licence of the dataset: an SPDX identifier, or URL."),
 ]
 Doi = Annotated[
-    str, Option(metavar="DOI", help="Its identifier, as 10.5281/zenodo.1234567.")
+    str,
+    Option(metavar="DOI", help="Identifier of the dataset, as 10.5281/zenodo.1234567."),
 ]
 Rows = Annotated[
     str, Option(metavar="A:B", help="Only the rows A to B - 1, for job arrays.")
@@ -70,7 +76,8 @@ Force = Annotated[
     bool, Option("--force", help="Continue a file of another physics number.")
 ]
 SampleLimit = Annotated[
-    float | None, Option(metavar="SECONDS", help="Leave rows pending that take longer.")
+    float | None,
+    Option(metavar="SECONDS", help="Leave rows pending that take longer than this."),
 ]
 Writer = Annotated[
     Literal["auto", "single", "parallel"],
@@ -111,12 +118,12 @@ GasConductivity = Annotated[
     float | None,
     Option(
         metavar="W/MK",
-        help="Conductivity of a gas in the gap in W/(m K), whose part is added.",
+        help="Conductivity of a gas in the gap in W/(m K); its conductance is added.",
     ),
 ]
 JumpDistance = Annotated[
     float | None,
-    Option(metavar="UM", help="The gas' jump distance in um, at its pressure."),
+    Option(metavar="UM", help="Jump distance of the gas at its pressure, in um."),
 ]
 Also = Annotated[
     list[str] | None,
@@ -129,16 +136,20 @@ Also = Annotated[
 Flattened = Annotated[
     Path | None, Option(metavar="NPY", help="Write the heights after yielding.")
 ]
-Kernel = Annotated[str, Option(help="uniform-pressure or concentrated-force.")]
+Kernel = Annotated[
+    str, Option(help="Influence coefficients: uniform-pressure or concentrated-force.")
+]
 Boundary = Annotated[
     Literal["free", "periodic", "mirror"],
     Option(
-        help="The patch is all there is, repeats, or is a piece among its mirror images."
+        help="free: the patch alone; periodic: it repeats; mirror: mirror images continue it."
     ),
 ]
-FarField = Annotated[str, Option(help="rigid or compliant.")]
-Tolerance = Annotated[float, Option(help="Residual to reach, divided by Delta.")]
-MaxIterations = Annotated[int, Option(help="Bound on the solver's iterations.")]
+FarField = Annotated[str, Option(help="Far field of the bodies: rigid or compliant.")]
+Tolerance = Annotated[
+    float, Option(help="Largest residual of a solution, divided by Delta.")
+]
+MaxIterations = Annotated[int, Option(help="Largest number of iterations of the solver.")]
 Threads = Annotated[
     int | None,
     Option(
@@ -154,12 +165,14 @@ Depth = Annotated[
 SpectrumTable = Annotated[
     Path | None,
     _file(
-        "Write its spectrum, radial and along x and y, over q = 2 pi/wavelength.",
+        "Write the surface's spectrum, radial and along x and y, over q = 2 pi/wavelength.",
         "--spectrum",
     ),
 ]
 Picture = Annotated[Path | None, _file("Draw surface and contact.", "--plot")]
-SurfacePicture = Annotated[Path | None, _file("Draw it and its spectrum.", "--plot")]
+SurfacePicture = Annotated[
+    Path | None, _file("Draw the surface and its spectrum.", "--plot")
+]
 NewPicture = Annotated[Path, Option(*OUT, metavar="PNG", help="The picture to write.")]
 Recompute = Annotated[
     int, Option(metavar="N", min=0, help="Rows to recompute and compare.")
@@ -186,9 +199,7 @@ Population = Annotated[
 ]
 Band = Annotated[
     float,
-    Option(
-        metavar="SHARE", help="Share of further surfaces that the band of several holds."
-    ),
+    Option(metavar="SHARE", help="Share of further surfaces in the band of several."),
 ]
 LawFiles = Annotated[
     Path | None,
@@ -205,7 +216,10 @@ NewScene = Annotated[
     Path, Option(*OUT, metavar="TOML", help="The scene to write, a new file.")
 ]
 Like = Annotated[
-    Path | None, Option(metavar="MAP", help="Instead of MAPS: surfaces like this one.")
+    Path | None,
+    Option(
+        metavar="MAP", help="Instead of MAPS: a map, for a scene of surfaces like it."
+    ),
 ]
 
 
@@ -224,18 +238,25 @@ class Material(NamedTuple):
         Option(metavar="NU", help="Poisson's ratio, as often as --young [0]."),
     ] = None
     e_star: Annotated[
-        float | None, Option(metavar="MPA", help="Or E* of both bodies.")
+        float | None,
+        Option(
+            metavar="MPA", help="E* of both bodies, instead of --young and --poisson."
+        ),
     ] = None
     hardness: Annotated[
         float | None,
-        Option(metavar="MPA", help="Hardness of the softer body, which yields there."),
+        Option(
+            metavar="MPA",
+            help="Hardness of the softer body, which yields at this pressure.",
+        ),
     ] = None
 
 
 class Against(NamedTuple):
-    """A second rough body that surfaces are pressed against.
+    """The options about a second rough body, against which surfaces are pressed.
 
-    It is read by the options of the first body, or by those of its own alone.
+    The second body is read and prepared by the options of the first body. If --against-options is
+    given, only the options in its value apply.
     """
 
     against: Annotated[
@@ -269,25 +290,27 @@ class Against(NamedTuple):
     ] = ""
 
     def second_body(self, first: Reading) -> "Opposite | None":
-        """Return the second body, and how it lies on the first one.
+        """Make the record of the second body from its options.
 
-        A line on standard error says that `--against-options` leaves, if it is given.
+        If the user gave `--against-options`, a warning on standard error says that version 2.0 will
+        not have it.
 
         Parameters
         ----------
         first : Reading
-            How the first body is read and prepared, and the second one too unless it has options
-            of its own.
+            How the first body is read and prepared. The second body is read and prepared alike
+            unless the user gave `--against-options`.
 
         Returns
         -------
         Opposite or None
-            The second body, whose file is not read yet; None if the user gave none.
+            The second body and its place on the first one. Its file is not read yet. None if the
+            user gave no second body.
 
         Raises
         ------
         InputError
-            If an option has no such value, or is given without a second body.
+            If the value of an option is not allowed, or an option is given without `--against`.
         """
         if self.against is None:
             self._refuse_alone()
@@ -302,18 +325,23 @@ class Against(NamedTuple):
             raise InputError(
                 f"--shift {quoted(self.shift)}: give the distances along x and y in um: 5,0"
             )
-        body = Opposite(self.against, first, turned, (distances[0], distances[1]))
+        body = Opposite(
+            path=self.against,
+            reading=first,
+            turned=turned,
+            shift=(distances[0], distances[1]),
+        )
         if self.against_options is None:
             return body
-        reading = _reading_of(self.against_options)
+        reading_of_second = _reading_of(self.against_options)
         command_line.warn_deprecated(
             "--against-options",
             "prepare the second map in another program, which saves it with its lengths",
         )
-        return replace(body, reading=reading, shared=False)
+        return replace(body, reading=reading_of_second, shared=False)
 
     def _refuse_alone(self) -> None:
-        """Refuse the options of a second body that are given without one."""
+        """Refuse the first option of a second body that is given, because --against is not."""
         given_options = {
             "--against-options": self.against_options is not None,
             "--turned": bool(self.turned),
@@ -325,13 +353,19 @@ class Against(NamedTuple):
 
 
 def _reading_of(text: str) -> Reading:
-    """Return how a body is read and prepared by the quoted options of a text, or refuse them."""
+    """Parse the value of --against-options, such as "--side 500 --fill".
+
+    Returns how the second body is read and prepared. Raises InputError for options that do not
+    exist or have no such value.
+    """
     place = f"--against-options {quoted(text)}"
+    # A program whose only command has the options of `Reading` parses the text.
     program = typer.Typer(add_completion=False, rich_markup_mode=None)
     program.command()(command_line.grouped(_one_body))
     parser = typer.main.get_command(program)
     try:
         words = shlex.split(text)
+        # An empty list disables --help, which would end the command.
         context = parser.make_context("describe", words, help_option_names=[])
     except command_line.CommandLineError as error:
         raise InputError(f"{place}: {error.format_message()}") from None
@@ -341,23 +375,24 @@ def _reading_of(text: str) -> Reading:
 
 
 def _one_body(*, reading: Reading) -> None:
-    """Do nothing: this is the command whose options `_reading_of` parses."""
+    """Do nothing. `_reading_of` parses the options of this command and never runs it."""
 
 
 Units = Literal["mm", "si", "um"]
+"""Systems of units of the files for CalculiX, Abaqus and 4C; see the help of --units."""
 
 
 BAND_SIDES = ("soft", "stiff")
-"""Sides of a law's band that have files of their own beside the law's, as law-abaqus-soft.inp."""
+"""Limits of a law's band. Each has a file beside that of the law, such as law-abaqus-soft.inp."""
 
 
 @dataclass(frozen=True)
 class LawFormat:
-    """A format in which a law is written."""
+    """A format in which a law is written to a file."""
 
     option: str  # option that names the file, for messages
-    ending: str  # end of the name that `--output NAME` gives the file
-    has_sides: bool = False  # whether the `BAND_SIDES` have files beside it
+    ending: str  # what `--output NAME` appends to NAME, such as ".csv"
+    has_sides: bool = False  # whether each of the `BAND_SIDES` has a file too
 
 
 LAW_FORMATS = {
@@ -368,11 +403,14 @@ LAW_FORMATS = {
     "abaqus": LawFormat("--abaqus", "-abaqus.inp", has_sides=True),
     "for_4c": LawFormat("--4c", "_4c.py"),
 }
-"""Formats by the fields of `LawOutputs` that name their files; all are written by `--output`."""
+"""Formats by the field of `LawOutputs` that names the file; `--output` writes all of them."""
 
 
 class LawOutputs(NamedTuple):
-    """Files to write a law to, each None unless the user names it, and the units of some."""
+    """The options about the files of a law.
+
+    Each path is None if its option is left out.
+    """
 
     table: Annotated[Path | None, _file("Write the table.", "--csv")] = None
     json: Annotated[Path | None, _file("Write the tables as JSON.")] = None
@@ -404,10 +442,14 @@ class LawOutputs(NamedTuple):
 
     @property
     def refined_tables(self) -> tuple[Literal["delta", "pressure"], ...]:
-        """Tables with contacts solved between the loads too, for programs that join points."""
+        """Tables for which contacts are solved between the loads too.
+
+        "delta" is the law over Delta, "pressure" the law over the nominal pressure. The tables are
+        those of the files whose programs join the points.
+        """
         if not self.check:
             return ()
-        if self.header is not None:
+        if self.header is not None:  # it has both tables
             return ("delta", "pressure")
         if self.straight_lines or self.for_4c is not None:
             return ("pressure",)
@@ -415,28 +457,31 @@ class LawOutputs(NamedTuple):
 
     @property
     def straight_lines(self) -> bool:
-        """Whether a file is for a program that joins points by straight lines, to be judged."""
+        """Whether to judge how far straight lines between the points are off.
+
+        CalculiX and Abaqus join the points of their files by straight lines.
+        """
         return self.check and (self.calculix is not None or self.abaqus is not None)
 
     def resolved(self, stem: Path | None, inputs: Iterable[Path | str]) -> "LawOutputs":
-        """Add the files that `--output` names, and refuse what cannot be written.
+        """Add the files that `--output` names, and refuse files that cannot be written.
 
         Parameters
         ----------
         stem : Path or None
-            Value of `--output`, with which the names of the files begin; None if it is not given.
+            Value of `--output`, with which the names of the files begin; None if it is left out.
         inputs : iterable of Path or str
             Files and folders that the command reads, which are not replaced.
 
         Returns
         -------
         LawOutputs
-            These files, and one more for each format of `LAW_FORMATS` that has no name yet.
+            A copy. If `stem` is given, every format of `LAW_FORMATS` that had no path has one.
 
         Raises
         ------
         InputError
-            If a name is none of a file, 4C cannot import its file, or a file cannot be written; see
+            If `stem` has no name, 4C could not import its file, or a file cannot be written; see
             `gen.runtime.files.check_outputs`.
         """
         files = self
@@ -449,23 +494,30 @@ class LawOutputs(NamedTuple):
 
 
 def _named(files: LawOutputs, stem: Path) -> LawOutputs:
-    """Return files of a law with a name, which begins with that of `stem`, for each format."""
+    """Return files of a law where each format without a path gets one that begins with `stem`.
+
+    Raises InputError if `stem` has no name.
+    """
     if stem.name in {"", ".."}:
         raise InputError(
             f"--output {stem}: give what the names of the files begin with, as law"
         )
     paths: dict[str, Any] = {}
     for field, law_format in LAW_FORMATS.items():
+        if getattr(files, field) is not None:  # the user has named this file
+            continue
         beginning = stem.name
-        if field == "for_4c":  # a module of Python has no further point in its name
+        if field == "for_4c":  # the name of a Python module has no dot
             beginning = beginning.replace(".", "_")
-        if getattr(files, field) is None:
-            paths[field] = stem.with_name(beginning + law_format.ending)
+        paths[field] = stem.with_name(beginning + law_format.ending)
     return files._replace(**paths)
 
 
 def _require_importable(path: Path) -> None:
-    """Refuse a name of the file for 4C by which Python cannot import it."""
+    """Refuse a file for 4C that Python cannot import by its name.
+
+    A module of Python's standard library would be imported instead of a file with its name.
+    """
     is_module = path.suffix == ".py" and "." not in path.stem
     if not is_module or path.stem in sys.stdlib_module_names:
         raise InputError(
@@ -475,7 +527,7 @@ def _require_importable(path: Path) -> None:
 
 
 def _outputs(files: LawOutputs) -> Iterator[Output]:
-    """Yield all files that a law is written to, also those of the sides of its band."""
+    """Yield all files that a law is written to: picture, formats, and the sides of its band."""
     yield Output(files.picture, "--plot", "picture")
     for field, law_format in LAW_FORMATS.items():
         path = getattr(files, field)
@@ -484,5 +536,5 @@ def _outputs(files: LawOutputs) -> Iterator[Output]:
         yield Output(path, law_format.option)
         if law_format.has_sides:
             for side in BAND_SIDES:
-                beside = path.parent / f"{path.stem}-{side}{path.suffix}"
-                yield Output(beside, law_format.option)
+                file_of_side = path.parent / f"{path.stem}-{side}{path.suffix}"
+                yield Output(file_of_side, law_format.option)

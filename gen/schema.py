@@ -1,7 +1,7 @@
-"""The columns that every database can have, and the numbers of layout and results.
+"""The columns of databases apart from those of generators, and the numbers of layout and results.
 
-Parameters of surfaces are named by their generators: `gen.scene` puts both together.
-Lengths are in um, pressures in MPa, forces in uN.
+The columns of generators are their parameters, and places of surfaces; `gen.scene.columns` adds
+them. Lengths are in um, pressures in MPa, forces in uN.
 """
 
 import math
@@ -12,14 +12,15 @@ from typing import Literal
 from gen.quantities import DELTA, Powers, Quantity, stored_quantities
 
 SCHEMA = 1
-"""Number of the file layout. A file of another layout is refused."""
+"""Number of the layout of a database's file. Files with another number are refused."""
 
 PART = 2
-"""Number of the layout of parts of a database, which add the attributes `first_row` and `rows`. It
-differs from `SCHEMA`, so that older versions, which know no parts, refuse them."""
+"""Number of the layout of a file with a part of a database, which has two more attributes,
+`first_row` and `rows`. It differs from `SCHEMA`, so that older versions, which do not know parts,
+refuse the file."""
 
 PHYSICS = 13
-"""Number of the results, which is raised whenever a deterministic column changes."""
+"""Number of the results. It is raised whenever the values of a deterministic column change."""
 
 PHYSICS_CHANGES: dict[int, str] = {
     11: "one active set on masks solves all contacts: areas differ by single nodes, forces within"
@@ -29,11 +30,12 @@ PHYSICS_CHANGES: dict[int, str] = {
     13: "contacts take longer first steps, and full contact is the start under high loads at any"
     " size: forces differ within the tolerance, and iterations and convolutions are counted anew",
 }
-"""How each physics number changed the results, in one sentence, since one solver solves all
-contacts. Numbers up to 4 for all scenes, and up to 10 for some, are those of earlier solvers."""
+"""Changes of the results by the `PHYSICS` number that they led to. The list begins with the solver
+that solves all contacts. Earlier solvers computed the results with numbers up to 4 for all scenes,
+and up to 10 for some scenes."""
 
 RUNTIME = "runtime"
-"""Group of the columns that differ from run to run: times, ranks and hosts."""
+"""Group of the file with the columns that differ from run to run: times, ranks and hosts."""
 
 
 class Status(IntEnum):
@@ -45,7 +47,7 @@ class Status(IntEnum):
 
 
 class Reason(IntEnum):
-    """Cause of a row's failure, or of the statistics that a done row lacks."""
+    """Cause of a row's failure, or reason why a done row lacks statistics; NONE for other rows."""
 
     NONE = 0
     NOT_CONVERGED = 1
@@ -67,10 +69,10 @@ REASONS: dict[int, str] = {
     Reason.BEYOND_HARDNESS: "no solution: the load is at or above what the hardness bears",
     Reason.FULL_CONTACT: "no solution: Delta at or beyond full contact of a patch without edges",
 }
-"""Texts of the reasons by their codes."""
+"""Descriptions of the reasons by their codes."""
 
 DONE_REASONS = (Reason.NONE, Reason.NO_STATISTICS)
-"""Reasons of rows whose contact is solved."""
+"""Reasons of done rows, whose contact is solved."""
 
 
 @dataclass(frozen=True)
@@ -90,23 +92,23 @@ class Column:
     group : str
         Group inside the file: "" for results, `RUNTIME` for times, ranks and hosts.
     deterministic : bool
-        Whether the scene alone decides the bytes.
+        Whether the bytes depend on the scene alone, and not on the run.
     paper_range : tuple of two float or None
-        Range in the paper's Table 1; None for a column that is not there.
+        Range in the paper's Table 1; None for a column that is not in the table.
     shape_of : {"", "nodes"}
         "nodes" for a field of shape (rows, nx, ny), "" for one value a row.
     optional : str
-        Condition for the column, mostly a key of the scene, in Markdown; "" if every database has
-        it.
+        Condition for the column, in Markdown; mostly a key of the scene. "" if every database has
+        the column.
     bounds : tuple of two float
-        Least and largest value that is possible.
+        Smallest and largest possible value.
     powers : Powers or None
-        Powers of heights, lengths and E* that the column scales with; None if there are none, or
-        if they are not known.
+        Powers of heights, lengths and E* with which the values scale. None if the values do not
+        scale with powers, or the powers are not known.
     measured : bool
-        Whether the powers are measured, as those of a user's output, and recorded in the file.
+        Whether the powers are measured by a run and recorded in the file, as for a user's output.
     cost : str
-        Computation that the column needs besides the contact; "" for none.
+        Computation that the column needs in addition to the contact; "" if it needs none.
     """
 
     name: str
@@ -125,24 +127,25 @@ class Column:
 
     @property
     def path(self) -> str:
-        """Name inside the file, with the group in front."""
+        """Name inside the file: the group, a slash and the name, or the name alone."""
         if not self.group:
             return self.name
         return f"{self.group}/{self.name}"
 
     @property
     def fill(self) -> float | int | bytes:
-        """Value of a row that has not been written: NaN, 0 or an empty text."""
+        """Value of a row that has not been written: NaN, an empty text, or 0 for whole numbers."""
         fills: dict[str, float | int | bytes] = {"f": math.nan, "S": b""}
-        return fills.get(self.dtype[0], 0)
+        kind = self.dtype[0]  # numpy's letter for the kind of a type
+        return fills.get(kind, 0)
 
     def shape(self, rows: int, grid: tuple[int, int]) -> tuple[int, ...]:
-        """Return the shape of the values of several samples.
+        """Return the shape of the array of values of several rows.
 
         Parameters
         ----------
         rows : int
-            Number of samples.
+            Number of rows.
         grid : tuple of two int
             Nodes along x and y.
 
@@ -156,7 +159,7 @@ class Column:
         return (rows,)
 
     def row_bytes(self, grid: tuple[int, int]) -> int:
-        """Return the size of the value of one sample.
+        """Return the size of the value of one row.
 
         Parameters
         ----------
@@ -168,14 +171,17 @@ class Column:
         int
             Size of a number, of a text or of a whole field [bytes].
         """
-        return int(self.dtype[1:]) * math.prod(self.shape(1, grid))
+        bytes_of_value = int(self.dtype[1:])  # as 8 of "f8"; of a text, its length
+        return bytes_of_value * math.prod(self.shape(1, grid))
 
 
 def _statistic(
     name: str, unit: str, long_name: str, paper_range: tuple[float, float]
 ) -> Column:
     """Make the column of a roughness statistic, with its range in the paper's Table 1."""
-    return Column(name, "f8", unit, long_name, paper_range=paper_range)
+    return Column(
+        name=name, dtype="f8", unit=unit, long_name=long_name, paper_range=paper_range
+    )
 
 
 TABLE_1 = (
@@ -238,13 +244,14 @@ TABLE_1 = (
         "height_rms", "um", "standard deviation of the surface's heights", (2.62, 15.55)
     ),
 )
-"""Columns of the 22 statistics in the paper's order. The paper does not say which kurtosis is
-Pearson's (3 for a normal distribution) and which is the excess (0). The ranges of its table show
-it, and the names of the columns say it."""
+"""Columns of the 22 statistics in the paper's order. The paper does not say whether a kurtosis is
+Pearson's (3 for a normal distribution) or the excess (0 for a normal distribution). The ranges of
+its table show which one it is, and the names of the columns say it."""
 
 DRAWN_NAMES = {"rms_height": "drawn_rms_height", "rms_slope": "drawn_rms_slope"}
-"""Names of the columns of parameters whose own names could be taken for measured statistics.
-Files made before 1.0.0 have these columns under the names of the parameters."""
+"""Names of columns by the names of their parameters, for parameters whose names could be taken for
+measured statistics. All other parameters share the names of their columns. In files made before
+1.0.0 these columns have the names of the parameters."""
 
 STATUS = Column("status", "u1", "1", "0 pending, 1 done, 2 failed; written last")
 REASON = Column("reason", "u1", "1", "why the sample failed, or lacks statistics: a code")
@@ -258,11 +265,12 @@ CHECKSUM = Column(
 
 
 _OPTIONAL = {"always": "", "hardness": "`contact.hardness`", "asked": "`store.{}`"}
-"""Keys of the scene that add the column of a quantity, by the quantity's `stored`."""
+"""Conditions for the column of a quantity, by the quantity's attribute `stored`. The braces are
+replaced by the name of the quantity."""
 
 
 def _column(quantity: Quantity) -> Column:
-    """Make the column of a quantity of contacts."""
+    """Make the column of a quantity that is computed for each contact."""
     return Column(
         name=quantity.name,
         dtype=quantity.dtype,
@@ -278,8 +286,15 @@ def _column(quantity: Quantity) -> Column:
 
 
 def _runtime(name: str, dtype: str, unit: str, long_name: str) -> Column:
-    """Make a column that differs from run to run."""
-    return Column(name, dtype, unit, long_name, group=RUNTIME, deterministic=False)
+    """Make a column whose values differ from run to run."""
+    return Column(
+        name=name,
+        dtype=dtype,
+        unit=unit,
+        long_name=long_name,
+        group=RUNTIME,
+        deterministic=False,
+    )
 
 
 _LOAD = "load in the unit of the scene's quantity"
@@ -306,22 +321,22 @@ COLUMNS: tuple[Column, ...] = (
     _runtime("rank", "i4", "1", "MPI rank that computed the sample"),
     _runtime("host", "S64", "", "machine that computed the sample"),
 )
-"""Every column that a database can have, in the order of the file, apart from the columns of its
-surfaces' generator, which stand behind `surface`."""
+"""Every column that a database can have, in the order of the file, apart from the columns of
+generators, which follow `surface`, and of a user's function."""
 
 
 def made_by_other_solver(physics: int) -> str:
-    """Say that results of a physics number are those of an earlier or a later solver.
+    """Say whether an earlier or a later solver than that of this version made results.
 
     Parameters
     ----------
     physics : int
-        Number of the results, as a database records it.
+        The `PHYSICS` number that a database has recorded.
 
     Returns
     -------
     str
-        Part of a sentence; "" if this version computes such results.
+        Words that begin with "made by"; "" if the number is that of this version.
     """
     if physics == PHYSICS:
         return ""

@@ -22,37 +22,40 @@ from gen.surface import (
     pair,
 )
 
-# largest roll-off over the longest wave, beyond which its powers overflow
-FARTHEST = 1e30
-MOST_PERIOD_NODES = 4 * MOST_NODES  # of a period along an axis, whose waves take 10 GB
+# largest ratio of the roll-off to the longest wave; beyond it powers of waves overflow
+LARGEST_ROLL_OFF = 1e30
+# Largest number of nodes of a period along an axis. The waves of such a period take 10 GB.
+MOST_PERIOD_NODES = 4 * MOST_NODES
 
-ROUNDING = 1e-12  # share by which a wave may be beyond the cut-off because of rounding
+ROUNDING = (
+    1e-12  # relative error that rounding may cause in a comparison with the cut-off
+)
 
 
 @dataclass(frozen=True)
 class SelfAffineSpectrum:
-    """Shape of a power spectrum: flat, then a power law, then nothing.
+    """Shape of the power spectrum of a self-affine surface.
 
-    The spectral density is constant up to the roll-off, falls as q^(-2 - 2 hurst) up to the
-    cut-off and is zero beyond.
+    From long to short waves, the spectral density is constant up to the roll-off, falls as
+    q^(-2 - 2 hurst) up to the cut-off, and is zero beyond; q is the wavenumber.
 
     Attributes
     ----------
     hurst : float
         Hurst exponent, from 0 to 1.
     roll_off : float
-        Longest wavelength of the power law [um]; with one beyond the surface's side the spectrum
-        has no flat part.
+        Longest wavelength of the power law [um], at least the cut-off. If it exceeds the side of a
+        surface, the spectrum of the surface has no flat part.
     cut_off : float
-        Shortest wavelength of all [um].
+        Shortest wavelength of the spectrum, above 0 [um].
     stretch : float
-        Ratio of wavelengths along x (axis 0) to those along y (axis 1) [1]; roll-off and cut-off
-        are wavelengths along y.
+        Ratio of wavelengths along x (axis 0) to wavelengths along y (axis 1), above 0 [1]. Roll-off
+        and cut-off are wavelengths along y.
 
     Raises
     ------
     InputError
-        If one of them is outside its range.
+        If an attribute is outside its range.
     """
 
     hurst: float
@@ -61,7 +64,7 @@ class SelfAffineSpectrum:
     stretch: float = 1.0
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
+        """Raise InputError if an attribute is outside its range."""
         if not 0.0 <= self.hurst <= 1.0:
             raise InputError(f"hurst {self.hurst}: give a Hurst exponent from 0 to 1")
         if not 0.0 < self.cut_off < math.inf:
@@ -75,7 +78,7 @@ class SelfAffineSpectrum:
             raise InputError(f"stretch {self.stretch}: give a ratio above 0")
 
     def density(self, qx: Values, qy: Values) -> Values:
-        """Compute the spectral density at wavevectors, as a share of that of the flat part.
+        """Compute the spectral density at wavevectors, relative to the density of the flat part.
 
         Parameters
         ----------
@@ -87,13 +90,13 @@ class SelfAffineSpectrum:
         ndarray, common shape of qx and qy
             Relative spectral density [1].
         """
-        # Squares, relative to the roll-off's: roots would take as long as the power.
-        unit = self.roll_off / (2 * math.pi)
-        squares = (self.stretch * unit * qx) ** 2 + (unit * qy) ** 2
-        largest = (self.roll_off / self.cut_off * (1 + ROUNDING)) ** 2
-        return np.where(
-            squares <= largest, np.maximum(squares, 1.0) ** (-1 - self.hurst), 0.0
-        )
+        # Squared wavenumbers relative to the roll-off's square. A square root is not taken, as it
+        # would take as long as the power.
+        length = self.roll_off / (2 * math.pi)
+        squares = (self.stretch * length * qx) ** 2 + (length * qy) ** 2
+        square_at_cut_off = (self.roll_off / self.cut_off * (1 + ROUNDING)) ** 2
+        law = np.maximum(squares, 1.0) ** (-1 - self.hurst)
+        return np.where(squares <= square_at_cut_off, law, 0.0)
 
 
 def generate_spectral(
@@ -107,26 +110,28 @@ def generate_spectral(
 ) -> Heights:
     """Generate a periodic random surface with a given power spectrum.
 
-    The surface is a sum of all waves that the sides hold, with amplitudes from the spectrum and
-    random phases, so that every surface has the spectrum and the rms height or slope exactly. The
-    phases depend on the sides and the cut-off, but not on the grid: the same seed gives the same
-    surface on all grids with more than two nodes in the shortest wavelength.
+    The surface is a sum of the waves with a whole number of periods along both sides. Their
+    amplitudes follow from the spectrum, and their phases are random, so that every surface has
+    exactly this spectrum and this rms height or slope. The phases depend on the sides and the
+    cut-off, but not on the grid: one seed gives one surface on all grids with more than two nodes
+    in the shortest wavelength.
 
     Parameters
     ----------
     shape : tuple of int
         Nodes (nx, ny), at least 2 along both axes.
     side : float or tuple of float
-        Period of the surface, one or one per axis; the nodes are side / nodes apart [um].
+        Period of the surface: one for both axes, or one for each [um]. The distance of the nodes is
+        side / nodes.
     spectrum : SelfAffineSpectrum
         Shape of the power spectrum.
     random : numpy.random.Generator
-        Source of the phases.
+        Source of the phases. The call moves its state.
     rms_height : float, optional
-        Root mean square of the heights [um]; either this or `rms_slope` is given.
+        Root mean square of the heights [um]. Either `rms_height` or `rms_slope` is given.
     rms_slope : float, optional
-        Root mean square of the gradient's modulus, that of the waves and not of differences
-        between nodes [1].
+        Root mean square of the gradient's modulus [1]. It is exact for the sum of waves, and a
+        little larger than the slopes between nodes.
 
     Returns
     -------
@@ -136,8 +141,8 @@ def generate_spectral(
     Raises
     ------
     InputError
-        If the grid is too coarse for the cut-off, the sides hold no wave, or not exactly one rms
-        value of 0 or more is given.
+        If the shape or a side is not allowed, the grid is too coarse for the cut-off, the sides
+        hold no wave, or not exactly one rms value of 0 or more is given.
     """
     rms = _only_rms(rms_height, rms_slope)
     sides = pair(side)
@@ -158,7 +163,10 @@ def generate_spectral(
 
 
 def _only_rms(rms_height: float | None, rms_slope: float | None) -> float:
-    """Return the rms value; raise InputError unless exactly one, of 0 or more, is given."""
+    """Return the rms value that is given: a height [um] or a slope [1].
+
+    Raise InputError unless exactly one of them is given, finite, and at least 0.
+    """
     if rms_height is not None and rms_slope is None:
         return _require_rms("height", rms_height)
     if rms_slope is not None and rms_height is None:
@@ -167,7 +175,10 @@ def _only_rms(rms_height: float | None, rms_slope: float | None) -> float:
 
 
 def _require_rms(name: str, rms: float) -> float:
-    """Return an rms height [um] or slope [1]; raise InputError if it is negative or infinite."""
+    """Return an rms value; raise InputError if it is negative or infinite.
+
+    `name` is "height" or "slope".
+    """
     if not 0.0 <= rms < math.inf:
         raise InputError(f"rms {name} {rms}: give 0 or more")
     return rms
@@ -176,7 +187,10 @@ def _require_rms(name: str, rms: float) -> float:
 def _refuse_grid(
     shape: tuple[int, int], sides: tuple[float, float], spectrum: SelfAffineSpectrum
 ) -> None:
-    """Raise InputError if nodes and sides [um] are no grid, or too coarse for the cut-off."""
+    """Raise InputError if the nodes or the sides [um] are not allowed.
+
+    The nodes along both axes also have to be close enough for the cut-off.
+    """
     nx, ny = shape
     if min(shape) < 2:
         raise InputError(f"nodes {nx} x {ny}: give at least 2 along both axes")
@@ -192,56 +206,77 @@ def _refuse_grid(
 
 
 class Waves(NamedTuple):
-    """Wavevectors of half of all waves that a period holds; the other half are their opposites."""
+    """Components of wavevectors, which broadcast to one half of all waves that a period holds.
 
-    qx: Values  # components along x, first those from 0 on, shape (2 kx + 1, 1) [1/um]
-    qy: Values  # components along y, from 0 on, shape (1, ky + 1) [1/um]
+    The other half has the opposite wavevectors. kx and ky are the largest numbers of waves along
+    the two sides.
+    """
+
+    # along x, shape (2 kx + 1, 1) [1/um]: 0, then rising positive ones, then rising negative ones
+    qx: Values
+    qy: Values  # along y, shape (1, ky + 1) [1/um]: 0, then rising positive ones
 
 
 def _waves(
     shape: tuple[int, int], sides: tuple[float, float], spectrum: SelfAffineSpectrum
 ) -> Waves:
-    """Return the waves down to the cut-off of a spectrum that a grid with such sides [um] holds."""
-    kx = _most_periods(shape[0], sides[0], spectrum.cut_off * spectrum.stretch)
+    """Return the waves that fit into the sides [um] and are not shorter than the cut-off.
+
+    `shape` are the nodes along x and y.
+    """
+    cut_off_along_x = spectrum.cut_off * spectrum.stretch
+    kx = _most_periods(shape[0], sides[0], cut_off_along_x)
     ky = _most_periods(shape[1], sides[1], spectrum.cut_off)
     numbers_x = np.fft.ifftshift(np.arange(-kx, kx + 1)).reshape(-1, 1)
     numbers_y = np.arange(ky + 1).reshape(1, -1)
     qx = 2 * math.pi / sides[0] * numbers_x
     qy = 2 * math.pi / sides[1] * numbers_y
-    return Waves(np.asarray(qx, dtype=np.float64), np.asarray(qy, dtype=np.float64))
+    return Waves(qx=np.asarray(qx, dtype=np.float64), qy=np.asarray(qy, dtype=np.float64))
 
 
 def _most_periods(nodes: int, length: float, shortest: float) -> int:
-    """Return how many periods of the shortest wave [um] a length [um] and its nodes hold.
+    """Return the largest number of periods along a side with a length [um] and a number of nodes.
 
-    A wave of exactly two nodes is left out: the grid does not hold its phase.
+    A period is not shorter than `shortest` [um], and takes more than two nodes, because two nodes
+    do not determine the phase of a wave.
     """
-    return min(math.floor(length / shortest * (1 + ROUNDING)), (nodes - 1) // 2)
+    allowed_by_wavelength = math.floor(length / shortest * (1 + ROUNDING))
+    allowed_by_nodes = (nodes - 1) // 2
+    return min(allowed_by_wavelength, allowed_by_nodes)
 
 
 def _longest_wave(nodes: int, spacing: float) -> float:
-    """Return the longest wave [um] of a period of nodes with a spacing [um]; 0 if there is none."""
-    if nodes <= 2:
+    """Return the longest wave [um] along a period of nodes with a spacing [um].
+
+    Return 0 if the period holds no wave.
+    """
+    if nodes <= 2:  # see `_most_periods`
         return 0.0
     return nodes * spacing
 
 
 def _relative_powers(waves: Waves, spectrum: SelfAffineSpectrum) -> Values:
-    """Return the power of each wave (2 kx + 1, ky + 1) as a share of the flat part's [1].
+    """Return the power of each wave relative to a wave of the flat part, (2 kx + 1, ky + 1) [1].
 
-    The mean has none, and neither has the second of two opposite waves in the column qy = 0.
+    The mean of the heights has no power. In the column qy = 0, where `waves` has both of two
+    opposite waves, only the wave with a positive qx has power.
     """
-    count = len(waves.qx) // 2 + 1  # of the waves with qx from 0 on
-    first = spectrum.density(waves.qx[:count], waves.qy)
-    powers = np.concatenate((first, first[:0:-1]))  # the same along -x
-    powers[count:, 0] = 0.0
+    kx = len(waves.qx) // 2
+    without_negative_qx = spectrum.density(waves.qx[: kx + 1], waves.qy)
+    negative_qx = without_negative_qx[:0:-1]  # the density is symmetric
+    powers = np.concatenate((without_negative_qx, negative_qx))
+    powers[kx + 1 :, 0] = 0.0
     powers[0, 0] = 0.0
     return powers
 
 
 def _synthesis(amplitudes: Values, phases: Values, shape: tuple[int, int]) -> Heights:
-    """Sum waves of amplitudes [um] and phases (2 kx + 1, ky + 1) on the nodes of a grid [um]."""
-    # Single precision is enough for phases that are random; the moduli of the amplitudes are exact.
+    """Return heights [um] on a grid of the given shape: the sum of waves and their opposites.
+
+    `amplitudes` [um] and `phases` [rad] have the shape (2 kx + 1, ky + 1) and the order of `Waves`.
+    """
+    # Single precision is enough for random phases. The division below makes the moduli of the
+    # complex amplitudes exact again.
     angles = phases.astype(np.float32)
     cosines = np.cos(angles).astype(np.float64)
     sines = np.sin(angles).astype(np.float64)
@@ -249,18 +284,19 @@ def _synthesis(amplitudes: Values, phases: Values, shape: tuple[int, int]) -> He
     waves: NDArray[np.complex128] = np.empty(phases.shape, dtype=complex)
     np.multiply(amplitudes, cosines, out=waves.real)
     np.multiply(amplitudes, sines, out=waves.imag)
-    waves *= math.prod(shape)
+    waves *= math.prod(shape)  # the inverse transform divides by the number of nodes
     kx = len(waves) // 2
     columns = waves.shape[1]
     transform = np.zeros((shape[0], shape[1] // 2 + 1), dtype=complex)
     transform[: kx + 1, :columns] = waves[: kx + 1]
     if kx > 0:
         transform[-kx:, :columns] = waves[kx + 1 :]
+        # The transform of real heights has conjugate values at opposite wavevectors.
         transform[-kx:, 0] = np.conj(waves[kx:0:-1, 0])
     return np.fft.irfft2(transform, s=shape)
 
 
-# end of what a drawn parameter may be
+# end of the description of the values that a drawn parameter may have
 OR_DRAWN = ", [low, high] or a distribution of these"
 
 
@@ -287,28 +323,34 @@ class SpectralSurface(GridSurface):
         default=1.0,
         description=f"a number above 0{OR_DRAWN}: wavelengths along x over those along y",
     )
-    # Scenes that do not give it take 1 on periodic patches, otherwise 2.
+    # Without this key the period is 1 on periodic patches, and otherwise 2.
     period: Annotated[float, Field(ge=1, le=16)] | None = Field(
         default=None,
         description="the surface's period in sides of the patch, from 1 to 16",
     )
 
     @model_validator(mode="after")
-    def _require_one_rms(self) -> Self:
-        """Refuse surfaces without a height, or with two, and a cut-off beyond the roll-off."""
+    def _require_consistent_keys(self) -> Self:
+        """Refuse a table without exactly one rms value.
+
+        Also refuse a cut-off that may exceed the roll-off.
+        """
         if (self.rms_height is None) == (self.rms_slope is None):
             raise conflict("give either rms_height or rms_slope")
-        cut_off = limits(self.cut_off).largest
-        roll_off = limits(self.roll_off).smallest
-        if cut_off > roll_off:
+        largest_cut_off = limits(self.cut_off).largest
+        smallest_roll_off = limits(self.roll_off).smallest
+        if largest_cut_off > smallest_roll_off:
             raise conflict(
-                f"cut_off is up to {cut_off:g} um and roll_off from {roll_off:g} um on: the cut-off"
-                " is the shorter wavelength"
+                f"cut_off is up to {largest_cut_off:g} um and roll_off from"
+                f" {smallest_roll_off:g} um on: the cut-off is the shorter wavelength"
             )
         return self
 
     def period_nodes(self, grid: Grid) -> tuple[int, int]:
-        """Return the nodes of a surface's period; one beyond the patch suits Fourier transforms.
+        """Return the nodes of a surface's period along both axes.
+
+        A period longer than the patch is lengthened to numbers of nodes with fast Fourier
+        transforms.
 
         Parameters
         ----------
@@ -322,19 +364,23 @@ class SpectralSurface(GridSurface):
         """
         from scipy.fft import next_fast_len
 
-        periods = self.period
-        if periods is None:
-            periods = 1.0 if grid.boundary == "periodic" else 2.0
-        if periods == 1.0:
+        period_in_sides = self.period
+        if period_in_sides is None:
+            period_in_sides = 1.0 if grid.boundary == "periodic" else 2.0
+        if period_in_sides == 1.0:
             return grid.shape
         nx, ny = grid.shape
         return (
-            next_fast_len(math.ceil(periods * nx), real=True),
-            next_fast_len(math.ceil(periods * ny), real=True),
+            next_fast_len(math.ceil(period_in_sides * nx), real=True),
+            next_fast_len(math.ceil(period_in_sides * ny), real=True),
         )
 
     def fault_on(self, grid: Grid) -> str:
-        """Return why a wave may be too short for the grid, or too long for the period, or ""."""
+        """Say why the parameters' ranges do not suit the grid; return "" if they do.
+
+        The period may have too many nodes, the cut-off may be too short for the grid or too long
+        for the period, and the roll-off may be too long.
+        """
         nx, ny = self.period_nodes(grid)
         if max(nx, ny) > MOST_PERIOD_NODES:
             return (
@@ -344,9 +390,10 @@ class SpectralSurface(GridSurface):
         return self._fault_of_short_waves(grid) or self._fault_of_long_waves(grid)
 
     def _fault_of_short_waves(self, grid: Grid) -> str:
-        """Return why the shortest waves may be too short for the grid, or ""."""
+        """Say why the cut-off may be too short for the grid; return "" if it cannot be."""
         dx, dy = grid.spacing
         shortest = limits(self.cut_off).smallest
+        # A wave along either axis needs two nodes.
         finest = max(2 * dx / limits(self.stretch).smallest, 2 * dy)
         if shortest * (1 + ROUNDING) >= finest:
             return ""
@@ -356,7 +403,10 @@ class SpectralSurface(GridSurface):
         )
 
     def _fault_of_long_waves(self, grid: Grid) -> str:
-        """Return why the cut-off may be beyond all waves, or the roll-off be too long, or ""."""
+        """Say why the cut-off may exceed all waves of the period, or the roll-off may be too long.
+
+        Return "" if neither can be.
+        """
         nx, ny = self.period_nodes(grid)
         dx, dy = grid.spacing
         along_x = _longest_wave(nx, dx) / limits(self.stretch).largest
@@ -369,16 +419,19 @@ class SpectralSurface(GridSurface):
                 " um: give a shorter cut_off"
             )
         roll_off = limits(self.roll_off).largest
-        if roll_off > FARTHEST * longest:
-            return f"roll_off is up to {roll_off:g} um: give at most {FARTHEST * longest:g} um"
+        largest_roll_off = LARGEST_ROLL_OFF * longest
+        if roll_off > largest_roll_off:
+            return (
+                f"roll_off is up to {roll_off:g} um: give at most {largest_roll_off:g} um"
+            )
         return ""
 
     def heights(
         self, grid: Grid, surface: int, parameters: Parameters, random: Random
     ) -> Heights:
-        """Add waves up; see `GeneratedSurface.heights`.
+        """Return a sum of waves with random phases; see `GeneratedSurface.heights`.
 
-        Unless the patch is periodic, a surface is a window of one with a longer period, so that
+        If the period is longer than the patch, the surface is a corner of the period, so that
         opposite borders of the patch differ.
         """
         nx, ny = self.period_nodes(grid)

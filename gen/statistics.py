@@ -1,23 +1,24 @@
 """The 22 statistics of rough surfaces (Table 1 of the paper), computed together.
 
-Profiles run along x (axis 0) and y (axis 1). Table 1 leaves the following conventions open. Its
-ranges decide the kurtoses and agree with every statistic but the bandwidth
-(tests/gen/test_statistics.py):
+Profiles run along x (axis 0) and y (axis 1). Table 1 leaves the following conventions open. The
+ranges that it states decide which kurtosis is meant, and agree with every statistic except the
+bandwidth (tests/gen/test_statistics.py):
 
-- A peak is a node of a profile above both neighbours; the peaks along x and y are pooled. An
+- A peak is a node of a profile above both neighbours. The peaks along x and along y are pooled. An
   asperity (summit) is a node above its four neighbours. Peaks and asperities are interior nodes;
   plateaus have none.
 - Heights are counted from the lowest node. "rms" is the standard deviation of the population.
-- Kurtosis is Pearson's (normal: 3) or excess (normal: 0), as the name says: Pearson's for peaks
-  and for the curvature of asperities, excess for asperities and for the curvature of peaks.
-- Curvature is minus the second difference over the squared spacing, at asperities the mean of x
-  and y.
-- Densities are numbers per node: of asperities over n_x n_y, of peaks over 2 n_x n_y, since a
-  node can be a peak along x and along y.
-- The bandwidth parameter of an axis is Nayak's (1971), m0 m4 / m2^2: m0 the variance of all
-  heights, m2 and m4 the means of squared slopes (first differences over the spacing) and squared
-  curvatures over all profiles along it. The spacing cancels. The paper's definition is not
-  stated, and its ranges are three to seven times lower.
+- Kurtosis is Pearson's (normal: 3) or excess (normal: 0), as the name says. It is Pearson's for
+  heights of peaks and curvatures of asperities, and excess for heights of asperities and curvatures
+  of peaks.
+- Curvature is minus the second difference over the squared spacing; at asperities it is the mean
+  of the curvatures along x and y.
+- Densities are numbers per node. The number of asperities is divided by n_x n_y. The number of
+  peaks is divided by 2 n_x n_y, since a node can be a peak along x and along y.
+- The bandwidth parameter of an axis is Nayak's (1971), m0 m4 / m2^2, in which the spacing cancels.
+  m0 is the variance of all heights. m2 and m4 are the means of the squared slopes (first
+  differences over the spacing) and of the squared curvatures of all profiles along the axis. The
+  paper does not define its bandwidth, whose ranges are three to seven times lower.
 """
 
 import math
@@ -35,20 +36,25 @@ from gen.schema import TABLE_1
 NAMES = tuple(column.name for column in TABLE_1)
 """Names of the statistics in the order of Table 1."""
 
-# smallest and largest spacing [um], between which no power of a curvature overflows
+# smallest and largest spacing that is allowed [um]: no power of a curvature overflows between them
 FINEST = 1e-15
 COARSEST = 1e15
-ROUNDING = 8.0  # largest second difference by rounding, in spacings of numbers at the top
+# largest second difference that rounding makes, over the distance of neighbouring floating-point
+# numbers at the largest height
+ROUNDING = 8.0
 
 LOST = 1000.0
-"""Smallest rms of heights that has a shape, in spacings of numbers at the largest height: below it
-peaks become ties, and skewness and kurtosis are wrong by more than about one part in a hundred."""
+"""Smallest rms height that has a shape, over the distance of neighbouring floating-point numbers at
+the largest height. Below it, neighbouring heights become equal, and skewness and kurtosis are wrong
+by more than about one part in a hundred."""
 
 UNDEFINED = "no asperity or one, peaks of equal height or curvature, or flat profiles"
-"""Why statistics are NaN on a surface that is not flat."""
+"""Reason for NaN on a surface that is not flat and whose heights are not lost in rounding."""
 
-DOT = "i,i->"  # sum of products by einsum: BLAS's last bits would depend on the number of threads
-# rms over mean below which rounding of the mean would show in the third moment
+# subscripts of `numpy.einsum` for a sum of products; by BLAS its last bits would depend on the
+# number of threads
+DOT = "i,i->"
+# rms over mean below which the rounding of the mean would show in the third moment
 NEARLY_EQUAL = 1e-3
 
 
@@ -69,7 +75,7 @@ class Description:
 
 
 class Moments(NamedTuple):
-    """Number of values and their population moments; a moment that they do not define is NaN."""
+    """Number of values and their population moments; a moment that is not defined is NaN."""
 
     number: int
     mean: float
@@ -80,58 +86,61 @@ class Moments(NamedTuple):
 
 
 class Profiles(NamedTuple):
-    """All profiles along one axis of a surface whose N nodes are numbered row by row.
+    """All profiles along one axis of scaled heights, whose N nodes are numbered row by row.
 
     Arrays are of shape (N - 2 stride,); entry i belongs to node i + stride.
     """
 
-    stride: int  # step from a node to the next one of its profile
+    stride: int  # difference of the numbers of neighbouring nodes of a profile
     curvature: Values  # minus the second difference of heights, 0 at the ends of profiles
-    peaks: NDArray[np.bool_]  # whether a node is above both neighbours; false at the ends
+    # whether a node is above both neighbours; false at the ends of profiles
+    peaks: NDArray[np.bool_]
     slope_square: float  # mean of the squared first differences
     # mean of the squared second differences; NaN for profiles of two nodes
     curvature_square: float
 
 
 class ScaledHeights(NamedTuple):
-    """Heights of a surface, divided by a power of two near their range."""
+    """Heights of a surface, divided by a power of two near their range; their offset stays."""
 
-    nodes: Values  # scaled heights, shape (nx, ny), row by row in memory
+    nodes: Values  # scaled heights, shape (nx, ny), row by row in memory [unit]
     unit: float  # the power of two [um]
-    rounding: float  # distance of neighbouring numbers at the largest height, in units
-    lowest: float  # smallest scaled height
-    highest: float  # largest scaled height
+    # distance of neighbouring floating-point numbers at the largest height [unit]
+    rounding: float
+    lowest: float  # smallest scaled height [unit]
+    highest: float  # largest scaled height [unit]
 
     @property
     def noise(self) -> float:
-        """Largest second difference that rounding makes, in units."""
+        """Largest second difference that rounding makes [unit]."""
         return ROUNDING * self.rounding
 
 
 class Points(NamedTuple):
-    """Peaks of profiles or asperities, in the units of scaled heights."""
+    """Heights and curvatures of points that are peaks of profiles, or asperities."""
 
     heights: Values  # scaled heights, shape (points,)
-    # minus the second differences times (dx / spacing)^2, where the spacing is dx along x and dy
-    # along y; of an asperity the mean of both axes; shape (points,)
+    # curvatures times dx^2, in the unit of scaled heights, shape (points,): minus the second
+    # difference along x, and minus (dx / dy)^2 times the second difference along y. An asperity has
+    # the mean of both.
     curvatures: Values
 
 
 class PointMoments(NamedTuple):
-    """Moments of the heights and curvatures of peaks or asperities."""
+    """Moments of the numbers in `Points`."""
 
-    heights: Moments  # with the mean counted from the lowest node
-    curvatures: Moments
+    heights: Moments  # moments of the heights; the mean is counted from the lowest node
+    curvatures: Moments  # moments of the curvatures times dx^2
 
 
 class SurfaceMoments(NamedTuple):
-    """What the statistics of a surface are made of, in the units of scaled heights."""
+    """Moments from which the statistics of a surface follow, in the unit of scaled heights."""
 
-    heights: Moments  # of all nodes, with the mean counted from the lowest one
+    heights: Moments  # moments of the heights of all nodes; the mean counts from the lowest node
     peaks: PointMoments
     asperities: PointMoments
-    bandwidth_x: float  # Nayak's parameter of the profiles along x [1]
-    bandwidth_y: float
+    bandwidth_x: float  # Nayak's bandwidth parameter of the profiles along x [1]
+    bandwidth_y: float  # Nayak's bandwidth parameter of the profiles along y [1]
 
 
 def describe(heights: Values, spacing: float | tuple[float, float]) -> Description:
@@ -142,22 +151,26 @@ def describe(heights: Values, spacing: float | tuple[float, float]) -> Descripti
     heights : ndarray, shape (nx, ny)
         Heights [um] of 2 x 2 nodes or more, with any offset.
     spacing : float or pair of float
-        Distance between neighbouring nodes [um], the same along both axes or along x and y.
+        Distance between neighbouring nodes along both axes, or a pair along x and along y [um].
 
     Returns
     -------
     Description
-        All statistics of `NAMES`: heights and their rms [um], curvatures and their rms [1/um],
-        the rest without unit. A statistic is NaN, with a reason, if the surface has no peak or
-        asperity to take moments of, if the values whose skewness or kurtosis is asked for are
-        equal to rounding, if profiles are flat or have two nodes (bandwidth), or if the offset of
-        the heights has left too few of their digits (all statistics but the heights' own).
+        All statistics of `NAMES`: means, maxima and rms of heights [um] and of curvatures [1/um];
+        all others have no unit. Statistics are NaN, and the reason says why, in these cases:
+
+        - Statistics of peaks (asperities) if the surface has no peak (asperity), except for their
+          density, which is 0.
+        - Skewness and kurtosis of values that are equal but for rounding.
+        - The bandwidth of profiles that are flat or have two nodes.
+        - All but the mean, rms and range of the heights if an offset leaves too few digits for
+          the roughness.
 
     Raises
     ------
     InputError
-        If the heights are not a 2-D grid of 2 x 2 or more real, finite numbers, the spacing is
-        not from `FINEST` to `COARSEST`, or curvatures are beyond the largest number.
+        If the heights are not a 2-D grid of 2 x 2 or more real, finite numbers, a spacing is
+        not from `FINEST` to `COARSEST`, or curvatures are too large or too small for a number.
 
     References
     ----------
@@ -166,20 +179,25 @@ def describe(heights: Values, spacing: float | tuple[float, float]) -> Descripti
     dx, dy = _spacings(spacing)
     surface = _scaled(heights)
     moments = _surface_moments(surface, (dx / dy) ** 2)
-    per_length = surface.unit / dx / dx
-    values = _table_1(moments, surface, per_length)
-    if per_length < np.finfo(np.float64).tiny or any(map(math.isinf, values.values())):
+    curvature_unit = surface.unit / dx / dx  # [1/um]
+    values = _table_1(moments, surface, curvature_unit)
+    underflows = curvature_unit < np.finfo(np.float64).tiny
+    if underflows or any(map(math.isinf, values.values())):
         raise InputError(
             f"heights over {values['height_max']:g} um on a spacing of {dx:g} um: their curvatures"
             " are beyond what numbers hold; give other units"
         )
-    if 0.0 < moments.heights.variance <= (LOST * surface.rounding) ** 2:
+    smallest_variance = (LOST * surface.rounding) ** 2
+    if 0.0 < moments.heights.variance <= smallest_variance:
         return _lost_in_rounding(values, surface)
     return Description(values, _reason(values, surface, heights))
 
 
 def _spacings(spacing: float | tuple[float, float]) -> tuple[float, float]:
-    """Return the spacings along x and y [um]; refuse those outside `FINEST` to `COARSEST`."""
+    """Return the spacings along x and y [um] for one spacing or a pair.
+
+    Raise InputError if one is outside `FINEST` to `COARSEST` or there are not two.
+    """
     pair = spacing if isinstance(spacing, tuple) else (spacing, spacing)
     if len(pair) != 2 or not all(FINEST <= length <= COARSEST for length in pair):
         raise InputError(
@@ -191,15 +209,15 @@ def _spacings(spacing: float | tuple[float, float]) -> tuple[float, float]:
 
 def _surface_moments(surface: ScaledHeights, ratio: float) -> SurfaceMoments:
     """Compute all moments of a surface; `ratio` is (dx / dy)^2 of its spacings dx and dy."""
-    nodes = surface.nodes
-    along_x = _profiles(nodes, axis=0)
-    along_y = _profiles(nodes, axis=1)
+    nodes = surface.nodes.ravel()
+    along_x = _profiles(surface.nodes, axis=0)
+    along_y = _profiles(surface.nodes, axis=1)
     # Table 1 has no skewness and kurtosis of all heights: an infinite noise leaves them out.
-    heights = _moments(nodes.ravel(), surface.lowest, noise=math.inf)
-    peaks = _peaks(nodes.ravel(), along_x, along_y, ratio)
+    heights = _moments(nodes, origin=surface.lowest, noise=math.inf)
+    peaks = _peaks(nodes, along_x, along_y, ratio)
     peak_moments = _point_moments(peaks, surface, ratio)
-    del peaks  # which may take as much memory as the heights
-    asperities = _asperities(nodes.ravel(), along_x, along_y, ratio)
+    del peaks  # They may take as much memory as the heights.
+    asperities = _asperities(nodes, along_x, along_y, ratio)
     return SurfaceMoments(
         heights=heights,
         peaks=peak_moments,
@@ -210,21 +228,20 @@ def _surface_moments(surface: ScaledHeights, ratio: float) -> SurfaceMoments:
 
 
 def _point_moments(points: Points, surface: ScaledHeights, ratio: float) -> PointMoments:
-    """Compute the moments of points of a surface; `ratio` is (dx / dy)^2 of its spacings.
-
-    Rounding of curvatures along y is `ratio` times that along x.
-    """
+    """Compute the moments of points of a surface; `ratio` is (dx / dy)^2 of its spacings."""
+    # The second differences along y, and so their rounding, are multiplied by `ratio`.
     curvature_noise = surface.noise * max(1.0, ratio)
     return PointMoments(
-        heights=_moments(points.heights, surface.lowest, surface.noise),
-        curvatures=_moments(points.curvatures, 0.0, curvature_noise),
+        heights=_moments(points.heights, origin=surface.lowest, noise=surface.noise),
+        curvatures=_moments(points.curvatures, origin=0.0, noise=curvature_noise),
     )
 
 
 def _bandwidth(profiles: Profiles, variance: float, noise: float) -> float:
-    """Compute Nayak's bandwidth parameter of an axis; NaN if profiles are flat to rounding.
+    """Compute Nayak's bandwidth parameter of the profiles along one axis [1].
 
-    The variance is that of all heights, the noise the largest difference by rounding.
+    `variance` is that of all heights, and `noise` the largest difference that rounding makes. The
+    parameter is NaN if the rms first difference is not above the noise, or profiles have two nodes.
     """
     if profiles.slope_square <= noise * noise:
         return math.nan
@@ -233,13 +250,15 @@ def _bandwidth(profiles: Profiles, variance: float, noise: float) -> float:
 
 
 def _table_1(
-    moments: SurfaceMoments, surface: ScaledHeights, per_length: float
+    moments: SurfaceMoments, surface: ScaledHeights, curvature_unit: float
 ) -> dict[str, float]:
     """Return the statistics by name, in the units of Table 1.
 
-    `per_length` is the unit of the curvatures in `moments` [1/um].
+    `curvature_unit` is the unit of the curvatures in `moments` [1/um].
     """
-    heights, peaks, asperities = moments.heights, moments.peaks, moments.asperities
+    heights = moments.heights
+    peaks = moments.peaks
+    asperities = moments.asperities
     unit = surface.unit
     nodes = surface.nodes.size
     return {
@@ -248,7 +267,7 @@ def _table_1(
         "peak_kurtosis_pearson": peaks.heights.kurtosis,
         "peak_skewness": peaks.heights.skewness,
         "peak_density": peaks.heights.number / (2 * nodes),
-        "peak_curvature_mean": peaks.curvatures.mean * per_length,
+        "peak_curvature_mean": peaks.curvatures.mean * curvature_unit,
         "peak_curvature_kurtosis_excess": peaks.curvatures.kurtosis - 3.0,
         "peak_curvature_skewness": peaks.curvatures.skewness,
         "bandwidth_x": moments.bandwidth_x,
@@ -258,8 +277,8 @@ def _table_1(
         "asperity_kurtosis_excess": asperities.heights.kurtosis - 3.0,
         "asperity_skewness": asperities.heights.skewness,
         "asperity_density": asperities.heights.number / nodes,
-        "asperity_curvature_mean": asperities.curvatures.mean * per_length,
-        "asperity_curvature_rms": asperities.curvatures.rms * per_length,
+        "asperity_curvature_mean": asperities.curvatures.mean * curvature_unit,
+        "asperity_curvature_rms": asperities.curvatures.rms * curvature_unit,
         "asperity_curvature_kurtosis_pearson": asperities.curvatures.kurtosis,
         "asperity_curvature_skewness": asperities.curvatures.skewness,
         "height_mean": heights.mean * unit,
@@ -269,26 +288,32 @@ def _table_1(
 
 
 def _lost_in_rounding(values: dict[str, float], surface: ScaledHeights) -> Description:
-    """Return the description of heights whose offset has left too few of their digits.
+    """Return the description of heights whose offset leaves too few digits for their roughness.
 
-    Only the three statistics of all heights are numbers, and the others NaN.
+    The three statistics of all heights are taken from `values`; all others are NaN.
     """
     kept = {name: values[name] for name in ("height_mean", "height_max", "height_rms")}
-    return Description(
-        dict.fromkeys(NAMES, math.nan) | kept,
+    apart = surface.rounding * surface.unit
+    reason = (
         f"heights lost in rounding: rms {values['height_rms']:.3g} um at an offset where numbers"
-        f" are {surface.rounding * surface.unit:.2g} um apart",
+        f" are {apart:.2g} um apart"
     )
+    return Description(dict.fromkeys(NAMES, math.nan) | kept, reason)
 
 
 def _reason(values: dict[str, float], surface: ScaledHeights, heights: Values) -> str:
-    """Say why some statistics of a surface with these heights [um] are NaN; "" if none is."""
+    """Return why some values are NaN, "" if no value is NaN.
+
+    `values` are the statistics of the surface, and `heights` [um] its heights before scaling.
+    """
     if surface.lowest == surface.highest:
         return "flat surface: no profile peak, no asperity"
     if not any(map(math.isnan, values.values())):
         return ""
+    # A few nodes far away from all others may set the rounding of all heights.
     lower_quartile, upper_quartile = np.percentile(surface.nodes, [25.0, 75.0])
-    if 0.0 < upper_quartile - lower_quartile <= LOST * surface.rounding:
+    middle_half = upper_quartile - lower_quartile
+    if 0.0 < middle_half <= LOST * surface.rounding:
         largest = max(float(heights.min()), float(heights.max()), key=abs)
         return f"most heights are lost in rounding beside one of {largest:.6g} um"
     return UNDEFINED
@@ -307,7 +332,8 @@ def rms_slope(heights: Values, spacing: tuple[float, float]) -> float:
     Returns
     -------
     float
-        Root of the sum of both directions' mean squares [1]; infinite if that is beyond numbers.
+        Root of the sum of the mean squared slopes along x and along y [1]; infinite if that is
+        beyond the largest number. Pairs of neighbours of which one is missing are left out.
 
     Raises
     ------
@@ -328,10 +354,10 @@ def rms_slope_of(
 ) -> Values:
     """Estimate the rms slopes of surfaces from their statistics, without the surfaces.
 
-    Nayak's bandwidth parameter is m0 m4 / m2^2 of a profile. Where slopes are normally distributed,
-    and on a sine wave, the density of peaks gives m4 / m2 = 2 (1 - cos(2 pi density)) / spacing^2,
-    and both together m2. On surfaces of the shipped scenes the estimate is within 8 % of that of
-    `rms_slope` (`tests/gen/test_statistics.py`).
+    Nayak's bandwidth parameter is m0 m4 / m2^2 of a profile, where m0 is the mean square height.
+    The density of peaks gives m4 / m2 = 2 (1 - cos(2 pi density)) / spacing^2 for a sine wave and
+    for normally distributed slopes. The two equations give the mean square slope m2. On surfaces of
+    the shipped scenes the estimate is within 8 % of `rms_slope` (`tests/gen/test_statistics.py`).
 
     Parameters
     ----------
@@ -343,23 +369,27 @@ def rms_slope_of(
     Returns
     -------
     ndarray, shape (surfaces,)
-        Rms slopes [1]; NaN where a statistic is.
+        Rms slopes [1]; NaN where a statistic is NaN.
 
     References
     ----------
     Nayak, P. R., 1971. Random process model of rough surfaces. Journal of Lubrication Technology
     93, 398-407.
     """
-    change = 2.0 * (1.0 - np.cos(2.0 * math.pi * statistics["peak_density"]))
-    # An even slope has no curvature, and files may hold any numbers.
+    angles = 2.0 * math.pi * statistics["peak_density"]
+    change = 2.0 * (1.0 - np.cos(angles))  # m4 / m2 times the squared spacing
+    # An even slope has a bandwidth of 0, and files may hold any numbers.
     with np.errstate(all="ignore"):
+        # m2 / m0 of the profiles along each axis
         along_x = change / (statistics["bandwidth_x"] * spacing[0] ** 2)
         along_y = change / (statistics["bandwidth_y"] * spacing[1] ** 2)
         return np.asarray(statistics["height_rms"] * np.sqrt(along_x + along_y))
 
 
 def refuse_masked(name: str, array: Any) -> None:
-    """Refuse an array with masked entries; one whose mask hides nothing is as any other.
+    """Raise InputError if an array has masked entries.
+
+    A masked array of which no entry is masked is accepted.
 
     Parameters
     ----------
@@ -378,7 +408,11 @@ def refuse_masked(name: str, array: Any) -> None:
 
 
 def _scaled(heights: Values) -> ScaledHeights:
-    """Check heights [um] and divide them by a power of two, so that no moment overflows."""
+    """Divide heights [um] by a power of two near their range, so that no moment overflows.
+
+    Raise InputError if they are not a grid of finite numbers. A flat surface becomes zeros in a
+    unit of 1 um.
+    """
     _refuse_all_but_heights(heights)
     lowest = float(heights.min())
     highest = float(heights.max())
@@ -387,14 +421,20 @@ def _scaled(heights: Values) -> ScaledHeights:
             "heights with NaN, infinities or an infinite range: give finite heights"
         )
     if lowest == highest:
-        return ScaledHeights(np.zeros(heights.shape), 1.0, 0.0, 0.0, 0.0)
+        return ScaledHeights(
+            nodes=np.zeros(heights.shape),
+            unit=1.0,
+            rounding=0.0,
+            lowest=0.0,
+            highest=0.0,
+        )
     exponent = math.frexp(highest - lowest)[1]
     unit = 2.0 ** min(max(exponent, -1000), 1000)
     nodes = np.multiply(heights, 1.0 / unit, order="C", dtype=np.float64)
     largest = max(abs(lowest), abs(highest)) / unit
     return ScaledHeights(
-        nodes,
-        unit,
+        nodes=nodes,
+        unit=unit,
         rounding=_precision(heights) * largest,
         lowest=float(nodes.min()),
         highest=float(nodes.max()),
@@ -402,7 +442,7 @@ def _scaled(heights: Values) -> ScaledHeights:
 
 
 def _refuse_all_but_heights(heights: Values) -> None:
-    """Refuse arrays that are no grid of real numbers, 2 x 2 or more, or masked in places."""
+    """Raise InputError unless an array is a grid of 2 x 2 real numbers or more without a mask."""
     if heights.ndim != 2 or min(heights.shape) < 2:
         raise InputError(
             f"heights of shape {heights.shape}: give 2-D heights, 2 x 2 nodes or more"
@@ -413,9 +453,9 @@ def _refuse_all_but_heights(heights: Values) -> None:
 
 
 def _precision(heights: Values) -> float:
-    """Return the relative distance of the numbers that heights are given in.
+    """Return the relative distance of neighbouring floating-point numbers of the heights' type.
 
-    It is that of double precision, or of the single or half precision of the array.
+    Integers, and types of more than 8 bytes, count as double precision.
     """
     if heights.dtype.kind == "f" and heights.dtype.itemsize < 8:
         return float(np.finfo(heights.dtype).eps)
@@ -423,40 +463,56 @@ def _precision(heights: Values) -> float:
 
 
 def _profiles(surface: Values, axis: int) -> Profiles:
-    """Compute the differences and peaks of all profiles of scaled heights along one axis."""
+    """Compute the differences and peaks of all profiles along one axis of scaled heights.
+
+    The heights are of shape (nx, ny).
+    """
     nodes = surface.ravel()
     columns = surface.shape[1]
     stride = columns if axis == 0 else 1
     length = surface.shape[axis]
-    number = surface.size // length  # of profiles
-    # Not of heights above the lowest: those far above it would be rounded, and neighbours tie.
+    profiles = surface.size // length
+    # The heights keep their offset: if the lowest one were subtracted, heights far above it would
+    # be rounded, and neighbours become equal.
     difference = nodes[stride:] - nodes[:-stride]
-    if axis == 1:  # from the end of a row to the next one
-        difference[columns - 1 :: columns] = 0.0
-    curvature = difference[:-stride] - difference[stride:]
     if axis == 1:
+        # The last node of a row has no neighbour: the next number belongs to the next row.
+        difference[columns - 1 :: columns] = 0.0
+    to_node = difference[:-stride]
+    from_node = difference[stride:]
+    curvature = to_node - from_node
+    if axis == 1:
+        # The last node of a row and the first one of the next row are ends of profiles.
         curvature[columns - 2 :: columns] = 0.0
         curvature[columns - 1 :: columns] = 0.0
-    slope_square = _sum_of_squares(difference) / (number * (length - 1))
+    slopes = profiles * (length - 1)
+    curvatures = profiles * (length - 2)
     curvature_square = math.nan
     if length > 2:
-        curvature_square = _sum_of_squares(curvature) / (number * (length - 2))
+        curvature_square = _sum_of_squares(curvature) / curvatures
     return Profiles(
         stride=stride,
         curvature=curvature,
-        peaks=(difference[:-stride] > 0.0) & (difference[stride:] < 0.0),
-        slope_square=slope_square,
+        peaks=(to_node > 0.0) & (from_node < 0.0),
+        slope_square=_sum_of_squares(difference) / slopes,
         curvature_square=curvature_square,
     )
 
 
 def _sum_of_squares(values: Values) -> float:
-    """Return the sum of the squares of values (count,), alike for any number of threads."""
+    """Return the sum of the squares of values, shape (count,).
+
+    Its last bits do not depend on the number of threads.
+    """
     return float(np.einsum(DOT, values, values))
 
 
 def _peaks(nodes: Values, along_x: Profiles, along_y: Profiles, ratio: float) -> Points:
-    """Return the peaks of the profiles along x and y of scaled heights (nx ny,)."""
+    """Return the peaks of all profiles of scaled heights, along x and then along y.
+
+    `nodes`, shape (nx ny,), are the heights, and `ratio` is (dx / dy)^2 of the spacings. A node
+    that is a peak along both axes is returned twice.
+    """
     on_x = np.flatnonzero(along_x.peaks)
     on_y = np.flatnonzero(along_y.peaks)
     heights = (nodes[on_x + along_x.stride], nodes[on_y + along_y.stride])
@@ -467,8 +523,11 @@ def _peaks(nodes: Values, along_x: Profiles, along_y: Profiles, ratio: float) ->
 def _asperities(
     nodes: Values, along_x: Profiles, along_y: Profiles, ratio: float
 ) -> Points:
-    """Return the asperities of scaled heights (nx ny,): nodes that are peaks along x and y."""
-    # The node of an entry of `along_x` has its entry of `along_y` this much later.
+    """Return the asperities of scaled heights: the nodes that are peaks along both axes.
+
+    `nodes`, shape (nx ny,), are the heights, and `ratio` is (dx / dy)^2 of the spacings.
+    """
+    # Entry i of `along_x` and entry i + shift of `along_y` belong to the same node.
     shift = along_x.stride - along_y.stride
     is_peak_along_y = along_y.peaks[shift : shift + along_x.peaks.size]
     entries = np.flatnonzero(along_x.peaks & is_peak_along_y)
@@ -477,28 +536,44 @@ def _asperities(
 
 
 def _moments(values: Values, origin: float, noise: float) -> Moments:
-    """Compute the moments of values (count,), with the mean counted from an origin.
+    """Compute the moments of values, shape (count,), with the mean counted from an origin.
 
-    There is no skewness or kurtosis if the rms is not above that of noise.
+    Skewness and kurtosis are NaN if the rms is not above the noise; all moments of no values are.
     """
     number = values.size
     if number == 0:
-        return Moments(0, math.nan, math.nan, math.nan, math.nan, math.nan)
+        return Moments(
+            number=0,
+            mean=math.nan,
+            variance=math.nan,
+            rms=math.nan,
+            skewness=math.nan,
+            kurtosis=math.nan,
+        )
     mean = float(values.sum()) / number
     deviations = values - mean
     variance = _sum_of_squares(deviations) / number
-    correction = 0.0  # of the mean, whose rounding may be large beside the deviations
+    # The rounding of a mean that is large beside the deviations is corrected.
+    correction = 0.0
     if math.sqrt(variance) < NEARLY_EQUAL * abs(mean):
         correction = float(deviations.sum()) / number
         deviations -= correction
         variance = _sum_of_squares(deviations) / number
     mean = (mean - origin) + correction
     rms = math.sqrt(variance)
-    if rms <= noise:
-        return Moments(number, mean, variance, rms, math.nan, math.nan)
-    squares = deviations * deviations
-    third = float(np.einsum(DOT, squares, deviations)) / number
-    fourth = _sum_of_squares(squares) / number
-    skewness = third / (variance * rms)
-    kurtosis = fourth / (variance * variance)
-    return Moments(number, mean, variance, rms, skewness, kurtosis)
+    skewness = math.nan
+    kurtosis = math.nan
+    if rms > noise:
+        squares = deviations * deviations
+        third = float(np.einsum(DOT, squares, deviations)) / number
+        fourth = _sum_of_squares(squares) / number
+        skewness = third / (variance * rms)
+        kurtosis = fourth / (variance * variance)
+    return Moments(
+        number=number,
+        mean=mean,
+        variance=variance,
+        rms=rms,
+        skewness=skewness,
+        kurtosis=kurtosis,
+    )

@@ -1,7 +1,8 @@
-"""Rough surfaces: what every generator of them has, and two kinds of random midpoint displacement.
+"""Rough surfaces: the interface of all generators, and two kinds of random midpoint displacement.
 
-A generator is one class in one file: the keys of its table `[surface]`, which of them are drawn and
-become columns, and the heights of a surface. `gen.generators.GENERATORS` lists the classes.
+A generator is one class in one file. The class has the keys of the table `[surface]`, says which of
+the keys are drawn and become columns, and makes the heights of a surface.
+`gen.generators.GENERATORS` lists the classes.
 """
 
 import math
@@ -29,35 +30,39 @@ from gen.statistics import refuse_masked
 T = TypeVar("T", int, float)
 
 MOST_NODES = 4097  # largest number of nodes along an axis
-ANOTHER = "another"  # second rough body of the same population
+ANOTHER = (
+    "another"  # value of the key `against` for a second rough body of the same population
+)
 
 
 def one_or_two(
     kind: type[int] | type[float], largest: float, above: float = 0.0
 ) -> Callable[[Any], Any]:
-    """Return the validator of a key that takes a number for both axes or one for each.
+    """Return the validator of a key whose value is a number for both axes or a pair of numbers.
 
     Parameters
     ----------
     kind : type
-        `int` for whole numbers alone, or `float`.
+        `int` if only whole numbers are allowed, otherwise `float`.
     largest : float
         Largest number that is allowed.
     above : float
-        Number that all have to exceed.
+        Largest number that is not allowed: every number has to exceed it.
 
     Returns
     -------
     callable
-        Function of what a scene holds. It returns a number or a pair of them, of this kind, and
-        raises PydanticCustomError for anything else.
+        Function of a value of any type. It returns a number or a tuple of two numbers, converted to
+        `kind`, and raises PydanticCustomError for any other value.
     """
-    kinds = (int,) if kind is int else (int, float)
+    allowed_types = (int,) if kind is int else (int, float)
 
     def is_allowed(number: Any) -> bool:
-        return type(number) in kinds and above < number <= largest
+        """Tell whether a value is a number inside the limits; bool is no number."""
+        return type(number) in allowed_types and above < number <= largest
 
-    def read(value: Any) -> Any:
+    def validated(value: Any) -> Any:
+        """Return the number or the pair of numbers of a scene."""
         is_pair = isinstance(value, list | tuple) and len(value) == 2
         numbers = tuple(value) if is_pair else (value,)
         if not all(is_allowed(number) for number in numbers):
@@ -66,7 +71,7 @@ def one_or_two(
             return tuple(kind(number) for number in numbers)
         return kind(value)
 
-    return read
+    return validated
 
 
 Nodes = Annotated[
@@ -77,7 +82,8 @@ NODES = f"a whole number from 2 to {MOST_NODES}, or one for each axis, [nx, ny]"
 SIDE = "a finite number above 0, or one for each axis, [x, y] [um]"
 
 Parameters = Mapping[str, float]
-"""Parameters that were drawn for a surface, by their names, each in its own unit."""
+"""Values of the parameters that were drawn for a surface, by the names of the parameters. The
+generator's `PARAMETERS` have their units."""
 
 Random = np.random.Generator
 
@@ -90,21 +96,23 @@ class Patch(NamedTuple):
 
 
 class Grid(NamedTuple):
-    """The grid that a scene's surfaces are made on."""
+    """The grid on which a scene's surfaces are made."""
 
     shape: tuple[int, int]  # nodes along x and y
-    # lengths of the patch: of all cells, or between outer nodes [um]
+    # Lengths of the patch along x and y [um]. If each node has a cell of its own, they are lengths
+    # of all cells, otherwise distances from the first node to the last one.
     sides: tuple[float, float]
     spacing: tuple[float, float]  # distances of neighbouring nodes along x and y [um]
     boundary: str  # "free", "periodic" or "mirror"
 
 
 class Drawn(NamedTuple):
-    """A parameter that is drawn for each surface, as its column describes it."""
+    """Description of a parameter that is drawn for each surface, for its column."""
 
     unit: str  # "1" for pure numbers
-    long_name: str  # its meaning
-    paper_range: tuple[float, float] | None = None  # in the paper's Table 1
+    long_name: str  # meaning of the parameter, in words
+    # range in the paper's Table 1; None for a parameter that is not in the table
+    paper_range: tuple[float, float] | None = None
 
 
 Hurst = Annotated[FromZeroToOne, Drawn("1", "Hurst exponent of the surface", (0.5, 0.8))]
@@ -113,21 +121,21 @@ Hurst = Annotated[FromZeroToOne, Drawn("1", "Hurst exponent of the surface", (0.
 class GeneratedSurface(Table):
     """The table `[surface]` of a scene, and the surfaces that it describes.
 
-    A field that is annotated by `Drawn` is a parameter: it is drawn for each surface, and is a
-    column of the database.
+    Each generator is a subclass. A field that is annotated by `Drawn` is a parameter: its value is
+    drawn for each surface, and is a column of the database.
     """
 
     NAMES: ClassVar[tuple[str, ...]] = ()
-    """Names by which scenes ask for this generator."""
+    """Values of the key `generator` that select this class."""
 
     PARAMETERS: ClassVar[Mapping[str, Drawn]] = {}
-    """Parameters that every scene of this generator may draw, by their keys."""
+    """Descriptions of the parameters, by their keys in the table."""
 
     PLACES: ClassVar[Mapping[str, str]] = {}
-    """Names and meanings of the columns that say where in a larger surface each one was cut out.
-    Generators whose surfaces are not cut out have none."""
+    """Meanings of the columns that say where each surface was cut out of a larger one, by the names
+    of the columns. The mapping is empty for generators that do not cut surfaces out."""
 
-    # Without the key the other body is flat.
+    # Without this key the other body is flat.
     against: Literal["another"] | None = Field(
         default=None,
         description="'another', for a second rough body: another surface of the same parameters",
@@ -136,7 +144,7 @@ class GeneratedSurface(Table):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
-        """List the names and the parameters of a generator in its class."""
+        """Set `NAMES` and `PARAMETERS` of a new subclass from its fields."""
         cls.NAMES = get_args(cls.model_fields["generator"].annotation)
         parameters = {}
         for name, field in cls.model_fields.items():
@@ -146,7 +154,7 @@ class GeneratedSurface(Table):
         cls.PARAMETERS = parameters
 
     def drawn(self) -> dict[str, Distribution]:
-        """Return the distributions of the parameters that are drawn for each surface."""
+        """Return the distributions of the parameters by their keys; keys not set are left out."""
         values = {name: getattr(self, name) for name in self.PARAMETERS}
         return {name: value for name, value in values.items() if value is not None}
 
@@ -158,8 +166,8 @@ class GeneratedSurface(Table):
         boundary : {"free", "periodic", "mirror"}
             Boundary of the patch.
         cells : bool
-            Whether the sides hold a cell for each node, rather than one less, from the first node
-            to the last one.
+            True if each node has a cell of its own inside the sides; False if the sides reach from
+            the first node to the last one.
 
         Returns
         -------
@@ -169,7 +177,7 @@ class GeneratedSurface(Table):
         Raises
         ------
         InputError
-            If they are not known before a run has read the source of the surfaces.
+            If nodes and sides follow from files that have not been read yet.
         """
         raise NotImplementedError
 
@@ -187,7 +195,7 @@ class GeneratedSurface(Table):
         parameters : mapping of str to float
             Parameters that were drawn for the surface.
         random : numpy.random.Generator
-            The surface's stream of random numbers, which the call moves on.
+            The surface's stream of random numbers. The call moves its state.
 
         Returns
         -------
@@ -209,7 +217,10 @@ class GeneratedSurface(Table):
         first: Random,
         random: Random,
     ) -> Heights:
-        """Make the second rough body, as a pure function of these arguments and the table.
+        """Make the surface of the second rough body, as a pure function of arguments and table.
+
+        By default it is another surface with the parameters of the first body. The heights point
+        out of the second body.
 
         Parameters
         ----------
@@ -220,9 +231,10 @@ class GeneratedSurface(Table):
         parameters : mapping of str to float
             Parameters that were drawn for the surface.
         first : numpy.random.Generator
-            A new copy of the stream of the first body.
+            The first body's stream of random numbers, in the state before the first surface was
+            made. Generators use it if the second surface has to differ from the first one.
         random : numpy.random.Generator
-            The second body's stream of random numbers, which the call moves on.
+            The second body's stream of random numbers. The call moves its state.
 
         Returns
         -------
@@ -237,7 +249,7 @@ class GeneratedSurface(Table):
         return self.heights(grid, surface, parameters, random)
 
     def fault_on(self, grid: Grid) -> str:
-        """Say why some surfaces cannot be made on a grid.
+        """Say why surfaces of this table, or some of them, cannot be made on a grid.
 
         Parameters
         ----------
@@ -247,7 +259,7 @@ class GeneratedSurface(Table):
         Returns
         -------
         str
-            The reason, and what to change; empty if all can be made.
+            The reason, and advice on what to change; "" if all surfaces can be made.
         """
         return ""
 
@@ -257,27 +269,29 @@ class GeneratedSurface(Table):
         Parameters
         ----------
         content : dict
-            All keys of this table with their values.
+            The keys of this table and their values.
 
         Returns
         -------
         dict
-            The keys and values that tell databases with other results apart.
+            The keys and values that change results; by default all of them. Scenes that differ in
+            this part have different databases.
         """
         return content
 
     def places(self, randoms: Iterable[Random]) -> dict[str, NDArray[np.int32]]:
-        """Return where surfaces are cut out of a larger one.
+        """Return the places at which surfaces are cut out of a larger one.
 
         Parameters
         ----------
         randoms : iterable of numpy.random.Generator
-            The stream of random numbers of each surface, from its beginning.
+            The stream of random numbers of each surface, in its first state.
 
         Returns
         -------
         dict of str to ndarray, shape (surfaces,)
-            Values of the columns in `PLACES`; empty if surfaces are not cut out.
+            Values of the columns in `PLACES` by the names of the columns; empty if surfaces are not
+            cut out.
         """
         return {}
 
@@ -292,36 +306,38 @@ class GeneratedSurface(Table):
         Returns
         -------
         GeneratedSurface
-            The completed table; see `Scene.resolved`.
+            The completed table; by default this table itself. See `Scene.resolved`.
         """
         return self
 
     def make_ready(
         self, home: Path | None, *, sources: bool = False, verify: bool = True
     ) -> None:
-        """Open the files that surfaces are made from in this process.
+        """Open, in this process, the files from which surfaces are made.
+
+        By default there are none, and nothing is done.
 
         Parameters
         ----------
         home : Path, optional
             The database, beside which files may be kept.
         sources : bool
-            Whether the original files are needed too, not only what is kept of them.
+            Whether the original files are needed too, besides the copies that are kept.
         verify : bool
-            Whether to look for damage in what is kept; of several processes one is to do it.
+            Whether to check the kept copies for damage. One of several processes does this.
 
         Raises
         ------
         SourceError
-            If a file is missing or not what it was when the database was made.
+            If a file is missing, or has changed since the database was made.
         """
 
     def sources(self) -> list[Path]:
-        """Return the files that surfaces are made from, which no output may replace."""
+        """Return the files from which surfaces are made, so that no output replaces them."""
         return []
 
     def remarks(self) -> list[str]:
-        """Return lines for the user of a run about the source of the surfaces."""
+        """Return lines about the source of the surfaces, which a run prints for its user."""
         return []
 
 
@@ -331,7 +347,7 @@ def pair(value: T | tuple[T, T]) -> tuple[T, T]:
     Parameters
     ----------
     value : number or pair of number
-        One value for both axes, or the values along x and y.
+        One value for both axes, or a tuple of the values along x and y.
 
     Returns
     -------
@@ -344,14 +360,14 @@ def pair(value: T | tuple[T, T]) -> tuple[T, T]:
 
 
 class GridSurface(GeneratedSurface):
-    """A table of surfaces on any rectangular grid, whose nodes and sides the scene gives."""
+    """A table of surfaces on a rectangular grid, with keys for its nodes and sides."""
 
     nodes: Nodes = Field(default=128, description=NODES)
     side: Side = Field(default=1000.0, description=SIDE)
 
     def patch(self, boundary: str, *, cells: bool) -> Patch:
-        """Return the nodes and sides of the scene."""
-        return Patch(pair(self.nodes), pair(self.side))
+        """Return the nodes and the sides [um] of the table; see `GeneratedSurface.patch`."""
+        return Patch(nodes=pair(self.nodes), sides=pair(self.side))
 
 
 GENERATORS = ("diamond-square", "midpoint")
@@ -363,28 +379,34 @@ def generate(
 ) -> Heights:
     """Generate a random self-affine surface by displacing midpoints, level by level.
 
-    "diamond-square", MIRCO's generator, displaces the centre of a square to the mean of its 4
-    corners + N(0, a^2); then the midpoint of an edge to the mean of its 4 neighbours, 3 at the
-    border, + N(0, a^2). The amplitude a starts at `sigma0` and is divided by 2^(hurst / 2) after
-    each of the two steps. The statistics of its surfaces are those of the paper's Table 1.
-    "midpoint" displaces centres and edges together, as the paper's text describes it: the centre of
-    a square to the mean of its 4 corners and the midpoint of an edge to the mean of its 2 corners,
-    both + N(0, s^2) with s = sigma0 2^(-hurst level); the first level is 0.
+    Each level adds the centres of all squares and the midpoints of all edges. The height of a new
+    node is a mean of its neighbours plus a random number from a normal distribution with the mean 0
+    and a standard deviation that falls from level to level.
+
+    "diamond-square", MIRCO's generator, first adds the centres: the mean is over the 4 corners of
+    the square. Then it adds the midpoints of the edges: the mean is over 4 neighbours, which are 2
+    corners and 2 centres, or over 3 at the border. The standard deviation starts at `sigma0` and is
+    divided by 2^(hurst / 2) after each of these two steps. The statistics of its surfaces have the
+    ranges of the paper's Table 1.
+
+    "midpoint" is the generator that the text of the paper describes. The mean is over the 4 corners
+    of a square and over the 2 corners of an edge. The standard deviation of a level is
+    sigma0 2^(-hurst level) for both; the first level is 0.
 
     Parameters
     ----------
     generator : str
         One of the names in `GENERATORS`.
     nodes : int
-        Nodes a side: 2^k + 1 with k of 1 or more.
+        Nodes along each side: 2^k + 1 with k of 1 or more.
     hurst : float
-        Hurst exponent, from 0 to 1; that of the power spectrum is smaller, the more so on coarse
-        grids (`examples/hurst.py`).
+        Hurst exponent of the displacements, from 0 to 1. The Hurst exponent of the power spectrum
+        is smaller, in particular on coarse grids (`examples/hurst.py`).
     sigma0 : float
         Standard deviation of the first displacement [um].
     random : numpy.random.Generator
-        Source of the displacements. The same seed gives the same coarse nodes for every number of
-        nodes, apart from the shift of the lowest node to 0.
+        Source of the displacements. The call moves its state. For one seed, the nodes of a coarse
+        grid have the same heights on a finer grid, apart from the shift of the lowest node to 0.
 
     Returns
     -------
@@ -403,16 +425,17 @@ def generate(
     """
     if generator not in GENERATORS:
         raise InputError(f"generator {generator!r}: give one of {', '.join(GENERATORS)}")
-    if nodes < 3 or (nodes - 1) & (nodes - 2):
+    intervals = nodes - 1
+    is_power_of_two = intervals & (intervals - 1) == 0
+    if nodes < 3 or not is_power_of_two:
         raise InputError(f"nodes {nodes}: give 2^k + 1, as 3, 5, 9, ..., 129, 257")
     if not 0.0 <= hurst <= 1.0:
         raise InputError(f"hurst {hurst}: give a Hurst exponent from 0 to 1")
     if not 0.0 <= sigma0 < math.inf:
         raise InputError(f"sigma0 {sigma0}: give a standard deviation of 0 um or more")
-    with np.errstate(over="ignore", invalid="ignore"):
-        heights = _displaced(
-            nodes, hurst, sigma0, random, diamonds=generator == "diamond-square"
-        )
+    diamonds = generator == "diamond-square"
+    with np.errstate(over="ignore", invalid="ignore"):  # reported below
+        heights = _displaced(nodes, hurst, sigma0, random, diamonds=diamonds)
         heights -= heights.min()
     if not math.isfinite(heights.max()):
         raise InputError(
@@ -422,12 +445,12 @@ def generate(
 
 
 def without_last_nodes(heights: Heights) -> Heights:
-    """Leave out the last row and column, for a patch without edges.
+    """Leave out the last row and the last column, for a patch without edges.
 
-    The generators make 2^k + 1 nodes a side, where 2^k cells suit transforms better: 257 is a prime
-    number. FFTW takes 11 times as long for the Fourier transform of 257 x 257 numbers as for
-    256 x 256, 4 times for the cosine transform; a contact takes 3.0 times as long on a periodic
-    patch and 2.4 times on a mirrored one.
+    `generate` makes 2^k + 1 nodes a side, but transforms of 2^k numbers are faster, in particular
+    because 257 is a prime number. For 257 x 257 numbers, FFTW's Fourier transform takes 11 times as
+    long as for 256 x 256, and the cosine transform 4 times. A contact takes 3.0 times as long on a
+    periodic patch, and 2.4 times on a mirrored one.
 
     Parameters
     ----------
@@ -437,12 +460,12 @@ def without_last_nodes(heights: Heights) -> Heights:
     Returns
     -------
     ndarray, shape (n, n)
-        Heights above the lowest of these nodes [um].
+        A copy of the heights of the other nodes, above the lowest of them [um].
 
     Raises
     ------
     InputError
-        If heights are masked in places.
+        If a height is masked.
     """
     refuse_masked("heights", heights)
     cells = heights[:-1, :-1]
@@ -452,11 +475,12 @@ def without_last_nodes(heights: Heights) -> Heights:
 def _displaced(
     nodes: int, hurst: float, sigma0: float, random: Random, *, diamonds: bool
 ) -> Heights:
-    """Displace centres and edges, level by level, and return heights [um].
+    """Return heights [um] of random midpoint displacement, whose lowest node is not at 0.
 
-    With `diamonds` edges are displaced to the means of their diamonds, otherwise of their corners;
-    see `generate`.
+    `diamonds` selects the generator "diamond-square", otherwise the generator is "midpoint"; see
+    `generate`. `sigma0` is the standard deviation of the first displacement [um].
     """
+    # "diamond-square" divides the amplitude twice in each level.
     decay = 2.0 ** (-hurst / 2.0) if diamonds else 2.0**-hurst
     amplitude = sigma0
     heights = np.zeros((2, 2))
@@ -470,11 +494,16 @@ def _displaced(
 
 
 def _centres(heights: Heights, amplitude: float, random: Random) -> Heights:
-    """Return the heights of the centres of all squares, displaced by an amplitude [um]."""
+    """Return the heights of the centres of all squares [um], shape (n - 1, n - 1).
+
+    `heights` are the corners [um], shape (n, n), and `amplitude` is the standard deviation of the
+    displacements [um].
+    """
     squares = len(heights) - 1
-    pairs = heights[:-1] + heights[1:]
+    sums_along_x = heights[:-1] + heights[1:]
+    sums_of_corners = sums_along_x[:, :-1] + sums_along_x[:, 1:]
     centres = amplitude * random.standard_normal((squares, squares))
-    centres += 0.25 * (pairs[:, :-1] + pairs[:, 1:])
+    centres += 0.25 * sums_of_corners
     return centres
 
 
@@ -486,13 +515,18 @@ def _refined(
     *,
     diamonds: bool,
 ) -> Heights:
-    """Return a grid of heights, their centres, and edges displaced by an amplitude [um]."""
+    """Return the heights of the next level [um], shape (2 n - 1, 2 n - 1).
+
+    They are the `heights` of this level, shape (n, n), the `centres` of its squares, and the
+    midpoints of its edges, which this function displaces. `amplitude` is the standard deviation of
+    these displacements [um].
+    """
     squares = len(centres)
     finer = np.empty((2 * squares + 1, 2 * squares + 1))
     finer[::2, ::2] = heights
     finer[1::2, 1::2] = centres
     for axis in (0, 1):
-        # As seen along this axis: the same code takes edges along x, then along y.
+        # Exchanging the axes makes edges along y look like edges along x.
         means = _edge_means(
             heights.swapaxes(0, axis), centres.swapaxes(0, axis), diamonds=diamonds
         )
@@ -504,9 +538,11 @@ def _refined(
 
 
 def _edge_means(heights: Heights, centres: Heights, *, diamonds: bool) -> Heights:
-    """Return the mean of the neighbours of each edge's midpoint along axis 0 [um].
+    """Return the mean of the neighbours of the midpoint of each edge along axis 0 [um].
 
-    The neighbours are both corners, and with `diamonds` also the centres on both sides.
+    `heights` are the corners, shape (n, n); the result has the shape (n - 1, n). The neighbours are
+    both corners of the edge, and with `diamonds` also the `centres` on both sides, of which there
+    is only one at the border.
     """
     means = heights[:-1] + heights[1:]
     if not diamonds:
@@ -515,18 +551,18 @@ def _edge_means(heights: Heights, centres: Heights, *, diamonds: bool) -> Height
     means[:, 1:] += centres
     means[:, :-1] += centres
     means[:, 1:-1] *= 0.25
-    means[:, :: len(centres)] /= 3.0  # the border's two columns
+    means[:, :: len(centres)] /= 3.0  # the first and the last column
     return means
 
 
 class DisplacedSurface(GridSurface):
     """Surfaces of random midpoint displacement.
 
-    `hurst` is the parameter of the generator. The exponent of a surface's power spectrum is
-    smaller; `bench/results/hurst/hurst.csv` has it for several grids.
+    `hurst` is the parameter of `generate`. The Hurst exponent of a surface's power spectrum is
+    smaller; `bench/results/hurst/hurst.csv` lists it for several grids.
 
-    The defaults are the paper's (section 3.2, Table 1). The paper does not give `sigma0`: its
-    default is calibrated so that the 22 statistics have the ranges of Table 1.
+    The defaults are the values of the paper (section 3.2, Table 1), except that of `sigma0`, which
+    the paper does not give: it is chosen so that the 22 statistics have the ranges of Table 1.
     """
 
     generator: Literal["diamond-square", "midpoint"] = "diamond-square"
@@ -545,14 +581,20 @@ class DisplacedSurface(GridSurface):
     ] = Field(default=(10.0, 15.0), description=f"{SPANNED} [um]")
 
     def patch(self, boundary: str, *, cells: bool) -> Patch:
-        """Return 2^k nodes a side for a patch without edges, otherwise 2^k + 1."""
+        """Return 2^k nodes a side for a patch without edges, otherwise 2^k + 1, and the sides [um].
+
+        See `GeneratedSurface.patch`.
+        """
         nodes = self.nodes if boundary == "free" else self.nodes - 1
-        return Patch((nodes, nodes), (self.side, self.side))
+        return Patch(nodes=(nodes, nodes), sides=(self.side, self.side))
 
     def heights(
         self, grid: Grid, surface: int, parameters: Parameters, random: Random
     ) -> Heights:
-        """Displace midpoints; see `GeneratedSurface.heights`."""
+        """Return a surface of `generate`, without its last nodes on a patch without edges.
+
+        See `GeneratedSurface.heights`.
+        """
         heights = generate(
             self.generator,
             self.nodes,

@@ -1,9 +1,17 @@
-"""The four scores by which the paper judges its models (section 3.4)."""
+"""The four scores by which the paper judges its models (section 3.4), and their uncertainty."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+
+from gen.arrays import Indices, Values
+
+BOOTSTRAP = 1000  # resamples of a bootstrap
+LEVEL = 0.9  # coverage of intervals that is used unless another one is chosen
+# share of the variance of all rows below which the variance of a resample is rounding
+ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -16,10 +24,32 @@ class Scores:
     r2: float  # coefficient of determination
 
 
-def scores(truth: ArrayLike, prediction: ArrayLike) -> Scores:
-    """Score predictions of a truth that varies, both (n,), as the paper does.
+class Interval(NamedTuple):
+    """An interval of a score [%]."""
 
-    ValueError is raised if the lengths differ, a value is not finite, or the truth does not vary.
+    low: float
+    high: float
+
+
+def scores(truth: ArrayLike, prediction: ArrayLike) -> Scores:
+    """Score predictions as the paper does.
+
+    Parameters
+    ----------
+    truth : array_like, shape (n,)
+        True values, which have to vary.
+    prediction : array_like, shape (n,)
+        Predicted values in the same unit.
+
+    Returns
+    -------
+    Scores
+        The four scores [%].
+
+    Raises
+    ------
+    ValueError
+        If the lengths differ, a value is not finite, or the truth does not vary.
     """
     from sklearn.metrics import (
         max_error,
@@ -28,41 +58,71 @@ def scores(truth: ArrayLike, prediction: ArrayLike) -> Scores:
         r2_score,
     )
 
-    known, guessed = np.asarray(truth, dtype=float), np.asarray(prediction, dtype=float)
+    known = np.asarray(truth, dtype=float)
+    predicted = np.asarray(prediction, dtype=float)
     if known.ndim != 1 or known.size < 2 or np.ptp(known) == 0:
         raise ValueError("truth must be a vector that varies")
     return Scores(
-        nmse=100 * float(mean_squared_error(known, guessed)) / magnitude(known),
-        nmae=100 * float(mean_absolute_error(known, guessed)) / magnitude(known),
-        nmaxe=100 * float(max_error(known, guessed)) / float(np.abs(known).max()),
-        r2=100 * float(r2_score(known, guessed)),
+        nmse=100 * float(mean_squared_error(known, predicted)) / magnitude(known),
+        nmae=100 * float(mean_absolute_error(known, predicted)) / magnitude(known),
+        nmaxe=100 * float(max_error(known, predicted)) / float(np.abs(known).max()),
+        r2=100 * float(r2_score(known, predicted)),
     )
 
 
 def magnitude(truth: ArrayLike) -> float:
     """Return the mean magnitude of the truth, which errors are divided by.
 
-    A mean of quantities with both signs may be near 0, or negative.
+    The mean itself may be near 0, or negative, for quantities with both signs.
+
+    Parameters
+    ----------
+    truth : array_like, shape (n,)
+        True values.
+
+    Returns
+    -------
+    float
+        Mean of their absolute values, in their unit.
     """
     return float(np.abs(np.asarray(truth, dtype=float)).mean())
 
 
 def no_better(r2: float) -> str:
-    """Say that predictions are no better than a constant, with their R2 [%]; "" if they are."""
-    return "" if r2 > 0 else f"R2 {r2:.2f} % on the test rows: no better than a constant"
+    """Say that predictions are no better than a constant, if they are not.
+
+    Parameters
+    ----------
+    r2 : float
+        Coefficient of determination on the test rows [%].
+
+    Returns
+    -------
+    str
+        The sentence; "" if they are better.
+    """
+    if r2 > 0:
+        return ""
+    return f"R2 {r2:.2f} % on the test rows: no better than a constant"
 
 
 def spread(truth: ArrayLike) -> float:
-    """Return the variance of the truth, (n,), over its mean magnitude, in the target's unit.
+    """Return the variance of the truth over its mean magnitude.
 
     It is the factor between nMSE and unexplained variance: nMSE = (1 - R2) times the spread. So the
     nMSE carries the target's unit, and differs between data sets on which R2 is the same.
+
+    Parameters
+    ----------
+    truth : array_like, shape (n,)
+        True values.
+
+    Returns
+    -------
+    float
+        The spread in the unit of the truth.
     """
     return float(np.asarray(truth, dtype=float).var()) / magnitude(truth)
-
-
-BOOTSTRAP = 1000  # resamples of a bootstrap
-LEVEL = 0.9  # coverage of intervals, where nothing else is asked for
 
 
 def bootstrap(
@@ -70,62 +130,103 @@ def bootstrap(
     prediction: ArrayLike,
     level: float = LEVEL,
     groups: ArrayLike | None = None,
-) -> dict[str, tuple[float, float]]:
-    """Return low and high of "nmse", "nmae" and "r2" over resamples of the rows [%]; {} for one
-    group.
+) -> dict[str, Interval]:
+    """Return intervals of scores over `BOOTSTRAP` resamples of the rows.
 
     They tell how much a score would differ on other rows of the same kind, with the same model. The
-    largest error has none: a resample cannot exceed it. Rows of one group, (n,), are drawn
-    together: a model errs alike on rows of one surface, and rows drawn one by one would make too
-    much of them (B. Efron and R. Tibshirani, An Introduction to the Bootstrap, chapter 8).
+    largest error has no interval, because a resample cannot exceed it. Rows of one group are drawn
+    together: a model errs alike on rows of one surface, and rows drawn one by one would give
+    intervals that are too narrow (B. Efron and R. Tibshirani, An Introduction to the Bootstrap,
+    chapter 8). The resamples are the same in each call.
+
+    Parameters
+    ----------
+    truth : array_like, shape (n,)
+        True values, which have to vary.
+    prediction : array_like, shape (n,)
+        Predicted values in the same unit.
+    level : float
+        Coverage of the intervals, between 0 and 1.
+    groups : array_like, shape (n,), optional
+        Group of each row; each row is a group of its own if left out.
+
+    Returns
+    -------
+    dict
+        Intervals by the names "nmse", "nmae" and "r2"; empty if all rows are one group.
+
+    Raises
+    ------
+    ValueError
+        If the scores of all rows are undefined; see `scores`.
     """
     scores(truth, prediction)  # refuses vectors whose scores are undefined
     known = np.asarray(truth, dtype=float)
     error = np.abs(np.asarray(prediction, dtype=float) - known)
-    own = (
-        np.arange(known.size)
-        if groups is None
-        else np.unique(groups, return_inverse=True)[1]
-    )
-    number = int(own.max()) + 1
-    if number < 2:
+    numbers = np.arange(known.size)
+    if groups is not None:
+        numbers = np.unique(groups, return_inverse=True)[1]
+    if numbers.max() < 1:
         return {}
-    middle = float(
-        known.mean()
-    )  # variances are of the distances from it, without cancellation
+    means = _resampled_means(known, error, numbers)
+    # A resample of one group, drawn again and again, has no variance.
+    usable = means.magnitude > 0
+    usable &= means.variance > ROUNDING * known.var()
+    squared_error = means.squared_error[usable]
+    absolute_error = means.absolute_error[usable]
+    return {
+        "nmse": _interval(100 * squared_error / means.magnitude[usable], level),
+        "nmae": _interval(100 * absolute_error / means.magnitude[usable], level),
+        "r2": _interval(100 * (1 - squared_error / means.variance[usable]), level),
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class ResampledMeans:
+    """Means over the rows of each resample, (b,) each, in powers of the target's unit."""
+
+    magnitude: Values  # of the absolute truth
+    variance: Values  # of the truth
+    squared_error: Values
+    absolute_error: Values
+
+
+def _resampled_means(known: Values, error: Values, numbers: Indices) -> ResampledMeans:
+    """Draw groups with replacement, and return means over the rows of each draw.
+
+    Takes the truth, the absolute errors and the number of the group of each row, (n,). Magnitudes
+    and variances are computed from distances to those of all rows, without cancellation.
+    """
     size = magnitude(known)
-    from_middle = known - middle
-    each = (
+    from_mean = known - float(known.mean())
+    quantities = (
         np.ones_like(known),
         error**2,
         error,
         np.abs(known) - size,
-        from_middle,
-        from_middle**2,
+        from_mean,
+        from_mean**2,
     )
-    sums = np.stack([np.bincount(own, part, number) for part in each], axis=1)
+    groups = int(numbers.max()) + 1
+    sums = [np.bincount(numbers, quantity, groups) for quantity in quantities]
     random = np.random.default_rng(0)
-    draws = (random.integers(number, size=number) for _ in range(BOOTSTRAP))
-    rows, *totals = (
-        np.array([np.bincount(each, minlength=number) for each in draws]) @ sums
-    ).T
-    square, absolute, beyond, distance, distances = (total / rows for total in totals)
-    mean, variance = size + beyond, distances - distance**2
-    usable = (mean > 0) & (
-        variance > ROUNDING * known.var()
-    )  # not one group, again and again
-    low, high = (1 - level) / 2, (1 + level) / 2
-    drawn = {
-        "nmse": 100 * square[usable] / mean[usable],
-        "nmae": 100 * absolute[usable] / mean[usable],
-        "r2": 100 * (1 - square[usable] / variance[usable]),
-    }
-    return {
-        name: (float(np.quantile(each, low)), float(np.quantile(each, high)))
-        for name, each in drawn.items()
-    }
+    counts = []  # how often each group is drawn
+    for _ in range(BOOTSTRAP):
+        drawn = random.integers(groups, size=groups)
+        counts.append(np.bincount(drawn, minlength=groups))
+    totals = np.array(counts) @ np.stack(sums, axis=1)
+    rows = totals[:, 0]
+    distance = totals[:, 4] / rows
+    return ResampledMeans(
+        magnitude=size + totals[:, 3] / rows,
+        variance=totals[:, 5] / rows - distance**2,
+        squared_error=totals[:, 1] / rows,
+        absolute_error=totals[:, 2] / rows,
+    )
 
 
-ROUNDING = (
-    1e-12  # share of the variance of all rows below which that of a resample is rounding
-)
+def _interval(values: Values, level: float) -> Interval:
+    """Return the interval that a share of the values is inside of, as many below as above it."""
+    low = float(np.quantile(values, (1 - level) / 2))
+    high = float(np.quantile(values, (1 + level) / 2))
+    return Interval(low, high)

@@ -27,7 +27,7 @@ from learn.features.scene import SCENE
 from learn.features.sets import Scaling
 
 if TYPE_CHECKING:
-    from learn.dataset import Dataset
+    from learn.database_rows import Dataset
 
 LIBRARIES = ("numpy", "scipy", "scikit-learn", "xgboost-cpu")  # they decide the numbers
 

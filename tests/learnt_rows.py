@@ -4,7 +4,8 @@ from pathlib import Path
 from typing import Any
 
 from learn import cli, dataset
-from learn.dataset import Dataset, Request
+from learn.database_rows import Dataset
+from learn.dataset import Request
 from learn.executor import Executor
 from learn.surrogate import Surrogate, fitting
 

@@ -77,9 +77,12 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "gen/runtime/files.py": (
         ("        os.fsync(descriptor)\n", ""),
-        ("if any(_is_same(path, file) for file in read):", "if path in read:"),
+        (
+            "if any(_is_same(path, file) for file in input_files):",
+            "if path in input_files:",
+        ),
         ("_is_same(path, other.path):", "path == other.path:"),
-        ('if present not in {kind, ""}:', 'if present == "database":'),
+        ('if present_kind not in {kind, ""}:', 'if present_kind == "database":'),
         ("os.fchmod(descriptor, stat.S_IMODE(replaced.st_mode))", "pass"),
         ("fcntl.LOCK_EX | fcntl.LOCK_NB", "fcntl.LOCK_SH | fcntl.LOCK_NB"),
     ),
@@ -137,12 +140,12 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
         ('character if character.isprintable() else "?"', "character"),
     ),
     "learn/split.py": (
-        ("train, test = shuffled[cut:]", "train, test = shuffled[cut - 1 :]"),
+        ("train = shuffled[cut:]", "train = shuffled[cut - 1 :]"),
         ("np.random.default_rng(seed)", "np.random.default_rng(0)"),
     ),
     "learn/metrics.py": (
         ("/ float(np.abs(known).max())", "/ magnitude(known)"),
-        ("low, high = (1 - level) / 2, (1 + level) / 2", "low, high = 1 - level, level"),
+        ("np.quantile(values, (1 + level) / 2)", "np.quantile(values, level)"),
     ),
     "learn/kernel_ridge.py": (("if reciprocal > EPSILON:", "if reciprocal > 0:"),),
     "learn/surrogate/interval.py": (
@@ -156,7 +159,9 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
             "io.loads(archive, trusted=io.get_untrusted_types(data=archive))",
         ),
     ),
-    "learn/features/surface.py": (("first + (sizes - 1) / 2", "first + sizes / 2"),),
+    "learn/features/surface.py": (
+        ("self.first + (self.sizes - 1) / 2", "self.first + self.sizes / 2"),
+    ),
     "learn/comparison/fits.py": (
         ('content[: content.rfind(b"\\n") + 1]', "content"),
         ("            self._file.flush()\n", ""),

@@ -142,16 +142,6 @@ CIRCLES = {
     frozenset(
         {"bem.contact", "bem.derived.grid_error"}
     ): "the type of a contact's grid error",
-    frozenset({"learn.dataset", "learn.features.regeneration", "learn.split"}): "types",
-    frozenset({"learn.surrogate.card", "learn.surrogate.fitting"}): "types",
-    frozenset(
-        {
-            "learn.surrogate.interval",
-            "learn.surrogate.learnt",
-            "learn.surrogate.model",
-            "learn.surrogate.scale",
-        }
-    ): "types",
 }
 """Files that import each other, at least for types or inside of functions, and what for."""
 

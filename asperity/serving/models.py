@@ -90,7 +90,7 @@ class SurrogateModel:
     """
 
     def __init__(self, path: Path) -> None:
-        from learn.surrogate.interval import level_note
+        from learn.surrogate.level import level_note
 
         self.name = path.stem
         targets = SurrogateFunction(path).outputs

@@ -22,7 +22,7 @@ from gen.runtime.errors import InputError
 from gen.runtime.figure import draw_parity, parity_axes
 from gen.scene import ALL_COLUMNS
 from gen.schema import Column, Status
-from learn.dataset import Dataset
+from learn.database_rows import Dataset
 from learn.features import OF_SURFACES
 from learn.metrics import Scores, scores
 

@@ -24,7 +24,7 @@ from gen.runtime.errors import InputError
 from gen.runtime.figure import draw_parity, parity_axes
 from gen.schema import Status
 from learn.comparison import paper, tables
-from learn.comparison.folder import Folder
+from learn.comparison.folder import Folder, SearchReport
 from learn.comparison.paper import OPTIMA, SPACES
 from learn.comparison.tables import DOTS, NOT_SEARCHED
 from learn.models import MODELS
@@ -44,7 +44,7 @@ def opened(comparison: Path) -> Folder:
         raise InputError(
             f"--comparison {comparison}: give a folder of learn compare or learn tune, for the area"
         )
-    features = folder.record()["conditions"].get("features", "paper")
+    features = folder.record().conditions.features
     if features != "paper":
         raise InputError(
             f"--comparison {comparison}: is on {features} features, not the paper's"
@@ -59,15 +59,23 @@ def results(folder: Folder, kind: str) -> Shown:
 
 def _searched(folder: Folder) -> Shown:
     """Return the results of searches that judged enough candidates, by model."""
-    tuned = results(folder, "tuned").items()
     return {
-        m: each for m, each in tuned if tables.winner_of(each["search"]) != NOT_SEARCHED
+        stored.model: stored.result.content()
+        for stored in folder.results()
+        if stored.kind == "tuned"
+        and stored.result.test is not None
+        and stored.result.search is not None
+        and tables.winner_of(stored.result.search) != NOT_SEARCHED
     }
 
 
 def _scored(folder: Folder) -> list[tuple[str, str, dict[str, Any]]]:
     """Return model, kind and result of all that have scores."""
-    return [each for each in folder.results() if each[2].get("test") is not None]
+    return [
+        (stored.model, stored.kind, stored.result.content())
+        for stored in folder.results()
+        if stored.result.test is not None
+    ]
 
 
 def spread(folder: Folder) -> float:
@@ -182,7 +190,8 @@ def _scores_and_times(
     reasons = [f"nMSE x {here / paper.SPREAD:.2g} by the areas' spread, at equal R2"]
     if abs(paper.spread_of(theirs) / paper.SPREAD - 1) > BELONG:
         reasons.insert(0, why("two-spreads"))
-    if result["search"] and tables.winner_of(result["search"]) == NOT_SEARCHED:
+    search = result["search"] and SearchReport.model_validate(result["search"])
+    if search and tables.winner_of(search) == NOT_SEARCHED:
         reasons.insert(0, why("few"))
     yield "; ".join(reasons)
 
@@ -233,9 +242,13 @@ def _draw_prediction(
 ) -> list[tuple[object, ...]]:
     """Draw dots for a model; return its rows for the table."""
     truth, predicted = folder.prediction(kind, model)
-    result = folder.result(kind, model) or {}
+    result = folder.result(kind, model)
+    if result is None or result.test is None:
+        raise InputError(f"{folder.path} has no scores of {model}, {kind}")
     colour = COLOURS[0] if kind == "baseline" else COLOURS[1]
-    label = f"{kind}: R² {result['test']['r2']:.2f} %\n(paper's {paper.TEST[kind][model].r2:.2f} %)"
+    label = (
+        f"{kind}: R² {result.test.r2:.2f} %\n(paper's {paper.TEST[kind][model].r2:.2f} %)"
+    )
     if not axis.lines:
         parity_axes(axis, truth)
     draw_parity(axis, truth, predicted, label=label, color=colour, **DOTS[kind])
@@ -330,17 +343,13 @@ def time_of(seconds: float) -> str:
 
 def _of_the_comparison(comparison: Path) -> Iterator[Row]:
     folder = opened(comparison)
-    found = folder.record()["conditions"]
-    limit = found["area_max"]
+    found = folder.record().conditions
+    limit = found.area_max
     reason = (
         "as asked for" if limit is None else f"rows with areas up to {limit:g} % only"
     )
-    yield _row(
-        "rows that train", "3.2", TRAIN_ROWS, found["train_rows"], reason, "{:,.0f}"
-    )
-    yield _row(
-        "rows that test", "3.2", PAPER_TESTS, found["test_rows"], reason, "{:,.0f}"
-    )
+    yield _row("rows that train", "3.2", TRAIN_ROWS, found.train_rows, reason, "{:,.0f}")
+    yield _row("rows that test", "3.2", PAPER_TESTS, found.test_rows, reason, "{:,.0f}")
     what, here = "variance of test areas over their mean [%]", spread(folder)
     yield _row(what, "Table 4", paper.SPREAD, here, why("spread"), "{:.3g}")
 

@@ -22,13 +22,15 @@ from gen.scene import Scene, load
 from gen.statistics import describe
 from learn.comparison.folder import Settings
 from learn.comparison.grid import baseline, space_of
-from learn.dataset import Dataset, Origin, Request, remarks
+from learn.database_rows import Dataset, Origin
+from learn.dataset import Request, remarks
 from learn.features import chosen
-from learn.features.sets import Rows
+from learn.features.rows import Rows
 from learn.models import MODELS, STEP
 from learn.surrogate import Surrogate
-from learn.surrogate.calibration import planned
-from learn.surrogate.fitting import Fit, fit_target
+from learn.surrogate.calibration import plan_calibration
+from learn.surrogate.fitting import fit_target
+from learn.surrogate.learnt import Fit
 
 Change = Callable[[Dataset], Dataset]
 Check = Callable[["Asked"], Iterator[Finding]]
@@ -180,9 +182,10 @@ def fitted(
     )
     values = baseline(name, features.name)
     if way == "tuned":
-        values = space_of(name, features.name)[2] | FEWER.get(name, {})
+        values = space_of(name, features.name).default | FEWER.get(name, {})
     wanted = Settings({**values, **(settings or {})}, way == "tuned", way)
-    plan, folds = planned(name, train, calibration), np.zeros(train.size, np.int8)
+    plan = plan_calibration(name, train, calibration)
+    folds = np.zeros(train.size, np.int8)
     fit = fit_target(request, train, plan, folds, settings=wanted, other=calibration)
     known: dict[str, Any] = {"features": features.name, "nodes": NODES, "side": SIDE}
     known |= {"spacing": SCENE.spacing, "modulus": 1.0}

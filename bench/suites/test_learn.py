@@ -23,7 +23,7 @@ from learn.comparison.paper import Space
 from learn.comparison.search import GridSearch
 from learn.executor import Executor
 from learn.features import OF_SURFACES, SurfaceFeatures, chosen
-from learn.features.sets import HYBRID
+from learn.features.columns import HYBRID
 from learn.models import MODELS, STEP, check_memory, pipeline
 
 ROWS = {"smoke": 250, "paper": 12_703}

@@ -203,11 +203,11 @@ def tuning_seconds(comparison: Path) -> float:
 
     NaN if the folder has no search of kernel ridge for the area.
     """
-    result = Folder(comparison / "area").result("tuned", "kernel-ridge") or {}
-    seconds = result.get("times", {}).get("search")
-    if seconds is None:
+    result = Folder(comparison / "area").result("tuned", "kernel-ridge")
+    if result is None or result.times is None:
         remark(f"{comparison} has no search of kernel ridge, which is left out")
-    return math.nan if seconds is None else float(seconds)
+        return math.nan
+    return result.times.search
 
 
 def question(

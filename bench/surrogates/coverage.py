@@ -25,7 +25,7 @@ from gen.runtime.errors import InputError
 from gen.runtime.user_code import TRUSTED
 from gen.scene import preset_names
 from learn import dataset, split
-from learn.dataset import Dataset
+from learn.database_rows import Dataset
 from learn.split import FOLDS
 
 HURST_BORDER = 0.7  # surfaces below it train, surfaces above it test

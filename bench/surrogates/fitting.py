@@ -9,12 +9,14 @@ from numpy.typing import NDArray
 from gen.arrays import Values
 from learn import dataset, split
 from learn.comparison.folder import Settings
-from learn.dataset import Dataset, Request
+from learn.database_rows import Dataset
+from learn.dataset import Request
 from learn.features import chosen
 from learn.metrics import Scores, scores
-from learn.surrogate.calibration import planned
-from learn.surrogate.fitting import Fit, fit_target
+from learn.surrogate.calibration import plan_calibration
+from learn.surrogate.fitting import fit_target
 from learn.surrogate.interval import Distance
+from learn.surrogate.learnt import Fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +94,7 @@ def fit(
 
     An InputError is raised if this machine lacks the memory.
     """
-    plan = planned(request.models[0], train, None)
+    plan = plan_calibration(request.models[0], train)
     fitted = fit_target(request, train, plan, folds, settings=settings)
     low, high = train.inputs.min(axis=0), train.inputs.max(axis=0)
     return Fitted(**vars(fitted), low=low, high=high, distance=plan.distance)

@@ -16,7 +16,8 @@ from bench.files import Row, read_toml
 from bench.report import remark
 from bench.surrogates.fitting import fit, parted, request_for
 from learn import dataset
-from learn.dataset import Dataset, Request
+from learn.database_rows import Dataset
+from learn.dataset import Request
 
 GRIDS = (33, 65, 129, 257)  # nodes a side
 TARGETS = {"count": "area", "continuum": "continuum_area_percent"}

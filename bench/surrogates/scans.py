@@ -30,7 +30,7 @@ from gen.database import Reader
 from gen.generators.scans import ScanSurface
 from gen.runtime.errors import InputError
 from gen.runtime.figure import draw_parity, parity_axes
-from learn.dataset import Dataset
+from learn.database_rows import Dataset
 from learn.metrics import scores
 from learn.split import FOLDS
 

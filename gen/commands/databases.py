@@ -1,4 +1,4 @@
-"""`gen run`, `estimate`, `info`, `plot`, `columns`, `check`, `merge`, `export`: databases."""
+"""Commands about databases: `gen run estimate info plot columns check merge export`."""
 
 import re
 import resource
@@ -37,7 +37,7 @@ def run(
     it has begun. The same command continues the run.
     """
     world = farm.this_world()
-    numbers = _row_numbers(rows)
+    row_numbers = _row_numbers(rows)
     _require_sample_limit(sample_limit)
     if dry_run:
         if world.is_master:
@@ -49,7 +49,7 @@ def run(
         scene,
         output,
         world,
-        rows=numbers,
+        rows=row_numbers,
         retry_failed=retry_failed,
         force=force,
         limit=sample_limit,
@@ -58,12 +58,16 @@ def run(
     if world.is_master:
         _print_result(result, output)
     if result.signal and result.counts.pending:
+        # The exit code that a shell gives a process that a signal has ended.
         return 128 + result.signal
     return 0
 
 
 def _row_numbers(text: str) -> range | None:
-    """Return the rows of the option --rows, None for all rows; InputError if it has no numbers."""
+    """Return the row numbers "A:B" of the option --rows as a range; None, for all rows, if "".
+
+    Raises InputError for any other text.
+    """
     if not text:
         return None
     ends = re.fullmatch(r"([0-9]{1,18}):([0-9]{1,18})", text)
@@ -73,7 +77,7 @@ def _row_numbers(text: str) -> range | None:
 
 
 def _require_sample_limit(seconds: float | None) -> None:
-    """Refuse a limit that is not above 0, or that no timer takes; None is no limit."""
+    """Refuse a time limit that is not above 0 or above `farm.LONGEST_LIMIT`; None is no limit."""
     if seconds is not None and not 0 < seconds <= farm.LONGEST_LIMIT:
         raise InputError(
             f"--sample-limit {seconds:g}: give seconds, a number above 0, at most"
@@ -82,7 +86,7 @@ def _require_sample_limit(seconds: float | None) -> None:
 
 
 def _print_plan(scene: str, output: Path) -> None:
-    """Print what a run of a scene would compute and write."""
+    """Print what a run of a scene, named or in a TOML file, would compute and write to `output`."""
     from gen.commands import printer
     from gen.generation.completion import completed
     from gen.scene import load
@@ -91,7 +95,10 @@ def _print_plan(scene: str, output: Path) -> None:
 
 
 def _print_result(result: "RunResult", output: Path) -> None:
-    """Print how many rows of a database are done, failed and pending after a run, and why."""
+    """Print how many rows of a database are done, failed and pending after a run.
+
+    Warnings say how to learn why rows failed, and how pending rows can be computed.
+    """
     counts = result.counts
     echo(
         f"{output}: {counts.done} rows done, {counts.failed} failed, {counts.pending} pending"
@@ -124,6 +131,7 @@ def estimate(
     completed_scene = completed(load(scene))
     measured = measured_time(completed_scene)
     printer.print_plan(completed_scene)
+    # Of several ranks, rank 0 is the master and computes nothing.
     workers = max(ranks - 1, 1)
     noun = "worker" if workers == 1 else "workers"
     time = _duration(completed_scene.samples * measured.mean / workers)
@@ -131,13 +139,14 @@ def estimate(
         f"  time      {time} on {workers} {noun}: {1e3 * measured.mean:.2f} ms a sample, mean of"
         f" {measured.samples} measured here"
     )
-    # Linux counts the largest resident set in KiB. A master holds less than a worker.
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 * ranks
+    # This process has worked as a worker does. A master takes less memory than a worker.
+    peak_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss  # Linux counts in KiB
+    memory = peak_kib * 1024 * ranks  # [bytes]
     echo(f"  memory    {format_bytes(memory)} on all ranks")
 
 
 def _duration(seconds: float) -> str:
-    """Write a duration in hours, minutes and seconds, or below a minute in seconds."""
+    """Write a duration as "1:02:03 h", or as seconds, such as "5.3 s", below a minute."""
     if seconds < 60:
         return f"{seconds:.2g} s"
     minutes, full_seconds = divmod(round(seconds), 60)
@@ -194,6 +203,7 @@ def check(
         with Reader(file) as reader:
             other_solver = made_by_other_solver(int(reader.attributes["physics"]))
             counts = reader.counts()
+        # After the reader, whose error for a file of another kind is clearer.
         if repair:
             require_writable(file)
         if other_solver and recompute:
@@ -215,7 +225,10 @@ def check(
 
 
 def _print_faults(file: Path, recompute: int, seed: int) -> "list[Fault]":
-    """Print each fault of a database as soon as it is known, and return all faults."""
+    """Print each fault of a database as soon as it is known, and return all faults.
+
+    `recompute` rows are computed again, chosen by a generator with this `seed`.
+    """
     from gen.generation.check import faults
 
     printed = []
@@ -226,10 +239,11 @@ def _print_faults(file: Path, recompute: int, seed: int) -> "list[Fault]":
 
 
 def _repair(file: Path, faults: "list[Fault]", other_solver: str) -> int:
-    """Make damaged rows pending, and print how many; return the exit code.
+    """Make damaged rows pending, and print how many became pending and how many stay faulty.
 
-    It is 1 if rows are left whose bytes are not damaged, otherwise 0. `other_solver` says in words
-    that another solver computed the rows; it is "" if this one did.
+    If another solver computed the rows, all of them stay, and `other_solver` says so in words; it
+    is "" if this version's solver computed them. Return the exit code: 0 if every faulty row is
+    pending now, else 1.
     """
     from gen.generation.check import repair
 
@@ -240,22 +254,25 @@ def _repair(file: Path, faults: "list[Fault]", other_solver: str) -> int:
             f"{file}: {_rows_are(repaired.pending.size)} pending now; the same {run_command}"
             " computes them again"
         )
-    if not repaired.unchanged.size:
+    if not repaired.left_faulty.size:
         return 0
     reason = "the bytes are those that were written, perhaps by another machine"
     if other_solver:
         reason = other_solver
-    echo(f"{file}: {_rows_are(repaired.unchanged.size)} left as before: {reason}")
+    echo(f"{file}: {_rows_are(repaired.left_faulty.size)} left as before: {reason}")
     return 1
 
 
 def _rows_are(number: int) -> str:
-    """Return a number of rows with its verb."""
+    """Return "1 row is", or "2 rows are" for any other number."""
     return f"{number} row is" if number == 1 else f"{number} rows are"
 
 
 def _print_doubts(file: Path) -> None:
-    """Print doubts about the rows of a database, which are no faults of the file."""
+    """Print doubts about the results in a database, as part of the report on standard output.
+
+    A doubt is a warning about the physics; it is not a fault of the file.
+    """
     from gen.database import Reader
     from gen.generation.trial import doubts_after
 

@@ -30,7 +30,7 @@ class DescriptionFiles:
     json: Path | None
     spectrum: Path | None
     picture: Path | None
-    command: str  # the command line, for the record
+    command: str  # the command line, which the JSON file records
 
     def check(self, inputs: Iterable[Path | str]) -> None:
         """Refuse files that cannot be written, before anything is computed.
@@ -61,7 +61,7 @@ class DescribedMap:
     """A prepared map with its statistics, areal parameters, spectrum and self-affine law."""
 
     topography: Topography
-    warnings: list[str]
+    warnings: list[str]  # one line for each reason to distrust contacts of the map
     statistics: Description  # the 22 statistics
     areal: Description  # parameters of ISO 25178
     spectrum: RadialSpectrum
@@ -70,7 +70,7 @@ class DescribedMap:
 
     @property
     def is_directional(self) -> bool:
-        """Whether the map has a lay, so that profiles along x and y differ."""
+        """Whether the map has a lay (grooves in one direction), so that its profiles differ."""
         from gen.maps.texture import lay_of
 
         return bool(lay_of(self.topography, self.areal.values["Str"]))
@@ -78,7 +78,7 @@ class DescribedMap:
 
 @dataclass(frozen=True, eq=False)
 class DescriptionOrder:
-    """How maps are read and described, which is the same for all maps of a command."""
+    """Options of a command by which it reads and describes every map."""
 
     reading: Reading
     boundary: Boundary
@@ -134,8 +134,9 @@ class DescriptionOrder:
         Returns
         -------
         Row
-            The numbers by the names of their columns, with the steps of the preparation, the
-            warnings and the units in words.
+            The numbers by the names of their columns, in the units of `units_of_descriptions`; and
+            as texts the boundary unless it is free, the steps of the preparation, the warnings, and
+            the units, such as "height_rms um; nodes_a_wave 1".
         """
         topography = described.topography
         nodes_x, nodes_y = topography.heights.shape
@@ -162,11 +163,14 @@ class DescriptionOrder:
 
 
 def _cells_of_law(fit: SelfAffineFit | str) -> Row:
-    """Return the cells of a self-affine law and its remarks, or empty ones and the reason."""
+    """Return the numbers of a self-affine law by name, and its remarks as the text "law".
+
+    Without a law, all numbers are "", and the text gives the reason.
+    """
     from gen.maps.texture import LAW_UNITS
 
     cells: Row = {}
-    if isinstance(fit, str):
+    if isinstance(fit, str):  # the reason why none fits
         cells |= dict.fromkeys(LAW_UNITS, "")
         cells["law"] = f"none: {fit}"
     else:
@@ -176,7 +180,10 @@ def _cells_of_law(fit: SelfAffineFit | str) -> Row:
 
 
 def units_of_descriptions() -> dict[str, str]:
-    """Return the units of the columns of `DescriptionOrder.row` by their names."""
+    """Return the units of the columns that `DescriptionOrder.row` can have, by the columns' names.
+
+    Numbers of nodes and lengths of sides are not among them.
+    """
     from gen.maps.areal import PARAMETERS
     from gen.maps.texture import LAW_UNITS
     from gen.schema import TABLE_1
@@ -204,7 +211,8 @@ def describe_one(order: DescriptionOrder, surface: Path, files: DescriptionFiles
     Raises
     ------
     InputError
-        If the map cannot be described, or has no spectrum that could be written.
+        If the map cannot be described, a file cannot be written, or a file of the spectrum is asked
+        for and there is no spectrum.
     """
     from gen.commands import printer
     from gen.maps import pictures, texture
@@ -216,7 +224,8 @@ def describe_one(order: DescriptionOrder, surface: Path, files: DescriptionFiles
     if described.is_directional:
         printer.print_profiles(texture.profile_roughness(described.topography))
     printer.print_spectrum(described.fit, described.nodes_per_wave)
-    if files.spectrum is not None and not described.spectrum.wavenumbers.size:
+    has_spectrum = described.spectrum.wavenumbers.size > 0
+    if files.spectrum is not None and not has_spectrum:  # then `fit` is the reason
         raise InputError(f"--spectrum {files.spectrum}: there is none, {described.fit}")
     _write_one(surface, order.row(described), files)
     if files.spectrum is not None:
@@ -233,7 +242,10 @@ def describe_one(order: DescriptionOrder, surface: Path, files: DescriptionFiles
 
 
 def _write_one(surface: Path, row: Row, files: DescriptionFiles) -> None:
-    """Write the row of one map as a table and as JSON, which has the name of its file too."""
+    """Write the row of one map as a CSV table and as JSON, if the user wants them.
+
+    In the JSON file, the row also has the path of the map under the key "surface".
+    """
     from gen.maps import several
 
     if files.table is not None:
@@ -251,9 +263,10 @@ def _write_one(surface: Path, row: Row, files: DescriptionFiles) -> None:
 def describe_several(
     order: DescriptionOrder, inputs: Sequence[Path], files: DescriptionFiles
 ) -> None:
-    """Print a row for each map, then mean and standard deviation, and write all rows.
+    """Describe several maps, print the main numbers of each in a table, and write all rows.
 
-    The preparation of each map and its warnings are printed on standard error.
+    The rows of the maps are followed by their mean and standard deviation. The preparation of each
+    map and its warnings are printed on standard error.
 
     Parameters
     ----------
@@ -262,12 +275,13 @@ def describe_several(
     inputs : sequence of Path
         Files and folders of maps.
     files : DescriptionFiles
-        Files to write; there is neither a spectrum nor a picture of several maps.
+        Files to write. A spectrum or a picture of several maps is refused.
 
     Raises
     ------
     InputError
-        If no map can be described, or a file of a single map is asked for.
+        If no map can be described, a file cannot be written, or a spectrum or a picture is asked
+        for.
     """
     from gen.commands import printer
     from gen.maps import several
@@ -275,7 +289,7 @@ def describe_several(
     several.require_one(inputs, {"--spectrum": files.spectrum, "--plot": files.picture})
 
     def rows_of(file: Path) -> list[Row]:
-        """Describe one map, and print its preparation."""
+        """Describe one map, print its preparation and warnings, and return its row in a list."""
         described = order.describe(file)
         printer.print_preparation_in_line(described.topography, described.warnings)
         return [order.row(described)]

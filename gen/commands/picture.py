@@ -1,4 +1,4 @@
-"""The picture of a database: heights and pressure of one row, areas and solve times of all rows."""
+"""Draw a database: heights and pressure of one row, areas and solve times of all rows."""
 
 import math
 from collections.abc import Mapping
@@ -27,20 +27,25 @@ WIDTH = 11.0
 """Width of the picture [inches]."""
 
 COLUMNS = frozenset((*USUAL, "solve_seconds", "hurst"))
-"""Columns that are drawn, as far as a database has them."""
+"""Columns that are drawn if a database has them."""
 
 
 @dataclass(frozen=True, eq=False)
 class _PlottedDatabase:
-    """Parts of a database that are drawn."""
+    """The columns and the row of a database that are drawn."""
 
     scene: Scene
-    columns: dict[str, NDArray[Any]]  # of the rows that are done, each of shape (rows,)
-    typical: int  # number of the row with the median area
+    columns: dict[
+        str, NDArray[Any]
+    ]  # values of the done rows by column, each of shape (rows,)
+    median_row: int  # number of the done row with the median area
 
 
 def plot_database(file: Path, picture: Path) -> None:
-    """Draw heights and pressure of the row with the median area, and areas and times of all rows.
+    """Draw surface and pressure of the done row with the median area, and areas and solve times.
+
+    The surface of the row is generated again, and its contact is solved again. Areas and times are
+    those of all done rows.
 
     Parameters
     ----------
@@ -56,11 +61,13 @@ def plot_database(file: Path, picture: Path) -> None:
     """
     figure = figure_for(picture, WIDTH, WIDTH)
     database = _read(file)
-    heights = _heights_of_panels(database.scene)
-    figure.set_size_inches(WIDTH, sum(heights) + 0.4)
-    top, bottom = figure.subfigures(2, 1, height_ratios=heights)
+    upper_height = _height_of_maps(database.scene)
+    lower_height = 3.8
+    title_height = 0.4  # [inches], as the others
+    figure.set_size_inches(WIDTH, upper_height + lower_height + title_height)
+    top, bottom = figure.subfigures(2, 1, height_ratios=[upper_height, lower_height])
     figure.suptitle(shortened(str(file)), fontsize=11, parse_math=False)
-    _plot_row(top.subplots(1, 2), database.scene, database.typical)
+    _plot_row(top.subplots(1, 2), database.scene, database.median_row)
     areas, times = bottom.subplots(1, 2)
     _plot_areas(bottom, areas, database)
     _plot_times(times, database.columns)
@@ -68,79 +75,100 @@ def plot_database(file: Path, picture: Path) -> None:
 
 
 def _read(file: Path) -> _PlottedDatabase:
-    """Read what is drawn of a database; InputError if no row is done."""
+    """Read the parts of a database that are drawn; InputError if no row is done."""
     with Reader(file) as reader:
+        # Positions of the done rows in the file.
         done = np.flatnonzero(reader.column("status") == Status.DONE)
         if not done.size:
             raise InputError(f"{file} has no finished row to draw; run gen run first")
         names = COLUMNS & {column.name for column in reader.columns()}
         columns = {name: reader.column(name)[done] for name in names}
-        median = int(np.argsort(columns[AREA.name])[done.size // 2])
-        typical = reader.rows.start + int(done[median])
-        return _PlottedDatabase(reader.scene, columns, typical)
+        by_area = np.argsort(columns[AREA.name])
+        median = by_area[done.size // 2]
+        # A database that is a part of a scene begins with a later row than row 0.
+        median_row = reader.rows.start + int(done[median])
+        return _PlottedDatabase(
+            scene=reader.scene, columns=columns, median_row=median_row
+        )
 
 
-def _heights_of_panels(scene: Scene) -> list[float]:
-    """Return the heights of the upper and the lower half of the picture, with labels [inches]."""
+def _height_of_maps(scene: Scene) -> float:
+    """Return the height of the upper half of the picture, with both maps and their labels [inches].
+
+    Maps keep the proportions of the patch unless it is very long or very narrow.
+    """
     side_x, side_y = scene.grid.sides
-    maps = 0.4 * WIDTH * side_y / side_x
-    return [min(max(maps, 1.5), 0.6 * WIDTH) + 0.9, 3.8]
+    map_height = 0.4 * WIDTH * side_y / side_x
+    label_height = 0.9
+    return min(max(map_height, 1.5), 0.6 * WIDTH) + label_height
 
 
 def _plot_row(axes: NDArray[Any], scene: Scene, row: int) -> None:
-    """Make the surface of one row again, solve its contact, and draw both side by side."""
-    plan = parameters(scene, row, row + 1)
+    """Generate the surface of a row, solve its contact, and draw heights and pressure.
+
+    `axes` are the two panels of the maps, shape (2,).
+    """
+    plan = parameters(scene, row, row + 1)  # of this row alone, at position 0
     heights = surface_of(scene, plan, 0)
     load = absolute_load(scene, heights, float(plan.load[0]))
     hardness = plan.hardness_of(0)
     contact = solve_contact(scene, heights, hardness=hardness, **{load.kind: load.value})
-    surface = _title_of_surface(scene, row, plan.parameters_of(0))
-    pressure = _title_of_contact(scene, contact)
+    surface_title = _title_of_surface(scene, row, plan.parameters_of(0))
+    contact_title = _title_of_contact(scene, contact)
     # A narrow map is centred in its half, so that fewer letters fit into a line above it.
     side_x, side_y = scene.grid.sides
     letters = int(LETTERS * min(1.0, 0.4 + 0.6 * side_x / side_y))
-    maps = contact_maps(contact, surface, pressure)
+    maps = contact_maps(contact, surface_title, contact_title)
     for axis, surface_map in zip(axes, maps, strict=True):
         plot_map(axis, surface_map, letters=letters)
 
 
 def _title_of_surface(scene: Scene, row: int, values: Mapping[str, float]) -> str:
-    """Return the title of a map of heights, with the values of the surface's parameters."""
+    """Return the title of the map of heights of a row.
+
+    `values` are the parameters of the surface by their keys in the scene; they are written with the
+    units of their columns.
+    """
     columns = parameter_columns(scene)
     units = {column.name: typographic(column.unit) for column in columns_for(scene)}
-    words = []
+    assignments = []
     for name, value in values.items():
+        assignment = f"{name} = {value:.3g}"
         unit = units[columns[name]]
-        words.append(
-            f"{name} = {value:.3g}" if unit == "1" else f"{name} = {value:.3g} {unit}"
-        )
+        if unit != "1":
+            assignment += f" {unit}"
+        assignments.append(assignment)
     title = f"surface of row {row}"
-    if words:
-        title += f": {', '.join(words)}"
+    if assignments:
+        title += f": {', '.join(assignments)}"
     return title
 
 
 def _title_of_contact(scene: Scene, contact: Contact) -> str:
-    """Return the title of a map of pressures, with the load, the bodies and the area."""
+    """Return the title of the map of pressures: the load, the bodies, the boundary, the area."""
     problem = contact.problem
+    bodies = Bodies(problem.modulus, problem.hardness)
     boundary = ""
     if problem.boundary != "free":
         boundary = f", {problem.boundary} boundary"
     return (
-        f"contact at {load_text(contact, scene.quantity)},"
-        f" {Bodies(problem.modulus, problem.hardness).text}{boundary}:"
+        f"contact at {load_text(contact, scene.quantity)}, {bodies.text}{boundary}:"
         f" {contact.area_percent:.3g} % of {contact.pressure.size} nodes, the median of rows done"
     )
 
 
 def _plot_areas(figure: Any, axis: Any, database: _PlottedDatabase) -> None:
-    """Draw the contact area of every row over the load in the quantity of the scene."""
+    """Draw the contact area of every done row over its load, coloured by the Hurst exponent if any.
+
+    The load is a pressure or a force if the scene gives one, otherwise Delta.
+    """
     scene = database.scene
     columns = database.columns
     loads = columns[DELTA.name]
     label = DELTA.label
     if scene.quantity.startswith("pressure"):
-        loads = columns[FORCE.name] / math.prod((*scene.grid.shape, *scene.grid.spacing))
+        patch = math.prod((*scene.grid.shape, *scene.grid.spacing))  # area [um2]
+        loads = columns[FORCE.name] / patch  # [MPa]
         label = PRESSURE.label
     elif scene.quantity == "force":
         loads = columns[FORCE.name]
@@ -158,7 +186,10 @@ def _plot_areas(figure: Any, axis: Any, database: _PlottedDatabase) -> None:
 
 
 def _plot_times(axis: Any, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Draw the time of every solve over the contact area."""
+    """Draw the time of every solve over the contact area, and the mean time as a line.
+
+    `columns` are the values of the done rows. A row without a measured time is left out.
+    """
     measured = np.isfinite(columns["solve_seconds"])
     if not measured.any():
         axis.set(title="no solve time is known")

@@ -27,7 +27,7 @@ COLUMNS_OF_LOADS = {
     "force": "given_force_uN",
     "pressure": "given_pressure_MPa",
 }
-"""Columns of the loads that the user gave, in tables of several maps."""
+"""Column that has the load in tables of several maps, by the quantity that the user gave."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,8 @@ class ContactFiles:
     table: Path | None
     json: Path | None
     picture: Path | None
-    flattened: Path | None
-    command: str  # the command line, for the record
+    flattened: Path | None  # heights after yielding
+    command: str  # the command line, which the JSON file records
 
     def check(self, inputs: Iterable[Path | str]) -> None:
         """Refuse files that cannot be written, before anything is computed.
@@ -66,22 +66,20 @@ class ContactFiles:
 
 @dataclass(frozen=True, eq=False)
 class PressingOrder:
-    """How maps are read and pressed, which is the same for all maps of a command."""
+    """Options of a command by which it reads and presses every map."""
 
     reading: Reading
     boundary: Boundary
     opposite: Opposite | None  # second rough body, the same for all maps
     load: str  # quantity of the loads: "delta", "force" or "pressure"
-    values: Sequence[
-        float
-    ]  # of the loads, which each map is pressed under [um, uN or MPa]
+    values: Sequence[float]  # the loads for each map [um, uN or MPa]
     options: AnswerOptions
     bodies: Bodies
-    settings: Mapping[str, Any]  # of the solver
+    settings: Mapping[str, Any]  # further arguments of `gen.maps.contacts.solve_loads`
 
     @property
     def column(self) -> str:
-        """Column of the load that the user gave."""
+        """Name of the column that has the load, such as "given_delta_um"."""
         return COLUMNS_OF_LOADS[self.load]
 
     def read(self, file: Path) -> tuple[Topography, list[str]]:
@@ -116,29 +114,31 @@ class PressingOrder:
         topography : Topography
             The prepared surface.
 
-        Yields
-        ------
-        LoadSolution
-            The contact under each load, as `gen.maps.contacts.solve_loads` does.
+        Returns
+        -------
+        iterator of LoadSolution
+            The contact under each load of `values`, in their order, or the reason why this load was
+            not solved. A load is solved when the iterator is advanced.
 
         Raises
         ------
         InputError
-            If a number is not allowed, no load can be solved, or memory is too short.
+            When the iterator is advanced: if a number is not allowed, no load can be solved, or
+            memory is too short.
         """
         from gen.maps.contacts import solve_loads
 
         return solve_loads(topography, self.load, self.values, **self.settings)
 
     def doubts(self, topography: Topography, rows: Sequence[Row]) -> list[str]:
-        """Doubt the contacts of a surface.
+        """Return reasons to doubt the physics of a surface's contacts.
 
         Parameters
         ----------
         topography : Topography
             The prepared surface.
         rows : sequence of Row
-            A row for each contact that was solved, with all its answers.
+            A row for each contact that was solved, with all its answers by column.
 
         Returns
         -------
@@ -159,12 +159,14 @@ class PressingOrder:
         file : Path
             File of the map.
         progress : RunProgress
-            Progress of the command, in which all loads of the map are counted.
+            Progress of the command. All loads of the map are counted there, also if this raises an
+            error.
 
         Returns
         -------
         list of Row
-            A row for each load that was solved.
+            A row for each load that was solved: the load under the name `column`, the answers, the
+            steps of the preparation and the warnings. Steps and warnings are repeated in each row.
 
         Raises
         ------
@@ -181,48 +183,54 @@ class PressingOrder:
             topography, warnings = self.read(file)
             solutions = self.solutions(topography)
             for value, solution in zip(self.values, solutions, strict=True):
-                if solution.contact is None:
-                    faults.append(f"not solved, left out: {solution.fault}")
-                else:
+                is_solved = solution.contact is not None
+                if is_solved:
                     cells = _cells_of_contact(solution.contact, self.options)
                     rows.append({self.column: value, **cells})
+                else:
+                    faults.append(f"not solved, left out: {solution.fault}")
                 counted += 1
-                progress.advance(1, int(solution.contact is None))
+                progress.advance(rows=1, failed=0 if is_solved else 1)
         except InputError:
+            # The progress counts the loads that this map does not reach as failed.
             remaining = len(self.values) - counted
-            progress.advance(remaining, remaining)
+            progress.advance(rows=remaining, failed=remaining)
             raise
-        warnings = [*material_doubts(self.bodies), *warnings, *faults]
-        warnings += self.doubts(topography, rows)
+        doubts = self.doubts(topography, rows)
+        warnings = [*material_doubts(self.bodies), *warnings, *faults, *doubts]
         print_preparation_in_line(topography, warnings)
         record = _record(topography, warnings)
         return [{**row, **record} for row in rows]
 
     def summaries(self, rows: Sequence[Row]) -> list[Row]:
-        """Compute mean and standard deviation over all maps under each load.
+        """Compute mean and standard deviation over all maps, separately for each load.
 
         Parameters
         ----------
         rows : sequence of Row
-            Rows of all maps, from `rows`.
+            Rows of all maps and loads, from `gen.maps.several.collect_rows`.
 
         Returns
         -------
         list of Row
-            Two rows for each load under which a map was solved.
+            Two rows, the mean and the standard deviation, for each load under which a map was
+            solved. Both have the load itself in its `column`.
         """
         from gen.maps.several import summary
 
         summaries: list[Row] = []
         for value in self.values:
             under_load = [row for row in rows if row[self.column] == value]
-            if under_load:
-                summaries += [{**row, self.column: value} for row in summary(under_load)]
+            if not under_load:
+                continue
+            for row in summary(under_load):
+                row[self.column] = value
+                summaries.append(row)
         return summaries
 
 
 def _cells_of_contact(contact: Any, options: AnswerOptions) -> Row:
-    """Return the answers about a contact as cells, by the names of their columns."""
+    """Return the values of the answers about a contact, by the names of their columns."""
     from gen.maps.contacts import answers
 
     return _cells(answers(contact, options))
@@ -234,12 +242,14 @@ def _cells(answers: Sequence[Answer]) -> Row:
 
 
 def _record(topography: Topography, warnings: Sequence[str]) -> Row:
-    """Return the cells about the preparation of a map and its warnings."""
+    """Return two cells, "prepared" with the steps of the preparation, and "warnings"."""
     return {"prepared": "; ".join(topography.steps), "warnings": "; ".join(warnings)}
 
 
 def press_one(order: PressingOrder, surface: Path, files: ContactFiles) -> None:
-    """Press one map, print the contact or a line for each of several loads, and write files.
+    """Press one map, print its contact or a table of several contacts, and write files.
+
+    A load that is not solved is left out of the rows, with a warning.
 
     Parameters
     ----------
@@ -248,13 +258,13 @@ def press_one(order: PressingOrder, surface: Path, files: ContactFiles) -> None:
     surface : Path
         File of the map.
     files : ContactFiles
-        Files to write.
+        Files to write. The picture and the flattened heights are those of the last load.
 
     Raises
     ------
     InputError
-        If the map cannot be read, no load is solved, or heights cannot be written because a load
-        was not solved.
+        If the map cannot be read, no load is solved, a file cannot be written, or flattened heights
+        are asked for and a load was not solved.
     """
     from gen.commands import printer
     from gen.doubts import material_doubts
@@ -294,7 +304,10 @@ def press_one(order: PressingOrder, surface: Path, files: ContactFiles) -> None:
 
 
 def _write_one(surface: Path, rows: Sequence[Row], files: ContactFiles) -> None:
-    """Write the rows of one map as a table and as JSON, which has the name of its file too."""
+    """Write the rows of one map as a CSV table and as JSON, if the user wants them.
+
+    In the JSON file, every row also has the path of the map under the key "surface".
+    """
     from gen.maps import several
 
     if files.table is not None:
@@ -305,7 +318,10 @@ def _write_one(surface: Path, rows: Sequence[Row], files: ContactFiles) -> None:
 
 
 def _write_flattened(path: Path, solved: SolvedLoads) -> None:
-    """Write the heights that the last load leaves; InputError if a load was not solved."""
+    """Write the heights that the last load leaves as a NumPy file [um].
+
+    Raises InputError if a load was not solved, because the last one might be missing.
+    """
     import numpy as np
 
     if solved.faults:
@@ -317,9 +333,10 @@ def _write_flattened(path: Path, solved: SolvedLoads) -> None:
 def press_several(
     order: PressingOrder, inputs: Sequence[Path], files: ContactFiles
 ) -> None:
-    """Print a row for each map and load, then mean and standard deviation, and write all rows.
+    """Press several maps, print a table for each load, and write the rows of all maps and loads.
 
-    The preparation of each map, its warnings and the progress are printed on standard error.
+    The rows of the maps are followed by their means and standard deviations under each load. The
+    preparation of each map, its warnings and the progress are printed on standard error.
 
     Parameters
     ----------
@@ -328,19 +345,21 @@ def press_several(
     inputs : sequence of Path
         Files and folders of maps.
     files : ContactFiles
-        Files to write; there is neither a picture of several maps nor their flattened heights.
+        Files to write. A picture or flattened heights of several maps are refused.
 
     Raises
     ------
     InputError
-        If no map can be pressed, or a file of a single map is asked for.
+        If no map can be pressed, a file cannot be written, or a picture or flattened heights are
+        asked for.
     """
     from gen.commands import printer
     from gen.maps import several
 
     several.require_one(inputs, {"--plot": files.picture, "--flattened": files.flattened})
     maps = several.files_of(inputs)
-    with RunProgress(len(maps) * len(order.values), "contacts") as progress:
+    number_of_contacts = len(maps) * len(order.values)
+    with RunProgress(number_of_contacts, "contacts") as progress:
         collected = several.collect_rows(maps, lambda file: order.rows(file, progress))
     rows = [*collected.rows, *order.summaries(collected.rows)]
     printer.print_pressed_maps(rows, order.column, order.bodies)

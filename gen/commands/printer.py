@@ -1,4 +1,4 @@
-"""The printer of the commands: databases, plans of runs, descriptions of surfaces, contacts."""
+"""Print what commands report: databases, plans of runs, descriptions of surfaces, contacts."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from gen.schema import (
 )
 
 if TYPE_CHECKING:  # each command imports no more than it needs
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
     from bem import Contact
@@ -36,14 +36,20 @@ if TYPE_CHECKING:  # each command imports no more than it needs
     from gen.statistics import Description
 
 MAPS = {"found": "map", "against_found": "the second body's map"}
-"""Keys of a scene's surfaces whose maps are shown in lines of their own, and words for a map."""
+"""Keys of the table [surface] of a scene that list maps, and the noun for a map in a report.
+
+Each of these maps is printed in a separate line.
+"""
 
 LEVELLING_STEPS = frozenset(("level plane", "level quadratic", "form"))
-"""Steps of a preparation that take the tilt out of a map."""
+"""Steps of a preparation that remove the tilt of a map."""
 
 
 def print_database(reader: Reader) -> None:
-    """Print a summary of a database: rows, times, scene, versions, ranges of all columns."""
+    """Print a summary of a database: rows, times, doubts, scene, versions, ranges of all columns.
+
+    Times and ranges are left out if no row is done.
+    """
     from gen.generation.trial import doubts_after
 
     counts = reader.counts()
@@ -64,24 +70,32 @@ def print_database(reader: Reader) -> None:
 
 
 def _print_rows(reader: Reader, counts: Counts) -> None:
-    """Print the size of a database, the counts of its rows, and the reasons of failed ones."""
+    """Print the size of a database, the counts of its rows by status, and their reasons.
+
+    A failed row has a reason, and a done row too if something about it is undefined.
+    """
     size = format_bytes(reader.path.stat().st_size)
     part = ""
     if len(reader.rows) < reader.scene.samples:
         last = reader.rows.stop - 1
         part = f": {reader.rows.start} to {last} of {reader.scene.samples}, a part"
-    echo(f"  size      {size}, {sum(counts)} rows{part}")
+    all_rows = counts.done + counts.failed + counts.pending
+    echo(f"  size      {size}, {all_rows} rows{part}")
     echo(
         f"  rows      {counts.done} done, {counts.failed} failed, {counts.pending} pending"
     )
     for status in (Status.DONE, Status.FAILED):
         for code, number in reader.reasons(status).items():
+            # A damaged file may have a code that is no reason.
             reason = REASONS.get(code, f"reason {code}")
             echo(f"            {number} {status.name.lower()}: {reason}")
 
 
 def _print_origin(reader: Reader) -> None:
-    """Print the versions that made a database, and how results have changed since."""
+    """Print which versions made a database, when, and how later versions compute other results.
+
+    The changes are printed only if another solver than that of this version made the database.
+    """
     attributes = reader.attributes
     versions = json.loads(str(attributes["versions"]))
     names = [f"{name} {version}" for name, version in versions.items()]
@@ -100,7 +114,7 @@ def _print_origin(reader: Reader) -> None:
 
 
 def _print_times(reader: Reader) -> None:
-    """Print the times of the rows that are done."""
+    """Print the times that the done rows took, of which there is at least one [ms]."""
     done = reader.column("status") == Status.DONE
     solve = 1e3 * reader.column("solve_seconds")[done]
     surface = 1e3 * reader.column("surface_seconds")[done]
@@ -111,20 +125,34 @@ def _print_times(reader: Reader) -> None:
 
 
 def _print_ranges(reader: Reader) -> None:
-    """Print the ranges of all columns of results over the rows that are done."""
+    """Print a table of the smallest and largest value of each column of numbers over all done rows.
+
+    Columns about the run itself, such as times, are left out.
+    """
     ranges = reader.ranges()
     rows = []
     for column in reader.columns():
-        if column.name in ranges and column.group != RUNTIME:
-            limits = [f"{limit:.6g}" for limit in ranges[column.name]]
-            rows.append((column.name, column.unit, *limits))
+        if column.name not in ranges or column.group == RUNTIME:
+            continue
+        limits = ranges[column.name]
+        smallest = f"{limits.smallest:.6g}"
+        largest = f"{limits.largest:.6g}"
+        rows.append((column.name, column.unit, smallest, largest))
     print_columns(rows, ("column", "unit", "from", "to"), right=("from", "to"))
 
 
 def print_plan(scene: Scene, path: Path | None = None) -> None:
-    """Print samples, surfaces, nodes and loads of a completed scene, and its database's size.
+    """Print the samples, surfaces, nodes, loads and database size that a scene plans.
 
-    With the `path` of the database also whether that exists.
+    Doubts about the plan are printed too, for which some rows are computed.
+
+    Parameters
+    ----------
+    scene : Scene
+        A completed scene.
+    path : Path, optional
+        The database of a run that is only shown. If it is given, a line tells whether the file
+        exists.
     """
     from gen.database import file_bytes
     from gen.generation.trial import doubts_before
@@ -140,7 +168,7 @@ def print_plan(scene: Scene, path: Path | None = None) -> None:
 
 
 def _plan_of_surfaces(scene: Scene) -> str:
-    """Return a line about the samples and the surfaces of a scene."""
+    """Return a line with the number of samples and surfaces, the nodes, and the boundary."""
     nx, ny = scene.grid.shape
     line = f"{scene.samples} samples on {scene.surfaces} surfaces of {nx} x {ny} nodes"
     if scene.contact.boundary != "free":
@@ -151,48 +179,53 @@ def _plan_of_surfaces(scene: Scene) -> str:
 
 
 def _print_plan_of_loads(scene: Scene) -> None:
-    """Print the range and the mean of the loads of a scene, and the range of its hardness."""
+    """Print the range and the mean of a scene's loads, and the hardness or its range, if any."""
     from gen.generation.forecast import planned_loads
 
     loads = planned_loads(scene)
     name = "Delta" if scene.quantity == "delta" else scene.quantity
-    unit = "" if scene.load_unit == "1" else f" {scene.load_unit}"
+    unit = ""
+    if scene.load_unit != "1":
+        unit = f" {scene.load_unit}"
     echo(
         f"  {name:<9} {loads.smallest:.4g} to {loads.largest:.4g}{unit},"
         f" {loads.mean:.4g}{unit} on average"
     )
     if scene.contact.hardness_limits is not None:
         low, high = scene.contact.hardness_limits
-        span = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
-        echo(f"  hardness  {span} MPa")
+        hardness = f"{low:.4g}"
+        if high != low:
+            hardness += f" to {high:.4g}"
+        echo(f"  hardness  {hardness} MPa")
 
 
 def _scene_lines(scene: Mapping[str, Any]) -> list[str]:
-    """Return the lines that show a scene: single keys, tables, and each map of its surfaces.
+    """Return lines that show a scene (values by key, tables as dictionaries).
 
-    The title is left out, as it is the title of the database too.
+    The first line has the keys outside of tables. Each table has a line with its keys, and a line
+    for each map that it lists. The title is left out, because a report begins with it.
     """
     tables = {name: value for name, value in scene.items() if isinstance(value, dict)}
-    single = {
+    keys_outside = {
         name: value
         for name, value in scene.items()
         if name not in tables and name != "title"
     }
-    lines = [_assignments(single)]
-    for table, keys in tables.items():
-        short = {name: value for name, value in keys.items() if name not in MAPS}
-        lines.append(f"[{table}] {_assignments(short)}")
-        lines += _map_lines(keys)
+    lines = [_assignments(keys_outside)]
+    for name, table in tables.items():
+        without_maps = {key: value for key, value in table.items() if key not in MAPS}
+        lines.append(f"[{name}] {_assignments(without_maps)}")
+        lines += _map_lines(table)
     return lines
 
 
-def _assignments(keys: Mapping[str, Any]) -> str:
-    """Write keys with their values in one line."""
-    return ", ".join(f"{name} = {json.dumps(value)}" for name, value in keys.items())
+def _assignments(values: Mapping[str, Any]) -> str:
+    """Write values by key as one line "key = value, key = value", each value as JSON."""
+    return ", ".join(f"{key} = {json.dumps(value)}" for key, value in values.items())
 
 
 def _map_lines(table: Mapping[str, Any]) -> list[str]:
-    """Return a line about each map that a table of a scene lists."""
+    """Return a line about each map that a table of a scene lists under the keys `MAPS`."""
     lines = []
     for key, noun in MAPS.items():
         if key not in table:
@@ -207,7 +240,7 @@ def _map_lines(table: Mapping[str, Any]) -> list[str]:
 
 
 def print_preparation(topography: Topography, warnings: Sequence[str]) -> None:
-    """Print the steps from a file to a surface, and the warnings about it on standard error."""
+    """Print the steps that prepared a surface, and its warnings on standard error, one a line."""
     for step in topography.steps:
         echo(f"{topography.name}: {step}")
     for warning in warnings:
@@ -215,7 +248,10 @@ def print_preparation(topography: Topography, warnings: Sequence[str]) -> None:
 
 
 def print_preparation_in_line(topography: Topography, warnings: Sequence[str]) -> None:
-    """Print the steps of one of several maps in a line, and its warnings, on standard error."""
+    """Print the steps that prepared one of several maps in a single line, then its warnings.
+
+    All lines go to standard error, because standard output has the table of all maps.
+    """
     echo(f"{topography.name}: {'; '.join(topography.steps)}", err=True)
     for warning in warnings:
         echo(f"  warning: {warning}", err=True)
@@ -224,24 +260,35 @@ def print_preparation_in_line(topography: Topography, warnings: Sequence[str]) -
 def print_statistics(
     topography: Topography, statistics: Description, areal: Description
 ) -> None:
-    """Print a line about the grid of a surface, its 22 statistics and its ISO 25178 parameters."""
+    """Print the grid of a surface, then tables of its statistics and ISO 25178 parameters.
+
+    Parameters
+    ----------
+    topography : Topography
+        The surface, whose nodes, spacing, heights and tilt are printed.
+    statistics : Description
+        Its 22 statistics.
+    areal : Description
+        Its parameters of ISO 25178. Parameters without a value in it are left out.
+    """
     from gen.maps.areal import PARAMETERS
 
     echo(_grid_line(topography))
-    _print_description(
-        "statistic",
-        statistics,
-        [(column.name, column.unit, column.long_name) for column in TABLE_1],
-    )
-    _print_description(
-        "ISO 25178",
-        areal,
-        [(name, unit, words) for name, unit, words in PARAMETERS if name in areal.values],
-    )
+    columns = [(column.name, column.unit, column.long_name) for column in TABLE_1]
+    _print_description("statistic", statistics, columns)
+    parameters = [
+        (parameter.name, parameter.unit, parameter.meaning)
+        for parameter in PARAMETERS
+        if parameter.name in areal.values
+    ]
+    _print_description("ISO 25178", areal, parameters)
 
 
 def _grid_line(topography: Topography) -> str:
-    """Return a line about nodes, spacing and heights of a surface, and about a tilt left in it."""
+    """Return a line about the nodes, the spacing and the range of the heights of a surface.
+
+    The tilt is added unless a step of the preparation has removed it.
+    """
     from gen.maps.prepare import least_squares
 
     heights = topography.heights
@@ -258,12 +305,16 @@ def _grid_line(topography: Topography) -> str:
 
 
 def _print_description(
-    title: str, description: Description, columns: Sequence[tuple[str, str, str]]
+    title: str, description: Description, numbers: Sequence[tuple[str, str, str]]
 ) -> None:
-    """Print numbers of a surface, given by names, units and meanings, and why some are NaN."""
+    """Print a table of numbers of a surface, and why some of them are NaN.
+
+    Each of `numbers` is the name, unit and meaning of a number; `title` is the title of the column
+    of names.
+    """
     rows = [
-        (name, f"{description.values[name]:.6g}", unit, words)
-        for name, unit, words in columns
+        (name, f"{description.values[name]:.6g}", unit, meaning)
+        for name, unit, meaning in numbers
     ]
     print_columns(rows, (title, "value", "unit", "meaning"), right={"value"})
     if description.reason:
@@ -271,7 +322,7 @@ def _print_description(
 
 
 def print_profiles(profiles: Sequence[ProfileRoughness]) -> None:
-    """Print the roughness of the profiles along x and along y of a directional surface."""
+    """Print the roughness of the profiles of a directional surface, those along x, then along y."""
     rows = [
         (
             f"along {axis}",
@@ -287,9 +338,14 @@ def print_profiles(profiles: Sequence[ProfileRoughness]) -> None:
 
 
 def print_spectrum(fit: SelfAffineFit | str, nodes_per_wave: float) -> None:
-    """Print the self-affine law of a surface, or why there is none, and its shortest wave.
+    """Print the self-affine law of a surface, and whether its shortest wave has enough nodes.
 
-    A surface without waves has NaN nodes per wave, and no line about them.
+    Parameters
+    ----------
+    fit : SelfAffineFit or str
+        The law, or the reason why there is none.
+    nodes_per_wave : float
+        Number of nodes in the shortest wave. NaN, of a surface without waves, prints no line.
     """
     from gen.maps.texture import WELL_RESOLVED
 
@@ -308,7 +364,10 @@ def print_spectrum(fit: SelfAffineFit | str, nodes_per_wave: float) -> None:
 
 
 def _print_law(fit: SelfAffineFit) -> None:
-    """Print a self-affine law: where it holds, and its parameters as a scene has them."""
+    """Print the wavelengths between which a self-affine law holds, and its parameters.
+
+    The parameters have the names and units of the keys that a scene gives the generator `spectral`.
+    """
     law = fit.spectrum
     remarks = "".join(f"; {remark}" for remark in fit.remarks)
     echo(
@@ -342,11 +401,14 @@ COLUMNS_OF_FILES = {
     "hardness_MPa",
     "residual",
 }
-"""Columns that a table of several contacts has only in its file, not on the terminal."""
+"""Columns of tables of several contacts that are only written to files.
+
+They would make the table too wide for a terminal.
+"""
 
 
 def print_contacts(solved: SolvedLoads) -> None:
-    """Print one contact in full, or several with a line for each."""
+    """Print a single contact in full, or a table with a line for each of several contacts."""
     if len(solved.rows) == 1:
         _print_contact(solved.rows[0], solved.last, solved.seconds)
         return
@@ -360,33 +422,34 @@ def print_contacts(solved: SolvedLoads) -> None:
 
 
 def _print_contact(answers: Sequence[Answer], contact: Contact, seconds: float) -> None:
-    """Print the answers about a contact, its grid, and the time that its solution took [s]."""
+    """Print a table of all answers about a contact, its mean pressure, its grid and its solution.
+
+    `seconds` is the time of the solution [s].
+    """
     from gen.maps.contacts import CONTINUUM_ERROR
 
-    # The error stands behind the area. On a rigid far field the approach is Delta.
-    repeated = {CONTINUUM_ERROR}
-    if contact.approach == contact.delta:
+    repeated = {CONTINUUM_ERROR}  # the line of the area states its error already
+    if contact.approach == contact.delta:  # on a rigid far field
         repeated.add(QUANTITIES["approach"].in_tables)
     x, y = contact.problem.spacing
-    area = contact.contact_nodes * x * y
-    mean = contact.force / area if area else contact.force
-    print_columns(
-        [
-            *(
-                (answer.label, answer.shown, answer.unit)
-                for answer in answers
-                if answer.column not in repeated
-            ),
-            ("contact pressure", f"{mean:.6g}", "MPa, mean where in contact"),
-            ("spacing", f"{x:.6g} x {y:.6g}", "um"),
-            (
-                "iterations",
-                f"{contact.iterations}",
-                f"({contact.convolutions} convolutions)",
-            ),
-            ("time", f"{1e3 * seconds:.1f}", "ms, the set-up of a first solve included"),
-        ]
+    area = contact.contact_nodes * x * y  # [um2]
+    mean_pressure = contact.force  # 0 if no node is in contact
+    if area:
+        mean_pressure = contact.force / area  # [MPa]
+    lines = [
+        (answer.label, answer.shown, answer.unit)
+        for answer in answers
+        if answer.column not in repeated
+    ]
+    lines.append(
+        ("contact pressure", f"{mean_pressure:.6g}", "MPa, mean where in contact")
     )
+    lines.append(("spacing", f"{x:.6g} x {y:.6g}", "um"))
+    convolutions = f"({contact.convolutions} convolutions)"
+    lines.append(("iterations", f"{contact.iterations}", convolutions))
+    milliseconds = f"{1e3 * seconds:.1f}"
+    lines.append(("time", milliseconds, "ms, the set-up of a first solve included"))
+    print_columns(lines)
 
 
 MAIN = (
@@ -405,18 +468,24 @@ MAIN = (
     "cut_off",
     "nodes_a_wave",
 )
-"""Columns that `print_described_maps` shows of each map."""
+"""Columns that the first table of `print_described_maps` has."""
 
 
 def print_described_maps(rows: Sequence[Row], units: Mapping[str, str]) -> None:
-    """Print a row for each map with the main numbers, then mean and deviation of all numbers.
+    """Print a table of the main numbers of all maps, then mean and deviation of every number.
 
-    `rows` are those of the maps, then the two of `gen.maps.several.summary`; `units` are those of
-    the columns by their names.
+    Parameters
+    ----------
+    rows : sequence of Row
+        One row for each map, then two rows with mean and standard deviation, from
+        `gen.maps.several.summary`.
+    units : mapping of str to str
+        Units of the columns of numbers, by the columns' names.
     """
-    main_rows = [[_title(row), *(_shown(row[name]) for name in MAIN)] for row in rows]
+    main_rows = [[_title(row), *_shown_columns(row, MAIN)] for row in rows]
     print_columns(main_rows, ["surface", *MAIN], right=MAIN)
-    mean, deviation = rows[-2:]
+    mean = rows[-2]
+    deviation = rows[-1]
     lines = [
         (name, _shown(mean[name]), _shown(deviation[name]), units[name])
         for name in mean
@@ -427,9 +496,16 @@ def print_described_maps(rows: Sequence[Row], units: Mapping[str, str]) -> None:
 
 
 def print_pressed_maps(rows: Sequence[Row], column: str, bodies: Bodies) -> None:
-    """Print a table of all maps for each load, with mean and deviation.
+    """Print a table for each load, with a line for each map, the mean and the standard deviation.
 
-    The loads stand in the `column` of the rows that the user gave them in.
+    Parameters
+    ----------
+    rows : sequence of Row
+        One row for each map and load, then for each load two rows with mean and standard deviation.
+    column : str
+        Column that holds the load in the quantity that the user gave, such as "given_delta_um".
+    bodies : Bodies
+        Material of both bodies, for the title of each table.
     """
     hidden = {
         *COLUMNS_OF_FILES,
@@ -441,10 +517,11 @@ def print_pressed_maps(rows: Sequence[Row], column: str, bodies: Bodies) -> None
         column,
     }
     names = [name for name in rows[0] if name not in hidden]
-    for load in dict.fromkeys(row[column] for row in rows):
+    loads = dict.fromkeys(row[column] for row in rows)  # each load once, in their order
+    for load in loads:
         echo(f"{column.removeprefix('given_')} = {_shown(load)}; {bodies.text}")
         lines = [
-            [_title(row), *(_shown(row[name]) for name in names)]
+            [_title(row), *_shown_columns(row, names)]
             for row in rows
             if row[column] == load
         ]
@@ -452,13 +529,19 @@ def print_pressed_maps(rows: Sequence[Row], column: str, bodies: Bodies) -> None
 
 
 def _title(row: Row) -> str:
-    """Return the name of a map, or the kind of a row that summarises maps, as "mean"."""
-    title = row["surface"] if row["row"] == "surface" else row["row"]
-    return str(title)
+    """Return the title of a row: the name of a map, or "mean" or "standard deviation"."""
+    if row["row"] == "surface":
+        return str(row["surface"])
+    return str(row["row"])
+
+
+def _shown_columns(row: Row, names: Iterable[str]) -> list[str]:
+    """Return some cells of a row, by the names of their columns, as texts for people."""
+    return [_shown(row[name]) for name in names]
 
 
 def _shown(value: float | int | str) -> str:
-    """Return a cell for people: at most five digits of a number, and - where there is none."""
+    """Return a value as text for people: five digits of a float, "-" for NaN and an empty text."""
     if isinstance(value, float) and math.isnan(value):
         return "-"
     if isinstance(value, float):

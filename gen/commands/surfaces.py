@@ -1,4 +1,4 @@
-"""`gen describe`, `contact`, `law`, `scene`: commands about surfaces and maps."""
+"""Commands about surfaces and maps: `gen describe contact law scene`."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def describe(
 def _input_files(
     surfaces: Iterable[Path | str], facing: options.Against
 ) -> list[Path | str]:
-    """Return the files that a command reads, which no output may replace."""
+    """Return the files that a command reads: its surfaces, and the second rough body if any."""
     files = list(surfaces)
     if facing.against is not None:
         files.append(facing.against)
@@ -156,7 +156,8 @@ def contact(
             "max_iterations": max_iterations,
         },
     )
-    with on_threads(threads or default_threads(cores())):
+    number_of_threads = threads or default_threads(cores())
+    with on_threads(number_of_threads):
         if several.are_several(surfaces):
             press_several(order, surfaces, files)
         else:
@@ -164,7 +165,11 @@ def contact(
 
 
 def _conductivities(values: Sequence[float] | None) -> tuple[float, float] | None:
-    """Return the conductivities of both bodies [W/(m K)], None if the option is left out."""
+    """Return the conductivities of both bodies [W/(m K)], None if the option is left out.
+
+    `values` are those of the option --conductivity: one for equal bodies, or two. Raises InputError
+    for other numbers.
+    """
     from gen.maps.contacts import require_conductivities
 
     if not values:
@@ -173,14 +178,20 @@ def _conductivities(values: Sequence[float] | None) -> tuple[float, float] | Non
 
 
 def _gas(conductivity: float | None, jump_distance: float | None) -> Gas | None:
-    """Return the gas in the gap, None if both of its options are left out."""
+    """Return the gas in the gap with its conductivity [W/(m K)] and its jump distance [um].
+
+    None if both options are left out; InputError if one is, or if a number is not allowed.
+    """
     if conductivity is None and jump_distance is None:
         return None
     return Gas.of_options(conductivity, jump_distance)
 
 
 def _require_flattened_heights(path: Path | None, material: options.Material) -> None:
-    """Refuse a file of flattened heights of elastic bodies, or one that is not called .npy."""
+    """Refuse the option --flattened without a hardness, or with a name that does not end in .npy.
+
+    `path` is the option's value, None if it is left out.
+    """
     if path is None:
         return
     if material.hardness is None:
@@ -279,10 +290,10 @@ def scene(
     from gen.draft import draft
 
     draft(
-        inputs or [],
-        like,
-        output,
-        Reading(**vars(reading)),
-        Bodies.of(*material),
-        recorded_command_line(context, "gen"),
+        inputs=inputs or [],
+        like=like,
+        output=output,
+        reading=Reading(**vars(reading)),  # with the defaults for all preparation
+        bodies=Bodies.of(*material),
+        command=recorded_command_line(context, "gen"),
     )

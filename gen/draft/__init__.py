@@ -1,7 +1,8 @@
-"""Draft a scene for measured maps: survey them, choose, print, write it.
+"""Draft a scene for measured maps: survey the maps, choose the values, write the scene.
 
-`gen.draft.survey` reads maps, `gen.draft.proposal` chooses windows of them, `gen.draft.likeness` a
-self-affine law like one of them, and `gen.draft.writing` writes the scene.
+`gen.draft.survey` reads maps and measures their roughness. `gen.draft.proposal` chooses windows of
+the maps, `gen.draft.likeness` fits a self-affine law to one map, and `gen.draft.writing` writes the
+scene.
 """
 
 from __future__ import annotations
@@ -28,9 +29,10 @@ class Draft:
     """A scene that was written for maps."""
 
     scene: Scene
-    summary: str  # what the scene is made of, for the last line of the command
-    surveys: list[MapSurvey]  # all files that were read
-    doubt: str = ""  # why surfaces are not like the map, "" if they are or are windows
+    summary: str  # description of the surfaces, for the last line that the command prints
+    surveys: list[MapSurvey]  # surveys of all files, also of files that are left out
+    # why self-affine surfaces may not be like the map; "" without such a reason, or for windows
+    doubt: str = ""
 
 
 def draft(
@@ -41,30 +43,34 @@ def draft(
     bodies: Bodies,
     command: str,
 ) -> None:
-    """Write a scene for maps, and print a table of the maps, warnings and what was written.
+    """Write a scene for maps; print a table of the maps, warnings, and what has been written.
+
+    Warnings go to standard error.
 
     Parameters
     ----------
     inputs : sequence of str
-        Names of maps for a scene of their windows: files, folders or patterns; empty with `like`.
+        Files, folders or patterns of the maps for a scene of windows; empty if `like` is given.
     like : Path, optional
-        A map for a scene of self-affine surfaces like it.
+        The map for a scene of self-affine surfaces.
     output : Path
-        The scene's file, which must not exist.
+        The file to write the scene to, which must not exist.
     reading : Reading
-        How maps are read that do not say it themselves.
+        Settings for files that lack a unit or lengths.
     bodies : Bodies
         Material of the contact.
     command : str
-        The command line, for the comments of the scene.
+        The command line, which a comment of the scene quotes.
 
     Raises
     ------
     InputError
-        If not exactly one of `inputs` and `like` is given, the file cannot be written, or no map
-        can be used.
+        If not exactly one of `inputs` and `like` is given, the file cannot be written, no map can
+        be used, or no self-affine law fits the map `like`.
     """
-    if bool(inputs) == (like is not None):
+    has_inputs = bool(inputs)
+    has_like = like is not None
+    if has_inputs == has_like:
         raise InputError(
             "give measured maps (files, folders or patterns) for a scene of their windows, or"
             " --like MAP for surfaces like one of them"
@@ -72,32 +78,40 @@ def draft(
     require_new(output)
     check_outputs([Output(output, "--output")])
     if like is not None:
-        written = _draft_like(like, output, reading, bodies, command)
+        drafted = _draft_like(like, output, reading, bodies, command)
     else:
-        written = _draft_windows(inputs, output, reading, bodies, command)
-    for doubt in _doubts(written):
-        echo(f"warning: {doubt}", err=True)
-    echo(f"wrote {output}: {written.summary}")
+        drafted = _draft_windows(inputs, output, reading, bodies, command)
+    for warning in _warnings(drafted):
+        echo(f"warning: {warning}", err=True)
+    echo(f"wrote {output}: {drafted.summary}")
 
 
 def _draft_like(
     path: Path, output: Path, reading: Reading, bodies: Bodies, command: str
 ) -> Draft:
-    """Print a survey of a map, and write a scene of self-affine surfaces like it."""
+    """Print the survey of a map, write a scene of self-affine surfaces like it, and return it."""
     likeness = propose_like(path, reading)
     print_surveys([likeness.survey])
-    scene = write(output, scene_like(likeness, bodies, command, output))
-    summary = f"self-affine surfaces like {path.name}"
-    return Draft(scene, summary, [likeness.survey], likeness.doubt)
+    text = scene_like(likeness, bodies, command, output)
+    scene = write(output, text)
+    return Draft(
+        scene=scene,
+        summary=f"self-affine surfaces like {path.name}",
+        surveys=[likeness.survey],
+        doubt=likeness.doubt,
+    )
 
 
 def _draft_windows(
     inputs: Sequence[str], output: Path, reading: Reading, bodies: Bodies, command: str
 ) -> Draft:
-    """Print a survey of maps, and write a scene of their windows."""
+    """Print the surveys of maps, write a scene of their windows, and return it."""
     paths = map_files(inputs, Path.cwd())
+    # Each file is read twice: as it is, and then with the preparation that suits all maps.
     with RunProgress(2 * len(paths), noun="readings") as progress:
-        proposal = propose(paths, reading, lambda: progress.advance(1, 0))
+        proposal = propose(
+            paths, reading, advance=lambda: progress.advance(rows=1, failed=0)
+        )
     print_surveys(proposal.surveys)
     text = scene_of_windows(proposal, bodies, inputs, command, output)
     scene = write(output, text)
@@ -105,14 +119,14 @@ def _draft_windows(
         f"{proposal.windows} windows of {proposal.nodes} x {proposal.nodes} nodes of"
         f" {len(proposal.used)} of {len(paths)} maps, {scene.samples} samples"
     )
-    return Draft(scene, summary, proposal.surveys)
+    return Draft(scene=scene, summary=summary, surveys=proposal.surveys)
 
 
-def _doubts(written: Draft) -> list[str]:
-    """List the reasons to doubt a scene: of its contact, its law and the heights of its maps."""
-    doubts = list(written.scene.contact.doubts)
-    if written.doubt:
-        doubts.append(f"{written.doubt}: windows of the map are safer")
-    for survey in written.surveys:
-        doubts += [f"{survey.path.name}: {warning}" for warning in survey.warnings]
-    return doubts
+def _warnings(drafted: Draft) -> list[str]:
+    """Return warnings about the contact, the self-affine law, and the heights of the maps."""
+    warnings = list(drafted.scene.contact.doubts)
+    if drafted.doubt:
+        warnings.append(f"{drafted.doubt}: windows of the map are safer")
+    for survey in drafted.surveys:
+        warnings += [f"{survey.path.name}: {warning}" for warning in survey.warnings]
+    return warnings

@@ -1,4 +1,4 @@
-"""Propose self-affine surfaces like a measured map: the law of its spectrum, and a trial of it."""
+"""Propose self-affine surfaces like a measured map: fit a law to its spectrum, and try the law."""
 
 from __future__ import annotations
 
@@ -21,56 +21,59 @@ from gen.spectral import SelfAffineSpectrum, generate_spectral
 from gen.statistics import rms_slope
 
 NODES = 128  # nodes along each side of the surfaces
-# factor by which a spectrum is off its law, or heights are off the map's, if the law is doubtful:
-# isotropic made maps have 1.1
+# Largest factor by which the spectrum may be off its law, and by which the rms height of generated
+# surfaces may be off the map's, without a doubt. Isotropic made maps have 1.1.
 UNLIKE = 1.4
-LAY = 1.25  # ratio of the slopes along both axes from which a map has a lay
-TRIAL_SURFACES = 8  # surfaces that are generated to compare them with the map
-# period of the surfaces in sides of the patch, the generator's for patches without a period
+LAY = 1.25  # smallest ratio of the rms slopes along both axes with which a map has a lay
+TRIAL_SURFACES = 8  # number of surfaces that are generated and compared with the map
+# Period of the generated surfaces in sides of the patch: the generator's default on patches whose
+# boundary is not periodic, as the scene has it.
 PERIOD = 2
-# shortest wavelength that the generator takes, in distances of the nodes: a little over two
+# shortest wavelength of the spectrum in distances of the nodes; the generator needs 2 or more
 SHORTEST = 2.02
 
 
 @dataclass(frozen=True)
 class Roughness:
-    """Medians over several surfaces."""
+    """The rms height and the rms slope of several surfaces, as medians."""
 
-    rms_height: float  # [um]
-    rms_slope: float  # between neighbouring nodes [1]
+    rms_height: float  # median [um]
+    rms_slope: float  # median; slopes are those between neighbouring nodes [1]
 
 
 @dataclass(frozen=True)
 class Likeness:
-    """A self-affine law for a map, and surfaces that follow it."""
+    """A self-affine law for a map, and the roughness of surfaces that follow the law."""
 
-    survey: MapSurvey  # the map
-    reading: Reading  # how it is read and prepared
-    fit: SelfAffineFit  # law of its spectrum
-    # the same law as the generator takes it, with the stretch of a lay
+    survey: MapSurvey  # survey of the prepared map
+    reading: Reading  # how the map is read and prepared
+    fit: SelfAffineFit  # fit of the law to the map's spectrum
+    # the law in round numbers for the generator, with the stretch of a map that has a lay
     spectrum: SelfAffineSpectrum
-    step: float  # distance of the nodes [um]
-    # rms slope of the waves with which generated surfaces have the map's slope between nodes [1]
-    slope: float
-    windows: Roughness  # of windows of the map
-    height: float  # rms height of the generated surfaces, median [um]
-    doubt: str  # why the surfaces are not like the map, "" if they are
+    spacing: float  # distance of the nodes of generated surfaces along both axes [um]
+    # Value for the generator: the rms slope of the waves [1]. With it, generated surfaces have the
+    # rms slope between nodes of the map's windows.
+    rms_slope: float
+    windows: Roughness  # roughness of windows of the map
+    rms_height: float  # median of the rms heights of generated surfaces with this `rms_slope` [um]
+    doubt: str  # why the generated surfaces may not be like the map; "" without such a reason
 
 
 def propose_like(path: Path, reading: Reading) -> Likeness:
-    """Fit a self-affine law to a map, and generate a few surfaces to see how like they are.
+    """Fit a self-affine law to a map, and compare a few surfaces of this law with the map.
 
     Parameters
     ----------
     path : Path
         File of the map.
     reading : Reading
-        How the file is read where it does not say it itself.
+        Settings for a file that lacks a unit or lengths. The steps of the preparation are chosen
+        for the map, whatever `reading` holds.
 
     Returns
     -------
     Likeness
-        The law, and the roughness of the map and of surfaces that follow the law.
+        The law, and the roughness of windows of the map and of surfaces that follow the law.
 
     Raises
     ------
@@ -85,30 +88,34 @@ def propose_like(path: Path, reading: Reading) -> Likeness:
         raise InputError(f"no map can be used: {path}: {prepared.survey.fault}")
     stretch = _stretch(topography)
     fit = _fitted(path, topography, stretch)
-    step = float(f"{min(topography.spacing):.6g}")
-    spectrum = _for_generator(fit.spectrum, stretch, step)
+    spacing = rounded(min(topography.spacing), 6)
+    spectrum = _for_generator(fit.spectrum, stretch, spacing)
     windows = _roughness(_windows(topography.heights), topography.spacing)
-    unscaled = _roughness(_generated(spectrum, step), (step, step))
-    # The waves of these surfaces have an rms slope of 1. Heights and slopes between nodes are
-    # proportional to it: with this one the surfaces are as steep as windows of the map.
-    slope = windows.rms_slope / unscaled.rms_slope
-    height = unscaled.rms_height * slope
+    # These surfaces are generated from waves with an rms slope of 1. Their heights and their slopes
+    # between nodes are proportional to the slope of the waves.
+    unscaled = _roughness(_generated(spectrum, spacing), (spacing, spacing))
+    slope_of_waves = windows.rms_slope / unscaled.rms_slope
+    rms_height = unscaled.rms_height * slope_of_waves
     return Likeness(
         survey=prepared.survey,
         reading=reading,
         fit=fit,
         spectrum=spectrum,
-        step=step,
-        slope=rounded(slope, 3),
+        spacing=spacing,
+        rms_slope=rounded(slope_of_waves, 3),
         windows=windows,
-        height=height,
-        doubt=_doubt(height, windows.rms_height, fit),
+        rms_height=rms_height,
+        doubt=_doubt(rms_height, windows.rms_height, fit),
     )
 
 
 def _stretch(topography: Topography) -> float:
-    """Return wavelengths along x over those along y by the slopes of a map, 1 without a lay."""
+    """Estimate wavelengths along x over wavelengths along y from the slopes of a map [1].
+
+    Return 1 for a map without a lay, and for a map that is flat along x.
+    """
     dx, dy = topography.spacing
+    # An infinite spacing makes the slopes along the other axis 0.
     along_x = rms_slope(topography.heights, (dx, math.inf))
     along_y = rms_slope(topography.heights, (math.inf, dy))
     if along_x == 0.0:
@@ -120,56 +127,80 @@ def _stretch(topography: Topography) -> float:
 
 
 def _fitted(path: Path, topography: Topography, stretch: float) -> SelfAffineFit:
-    """Fit a law to a map whose stretch is taken out of x; raise InputError if none fits."""
+    """Fit a law to a map after dividing its lengths along x by a stretch [1].
+
+    Raise InputError, which names the file `path`, if no law fits.
+    """
     length, width = topography.sides
     isotropic = replace(topography, sides=(length / stretch, width))
     aspect = areal_parameters(isotropic).values["Str"]
     fit = fit_self_affine(isotropic, radial_spectrum(isotropic), aspect)
-    if isinstance(fit, str):
+    if isinstance(fit, str):  # the reason why no law fits
         raise InputError(f"{path}: no self-affine law fits it: {fit}")
     return fit
 
 
 def _for_generator(
-    law: SelfAffineSpectrum, stretch: float, step: float
+    law: SelfAffineSpectrum, stretch: float, spacing: float
 ) -> SelfAffineSpectrum:
-    """Return a law in round numbers, whose shortest waves a grid with a step [um] holds."""
-    shortest = SHORTEST * step * max(1.0, 1 / stretch)
+    """Return a law in round numbers with a stretch, for a grid with a spacing [um].
+
+    The cut-off is raised if the grid cannot hold it.
+    """
+    # A stretch below 1 shortens the waves along x.
+    shortest = SHORTEST * spacing * max(1.0, 1 / stretch)
     cut_off = rounded(max(law.cut_off, shortest), 3)
+    # Rounding must not put the roll-off below the cut-off.
     roll_off = max(rounded(law.roll_off, 3), cut_off)
-    return SelfAffineSpectrum(rounded(law.hurst), roll_off, cut_off, stretch)
+    return SelfAffineSpectrum(
+        hurst=rounded(law.hurst), roll_off=roll_off, cut_off=cut_off, stretch=stretch
+    )
 
 
-def _generated(spectrum: SelfAffineSpectrum, step: float) -> list[Heights]:
-    """Generate surfaces [um] as the scene will, but with an rms slope of 1; `step` is in um."""
+def _generated(spectrum: SelfAffineSpectrum, spacing: float) -> list[Heights]:
+    """Generate a few surfaces [um] as the scene will, but with waves of an rms slope of 1.
+
+    `spacing` is the distance of the nodes along both axes [um]. Each surface is cut out of a
+    larger period.
+    """
     nodes = PERIOD * NODES
     surfaces = []
     for seed in range(TRIAL_SURFACES):
         random = np.random.default_rng(seed)
         period = generate_spectral(
-            (nodes, nodes), nodes * step, spectrum, random, rms_slope=1.0
+            (nodes, nodes), nodes * spacing, spectrum, random, rms_slope=1.0
         )
         surfaces.append(period[:NODES, :NODES])
     return surfaces
 
 
 def _windows(heights: Heights) -> list[Heights]:
-    """Cut a map into windows side by side, as wide as the surfaces; a small map is one window."""
-    along_x, along_y = (range(0, max(1, n - NODES + 1), NODES) for n in heights.shape)
-    return [heights[i : i + NODES, j : j + NODES] for i in along_x for j in along_y]
+    """Cut a map [um] into windows side by side of `NODES` x `NODES` nodes.
+
+    Along an axis with fewer nodes there is one window with all of them.
+    """
+    nx, ny = heights.shape
+    starts_x = range(0, max(1, nx - NODES + 1), NODES)
+    starts_y = range(0, max(1, ny - NODES + 1), NODES)
+    return [heights[i : i + NODES, j : j + NODES] for i in starts_x for j in starts_y]
 
 
 def _roughness(surfaces: Sequence[Heights], spacing: Sides) -> Roughness:
-    """Return the medians of the rms heights and slopes of surfaces [um] with a spacing [um]."""
+    """Return the medians of the rms heights and the rms slopes of surfaces.
+
+    `surfaces` are heights [um] on nodes with the distances `spacing` along x and y [um].
+    """
     heights = [surface.std() for surface in surfaces]
     slopes = [rms_slope(surface, spacing) for surface in surfaces]
-    return Roughness(float(np.median(heights)), float(np.median(slopes)))
+    return Roughness(
+        rms_height=float(np.median(heights)), rms_slope=float(np.median(slopes))
+    )
 
 
 def _doubt(generated: float, measured: float, fit: SelfAffineFit) -> str:
-    """Say why generated surfaces are not like the measured ones, or return an empty text.
+    """Say why generated surfaces may not be like the map; return "" without such a reason.
 
-    The first two parameters are rms heights [um].
+    `generated` and `measured` are rms heights of generated surfaces and of windows of the map [um].
     """
     factor = max(generated / measured, measured / generated)
     if factor > UNLIKE:
@@ -180,7 +211,7 @@ def _doubt(generated: float, measured: float, fit: SelfAffineFit) -> str:
 
 
 def rounded(value: float, digits: int = 2) -> float:
-    """Round a number to significant digits.
+    """Round a number to a number of significant digits.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Propose windows of measured maps: their nodes, spacing and number, and the preparation."""
+"""Propose windows of measured maps: choose their nodes, spacing, number and preparation."""
 
 from __future__ import annotations
 
@@ -23,37 +23,44 @@ from gen.maps.read import Sides
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 
-# loads of each surface: a ladder of loads on one surface costs less than as many surfaces
+# Number of loads of each surface. Several loads on one surface cost less than one load on each of
+# several surfaces.
 LOADS_PER_SURFACE = 5
-OVERLAP = 4  # windows over the number that lie side by side: more would show the same heights again
+# Number of windows as a multiple of the number that fits side by side. More windows would show the
+# same heights again.
+OVERLAP = 4
 FEWEST_WINDOWS = 200
 MOST_WINDOWS = 2000
 
-# nodes a side of the windows, the widest first; cosine transforms of these numbers are fast
+# possible numbers of nodes a side of a window, the largest first; cosine transforms of these
+# lengths are fast
 SIZES = (256, 192, 128, 96, 64, 48, 32)
-USUAL = 128  # nodes a side, more only where these are narrow beside the texture
-# sides of a window in autocorrelation lengths from which its statistics are those of the map
+# Largest number of nodes a side, unless such a window is narrow compared with the texture.
+USUAL = 128
+# smallest side of a window, in autocorrelation lengths, whose statistics are those of the map
 WIDE = 5.0
-SHARE_OF_MAPS = 0.75  # share of the maps that have to hold two windows along both axes
-FINE = 0.8  # share of the maps that are not coarsened for the sake of the others
-# spacing over the median one from which maps are left out, however many they are
+SHARE_OF_MAPS = 0.75  # smallest share of the maps that hold two windows along both axes
+FINE = 0.8  # share of the maps whose spacing is at most the common one
+# largest spacing of a map over the median spacing with which the map can set the common one
 COARSE = 4.0
-# spacing of a map over the common one above which the map is left out
+# largest spacing of a map over the common one with which the map is used: rounding alone
 COARSER = 1.001
 
 
 @dataclass(frozen=True)
 class Proposal:
-    """A scene of windows of maps, with the reasons for its values."""
+    """The windows and the preparation that are chosen for maps, and the surveys of the maps."""
 
-    surveys: list[MapSurvey]  # all files
+    surveys: list[MapSurvey]  # surveys of all files, also of files that are left out
     reading: Reading  # how files are read and prepared
-    # spacing to which all maps are resampled; None if they share theirs [um]
+    # distance of the nodes to which all maps are resampled [um]; None if they are not resampled,
+    # because they share a spacing
     spacing: float | None
     nodes: int  # nodes along each side of a window
     width: float  # length of a window along x [um]
     windows: int  # number of windows
-    tiles: int  # number of tiles of the maps that are used
+    # number of tiles: parts into which the used maps are cut, as large as a window or larger
+    tiles: int
 
     @property
     def used(self) -> list[MapSurvey]:
@@ -64,17 +71,18 @@ class Proposal:
 def propose(
     paths: Sequence[Path], reading: Reading, advance: Callable[[], None] = lambda: None
 ) -> Proposal:
-    """Read maps twice, raw and prepared, and choose the windows of a scene.
+    """Choose the windows of a scene: read each map as it is, and again with its preparation.
 
     Parameters
     ----------
     paths : sequence of Path
         Files of the maps, at least one.
     reading : Reading
-        How files are read that do not say it themselves.
+        Settings for files that lack a unit or lengths. The steps of the preparation are chosen
+        for the maps, whatever `reading` holds.
     advance : callable
-        Function that is called after each of both readings of a file, for a display of the
-        progress.
+        Function without arguments that is called twice for each file, after each reading, to
+        display the progress.
 
     Returns
     -------
@@ -96,36 +104,42 @@ def propose(
             measured.append(survey)
         else:
             measured.append(measure(survey, reading, spacing).survey)
-        advance()
+        advance()  # also for a file with a fault, which is not read again
     nodes = _nodes_for(require_usable(measured), spacing)
     surveys = [_unless_narrow(survey, nodes) for survey in measured]
     used = require_usable(surveys)
-    step = spacing or used[0].spacing[0]
+    spacing_along_x = spacing or used[0].spacing[0]
     shapes = tuple(survey.prepared for survey in used)
     return Proposal(
         surveys=surveys,
         reading=reading,
         spacing=spacing,
         nodes=nodes,
-        width=nodes * step,
+        width=nodes * spacing_along_x,
         windows=_number_of_windows(shapes, nodes),
         tiles=Tiling(shapes, (nodes, nodes)).total,
     )
 
 
 def _unless_coarse(survey: MapSurvey, spacing: float | None) -> MapSurvey:
-    """Return a survey with a fault if its nodes are further apart than the common spacing [um]."""
+    """Return a survey, with a fault if its nodes are further apart than the common spacing [um].
+
+    Return it unchanged if it has a fault already, or without a common spacing (None).
+    """
     if survey.fault or spacing is None:
         return survey
-    widest = max(survey.spacing)
-    if widest <= COARSER * spacing:
+    coarsest = max(survey.spacing)
+    if coarsest <= COARSER * spacing:
         return survey
-    fault = f"a node every {widest:.4g} um, most others have one every {spacing:g}"
+    fault = f"a node every {coarsest:.4g} um, most others have one every {spacing:g}"
     return replace(survey, fault=fault)
 
 
 def _unless_narrow(survey: MapSurvey, nodes: int) -> MapSurvey:
-    """Return a survey with a fault if its prepared map holds no window of nodes x nodes."""
+    """Return a survey, with a fault if its prepared map holds no window of nodes x nodes.
+
+    Return it unchanged if it has a fault already.
+    """
     nx, ny = survey.prepared
     if survey.fault or min(nx, ny) >= nodes:
         return survey
@@ -134,16 +148,18 @@ def _unless_narrow(survey: MapSurvey, nodes: int) -> MapSurvey:
 
 
 def _nodes_for(used: Sequence[MapSurvey], spacing: float | None) -> int:
-    """Choose the nodes a side of windows; without a spacing [um] maps keep the one that they share.
+    """Choose the nodes along each side of the windows for the surveys of the maps that are used.
 
+    `spacing` is the common spacing [um], or None for maps that keep the spacing that they share.
     Raise InputError if all maps are too small.
     """
-    step = spacing or max(used[0].spacing)
-    lengths = [survey.length for survey in used if not math.isnan(survey.length)]
+    node_distance = spacing or max(used[0].spacing)
+    known_lengths = [survey.length for survey in used if not math.isnan(survey.length)]
     length = math.nan
-    if lengths:
-        length = statistics.median(lengths)
-    nodes = window_nodes([survey.prepared for survey in used], length / step)
+    if known_lengths:
+        length = statistics.median(known_lengths)
+    shapes = [survey.prepared for survey in used]
+    nodes = window_nodes(shapes, length / node_distance)
     if nodes is None:
         raise InputError(
             f"the maps are too small for windows: all have fewer than {SIZES[-1]} nodes a side"
@@ -152,14 +168,18 @@ def _nodes_for(used: Sequence[MapSurvey], spacing: float | None) -> int:
 
 
 def _number_of_windows(shapes: Sequence[tuple[int, int]], nodes: int) -> int:
-    """Choose the number of windows of nodes x nodes for the area of all maps, a multiple of 10."""
-    side_by_side = sum(nx * ny for nx, ny in shapes) / nodes**2
+    """Choose the number of windows of nodes x nodes for the area of all maps.
+
+    `shapes` are the nodes of the maps along x and y. The number is a multiple of 10.
+    """
+    nodes_of_maps = sum(nx * ny for nx, ny in shapes)
+    side_by_side = nodes_of_maps / nodes**2
     number = min(max(OVERLAP * side_by_side, FEWEST_WINDOWS), MOST_WINDOWS)
     return 10 * round(number / 10)
 
 
 def with_steps(reading: Reading, surveys: Sequence[MapSurvey]) -> Reading:
-    """Choose the steps of the preparation by the spikes, form and holes of the maps.
+    """Choose the steps of the preparation for the spikes, the form and the holes of maps.
 
     Parameters
     ----------
@@ -171,76 +191,87 @@ def with_steps(reading: Reading, surveys: Sequence[MapSurvey]) -> Reading:
     Returns
     -------
     Reading
-        The same reading with the keys `despike`, which is None if no map has spikes, `level`, a
-        quadratic if a map is curved, and `fill`, for maps with holes.
+        A copy of `reading` with new values of three keys: `despike` is a threshold, or None if no
+        map has spikes; `level` is "quadratic" if a map is curved, otherwise "plane"; `fill` is
+        whether a map has holes.
     """
     spikes = [survey.spikes for survey in surveys if survey.spikes is not None]
-    is_curved = any(survey.is_curved for survey in surveys)
+    level = "plane"
+    if any(survey.is_curved for survey in surveys):
+        level = "quadratic"
     return replace(
         reading,
         despike=common_threshold(spikes),
-        level="quadratic" if is_curved else "plane",
+        level=level,
         fill=any(survey.missing > 0 for survey in surveys),
     )
 
 
 def common_spacing(spacings: Sequence[Sides]) -> float | None:
-    """Choose a spacing that the share `FINE` of the maps reach.
+    """Choose a spacing for all maps: the share `FINE` of them have this spacing or a finer one.
+
+    The spacing of a map is the larger one of its two axes. A map whose spacing is more than
+    `COARSE` times the median cannot set the common one.
 
     Parameters
     ----------
     spacings : sequence of pair of float
-        Distance of the nodes of each map along x and y, of one map or more [um].
+        Distances of the nodes along x and y of each map, for at least one map [um].
 
     Returns
     -------
     float or None
-        The spacing [um]; None if all maps have the same one but for rounding.
+        The spacing [um]; None if all maps have the same spacing along both axes, apart from
+        rounding, so that none needs to be resampled.
     """
     first = spacings[0]
     if all(is_same(x, first[0]) and is_same(y, first[1]) for x, y in spacings):
         return None
-    coarsest = sorted(max(spacing) for spacing in spacings)
-    limit = COARSE * statistics.median(coarsest)
-    kept = [spacing for spacing in coarsest if spacing <= limit]
-    place = min(math.ceil(FINE * len(spacings)), len(kept)) - 1
-    return float(f"{kept[place]:.6g}")
+    of_maps = sorted(max(spacing) for spacing in spacings)
+    limit = COARSE * statistics.median(of_maps)
+    eligible = [spacing for spacing in of_maps if spacing <= limit]
+    number_of_maps = min(math.ceil(FINE * len(spacings)), len(eligible))
+    common = eligible[number_of_maps - 1]
+    return float(f"{common:.6g}")
 
 
 def window_nodes(shapes: Sequence[tuple[int, int]], length: float) -> int | None:
     """Choose the nodes along each side of the windows.
 
-    Most maps hold two windows side by side along both axes, for training and for testing, or one
-    if no size fits twice. Windows are wider than usual where an autocorrelation length asks.
+    The windows are the widest of which the share `SHARE_OF_MAPS` of the maps hold two side by side
+    along both axes, one for training and one for testing. If no size fits twice, they are the
+    widest that fit once. Sizes above `USUAL` are considered only for long autocorrelation lengths.
 
     Parameters
     ----------
     shapes : sequence of pair of int
         Nodes of each map along x and y.
     length : float
-        Autocorrelation length of the maps in nodes; NaN if it is not known.
+        Autocorrelation length of the maps in distances of the nodes; NaN if it is not known.
 
     Returns
     -------
     int or None
-        One of `SIZES`; None if all maps are too small.
+        One of `SIZES`; None if no map holds the smallest size. Maps too small for the smallest size
+        are not counted.
     """
     sides = [min(shape) for shape in shapes if min(shape) >= SIZES[-1]]
     if not sides:
         return None
     sizes = _sizes_for(length)
-    for windows in (2, 1):
+    for windows in (2, 1):  # side by side
         for size in sizes:
-            maps = sum(side >= windows * size for side in sides)
-            if maps >= SHARE_OF_MAPS * len(sides):
+            maps_that_hold_them = sum(side >= windows * size for side in sides)
+            if maps_that_hold_them >= SHARE_OF_MAPS * len(sides):
                 return size
     return None
 
 
 def _sizes_for(length: float) -> list[int]:
-    """List the sizes of windows, the widest first, that a texture of a length [nodes] asks for.
+    """Return the sizes of windows that suit an autocorrelation length, the largest first.
 
-    A size above the usual one is in the list if the next smaller one is too narrow.
+    Sizes up to `USUAL` always do. A larger one does if the next smaller one is too narrow for the
+    length, which is given in distances of the nodes.
     """
-    narrower = dict(pairwise(SIZES))
-    return [size for size in SIZES if size <= USUAL or narrower[size] < WIDE * length]
+    next_smaller = dict(pairwise(SIZES))
+    return [size for size in SIZES if size <= USUAL or next_smaller[size] < WIDE * length]

@@ -1,4 +1,4 @@
-"""Survey measured maps: what their files hold, and how rough they are after the preparation."""
+"""Survey measured maps: the content of their files, and their roughness after the preparation."""
 
 from __future__ import annotations
 
@@ -23,86 +23,96 @@ from gen.runtime.files import digest
 from gen.runtime.terminal import print_columns
 from gen.statistics import rms_slope
 
-# share of the variance about the mean plane that a quadratic form holds at least: less may be a
-# long wave of the roughness
+# Smallest share of the variance about the mean plane that a quadratic surface explains in a curved
+# map. A smaller share may come from a long wave of the roughness.
 FORM = 0.9
 FEWEST_NODES_A_SIDE = 4  # nodes along the shorter side of a map that can be used
 
-# ratio of the distances of the nearest spike and the furthest other node from which nodes are
-# spikes whatever their number
+# Nodes beyond a gap are spikes, however many there are, if the distances of the nearest spike and
+# of the furthest other node have at least this ratio.
 GAP = 2.0
-# largest share of the nodes that may be spikes if no gap separates them from the other nodes
+# largest share of the nodes that may be spikes without such a gap
 FEW_SPIKES = 1e-3
-# smallest distance of the furthest of such spikes, over the distance that a share `FEW_SPIKES` of
-# all nodes exceed: on made maps without spikes the ratio is at most 2 (sharp ridges)
+# The furthest of such spikes has at least this distance, as a multiple of the distance that a share
+# `FEW_SPIKES` of all nodes exceeds. On made maps without spikes the multiple is at most 2 (sharp
+# ridges).
 FAR_SPIKE = 2.5
 
 
 @dataclass(frozen=True)
 class Spikes:
-    """Distances from the local median on both sides of the gap between surface and spikes."""
+    """The spikes of a map. Distances are from the local median, in units of the scatter [1]."""
 
-    surface: float  # largest distance of a node of the surface, in units of the scatter
-    nearest: float  # smallest distance of a spike, infinite if there is none
+    surface: float  # largest distance of a node that is no spike; at least `SPIKE`
+    nearest: float  # smallest distance of a spike; infinite if there is none
     number: int  # number of spikes
 
 
 @dataclass(frozen=True)
 class MapSurvey:
-    """The content of a file, and its roughness after the preparation; NaN before it is known."""
+    """The content of a file, and the roughness of its map after the preparation.
+
+    Properties that are not known, or not known yet, have their default values.
+    """
 
     path: Path  # the file
-    fault: str = ""  # why the file cannot be used, "" if it can
-    # nodes along x and y; (0, 0) of a file that cannot be read
+    fault: str = ""  # why the file cannot be used; "" if it can
+    # nodes along x and y in the file; (0, 0) if it cannot be read
     shape: tuple[int, int] = (0, 0)
-    spacing: Sides = (math.nan, math.nan)  # distance of the nodes along x and y [um]
-    unit: str = ""  # unit of the heights in the file, "" if it names none
+    spacing: Sides = (
+        math.nan,
+        math.nan,
+    )  # distance of the nodes along x and y in the file [um]
+    unit: str = ""  # unit of the heights in the file; "" if the file names none
     missing: int = 0  # number of nodes without a height
-    spikes: Spikes | None = None  # spikes, None of a file that cannot be used
+    spikes: Spikes | None = None  # None if the file cannot be used
     tilt: Sides = (math.nan, math.nan)  # slopes of the mean plane along x and y [1]
-    # share of the variance about the mean plane that a quadratic takes out [1]
+    # share of the variance about the mean plane that a quadratic surface explains [1]
     form: float = 0.0
     prepared: tuple[int, int] = (0, 0)  # nodes along x and y after the preparation
-    rms_height: float = math.nan  # [um]
-    rms_slope: float = math.nan  # between neighbouring nodes, as in databases [1]
-    # autocorrelation length Sal of ISO 25178, NaN if half of the map is too short for it [um]
+    rms_height: float = math.nan  # after the preparation [um]
+    # after the preparation; slopes are those between neighbouring nodes, as in databases [1]
+    rms_slope: float = math.nan
+    # autocorrelation length Sal of ISO 25178 after the preparation [um]; NaN if the
+    # autocorrelation does not fall far enough within half of the map
     length: float = math.nan
-    # one line for each value that may stand for missing heights
+    # a line for each height that occurs so often that it may be a code for missing heights
     warnings: tuple[str, ...] = ()
 
     @property
     def is_curved(self) -> bool:
-        """Whether the map has a form that a quadratic takes out."""
+        """Whether the map has a form that a quadratic surface explains."""
         return self.form > FORM
 
 
 @dataclass(frozen=True, eq=False)
 class PreparedMap:
-    """A map after the preparation, and what is known of it."""
+    """A map after the preparation, and its survey."""
 
     survey: MapSurvey
-    topography: Topography | None  # None if the survey names a fault
+    topography: Topography | None  # the prepared map; None if the survey has a fault
 
 
 def survey_maps(
     paths: Sequence[Path], reading: Reading, advance: Callable[[], None] = lambda: None
 ) -> list[MapSurvey]:
-    """Read map files one by one and note their contents.
+    """Read files of maps, and survey each map as its file has it, without preparation.
 
     Parameters
     ----------
     paths : sequence of Path
         The files.
     reading : Reading
-        How files are read that do not say it themselves.
+        Settings for files that lack a unit or lengths.
     advance : callable
-        Function that is called after each file, for a display of the progress.
+        Function without arguments that is called after each file, to display the progress.
 
     Returns
     -------
     list of MapSurvey
-        A survey of each file, in the order of `paths`. Its `fault` says why a file cannot be used:
-        it cannot be read, holds no roughness, or has the same content as an earlier file.
+        The survey of each file, in the order of `paths`. A file that cannot be read, whose map
+        cannot be used, or that has the content of an earlier file has a `fault`. The roughness
+        after the preparation is missing; `measure` adds it.
     """
     surveys = []
     first_paths: dict[str, Path] = {}  # by the SHA-256 of their contents
@@ -112,18 +122,23 @@ def survey_maps(
             if first is path:
                 surveys.append(_survey_of(path, read(path, reading)))
             else:
-                surveys.append(MapSurvey(path, fault=f"the same map as {first.name}"))
+                fault = f"the same map as {first.name}"
+                surveys.append(MapSurvey(path, fault=fault))
         except InputError as error:
-            surveys.append(MapSurvey(path, fault=_without_name(error, path)))
+            surveys.append(MapSurvey(path, fault=_fault_in_scene_words(error, path)))
         advance()
     return surveys
 
 
 def _survey_of(path: Path, topography: Topography) -> MapSurvey:
-    """Return the survey of a map as its file has it; refuse heights beyond what numbers hold."""
+    """Return the survey of a map that was read from a file, without preparation.
+
+    Raise InputError if squares of the heights would exceed the largest number.
+    """
     refuse_overflowing_heights(topography)
     heights = topography.heights
-    codes = with_code_warnings(replace(topography, warnings=())).warnings
+    # Only the warnings about codes for missing heights are kept, not those from reading the file.
+    code_warnings = with_code_warnings(replace(topography, warnings=())).warnings
     survey = MapSurvey(
         path,
         fault=_fault_of(topography),
@@ -131,9 +146,9 @@ def _survey_of(path: Path, topography: Topography) -> MapSurvey:
         spacing=topography.spacing,
         unit=topography.unit,
         missing=topography.missing,
-        warnings=tuple(in_scene_words(warning, path) for warning in codes),
+        warnings=tuple(in_scene_words(warning, path) for warning in code_warnings),
     )
-    if survey.fault:
+    if survey.fault:  # the map may have too few heights for the properties below
         return survey
     tilt = least_squares(topography).tilt
     return replace(
@@ -145,7 +160,10 @@ def _survey_of(path: Path, topography: Topography) -> MapSurvey:
 
 
 def _fault_of(topography: Topography) -> str:
-    """Say why a map is of no use as its file has it: holes, equal heights, too few nodes; or ""."""
+    """Say why a map cannot be used; return "" if it can.
+
+    The reasons are too many holes, equal heights, and too few nodes.
+    """
     heights = topography.heights
     nx, ny = heights.shape
     if topography.missing > MOST_HOLES * heights.size:
@@ -159,16 +177,24 @@ def _fault_of(topography: Topography) -> str:
 
 
 def _share_of_form(heights: Heights) -> float:
-    """Return the share of the variance about the mean plane that a quadratic takes out [1]."""
-    about_plane = float(np.nanvar(heights - fitted_polynomial(heights, 1)))
-    about_quadratic = float(np.nanvar(heights - fitted_polynomial(heights, 2)))
+    """Return the share of the variance about the mean plane that a quadratic surface explains [1].
+
+    The share is 0 for a plane. `heights` are in um, NaN where they are missing.
+    """
+    plane = fitted_polynomial(heights, degree=1)
+    quadratic = fitted_polynomial(heights, degree=2)
+    about_plane = float(np.nanvar(heights - plane))
+    about_quadratic = float(np.nanvar(heights - quadratic))
     if about_plane == 0.0:
         return 0.0
     return 1.0 - about_quadratic / about_plane
 
 
-def _without_name(error: InputError, path: Path) -> str:
-    """Take the name of its file out of an error message, and an option that scenes do not have."""
+def _fault_in_scene_words(error: InputError, path: Path) -> str:
+    """Return an error's message without the name of the file at its beginning.
+
+    Advice to use an option that scenes do not have is left out too.
+    """
     fault = str(error).removeprefix(str(path)).lstrip(":, ")
     return fault.replace(", or overrule the file by --override-scale", "")
 
@@ -176,30 +202,31 @@ def _without_name(error: InputError, path: Path) -> str:
 def measure(
     survey: MapSurvey, reading: Reading, spacing: float | None = None
 ) -> PreparedMap:
-    """Prepare a map as the scene will, and add its roughness to its survey.
+    """Read a map, prepare it as the scene will, and measure its roughness.
 
     Parameters
     ----------
     survey : MapSurvey
-        Survey of the map as its file has it, without a fault.
+        Survey of the map by `survey_maps`, without a fault.
     reading : Reading
         How the file is read, and the steps of the preparation.
     spacing : float, optional
-        Distance of the nodes to which the map is resampled [um]; its own by default.
+        Distance of the nodes to which the map is resampled [um]. By default the map is not
+        resampled.
 
     Returns
     -------
     PreparedMap
-        The map and its completed survey; a survey with a fault and no map if it cannot be prepared
-        or is flat.
+        The prepared map, and its survey with the roughness. If the map cannot be prepared or is
+        flat, the survey has a fault and there is no map.
     """
     try:
         topography = prepare(read(survey.path, reading), reading)
         if spacing is not None:
             topography = resampled(topography, (spacing, spacing))
     except InputError as error:
-        fault = _without_name(error, survey.path)
-        return PreparedMap(replace(survey, fault=fault), None)
+        fault = _fault_in_scene_words(error, survey.path)
+        return PreparedMap(survey=replace(survey, fault=fault), topography=None)
     heights = topography.heights
     slope = rms_slope(heights, topography.spacing)
     measured = replace(
@@ -211,12 +238,12 @@ def measure(
     )
     if slope < FLAT:
         fault = f"its rms slope is {slope:.2g}: check the unit of its heights"
-        return PreparedMap(replace(measured, fault=fault), None)
-    return PreparedMap(measured, topography)
+        return PreparedMap(survey=replace(measured, fault=fault), topography=None)
+    return PreparedMap(survey=measured, topography=topography)
 
 
 def remarks(measured: MapSurvey) -> list[str]:
-    """List the remarks on a map that is used.
+    """Return remarks on a map that is used: that it is steep, and that it is curved.
 
     Parameters
     ----------
@@ -226,7 +253,7 @@ def remarks(measured: MapSurvey) -> list[str]:
     Returns
     -------
     list of str
-        A short text for a steep map, and one for a curved map.
+        A few words for each property that the map has; no texts for a map that is neither.
     """
     texts = []
     if measured.rms_slope > STEEP:
@@ -237,38 +264,38 @@ def remarks(measured: MapSurvey) -> list[str]:
 
 
 def usable(surveys: Sequence[MapSurvey]) -> list[MapSurvey]:
-    """Return the maps without a fault.
+    """Return the surveys without a fault.
 
     Parameters
     ----------
     surveys : sequence of MapSurvey
-        Surveys of all files.
+        Surveys of files.
 
     Returns
     -------
     list of MapSurvey
-        Those without a fault, in the same order.
+        The surveys without a fault, in the given order; an empty list if all have one.
     """
     return [survey for survey in surveys if not survey.fault]
 
 
 def require_usable(surveys: Sequence[MapSurvey]) -> list[MapSurvey]:
-    """Return the maps without a fault, of which there has to be one.
+    """Return the surveys without a fault, and raise InputError if there is none.
 
     Parameters
     ----------
     surveys : sequence of MapSurvey
-        Surveys of all files, at least one.
+        Surveys of files, at least one.
 
     Returns
     -------
     list of MapSurvey
-        Those without a fault, in the same order.
+        The surveys without a fault, in the given order; at least one.
 
     Raises
     ------
     InputError
-        If all have a fault; it tells the first one.
+        If all surveys have a fault. The message gives the fault of the first one.
     """
     without_fault = usable(surveys)
     if not without_fault:
@@ -283,8 +310,9 @@ def require_usable(surveys: Sequence[MapSurvey]) -> list[MapSurvey]:
 def find_spikes(heights: Heights) -> Spikes:
     """Find the spikes of a map by the distances of its nodes from their local medians.
 
-    Spikes are the nodes beyond the largest gap between these distances. A few nodes are spikes
-    without a wide gap, too, if the furthest of them is far from the surface.
+    Spikes are the nodes beyond the widest gap in the sorted distances, where the width of a gap is
+    the ratio of the distances on both sides. The gap has to be wide, unless the spikes are few and
+    one of them is far from the surface.
 
     Parameters
     ----------
@@ -294,15 +322,18 @@ def find_spikes(heights: Heights) -> Spikes:
     Returns
     -------
     Spikes
-        The number of spikes, and the distances on both sides of the gap.
+        The number of spikes, and the distances on both sides of the gap, in units of the scatter of
+        all distances. Distances below `SPIKE` are taken as `SPIKE`.
     """
     from_medians = heights - local_medians(heights)
     distances = np.abs(from_medians / scatter_of(from_medians, heights))
-    measured = distances[~np.isnan(distances)]
-    falling = np.maximum(np.sort(measured)[::-1], SPIKE)
-    number = _number_beyond_gap(falling, MANY_SPIKES, GAP)
-    if number == 0 and falling[0] > FAR_SPIKE * falling[int(FEW_SPIKES * falling.size)]:
-        number = _number_beyond_gap(falling, FEW_SPIKES, 1.0)
+    without_holes = distances[~np.isnan(distances)]
+    # A smaller distance than `SPIKE` never makes a spike.
+    falling = np.maximum(np.sort(without_holes)[::-1], SPIKE)
+    number = _number_beyond_gap(falling, share=MANY_SPIKES, smallest_ratio=GAP)
+    distance_of_few = falling[int(FEW_SPIKES * falling.size)]
+    if number == 0 and falling[0] > FAR_SPIKE * distance_of_few:
+        number = _number_beyond_gap(falling, share=FEW_SPIKES, smallest_ratio=1.0)
     nearest = math.inf
     if number > 0:
         nearest = float(falling[number - 1])
@@ -310,32 +341,35 @@ def find_spikes(heights: Heights) -> Spikes:
 
 
 def _number_beyond_gap(falling: Values, share: float, smallest_ratio: float) -> int:
-    """Return how many of the falling distances are beyond the largest gap in a share of them.
+    """Return how many distances, sorted from the largest down, are beyond the widest gap.
 
-    The gap is the largest ratio of neighbours; the number is 0 unless it exceeds `smallest_ratio`.
+    The gap is looked for in the given share of the distances, from the largest down. The number is
+    0 unless the distances on both sides of the gap have a ratio above `smallest_ratio`.
     """
-    first = falling[: max(1, int(share * falling.size)) + 1]
+    largest_number = max(1, int(share * falling.size))
+    first = falling[: largest_number + 1]
     ratios = first[:-1] / first[1:]
-    place = int(np.argmax(ratios))
-    if ratios[place] <= smallest_ratio:
+    gap = int(np.argmax(ratios))
+    if ratios[gap] <= smallest_ratio:
         return 0
-    return place + 1
+    return gap + 1
 
 
 def common_threshold(spikes: Sequence[Spikes]) -> float | None:
-    """Choose a threshold that takes out the spikes of all maps.
+    """Choose one threshold that removes the spikes of all maps.
 
     Parameters
     ----------
     spikes : sequence of Spikes
-        Spikes of the maps.
+        The spikes of each map.
 
     Returns
     -------
     float or None
-        Distance from the local median in units of the scatter, as the key `despike` has it: between
-        all surfaces and the nearest spike or, if surfaces reach further, just below that spike.
-        None if no map has spikes.
+        Value of the key `despike`: a distance from the local median in units of the scatter. It is
+        between the surfaces of all maps and the nearest spike of all maps. If a surface of one map
+        reaches beyond the nearest spike of another, it is just below that spike. None if no map has
+        spikes.
     """
     nearest = min((of_map.nearest for of_map in spikes), default=math.inf)
     if math.isinf(nearest):
@@ -344,6 +378,7 @@ def common_threshold(spikes: Sequence[Spikes]) -> float | None:
     threshold = 0.98 * nearest
     if surface < nearest:
         threshold = math.sqrt(surface * nearest)
+    # A number of two digits is easier to read in the scene, but only a separating one may be taken.
     two_digits = float(f"{threshold:.2g}")
     if surface < two_digits < nearest:
         return two_digits
@@ -351,7 +386,7 @@ def common_threshold(spikes: Sequence[Spikes]) -> float | None:
 
 
 def print_surveys(surveys: Sequence[MapSurvey]) -> None:
-    """Print a line for each file: its content, and whether it is used or why not.
+    """Print a table with a line for each file: its properties, and whether it is used or why not.
 
     Parameters
     ----------
@@ -360,12 +395,16 @@ def print_surveys(surveys: Sequence[MapSurvey]) -> None:
     """
     table = [_cells(survey) for survey in surveys]
     titles = list(table[0])
-    numbers = set(titles) - {"map", "unit", "use"}
-    print_columns([list(cells.values()) for cells in table], titles, right=numbers)
+    right_aligned = set(titles) - {"map", "unit", "use"}
+    rows = [list(cells.values()) for cells in table]
+    print_columns(rows, titles, right=right_aligned)
 
 
 def _cells(survey: MapSurvey) -> dict[str, str]:
-    """Return the cells of a map's line by their titles; "-" stands for what is not known."""
+    """Return the cells of a file's line in the table, by the titles of the columns.
+
+    The cell of a property that is not known is "-".
+    """
     nx, ny = survey.shape
     tilt = max(abs(slope) for slope in survey.tilt)
     spikes = "-"
@@ -383,7 +422,7 @@ def _cells(survey: MapSurvey) -> dict[str, str]:
     }
     for title, text in properties.items():
         properties[title] = text.replace("nan", "-")
-    if nx == 0:  # of a file that cannot be read
+    if nx == 0:  # The file cannot be read.
         properties = dict.fromkeys(properties, "-")
     use = "; ".join(["yes", *remarks(survey)])
     if survey.fault:

@@ -1,4 +1,9 @@
-"""Write scenes for maps: TOML with comments that say why the scene has its values."""
+"""Write scenes for maps: TOML with comments that give the reasons for the values.
+
+Beside this module are templates of the two kinds of scenes, `windows.toml.in` and `like.toml.in`,
+and of two tables that both kinds have, `load.toml.in` and `contact.toml.in`. A placeholder of a
+template is a name after a dollar sign; `filled` puts texts in place of the placeholders.
+"""
 
 from __future__ import annotations
 
@@ -7,54 +12,60 @@ import re
 import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 from string import Template
 
-from gen.draft import templates
 from gen.draft.likeness import NODES, Likeness, rounded
 from gen.draft.proposal import LOADS_PER_SURFACE, Proposal
 from gen.draft.survey import MapSurvey, remarks
 from gen.generators.scans import MOST_PATTERNS
 from gen.maps.read import spacing_text
-from gen.maps.settings import Reading
+from gen.maps.settings import READ, Reading
 from gen.material import Bodies
 from gen.runtime.errors import InputError
 from gen.runtime.files import atomic
 from gen.runtime.terminal import command_to_type, printable
 from gen.scene import Scene
 
-SURFACES = 600  # number of self-affine surfaces
-# factor by which the lengths and the slope of the population differ from the map's, at most
-SPREAD = 1.25
-EXPONENTS = 0.05  # distance of the population's Hurst exponents from the map's, at most
+SURFACES = 600  # number of self-affine surfaces in a scene like a map
 
-# tiles from which the part that tests a surrogate, a fifth, holds two or more
+# largest factor between a wavelength or the rms slope of the map and that of a surface
+SPREAD = 1.25
+# largest difference between the Hurst exponents of the map and of a surface
+HURST_SPREAD = 0.05
+
+# Fewest tiles of which the test part (a fifth) has two.
 FEW_TILES = 10
-# nodes in contact under the smallest load; fewer count the grid rather than the area
+
+# Nodes in contact under the smallest load. With fewer, the area is a count of single nodes.
 FEWEST_NODES = 50
-LARGEST_AREA = 0.4  # share of the patch in contact under the largest load, about
-YIELDING = 0.5  # largest mean pressure over the hardness; at 1 there is no equilibrium
-# contact area times E* rms slope over the load for light loads; the theories say 1.6 and 2.5
+LARGEST_AREA = 0.4  # approximate share of the patch in contact under the largest load
+# largest mean pressure, as a share of the hardness; there is no equilibrium from 1 upwards
+LARGEST_PRESSURE = 0.5
+# Under light loads the share of the patch in contact is KAPPA p / (E* rms slope), where p is the
+# mean pressure. Theories give 1.6 (Persson) and 2.5 (Bush, Gibson and Thomas).
 KAPPA = 2.0
 
 
 def scene_of_windows(
     proposal: Proposal, bodies: Bodies, inputs: Sequence[str], command: str, output: Path
 ) -> str:
-    """Return a scene of windows of maps, with comments that say why it has its values.
+    """Return the text of a scene of windows of maps, with comments that give the reasons.
 
     Parameters
     ----------
     proposal : Proposal
-        The maps, and the windows and the preparation that were chosen for them.
+        The surveys of the maps, and the windows and the preparation that were chosen for them.
     bodies : Bodies
         Material of the contact.
     inputs : sequence of str
-        Names of maps as the user gave them: files, folders or patterns.
+        Names of maps as the user gave them: files, folders or patterns. They are listed only if
+        there are too many maps to list each of them.
     command : str
-        The command line, for the comments.
+        The command line, which a comment quotes.
     output : Path
-        The file that the scene is for: names of maps are relative to its folder.
+        The file that will hold the scene. Names of maps in its folder are relative to the folder.
 
     Returns
     -------
@@ -68,42 +79,41 @@ def scene_of_windows(
     """
     used = proposal.used
     title = f"Windows of {_counted(len(used), 'measured map')}"
-    few_tiles = ""
+    warning_of_few_tiles = ""
     if proposal.tiles < FEW_TILES:
-        few_tiles = templates.FEW_TILES
+        warning_of_few_tiles = "# That is few: scores of a surrogate on them mean little."
     slopes = [survey.rms_slope for survey in used]
-    return filled(
-        templates.WINDOWS,
-        {
-            **_beginning(title, output, command, proposal.windows),
-            "fit": _fit_command(output),
-            "files": _files(proposal, inputs, output.absolute().parent),
-            "width": f"{proposal.width:.4g}",
-            "tiles": _counted(proposal.tiles, "tile"),
-            "few_tiles": few_tiles,
-            "nodes": str(proposal.nodes),
-            "spacing": _spacing(proposal),
-            **_preparation(proposal),
-            "reading": _reading(proposal.reading),
-            "load": _load(bodies, slopes, proposal.nodes**2),
-            "contact": _contact(bodies),
-        },
-    )
+    texts = {
+        **_beginning(title, output, command, surfaces=proposal.windows),
+        "fit": _fit_command(output),
+        "files": _list_of_files(proposal, inputs, output.absolute().parent),
+        "width": f"{proposal.width:.4g}",
+        "tiles": _counted(proposal.tiles, "tile"),
+        "few_tiles": warning_of_few_tiles,
+        "nodes": str(proposal.nodes),
+        "spacing": _spacing(proposal),
+        **_preparation(proposal),
+        "reading": _reading_table(proposal.reading),
+        "load": _load_table(bodies, slopes, nodes=proposal.nodes**2),
+        "contact": _contact_keys(bodies),
+    }
+    return filled(_template("windows"), texts)
 
 
 def scene_like(likeness: Likeness, bodies: Bodies, command: str, output: Path) -> str:
-    """Return a scene of self-affine surfaces like a map, with comments.
+    """Return the text of a scene of self-affine surfaces like a map, with comments.
 
     Parameters
     ----------
     likeness : Likeness
-        The map, the law that fits it, and the roughness of surfaces that follow the law.
+        The survey of the map, the law that fits it, and the roughness of surfaces that follow the
+        law.
     bodies : Bodies
         Material of the contact.
     command : str
-        The command line, for the comments.
+        The command line, which a comment quotes.
     output : Path
-        The file that the scene is for.
+        The file that will hold the scene.
 
     Returns
     -------
@@ -117,41 +127,47 @@ def scene_like(likeness: Likeness, bodies: Bodies, command: str, output: Path) -
     """
     name = likeness.survey.path.name
     title = f"Self-affine surfaces like {name}"
-    slope = likeness.slope
-    return filled(
-        templates.LIKE,
-        {
-            "name": printable(name),
-            **_beginning(title, output, command, SURFACES),
-            "preparation": _preparation_options(likeness.reading),
-            "step": f"{likeness.step:g}",
-            "nodes": str(NODES),
-            "side": repr(rounded(NODES * likeness.step, 6)),
-            **_law(likeness),
-            "slope": f"{slope:.3g}",
-            "map_slope": f"{likeness.windows.rms_slope:.3g}",
-            "height": f"{likeness.height:.3g}",
-            "map_height": f"{likeness.windows.rms_height:.3g}",
-            "doubt": _if_any(templates.DOUBT, "doubt", likeness.doubt),
-            "rms_slope": _range(rounded(slope / SPREAD, 3), rounded(slope * SPREAD, 3)),
-            "load": _load(bodies, [likeness.survey.rms_slope], NODES**2),
-            "contact": _contact(bodies),
-        },
-    )
+    slope = likeness.rms_slope
+    doubt = ""
+    if likeness.doubt:
+        doubt = f"# DOUBTFUL: {likeness.doubt}. Windows of the map are safer: `gen scene MAP`."
+    texts = {
+        "name": printable(name),
+        **_beginning(title, output, command, surfaces=SURFACES),
+        "preparation": _preparation_options(likeness.reading),
+        "step": f"{likeness.spacing:g}",
+        "nodes": str(NODES),
+        "side": repr(rounded(NODES * likeness.spacing, 6)),
+        **_law(likeness),
+        "slope": f"{slope:.3g}",
+        "map_slope": f"{likeness.windows.rms_slope:.3g}",
+        "height": f"{likeness.rms_height:.3g}",
+        "map_height": f"{likeness.windows.rms_height:.3g}",
+        "doubt": doubt,
+        "rms_slope": _range(rounded(slope / SPREAD, 3), rounded(slope * SPREAD, 3)),
+        "load": _load_table(bodies, [likeness.survey.rms_slope], nodes=NODES**2),
+        "contact": _contact_keys(bodies),
+    }
+    return filled(_template("like"), texts)
+
+
+def _template(name: str) -> str:
+    """Return the text of the template `name`.toml.in, a file beside this module."""
+    return (files("gen.draft") / f"{name}.toml.in").read_text(encoding="utf-8")
 
 
 def filled(template: str, texts: Mapping[str, str]) -> str:
-    """Fill the gaps of a template.
+    """Put texts in place of the placeholders of a template.
 
-    A line that holds nothing but the $name of an empty text is left out, and so is all but the
-    first of several empty lines.
+    A line is left out if it consists of a placeholder alone and the text for it is empty. Several
+    empty lines in a row become one.
 
     Parameters
     ----------
     template : str
-        Lines with $names.
+        Lines with placeholders, as "nodes = $nodes".
     texts : mapping of str to str
-        A text for each name, of one line or several.
+        A text of any number of lines for each placeholder, by its name without the dollar sign.
 
     Returns
     -------
@@ -160,27 +176,26 @@ def filled(template: str, texts: Mapping[str, str]) -> str:
     """
     lines = []
     for line in template.splitlines(keepends=True):
-        stands_alone = line.startswith("$")
-        if stands_alone and texts.get(line.strip().removeprefix("$")) == "":
+        # None for a line that is more than a placeholder, as it names no text
+        text_of_whole_line = texts.get(line.strip().removeprefix("$"))
+        if line.startswith("$") and text_of_whole_line == "":
             continue
         lines.append(Template(line).substitute(texts))
     return re.sub(r"\n{3,}", "\n\n", "".join(lines))
 
 
-def _if_any(template: str, name: str, text: str) -> str:
-    """Fill the only gap of a template by a text; nothing if the text is empty."""
-    if not text:
-        return ""
-    return filled(template, {name: text})
-
-
 def _counted(number: int, noun: str) -> str:
     """Return a number with its noun, as "1 tile" and "3 tiles"."""
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+    if number == 1:
+        return f"1 {noun}"
+    return f"{number} {noun}s"
 
 
 def _beginning(title: str, output: Path, command: str, surfaces: int) -> dict[str, str]:
-    """Return what both kinds of scenes begin with: commands, title and numbers of samples."""
+    """Return texts for the beginning of both kinds of scenes, by placeholder.
+
+    They are the title, commands for the user to type, and the numbers of surfaces and samples.
+    """
     scene = printable(str(output))
     database = _beside(output, ".h5")
     return {
@@ -196,34 +211,39 @@ def _beginning(title: str, output: Path, command: str, surfaces: int) -> dict[st
 
 
 def _fit_command(output: Path) -> str:
-    """Return the command that fits a surrogate to the database of a scene."""
+    """Return the command that fits a surrogate to the database of the scene `output`."""
     fit = command_to_type("learn fit")
-    return f"{fit} {_beside(output, '.h5')} --features hybrid -o {_beside(output, '.surrogate')}"
+    database = _beside(output, ".h5")
+    surrogate = _beside(output, ".surrogate")
+    return f"{fit} {database} --features hybrid -o {surrogate}"
 
 
 def _beside(output: Path, suffix: str) -> str:
-    """Return the name of a file beside the scene, in printable letters."""
+    """Return the scene's path with another suffix, in printable letters."""
     return printable(str(output.with_suffix(suffix)))
 
 
-def _files(proposal: Proposal, inputs: Sequence[str], home: Path) -> str:
-    """Return the list of files, with those that are left out as comments; `home` is the scene's.
+def _list_of_files(proposal: Proposal, inputs: Sequence[str], folder: Path) -> str:
+    """Return the lines of the list `files`: one for each map, a comment if the map is left out.
 
-    Of more maps than a list may hold, the names that the user gave are listed instead.
+    If more maps are used than the list may hold, the lines are the names that the user gave,
+    `inputs`. `folder` is the folder of the scene.
     """
     if len(proposal.used) > MOST_PATTERNS:
         paths = [Path(name).expanduser().absolute() for name in inputs]
         return "\n".join(f"    {quoted(str(path))}," for path in paths)
-    home = home.resolve()
-    return "\n".join(_file_line(survey, home) for survey in proposal.surveys)
+    folder = folder.resolve()
+    return "\n".join(_line_of_file(survey, folder) for survey in proposal.surveys)
 
 
-def _file_line(survey: MapSurvey, home: Path) -> str:
-    """Return the line of a map, whose name is relative to a folder if the map is in it."""
+def _line_of_file(survey: MapSurvey, folder: Path) -> str:
+    """Return the line of one map; its name is relative to `folder` if the map is in this folder."""
     name = str(survey.path)
-    if survey.path.is_relative_to(home):
-        name = str(survey.path.relative_to(home))
-        if name.startswith("~"):  # which would stand for somebody's home
+    if survey.path.is_relative_to(folder):
+        name = str(survey.path.relative_to(folder))
+        if name.startswith(
+            "~"
+        ):  # readers of the scene take a leading ~ for a home folder
             name = f"./{name}"
     if survey.fault:
         return f"    # {quoted(name)} is left out: {printable(survey.fault)}"
@@ -232,78 +252,79 @@ def _file_line(survey: MapSurvey, home: Path) -> str:
 
 
 def _spacing(proposal: Proposal) -> str:
-    """Return the key `spacing`, or a comment if all maps keep theirs."""
+    """Return the key `spacing`, or only a comment if the maps keep the spacing that they share."""
     used = proposal.used
     if proposal.spacing is None:
-        return filled(templates.SAME_SPACING, {"spacing": spacing_text(used[0].spacing)})
-    distances = [distance for survey in used for distance in survey.spacing]
-    return filled(
-        templates.SPACING,
-        {
-            "finest": f"{min(distances):.4g}",
-            "coarsest": f"{max(distances):.4g}",
-            "spacing": repr(float(proposal.spacing)),
-        },
+        shared = spacing_text(used[0].spacing)
+        return f"# All maps have a node every {shared} um, and keep it."
+    spacings = [spacing for survey in used for spacing in survey.spacing]
+    finest = f"{min(spacings):.4g}"
+    coarsest = f"{max(spacings):.4g}"
+    return (
+        f"# um; the maps have a node every {finest} to {coarsest} um. Finer maps can lose\n"
+        "# detail, coarser ones cannot gain it.\n"
+        f"spacing = {float(proposal.spacing)!r}"
     )
 
 
 def _preparation(proposal: Proposal) -> dict[str, str]:
-    """Return the steps of the preparation, with what they are for."""
+    """Return texts for the keys of the preparation and the reasons for them, by placeholder."""
     used = proposal.used
-    steps = proposal.reading
+    reading = proposal.reading
     despike = "# No map has spikes: no despike."
-    if steps.despike is not None:
-        despike = _despike(used, steps.despike)
+    if reading.despike is not None:
+        despike = _despike(used, reading.despike)
     fill = "# No map has holes: no fill."
-    if steps.fill:
+    if reading.fill:
         maps_with_holes = [survey for survey in used if survey.missing > 0]
-        counts = {"maps_with_holes": str(len(maps_with_holes)), "maps": str(len(used))}
-        fill = filled(templates.FILL, counts)
+        fill = f"# {len(maps_with_holes)} of {len(used)} maps have holes.\nfill = true"
     return {
         "despike": despike,
-        "reason_for_level": _reason_for_level(used, steps.level),
-        "level": quoted(steps.level),
+        "reason_for_level": _reason_for_level(used, reading.level),
+        "level": quoted(reading.level),
         "fill": fill,
     }
 
 
 def _despike(used: Sequence[MapSurvey], threshold: float) -> str:
-    """Return the key `despike` with a threshold, and the number of spikes in the maps."""
+    """Return the key `despike` with its threshold, and a comment with the numbers of spikes."""
     numbers = [survey.spikes.number for survey in used if survey.spikes]
-    positive = [number for number in numbers if number > 0]
-    return filled(
-        templates.DESPIKE,
-        {
-            "maps_with_spikes": str(len(positive)),
-            "maps": str(len(used)),
-            "spikes": str(sum(positive)),
-            "threshold": repr(threshold),
-        },
+    maps_with_spikes = sum(number > 0 for number in numbers)
+    return (
+        f"# {maps_with_spikes} of {len(used)} maps have spikes, {sum(numbers)} nodes in all:"
+        " the highest would set\n"
+        "# Delta's zero.\n"
+        f"despike = {threshold!r}"
     )
 
 
 def _reason_for_level(used: Sequence[MapSurvey], level: str) -> str:
-    """Say why maps are levelled: their largest slope, or the name of the first curved one."""
+    """Say why maps are levelled by `level`, in words that continue a sentence after "As".
+
+    For "plane" the reason is the largest tilt, for "quadratic" that maps are curved.
+    """
     if level == "plane":
         tilt = max(abs(slope) for survey in used for slope in survey.tilt)
         return f"the maps are tilted by up to {tilt:.2g}"
-    first = next(survey for survey in used if survey.is_curved)
-    name = printable(first.path.name)
+    first_curved = next(survey for survey in used if survey.is_curved)
+    name = printable(first_curved.path.name)
     return f"{name} and the like are curved: form rather than roughness"
 
 
-def _reading(reading: Reading) -> str:
-    """Return the table of what files do not say; nothing if they say all."""
+def _reading_table(reading: Reading) -> str:
+    """Return the table `[surface.reading]`; "" if the user has given none of its keys."""
     keys = [
         f"{name} = {quoted(value)}"
-        for name, value in reading.values_of("reading").items()
+        for name, value in reading.values_of(READ).items()
         if value
     ]
-    return _if_any(templates.READING, "keys", "\n".join(keys))
+    if not keys:
+        return ""
+    return "\n".join(["# For files that do not say it.", "[surface.reading]", *keys])
 
 
 def _preparation_options(reading: Reading) -> str:
-    """Return the steps of a map's preparation as options of `gen contact`."""
+    """Return the steps of a map's preparation, written as options of `gen contact`."""
     options = []
     if reading.despike is not None:
         options.append(f"--despike {reading.despike:g}")
@@ -314,116 +335,151 @@ def _preparation_options(reading: Reading) -> str:
 
 
 def _law(likeness: Likeness) -> dict[str, str]:
-    """Return the fit of a law and, around it, the ranges of a population's parameters."""
+    """Return texts for the fit and for the parameters of the surfaces, by placeholder.
+
+    The parameters are ranges around the law with which surfaces are generated.
+    """
     fit = likeness.fit
-    spectrum = likeness.spectrum
-    lowest_hurst = max(0.0, spectrum.hurst - EXPONENTS)
-    highest_hurst = min(1.0, spectrum.hurst + EXPONENTS)
-    shortest_roll_off = max(spectrum.roll_off / SPREAD, spectrum.cut_off)
-    longest_roll_off = spectrum.roll_off * SPREAD
-    stretch = ""
-    if spectrum.stretch != 1.0:
-        stretch = filled(templates.STRETCH, {"stretch": repr(spectrum.stretch)})
+    fitted = fit.spectrum
+    generated = likeness.spectrum
+    lowest_hurst = max(0.0, generated.hurst - HURST_SPREAD)
+    highest_hurst = min(1.0, generated.hurst + HURST_SPREAD)
+    shortest_roll_off = max(generated.roll_off / SPREAD, generated.cut_off)
+    longest_roll_off = generated.roll_off * SPREAD
+    remarks_on_fit = ""
+    if fit.remarks:
+        remarks_on_fit = f"# The fit says: {'; '.join(fit.remarks)}."
     return {
-        "fitted_hurst": f"{fit.spectrum.hurst:.2f}",
-        "fitted_roll_off": f"{fit.spectrum.roll_off:.3g}",
-        "fitted_cut_off": f"{fit.spectrum.cut_off:.3g}",
+        "fitted_hurst": f"{fitted.hurst:.2f}",
+        "fitted_roll_off": f"{fitted.roll_off:.3g}",
+        "fitted_cut_off": f"{fitted.cut_off:.3g}",
         "decades": f"{fit.decades:.2g}",
         "scatter": f"{fit.scatter:.2g}",
-        "remarks": _if_any(templates.REMARKS, "remarks", "; ".join(fit.remarks)),
+        "remarks": remarks_on_fit,
         "hurst": _range(rounded(lowest_hurst, 3), rounded(highest_hurst, 3)),
         "roll_off": _range(rounded(shortest_roll_off, 4), rounded(longest_roll_off, 4)),
-        "cut_off": repr(spectrum.cut_off),
-        "stretch": stretch,
+        "cut_off": repr(generated.cut_off),
+        "stretch": _stretch(generated.stretch),
     }
+
+
+def _stretch(stretch: float) -> str:
+    """Return the key `stretch` with a comment; "" for a stretch of 1, which is the default."""
+    if stretch == 1.0:
+        return ""
+    return (
+        "# The map has a lay: wavelengths along x over those along y, which are the ones above.\n"
+        f"stretch = {stretch!r}"
+    )
 
 
 @dataclass(frozen=True)
 class _Loads:
-    """A range of loads, and what they mean."""
+    """A range of loads, and the comment about it."""
 
-    quantity: str  # as the key of the scene has it
+    quantity: str  # value of the scene's key `quantity`
     smallest: float  # in the unit of the quantity
-    largest: float
-    meaning: str  # comment
+    largest: float  # in the unit of the quantity
+    meaning: str  # lines of a comment that say what the loads do
 
 
-def _load(bodies: Bodies, slopes: Sequence[float], nodes: int) -> str:
-    """Return the table of loads on bodies, from first contacts to a large part of the surface.
+def _load_table(bodies: Bodies, slopes: Sequence[float], nodes: int) -> str:
+    """Return the table `[load]`, with loads from first contacts to a large contact area.
 
-    `slopes` are the rms slopes of surfaces [1], `nodes` the number of all nodes of a surface.
+    Loads of elastic bodies are relative to E* rms slope; loads of bodies that yield are pressures.
+    `slopes` are the rms slopes of the maps [1], `nodes` is the number of all nodes of a surface.
     """
+    # The second limit keeps the range wide on small grids, where `FEWEST_NODES` are a large share.
     smallest_area = min(FEWEST_NODES / nodes, LARGEST_AREA / 10)
     if bodies.hardness is None:
         loads = _elastic_loads(smallest_area)
     else:
-        middling = bodies.e_star * statistics.median(slopes) / KAPPA
-        loads = _yielding_loads(smallest_area, middling, bodies.hardness)
-    return filled(
-        templates.LOAD,
-        {
-            "meaning": loads.meaning,
-            "quantity": quoted(loads.quantity),
-            "fewest_nodes": str(FEWEST_NODES),
-            "range": _range(loads.smallest, loads.largest),
-        },
-    )
+        elastic_scale = bodies.e_star * statistics.median(slopes) / KAPPA
+        loads = _yielding_loads(smallest_area, elastic_scale, bodies.hardness)
+    texts = {
+        "meaning": loads.meaning,
+        "quantity": quoted(loads.quantity),
+        "fewest_nodes": str(FEWEST_NODES),
+        "range": _range(loads.smallest, loads.largest),
+    }
+    return filled(_template("load"), texts).removesuffix("\n")
 
 
 def _elastic_loads(smallest_area: float) -> _Loads:
-    """Return loads over E* rms slope; the smallest brings this share of a patch into contact.
+    """Return loads of elastic bodies: mean pressures over E* rms slope [1].
 
-    The contact area of elastic bodies under a mean pressure p is about KAPPA p / (E* rms slope).
+    `smallest_area` is the share of the patch in contact under the smallest load.
     """
     smallest = rounded(smallest_area / KAPPA)
-    numbers = {"kappa": f"{KAPPA:g}", "smallest": f"{100 * KAPPA * smallest:.2g}"}
+    smallest_percent = 100 * KAPPA * smallest
     return _Loads(
         quantity="pressure/(E* slope_rms)",
         smallest=smallest,
         largest=rounded(LARGEST_AREA / KAPPA),
-        meaning=filled(templates.ELASTIC, numbers),
+        meaning=(
+            "# Mean pressure over E* times the surface's rms slope: light loads bring about"
+            f" {KAPPA:g} times this\n"
+            "# share of a surface into contact, rough or smooth, from about"
+            f" {smallest_percent:.2g} % on."
+        ),
     )
 
 
-def _yielding_loads(smallest_area: float, elastic: float, hardness: float) -> _Loads:
-    """Return loads [MPa]; the smallest brings this share of a patch into contact.
+def _yielding_loads(
+    smallest_area: float, elastic_scale: float, hardness: float
+) -> _Loads:
+    """Return loads of bodies that yield: mean pressures [MPa].
 
-    The contact area under a mean pressure p is about p / `elastic`, where `elastic` is E* rms slope
-    / KAPPA [MPa], and at least p / `hardness`. It has two scales, so loads are pressures.
+    A mean pressure p brings at least the share p / `hardness` of the patch into contact, and about
+    p / `elastic_scale` while few nodes yield; both scales are in MPa. The larger of the two shares
+    is taken. `smallest_area` is the share under the smallest load.
     """
-    bearing = min(hardness, elastic)
-    smallest = rounded(smallest_area * bearing)
-    largest = rounded(min(LARGEST_AREA * bearing, YIELDING * hardness))
-    numbers = {
-        "smallest": f"{100 * smallest / bearing:.2g}",
-        "largest": f"{100 * largest / bearing:.2g}",
-        "hardness": f"{hardness:g}",
-    }
-    return _Loads("pressure", smallest, largest, filled(templates.YIELDING, numbers))
+    scale = min(hardness, elastic_scale)
+    smallest = rounded(smallest_area * scale)
+    largest = rounded(min(LARGEST_AREA * scale, LARGEST_PRESSURE * hardness))
+    smallest_percent = 100 * smallest / scale
+    largest_percent = 100 * largest / scale
+    return _Loads(
+        quantity="pressure",
+        smallest=smallest,
+        largest=largest,
+        meaning=(
+            "# MPa, mean pressure over the patch.\n"
+            f"# These loads bring about {smallest_percent:.2g} to {largest_percent:.2g} % of a"
+            " middling surface into contact.\n"
+            f"# The hardness, {hardness:g} MPa, is the pressure without equilibrium."
+        ),
+    )
 
 
-def _contact(bodies: Bodies) -> str:
-    """Return the keys of the contact: the only elastic body, or one with the E* of both."""
-    modulus, poisson = bodies.only or (bodies.e_star, 0.0)
+def _contact_keys(bodies: Bodies) -> str:
+    """Return the keys of the table `[contact]`, with comments.
+
+    They describe one elastic body on a rigid one: the body that the user gave, or a body with the
+    given E* and a Poisson's ratio of 0.
+    """
+    modulus = bodies.e_star
+    poisson = 0.0
+    if bodies.only is not None:
+        modulus = bodies.only.young
+        poisson = bodies.only.poisson
     no_modulus = ""
     if not bodies.has_modulus:
         no_modulus = "# None was given: areas of elastic bodies hold for any."
     hardness = "# Metals yield: hardness = 2000.0 (MPa, steel) with loads as pressures."
     if bodies.hardness is not None:
         hardness = f"# MPa, of the softer body.\nhardness = {float(bodies.hardness)!r}"
-    return filled(
-        templates.CONTACT,
-        {
-            "no_modulus": no_modulus,
-            "modulus": repr(float(modulus)),
-            "poisson": repr(float(poisson)),
-            "hardness": hardness,
-        },
-    )
+    texts = {
+        "no_modulus": no_modulus,
+        "modulus": repr(float(modulus)),
+        "poisson": repr(float(poisson)),
+        "hardness": hardness,
+    }
+    return filled(_template("contact"), texts).removesuffix("\n")
 
 
 def quoted(text: str) -> str:
-    """Write a text in TOML's notation.
+    """Write a text as a string of TOML.
 
     Parameters
     ----------
@@ -438,7 +494,7 @@ def quoted(text: str) -> str:
     Raises
     ------
     InputError
-        If the text holds bytes that are no UTF-8, as names of files may.
+        If the text is the name of a file whose bytes are not UTF-8.
     """
     try:
         text.encode()
@@ -446,26 +502,27 @@ def quoted(text: str) -> str:
         raise InputError(
             f"{text!r}: a scene is UTF-8, in which this name cannot be written; rename the file"
         ) from None
+    # JSON's strings are TOML's, but for one control character that TOML wants escaped.
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _range(low: float, high: float) -> str:
-    """Write a range in TOML's notation."""
+    """Write a range as an array of TOML."""
     return f"[{float(low)!r}, {float(high)!r}]"
 
 
 def require_new(path: Path) -> None:
-    """Refuse a name that a scene cannot have, or that is taken.
+    """Refuse a path that does not end in .toml, or at which there is a file.
 
     Parameters
     ----------
     path : Path
-        The file to be written.
+        Path of the scene to be written.
 
     Raises
     ------
     InputError
-        If the name does not end in .toml, or there is a file of this name.
+        If the path is refused.
     """
     if path.suffix != ".toml":
         raise InputError(f"--output {path}: give a name that ends in .toml, as mine.toml")
@@ -477,12 +534,12 @@ def require_new(path: Path) -> None:
 
 
 def write(path: Path, text: str) -> Scene:
-    """Write a scene to a file, but never over another one.
+    """Write a scene to a new file, and never replace another file.
 
     Parameters
     ----------
     path : Path
-        The file to be written.
+        Path of the new file.
     text : str
         The scene in TOML.
 
@@ -494,13 +551,13 @@ def write(path: Path, text: str) -> Scene:
     Raises
     ------
     InputError
-        If the text is no scene, the file cannot be written, or another process has made it
-        meanwhile.
+        If the text is no valid scene, the file cannot be written, or another process has made a
+        file of this name meanwhile.
     """
     scene = Scene.parse(text, str(path))
     content = text.encode()
     with atomic(path, replace=False) as file:
         file.write(content)
-    if path.read_bytes() != content:
+    if path.read_bytes() != content:  # `atomic` has kept another process's file
         require_new(path)
     return scene

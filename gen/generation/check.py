@@ -57,7 +57,7 @@ class Repair(NamedTuple):
     """What a repair has done with the rows that have faults."""
 
     pending: Indices  # (k,), rows that were damaged and are pending now
-    unchanged: Indices  # (m,), rows that are as they were
+    left_faulty: Indices  # (m,), rows that still have faults
 
 
 class _Violation(NamedTuple):

@@ -1,4 +1,7 @@
-"""The list of all generators of rough surfaces, and two of them: windows of maps, and functions."""
+"""The list of all generators of rough surfaces.
+
+Two of them are files of this folder: windows of measured maps, and functions that users write.
+"""
 
 from typing import TYPE_CHECKING, Annotated, Union
 
@@ -17,11 +20,11 @@ GENERATORS: tuple[type[GeneratedSurface], ...] = (
 )
 """Classes of the table `[surface]`. A new generator is a file of this folder and a line here.
 
-A scene that names no generator has the first one, the paper's. Columns of parameters stand in this
-order."""
+A scene that names no generator uses the first one, that of the paper. The columns of parameters of
+a database have the order of these classes."""
 
 TAGS = {name: table for table in GENERATORS for name in table.NAMES}
-"""Classes by the names of their generators, which pydantic puts into the locations of errors."""
+"""Class of each generator by its name in scenes, which pydantic puts into locations of errors."""
 
 if TYPE_CHECKING:
     Surface = GeneratedSurface

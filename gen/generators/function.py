@@ -1,4 +1,4 @@
-"""Surfaces made by a function that the user writes, and how scenes name such functions."""
+"""Surfaces made by a function that the user writes, and the patterns of its name in scenes."""
 
 import re
 from pathlib import Path
@@ -22,7 +22,7 @@ from gen.surface import Grid, GridSurface, Parameters, Random
 T = TypeVar("T")
 
 NAMED = re.compile(r"[a-z][a-z0-9_]{0,39}")
-"""Pattern of the names of a user's parameters and outputs, which become columns."""
+"""Pattern of the names of a user's parameters and outputs, which become names of columns."""
 
 FUNCTION_WORDS = "text, 'module:function', as 'my_surfaces:waves'"
 FUNCTION_PATTERN = r"^[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*$"
@@ -31,7 +31,9 @@ Hash = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
 def named(values: dict[str, T]) -> dict[str, T]:
-    """Return a table of a user's numbers by name, sorted because their order means nothing.
+    """Check the names in a table of a user's numbers, and sort the table by name.
+
+    The order of the numbers in a scene has no meaning.
 
     Parameters
     ----------
@@ -41,12 +43,12 @@ def named(values: dict[str, T]) -> dict[str, T]:
     Returns
     -------
     dict of str to any
-        The same values in the alphabetical order of their names.
+        The same values, in the alphabetical order of their names.
 
     Raises
     ------
     ValueError
-        If a name cannot be that of a column.
+        If a name does not match `NAMED`.
     """
     for name in values:
         if not NAMED.fullmatch(name):
@@ -57,7 +59,10 @@ def named(values: dict[str, T]) -> dict[str, T]:
 
 
 class PythonSurface(GridSurface):
-    """Surfaces made by a function that the user writes: (shape, spacing, rng, **parameters)."""
+    """Surfaces made by a function that the user writes.
+
+    The function is called as function(shape, spacing, rng, **parameters).
+    """
 
     generator: Literal["python"]
     function: Function = Field(description=FUNCTION_WORDS)
@@ -65,7 +70,7 @@ class PythonSurface(GridSurface):
         default={},
         description="a table of numbers, [low, high] and distributions by their names",
     )
-    # Written when a run begins: the SHA-256 of the module's source.
+    # None in the user's scene; a run writes it when it begins.
     source: Hash | None = Field(
         default=None, description="the SHA-256 of the module's source"
     )
@@ -75,13 +80,16 @@ class PythonSurface(GridSurface):
         return dict(self.parameters)
 
     def sources(self) -> list[Path]:
-        """Return the file of the function's module, or nothing unless the user trusts it."""
+        """Return the file of the function's module; empty unless the user trusts the functions."""
         if not TRUSTED.get():
             return []
         return [source_of(self.function)]
 
     def resolved(self, home: Path | None) -> Self:
-        """Complete the table by the hash of the source of the function's module, if it lacks it."""
+        """Return the table with the hash of the source of the function's module.
+
+        A table that has a hash is returned as it is.
+        """
         if self.source is not None:
             return self
         return self.model_copy(update={"source": source_hash(self.function)})
@@ -89,13 +97,16 @@ class PythonSurface(GridSurface):
     def heights(
         self, grid: Grid, surface: int, parameters: Parameters, random: Random
     ) -> Heights:
-        """Call the function; see `GeneratedSurface.heights`."""
+        """Call the function, and shift the lowest node to 0; see `GeneratedSurface.heights`.
+
+        SourceError if the function fails, or returns anything but real numbers of the shape of the
+        grid. InputError if they are not finite.
+        """
         place = f"{self.function}, surface {surface}"
         function = load_function(self.function, self.source)
         with source_errors(place):
-            heights = _heights_of(
-                function(grid.shape, grid.spacing, random, **parameters), place
-            )
+            returned = function(grid.shape, grid.spacing, random, **parameters)
+            heights = _heights_of(returned, place)
         if heights.shape != grid.shape:
             raise SourceError(
                 f"{place}: heights are of shape {heights.shape}, not {grid.shape}"
@@ -107,9 +118,9 @@ class PythonSurface(GridSurface):
 
 
 def _heights_of(returned: object, place: str) -> Heights:
-    """Return a copy of what a function has returned as heights [um], of any shape.
+    """Return a copy of the heights that a user's function has returned [um], in whatever shape.
 
-    Refuse it by a SourceError, which begins with the place, if it is no array of real numbers.
+    SourceError, with a message that begins with `place`, if they are no array of real numbers.
     """
     array = np.asarray(returned)
     if array.dtype.kind not in "fiub":

@@ -1,7 +1,8 @@
 """Windows of measured maps as the surfaces of a scene.
 
-The maps of a scene are opened once by every process. The place of a window follows from the numbers
-of nodes of the maps, which the scene of a database holds: it needs no height.
+Every process opens the maps of a scene once. The place of a window is drawn from the numbers of
+nodes of the maps alone. The scene of a database records these numbers, so that places are known
+without opening a map.
 """
 
 from __future__ import annotations
@@ -53,15 +54,22 @@ from gen.surface import (
     pair,
 )
 
-# prepared maps of the scenes of this process, by the tables of their bodies
+# prepared maps that this process has opened, by the table of one body with its recorded maps
 _OPEN: dict[ScanSurface, library.Library] = {}
 
 MOST_PATTERNS = 1000  # largest number of names in the list of files
-LONGEST_TEXT = 200  # most letters of a text in a table
+LONGEST_TEXT = 200  # largest number of letters of a text in a table
+LONGEST_SIDE = (
+    1e300  # largest scan length that a table accepts; `parse_sides` allows less [um]
+)
 
 
 def _files(value: object, info: ValidationInfo) -> tuple[str, ...]:
-    """Accept a name or a list of names, and let them start from the folder of the scene's file."""
+    """Validate the key `files`: return the paths and patterns from a text or a list of texts.
+
+    Relative ones start from the folder of the scene's file, if pydantic's context gives it.
+    PydanticCustomError for anything else, and for too long or empty a list.
+    """
     names = (value,) if isinstance(value, str) else value
     if not isinstance(names, list | tuple) or not 1 <= len(names) <= MOST_PATTERNS:
         raise PydanticCustomError("files", "not a name or a list of names")
@@ -69,16 +77,18 @@ def _files(value: object, info: ValidationInfo) -> tuple[str, ...]:
         raise PydanticCustomError("files", "not a name or a list of names")
     if info.context is None:
         return tuple(names)
+    # "~" is replaced where the files are looked for.
     folder = info.context["folder"].absolute()
     return tuple(name if name.startswith("~") else str(folder / name) for name in names)
 
 
 Files = Annotated[tuple[str, ...], PlainValidator(_files)]
+# what `files` may hold, for messages and the manual
 FILES = "a file, a folder or a pattern as 'scans/*.x3p', or a list of these"
 
 
 def _another_or_files(value: object, info: ValidationInfo) -> str | tuple[str, ...]:
-    """Accept "another", or what `_files` accepts."""
+    """Validate the key `against`: accept "another" and whatever `_files` accepts."""
     if value == ANOTHER:
         return ANOTHER
     return _files(value, info)
@@ -90,10 +100,14 @@ Text = Annotated[str, Field(max_length=LONGEST_TEXT)]
 
 
 def _lengths(value: object) -> str:
-    """Accept scan lengths as a text, a number, or a pair of numbers, and return their text."""
+    """Validate scan lengths and return them as the text of `Reading.side`, as "1000,500" [um].
+
+    A number or a pair of numbers is allowed, or a text, which `parse_sides` checks later.
+    PydanticCustomError for anything else.
+    """
     if isinstance(value, str) and len(value) <= LONGEST_TEXT:
-        return value  # checked where the maps are looked for
-    lengths = one_or_two(float, 1e300)(value)
+        return value
+    lengths = one_or_two(float, LONGEST_SIDE)(value)
     numbers = lengths if isinstance(lengths, tuple) else (lengths,)
     return ",".join(repr(number).removesuffix(".0") for number in numbers)
 
@@ -102,18 +116,28 @@ Lengths = Annotated[str, PlainValidator(_lengths)]
 
 
 def _table(name: str) -> type[Table]:
-    """Make the table of scenes that has the keys of `Reading` with this table name."""
+    """Make the pydantic class of the scene table `name`, which is `READ` or `PREPARED`.
+
+    Its keys are the fields of `Reading` that belong to this table. Each is optional: None is the
+    default.
+    """
     types: dict[str, Any] = get_type_hints(Reading) | {"side": Lengths}
-    columns: dict[str, Any] = {}
+    fields: dict[str, Any] = {}
     for key_name, key in keys(name).items():
-        kind: Any = Text if types[key_name] is str else types[key_name]
-        kind = Annotated[kind, AfterValidator(_check_of(key))]
-        columns[key_name] = (kind | None, Field(default=None, description=key.allowed))
-    return create_model(f"{name.capitalize()}Table", __base__=Table, **columns)
+        kind: Any = types[key_name]
+        if kind is str:
+            kind = Text
+        checked_kind: Any = Annotated[kind, AfterValidator(_check_of(key))]
+        default = Field(default=None, description=key.allowed)
+        fields[key_name] = (checked_kind | None, default)
+    return create_model(f"{name.capitalize()}Table", __base__=Table, **fields)
 
 
 def _check_of(key: Key) -> Callable[[Any], Any]:
-    """Return the function that refuses values which do not suit a key, and returns the others."""
+    """Return the validator of a key: a function that returns a value that the key allows.
+
+    It raises PydanticCustomError for other values.
+    """
 
     def check(value: Any) -> Any:
         if not key.suits(value):
@@ -132,7 +156,10 @@ else:
 
 
 class RecordedMap(Table):
-    """A map that a run has used, known by its content: its file may move."""
+    """A map that a run has used.
+
+    Its content identifies it: the file may be moved.
+    """
 
     file: str = Field(description="text, the path of the file")
     sha256: Hash = Field(description="the SHA-256 of the file's content")
@@ -153,7 +180,10 @@ class RecordedMaps(Table):
 
     @property
     def contents(self) -> dict[str, Any]:
-        """What identifies the maps: their spacing, contents and nodes, not their places."""
+        """The values that identify the maps: their spacing, number, contents and nodes.
+
+        The paths of the files are left out.
+        """
         maps = tuple(
             f"{recorded.sha256}, {recorded.nodes[0]} x {recorded.nodes[1]}"
             for recorded in self.maps
@@ -162,7 +192,11 @@ class RecordedMaps(Table):
 
 
 class ScanSurface(GeneratedSurface):
-    """Windows of measured maps, of one rough body or of two."""
+    """Windows of measured maps, as one rough body or as two.
+
+    A table of one body has `against` and `against_found` of None. Its maps are recorded if `found`
+    is set. Methods whose names begin with "_" work on the first body, unless they say otherwise.
+    """
 
     PLACES: ClassVar[Mapping[str, str]] = {
         "map": "index of the surface's map",
@@ -183,7 +217,7 @@ class ScanSurface(GeneratedSurface):
         default=None,
         description=f"'another', for a second window of a tile, or maps of another body: {FILES}",
     )
-    # Written when a run begins, as the hash of a user's function.
+    # None in the user's scene; a run writes the next two keys when it begins.
     found: RecordedMaps | None = Field(
         default=None, description="the maps that a run has found"
     )
@@ -192,7 +226,7 @@ class ScanSurface(GeneratedSurface):
     )
 
     def patch(self, boundary: str, *, cells: bool) -> Patch:
-        """Return nodes and sides of a window; the maps have to be recorded."""
+        """Return the nodes and sides [um] of a window; InputError unless the maps are recorded."""
         dx, dy = self.recorded_maps().spacing
         nx, ny = pair(self.nodes)
         if cells:
@@ -200,40 +234,43 @@ class ScanSurface(GeneratedSurface):
         return Patch((nx, ny), (dx * (nx - 1), dy * (ny - 1)))
 
     def recorded_maps(self) -> RecordedMaps:
-        """Return the maps of the first body that the run has found.
+        """Return the maps of the first body that a run has recorded in this table.
 
         Returns
         -------
         RecordedMaps
-            Files, contents and nodes of the maps.
+            Spacing, files, contents and nodes of the maps.
 
         Raises
         ------
         InputError
-            If no run has looked for them.
+            If no run has recorded maps in this table.
         """
         if self.found is None:
             raise InputError("the maps of this scene have not been looked for")
         return self.found
 
     def first_body(self) -> Self:
-        """Return the table of the first body's windows.
+        """Return the table of the windows of the first body alone.
 
         Returns
         -------
         ScanSurface
-            This table without a second body.
+            This table, with `against` and `against_found` of None.
         """
         return self.model_copy(update={"against": None, "against_found": None})
 
     def second_body(self) -> Self:
-        """Return the table of the second body's windows; there has to be a second body.
+        """Return the table of the windows of the second body alone.
+
+        The scene has to have a second body.
 
         Returns
         -------
         ScanSurface
-            The table of the same maps for a second window of a tile, otherwise that of the maps of
-            the second body.
+            The table of the first body, if the second one is "another" window of the same maps.
+            Otherwise this table with the files and recorded maps of the second body in `files` and
+            `found`.
         """
         if self.against == ANOTHER:
             return self.first_body()
@@ -242,11 +279,15 @@ class ScanSurface(GeneratedSurface):
 
     @property
     def _has_maps_of_second_body(self) -> bool:
-        """Whether the second body has maps of its own."""
+        """Whether there is a second body with maps other than those of the first one."""
         return isinstance(self.against, tuple)
 
     def relevant(self, content: dict[str, Any]) -> dict[str, Any]:
-        """Leave out where the maps are, once they are known by their contents."""
+        """Return the keys on which results depend: recorded maps count by content, not by path.
+
+        `found` and `against` then hold `RecordedMaps.contents`. `files` and `against_found` are
+        left out. If no maps are recorded, all keys are returned as they are.
+        """
         if self.found is None:
             return content
         kept = {key: content[key] for key in content.keys() - {"files", "against_found"}}
@@ -256,7 +297,10 @@ class ScanSurface(GeneratedSurface):
         return kept
 
     def sources(self) -> list[Path]:
-        """Return the files of the maps, of both bodies."""
+        """Return the files of the maps of both bodies.
+
+        These are the recorded ones, or those that the patterns name if none are recorded.
+        """
         if self.found is None:
             patterns = [*self.files]
             if isinstance(self.against, tuple):
@@ -265,10 +309,14 @@ class ScanSurface(GeneratedSurface):
         recorded = [*self.found.maps]
         if self.against_found is not None:
             recorded += self.against_found.maps
-        return [Path(scanned.file) for scanned in recorded]
+        return [Path(recorded_map.file) for recorded_map in recorded]
 
     def resolved(self, home: Path | None) -> Self:
-        """Search for the maps, and prepare them unless that has been done."""
+        """Return the table with the maps that its patterns name, prepared and opened.
+
+        A table with recorded maps is returned as it is, after its files are checked and its maps
+        opened. Prepared maps are kept beside the database `home`, or in the temporary folder.
+        """
         if self.found is not None:
             self.make_ready(home, sources=True)
             return self
@@ -276,26 +324,33 @@ class ScanSurface(GeneratedSurface):
         if not self._has_maps_of_second_body:
             return self.model_copy(update={"found": first})
         second = self.second_body()._search(home)
-        _require_company(first, second)
+        _require_compatible(first, second)
         return self.model_copy(update={"found": first, "against_found": second})
 
     def _search(self, home: Path | None) -> RecordedMaps:
-        """Search for the maps of the first body, and prepare and open them for this process."""
+        """Search for the maps of the first body, prepare them, and open them for this process.
+
+        `home` is the folder in which the prepared maps are kept.
+        """
         paths = library.map_files(self.files, Path.cwd())
         sha256s = library.digests(paths)
         maps = library.prepared_maps(paths, sha256s, self._recipe(), home)
-        scanned = tuple(
+        recorded_maps = tuple(
             RecordedMap(file=str(path), sha256=sha256, nodes=shape)
             for path, sha256, shape in zip(paths, sha256s, maps.shapes, strict=True)
         )
-        recorded = RecordedMaps(spacing=maps.spacing, maps=scanned)
-        _OPEN[self.first_body().model_copy(update={"found": recorded})] = maps
+        recorded = RecordedMaps(spacing=maps.spacing, maps=recorded_maps)
+        table = self.first_body().model_copy(update={"found": recorded})
+        _OPEN[table] = maps
         return recorded
 
     def make_ready(
         self, home: Path | None, *, sources: bool = False, verify: bool = True
     ) -> None:
-        """Open the maps of a database in this process; see `GeneratedSurface.make_ready`."""
+        """Open the recorded maps of both bodies in this process.
+
+        See `GeneratedSurface.make_ready`.
+        """
         if self._has_maps_of_second_body:
             self.second_body().make_ready(home, sources=sources, verify=verify)
         body = self.first_body()
@@ -303,7 +358,7 @@ class ScanSurface(GeneratedSurface):
             return
         maps = self._opened(home, sources=sources, verify=verify)
         recorded = self.recorded_maps()
-        shapes = tuple(scanned.nodes for scanned in recorded.maps)
+        shapes = tuple(recorded_map.nodes for recorded_map in recorded.maps)
         if maps.shapes != shapes or maps.spacing != recorded.spacing:
             raise SourceError(
                 "the maps are read with other nodes or another spacing than when the"
@@ -315,12 +370,13 @@ class ScanSurface(GeneratedSurface):
     def _opened(
         self, home: Path | None, *, sources: bool, verify: bool
     ) -> library.Library:
-        """Open the recorded maps of the first body; prepare them anew if no file holds them.
+        """Open the recorded maps of the first body, or prepare them anew if no file holds them.
 
-        With `sources` their files have to be there too. SourceError if a map is not.
+        With `sources` the original files are needed in any case. SourceError if an original file is
+        needed, but missing or changed, or cannot be prepared.
         """
         recorded = self.recorded_maps().maps
-        sha256s = [scanned.sha256 for scanned in recorded]
+        sha256s = [recorded_map.sha256 for recorded_map in recorded]
         try:
             recipe = self._recipe()
             if not sources:
@@ -328,24 +384,25 @@ class ScanSurface(GeneratedSurface):
                 if maps is not None:
                     return maps
             paths = [
-                library.locate_map(Path(scanned.file), scanned.sha256, home)
-                for scanned in recorded
+                library.locate_map(Path(recorded_map.file), recorded_map.sha256, home)
+                for recorded_map in recorded
             ]
             return library.prepared_maps(paths, sha256s, recipe, home)
         except InputError as error:
             raise SourceError(str(error)) from None
 
     def _recipe(self) -> library.Recipe:
-        """Return how the files are to be read and prepared."""
+        """Return how the files are to be read and prepared, and the nodes of a window."""
         spacing = None
         if self.spacing is not None:
             spacing = pair(self.spacing)
-        settings = {**self.reading.model_dump(), **self.preparation.model_dump()}
-        stated = {name: value for name, value in settings.items() if value is not None}
-        return library.Recipe(pair(self.nodes), spacing, Reading(**stated))
+        values = {**self.reading.model_dump(), **self.preparation.model_dump()}
+        stated = {name: value for name, value in values.items() if value is not None}
+        reading = Reading(**stated)
+        return library.Recipe(window=pair(self.nodes), spacing=spacing, reading=reading)
 
     def remarks(self) -> list[str]:
-        """Return lines about the maps for the user of a run: numbers, place and warnings."""
+        """Return lines for the user about the maps: numbers, prepared file and warnings."""
         if not self._has_maps_of_second_body:
             return self.first_body()._remarks_on_body("")
         return [
@@ -354,21 +411,26 @@ class ScanSurface(GeneratedSurface):
         ]
 
     def _remarks_on_body(self, name: str) -> list[str]:
-        """Return lines about the open maps of a table of one body; its name begins each of them."""
+        """Return lines about the open maps of a table of one body.
+
+        The lines, or for a warning the words after "warning: ", begin with `name`.
+        """
         maps = _OPEN[self]
         recorded = self.recorded_maps()
-        size = (
-            f"{len(maps.maps)} maps with a node every {spacing_text(recorded.spacing)} um"
-        )
+        spacing = spacing_text(recorded.spacing)
+        size = f"{len(maps.maps)} maps with a node every {spacing} um"
         tiles = self._tiling().total
         lines = [f"{name}{size}, {tiles} tiles; they are kept prepared in {maps.file}"]
-        for scanned, prepared in zip(recorded.maps, maps.maps, strict=True):
-            file = Path(scanned.file).name
+        for recorded_map, prepared in zip(recorded.maps, maps.maps, strict=True):
+            file = Path(recorded_map.file).name
             lines += [f"warning: {name}{file}: {remark}" for remark in prepared.remarks]
         return lines
 
     def places(self, randoms: Iterable[Random]) -> dict[str, NDArray[np.int32]]:
-        """Return the maps and tiles of surfaces; this moves the state of their generators."""
+        """Return the map and the group of tiles of each surface, by the names of `PLACES`.
+
+        The call moves the state of every generator of `randoms`.
+        """
         tiling = self._tiling()
         groups = self.tile_groups()
         windows = [library.draw_window(random, tiling) for random in randoms]
@@ -380,15 +442,15 @@ class ScanSurface(GeneratedSurface):
         }
 
     def tile_groups(self) -> int:
-        """Return the number of groups of tiles, the values that the column `tile` can have.
+        """Return the number of groups of tiles, which are the values of the column `tile`.
 
-        Windows of two bodies come from one group, which has tiles of both: a split along groups
-        shares no node of either body.
+        Both windows of a surface come from tiles of one group, and each group has tiles of both
+        bodies. So parts of a database with different groups share no node of either body.
 
         Returns
         -------
         int
-            The number of tiles of the body that has fewer.
+            The number of tiles of the first body, or of the second one if that has fewer.
         """
         tiles = self._tiling().total
         if self.against is None:
@@ -398,7 +460,7 @@ class ScanSurface(GeneratedSurface):
     def heights(
         self, grid: Grid, surface: int, parameters: Parameters, random: Random
     ) -> Heights:
-        """Cut a window out; see `GeneratedSurface.heights`."""
+        """Cut a window out of the maps of the first body; see `GeneratedSurface.heights`."""
         return self._cut(library.draw_window(random, self._tiling()))
 
     def opposite_heights(
@@ -409,16 +471,22 @@ class ScanSurface(GeneratedSurface):
         first: Random,
         random: Random,
     ) -> Heights:
-        """Cut the second body's window out of a tile that is paired with the first body's."""
+        """Cut the window of the second body out of a tile in the group of the first body's tile.
+
+        See `GeneratedSurface.opposite_heights`.
+        """
         body = self.second_body()
         tiling = body._tiling()
         groups = self.tile_groups()
         first_tile = library.draw_window(first, self._tiling()).tile
-        tiles = range(first_tile % groups, tiling.total, groups)
-        return body._cut(library.draw_window(random, tiling, tiles))
+        tiles_of_group = range(first_tile % groups, tiling.total, groups)
+        return body._cut(library.draw_window(random, tiling, tiles_of_group))
 
     def _cut(self, window: library.Window) -> Heights:
-        """Cut a window of the first body's maps out, and open the maps if need be [um]."""
+        """Cut a window out of the maps of the first body: its heights above its lowest node [um].
+
+        The maps are opened first if this process has not opened them.
+        """
         body = self.first_body()
         if body not in _OPEN:
             body.make_ready(None)
@@ -430,12 +498,12 @@ class ScanSurface(GeneratedSurface):
         recorded = self.recorded_maps()
         nx, ny = pair(self.nodes)
         dx, dy = recorded.spacing
-        shapes = tuple(scanned.nodes for scanned in recorded.maps)
-        return library.tiled(shapes, (nx, ny), nx == ny and dx == dy)
+        shapes = tuple(recorded_map.nodes for recorded_map in recorded.maps)
+        return library.tiled(shapes, window=(nx, ny), square=nx == ny and dx == dy)
 
 
-def _require_company(first: RecordedMaps, second: RecordedMaps) -> None:
-    """Refuse maps of two bodies with different spacings, and a map that both bodies have."""
+def _require_compatible(first: RecordedMaps, second: RecordedMaps) -> None:
+    """Raise InputError if the maps of two bodies differ in spacing, or share a map."""
     if first.spacing != second.spacing:
         spacings = " and ".join(
             f"{maps.spacing[0]:g} x {maps.spacing[1]:g}" for maps in (first, second)
@@ -444,11 +512,11 @@ def _require_company(first: RecordedMaps, second: RecordedMaps) -> None:
             f"the maps of both bodies have a node every {spacings} um: give"
             " surface.spacing, to which all are resampled"
         )
-    of_first = {scanned.sha256 for scanned in first.maps}
-    for scanned in second.maps:
-        if scanned.sha256 in of_first:
+    sha256s_of_first = {recorded_map.sha256 for recorded_map in first.maps}
+    for recorded_map in second.maps:
+        if recorded_map.sha256 in sha256s_of_first:
             raise InputError(
-                f"{scanned.file}: is one of files and of against: against = 'another'"
+                f"{recorded_map.file}: is one of files and of against: against = 'another'"
                 " takes a second window of the same map, otherwise a surrogate would be"
                 " tested on nodes that it was trained on"
             )

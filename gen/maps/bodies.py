@@ -1,10 +1,10 @@
 """Surfaces that are pressed: a prepared map, or the composite surface of two rough bodies.
 
-The gap between two rough bodies is the gap between the sum of their heights and a plane, and so is
-their contact, with the E* of both bodies. Heights of both maps point out of their body, and both
-maps are seen from outside. One body has to be turned over to face the other: one axis of its map
-then runs backwards. The centres of both maps lie on each other unless one map is shifted. Nodes of
-maps with the same spacing lie on each other, so that neither map is smoothed by an interpolation.
+The contact of two rough bodies is that of a plane with a surface whose heights are the sum of both
+bodies' heights, with the E* of both bodies. Heights of each map point out of its body, and each map
+is seen from outside. The second body is turned over to face the first: one axis of its map then
+runs backwards. The centres of the maps coincide unless the second map is shifted. Maps with equal
+spacings are laid with their nodes on each other, so that neither is smoothed by interpolation.
 """
 
 from __future__ import annotations
@@ -28,14 +28,15 @@ if TYPE_CHECKING:
     from bem.problem import Boundary
 
 TURNS = ("x", "y", "none")
-"""Axes of the second map that may run backwards; those of the map come first, in their order."""
+"""Axes of the second map that may run backwards, or "none". x and y come first, so that their index
+is the axis of the array."""
 
-# largest distance of nodes that count as one, in spacings, and relative difference of lengths that
-# count as equal: files round their lengths
+# Files round their lengths: a distance of nodes of at most this number of spacings counts as 0, and
+# lengths with at most this relative difference count as equal.
 SAME = 1e-6
-COARSE = 10.0  # ratio of the spacings of two maps above which one of them probably has another unit
-# nodes by which a map without edges is continued before it is interpolated: the influence of a node
-# on a spline falls by a factor of 0.27 with each node of distance
+COARSE = 10.0  # ratio of the spacings of two maps above which a unit is probably wrong
+# number of nodes by which a map without edges is continued on each side before it is interpolated:
+# the influence of a node on a spline falls by a factor of 0.27 with each node of distance
 REACH = 24
 
 
@@ -43,21 +44,23 @@ REACH = 24
 class Opposite:
     """The second of two rough bodies, and how it is laid on the first one."""
 
-    path: Path  # file of its surface
-    reading: Reading  # how its file is read and prepared
-    # {"x", "y", "none"}: axis of its map that runs backwards as the body is turned over; "none" for
-    # a map that is seen through its body
+    path: Path  # file of the second surface
+    reading: Reading  # how this file is read and prepared
+    # {"x", "y", "none"}: axis of the second map that runs backwards as the body is turned over;
+    # "none" for a map that is seen through its body
     turned: str = "x"
-    # distance of its centre from that of the first map, along x and y of that map [um]
+    # distance of the second map's centre from the first one's, along x and y of the first map [um]
     shift: Sides = (0.0, 0.0)
-    # whether `reading` is that of the first body, so that a scale in the file of this one counts
+    # whether `reading` is that of the first body; then a file of the second body that states its
+    # own lengths is read by them, see `prepared`
     shared: bool = True
 
     def prepared(self, boundary: Boundary) -> Topography:
-        """Read and prepare the surface.
+        """Read and prepare the second surface.
 
-        If the reading is that of the first body, its lengths and unit are left out where the file
-        of this body does not allow them, because it states its own.
+        A shared reading may have lengths (`side`) or a unit that the second file does not allow,
+        because it states its own. Then the file is read without them, unless
+        `reading.override_scale` is set.
 
         Parameters
         ----------
@@ -108,15 +111,15 @@ def read_surface(
     Returns
     -------
     surface : Topography
-        The prepared surface, without holes.
+        The prepared surface, or the composite surface; without holes.
     warnings : list of str
         One line for each reason to distrust contacts of the surface.
 
     Raises
     ------
     InputError
-        If a file cannot be read, a setting does not suit its map, or two maps hardly overlap.
-        The message names the file.
+        If a file cannot be read, a setting does not suit its map, or the maps share fewer than
+        2 x 2 nodes. For a single body the message begins with its file or with an option.
     """
     try:
         surface = prepare(read(path, reading, boundary), reading)
@@ -125,8 +128,9 @@ def read_surface(
             surface = composite(surface, body, opposite.turned, opposite.shift)
     except InputError as error:
         message = str(error)
-        names_its_file = message.startswith(("--", str(path)))
-        if opposite is None and not names_its_file:
+        names_its_cause = message.startswith(("--", str(path)))
+        # With two bodies, the message may be about the other file.
+        if opposite is None and not names_its_cause:
             message = f"{path}: {message}"
         raise InputError(message) from None
     return surface, surface_warnings(surface)
@@ -135,11 +139,11 @@ def read_surface(
 def composite(
     first: Topography, second: Topography, turned: str = "x", shift: Sides = (0.0, 0.0)
 ) -> Topography:
-    """Add the heights of two bodies that face each other, at the nodes that lie on both.
+    """Add the heights of two bodies that face each other, where their maps overlap.
 
-    The sum has the nodes of the finer of the two grids. The other map is interpolated there by
-    cubic splines along each axis on which its nodes do not lie on those of the grid. Heights of
-    the second body count from its highest node, so that a flat one changes nothing.
+    The sum has the nodes of the finer grid that are on both maps. The other map is interpolated to
+    these nodes by cubic splines, along each axis on which its nodes are elsewhere. The height of
+    the second body's highest node is subtracted from its map, so that a flat body changes nothing.
 
     Parameters
     ----------
@@ -153,12 +157,14 @@ def composite(
     Returns
     -------
     Topography
-        The composite surface, with the steps and warnings of both maps.
+        The composite surface. It has the steps and warnings of both maps, which begin with "body 1"
+        and "body 2", and one more step. `followed` are the settings that both maps followed, and
+        `unit` is that of the map with the finer grid.
 
     Raises
     ------
     InputError
-        If fewer than 2 x 2 nodes lie on both bodies.
+        If fewer than 2 x 2 nodes are on both maps.
     """
     facing = _turned_over(second, turned)
     name = f"{first.name} against {second.name}"
@@ -190,7 +196,10 @@ def composite(
 
 
 def _turned_over(second: Topography, turned: str) -> Topography:
-    """Return the second map as it faces the first one, its heights from its highest node [um]."""
+    """Return the second map as it faces the first one.
+
+    The axis `turned` ("x", "y" or "none") runs backwards, and the highest height is 0.
+    """
     heights = second.heights - second.heights.max()
     doubtful = second.doubtful
     if turned != "none":
@@ -203,33 +212,36 @@ def _turned_over(second: Topography, turned: str) -> Topography:
 
 @dataclass(frozen=True, eq=False)
 class _Line:
-    """Nodes of a grid along one axis that lie on another map, and their places there."""
+    """Nodes of a grid along one axis that are on the added map, and their places there."""
 
-    nodes: slice  # nodes of the grid
-    places: Values  # places in the other map, in spacings from its first node, shape (k,)
-    # {"wrap", "symmetric", ""}: mode of `numpy.pad` that continues the other map along this axis;
-    # "" if it ends at its borders
+    nodes: slice  # range of the k nodes in the grid
+    # places of these nodes in the added map, in its spacings from its first node, shape (k,)
+    places: Values
+    # {"wrap", "symmetric", ""}: mode of `numpy.pad` that continues the added map along this axis;
+    # "" if the map ends at its borders
     continued: Literal["wrap", "symmetric", ""]
 
     @property
     def exact(self) -> bool:
-        """Whether every place is a node of the other map."""
+        """Whether every place is a node of the added map, so that nothing is interpolated."""
         return bool((self.places == np.rint(self.places)).all())
 
 
 @dataclass(frozen=True, eq=False)
 class _Overlay:
-    """Two maps that are laid on each other: one gives the grid, the other is added to it."""
+    """Two maps that are laid on each other: one gives the grid, the other one is added to it."""
 
     grid: Topography  # map with the finer grid
     added: Topography  # map that is interpolated to this grid
-    added_number: int  # 1 if the added map is that of the first body, 2 of the second
-    along_x: _Line  # nodes of the grid along x that lie on the added map
-    along_y: _Line
+    added_number: (
+        int  # number of the body of the added map: 1 for the first, 2 for the second
+    )
+    along_x: _Line  # nodes of the grid along x that are on the added map
+    along_y: _Line  # nodes of the grid along y that are on the added map
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Numbers of nodes along x and y that lie on both maps."""
+        """Numbers of nodes of the sum along x and y."""
         return self.along_x.places.size, self.along_y.places.size
 
     @property
@@ -245,14 +257,15 @@ class _Overlay:
 
     @property
     def sides(self) -> Sides:
-        """Lengths of the part along x and y that both maps share [um]."""
+        """Lengths of the sum along x and y [um]."""
         return self._side(0), self._side(1)
 
     @property
     def doubtful(self) -> NDArray[np.bool_] | None:
-        """Nodes, shape (nx, ny), at which a map has a code, pit or spike; None if there are none.
+        """Whether a map has a code, pit or spike at each node of the sum, shape (nx, ny).
 
-        Those of a map that is interpolated are left out, because its splines spread them.
+        None if no map has any. Doubtful nodes of an added map that is interpolated are left out,
+        because its splines spread them.
         """
         doubtful: NDArray[np.bool_] | None = None
         if self.grid.doubtful is not None:
@@ -264,7 +277,7 @@ class _Overlay:
 
     @property
     def warnings(self) -> list[str]:
-        """One line if the spacings of the maps differ so much that a unit is probably wrong."""
+        """One line if the spacings differ by more than a factor of `COARSE`, otherwise no line."""
         ratio = max(np.divide(self.added.spacing, self.grid.spacing).tolist())
         if ratio <= COARSE:
             return []
@@ -275,69 +288,83 @@ class _Overlay:
         return [warning]
 
     def _side(self, axis: int) -> float:
-        """Return the length along an axis that both maps share [um]."""
+        """Return the length of the sum along an axis [um]."""
         nodes = self.shape[axis]
+        # All nodes: return the side as it is, not a product that rounds.
         if nodes == self.grid.heights.shape[axis]:
             return self.grid.sides[axis]
         spacings = nodes - 1 if self.grid.boundary == "free" else nodes
         return spacings * self.grid.spacing[axis]
 
     def _at_nodes(self, values: Values) -> Values:
-        """Interpolate values at the nodes of the added map to the nodes of the grid."""
+        """Interpolate values, shape (mx, my), of the added map to the sum's nodes (nx, ny)."""
         along_x = _interpolated(values, self.along_x, axis=0)
         return _interpolated(along_x, self.along_y, axis=1)
 
 
 def _overlay(first: Topography, second: Topography, shift: Sides) -> _Overlay:
-    """Lay the second map, which faces the first, on it, its centre shifted along x and y [um]."""
+    """Lay the second map on the first one.
+
+    The second map faces the first one already. `shift` is the distance of its centre from that of
+    the first map, along x and y [um].
+    """
     if math.prod(first.spacing) <= math.prod(second.spacing) * (1 + SAME):
         return _Overlay(
             grid=first,
             added=second,
             added_number=2,
-            along_x=_line(first, second, 0, shift[0]),
-            along_y=_line(first, second, 1, shift[1]),
+            along_x=_line(first, second, axis=0, shift=shift[0]),
+            along_y=_line(first, second, axis=1, shift=shift[1]),
         )
     return _Overlay(
         grid=second,
         added=first,
         added_number=1,
-        along_x=_line(second, first, 0, -shift[0]),
-        along_y=_line(second, first, 1, -shift[1]),
+        along_x=_line(second, first, axis=0, shift=-shift[0]),
+        along_y=_line(second, first, axis=1, shift=-shift[1]),
     )
 
 
 def _line(grid: Topography, added: Topography, axis: int, shift: float) -> _Line:
-    """Return the nodes of a grid along an axis that lie on a map shifted along this axis [um]."""
+    """Return the nodes of the grid along an axis that are on the added map.
+
+    `shift` is the distance of the added map's centre from that of the grid along the axis [um].
+    """
     grid_nodes = grid.heights.shape[axis]
     added_nodes = added.heights.shape[axis]
     step = grid.spacing[axis]
     if shift == 0 and math.isclose(step, added.spacing[axis], rel_tol=SAME):
-        # Half a spacing brings nodes on nodes if one number of nodes is odd and one is even.
+        # If one number of nodes is odd and the other even, half a spacing brings nodes on nodes.
         shift = step * ((grid_nodes - added_nodes) % 2) / 2
-    from_centre = (np.arange(grid_nodes) - (grid_nodes - 1) / 2) * step - shift
-    places = from_centre / added.spacing[axis] + (added_nodes - 1) / 2
+    from_grid_centre = (np.arange(grid_nodes) - (grid_nodes - 1) / 2) * step
+    from_added_centre = from_grid_centre - shift
+    places = from_added_centre / added.spacing[axis] + (added_nodes - 1) / 2
     nearest = np.rint(places)
     places = np.where(np.abs(places - nearest) < SAME, nearest, places)
+    # Maps without edges and of equal length overlap everywhere, but a mirrored one only unshifted.
     if math.isclose(grid.sides[axis], added.sides[axis], rel_tol=SAME):
+        all_nodes = slice(0, grid_nodes)
         if grid.boundary == "periodic":
-            return _Line(slice(0, grid_nodes), places % added_nodes, "wrap")
+            return _Line(all_nodes, places % added_nodes, continued="wrap")
         if grid.boundary == "mirror" and shift == 0:
-            return _Line(slice(0, grid_nodes), places, "symmetric")
+            return _Line(all_nodes, places, continued="symmetric")
     inside = np.flatnonzero((places >= 0) & (places <= added_nodes - 1))
     if not inside.size:
-        return _Line(slice(0, 0), places[:0], "")
+        return _Line(slice(0, 0), places[:0], continued="")
     nodes = slice(int(inside[0]), int(inside[-1]) + 1)
-    return _Line(nodes, places[nodes], "")
+    return _Line(nodes, places[nodes], continued="")
 
 
 def _interpolated(values: Values, line: _Line, axis: int) -> Values:
-    """Interpolate values at the nodes (nx, ny) of a map to the places of a line along an axis."""
+    """Interpolate values of the added map along an axis to the places of a line.
+
+    `values` is of shape (m, n); in the result, this axis has the length of `line.places`.
+    """
     from scipy.interpolate import make_interp_spline
 
     if line.exact:
         return np.take(values, line.places.astype(np.int64), axis=axis)
-    first = 0
+    first = 0  # index of the map's first node after it is continued
     if line.continued:
         first = REACH
         widths = [(0, 0), (0, 0)]
@@ -356,7 +383,10 @@ def _step_in_words(
     turned: str,
     shift: Sides,
 ) -> str:
-    """Write the step that adds two maps, for the record of the preparation."""
+    """Write the line for `Topography.steps` about how the second map was added to the first.
+
+    `turned` and `shift` are those of `composite`.
+    """
     turn = "not turned over"
     if turned != "none":
         turn = f"turned over (its {turned} runs backwards)"

@@ -1,9 +1,9 @@
-"""Codes for missing heights, which stand apart from the heights of a map.
+"""Codes for missing heights: numbers in a map that probably say that a node was not measured.
 
-Instruments' programs write a number, such as -9999, where they measured nothing. Such a code is an
-exact value that many nodes share and that lies apart from the other heights. Codes are looked for
-at either end of the heights, and among them, and named in a warning. No height is changed here:
-whether a node was measured is for the user to say, by a mask.
+Programs of instruments write a number, as -9999, where they measured nothing. Many nodes share
+exactly this number, and it is unlike the heights around them. The lowest, the highest and the
+commonest value of a map are examined, and a warning names each code. No height is changed here:
+only the user knows whether a node was measured, and can leave it out by a mask.
 """
 
 from __future__ import annotations
@@ -26,50 +26,53 @@ from gen.maps.read import Topography
 from gen.maps.scan import UNITS, unit_of
 from gen.runtime.errors import InputError
 
-# largest heights that are used [um]: those of files in a wrong unit are beyond, and squares of
-# smaller ones stay finite
+# largest height that is accepted [um]: heights beyond it are codes or in a wrong unit, and squares
+# of smaller heights stay finite
 HIGHEST = 1e60
-# different heights from which a map has enough of them for one to stand apart
+# fewest different heights of a map in which codes are sought
 FEWEST_VALUES = 16
-FEWEST_SHARED = 3  # nodes with one height from which this height may be a code
-# The gap between a code and the next height is at least this many times as wide as the widest of
-# the next `GAPS` gaps: steps of a coarse scale are alike, and a plateau has no gap.
+# fewest nodes that share a code, unless its gap exceeds the span of all other heights
+FEWEST_SHARED = 3
+# The gap between a code and the next height is more than `WIDER` times as wide as each of the next
+# `GAPS` gaps between heights: the steps of a coarse scale are alike, and a plateau has no gap.
 WIDER = 2.0
 GAPS = 10
-# least median step at the rim of a code over the usual step between neighbours: plateaus of
-# saturated and honed maps have less than 3, except for sharp ridges, which have no gap
+# least median step at the rim of a code, over the usual step between neighbours. Plateaus of
+# saturated and honed maps have less than 3; only sharp ridges have more, but they have no gap.
 RIM = 3.0
-# the same if the only sign of a code is that its nodes lie scattered over the map
+# least such ratio of a code whose only other sign is that its nodes are scattered over the map
 SCATTERED_RIM = 7.0
-# least share of the nodes, and least ratio to the nodes of any other value, from which a value
-# between the other heights may be a code
+# least share of the nodes that have the commonest value, if it is a code
 COMMON = 5e-4
+# least number of nodes with the commonest value, if it is a code, over that of any other value
 COMMONER = 5.0
-# pairs of neighbours with a common value, for each node with this value, up to which its nodes lie
-# scattered over the map; twice the pairs by chance are added
+# largest number of pairs of neighbours that share a value, for each node with this value, if its
+# nodes are scattered over the map; twice the pairs that chance makes are added
 PAIRED = 0.05
-SAMPLE_VALUES = 2**17  # heights, about, among which the commonest one is looked for
-MOST_CODES = 8  # codes of one map that are looked for
+SAMPLE_VALUES = (
+    2**17
+)  # about the number of heights among which the commonest value is sought
+MOST_CODES = 8  # largest number of codes that are sought in one map
 
 
 @dataclass(frozen=True, eq=False)
 class Code:
     """A height that probably says that a node was not measured."""
 
-    value: float  # [um]
-    nodes: Nodes  # nodes that have the value
-    between: bool  # whether there are heights below it and heights above it
+    value: float  # the height [um]
+    nodes: Nodes  # nodes that have this height
+    between: bool  # whether some heights are below it and others above it
 
     @property
     def number(self) -> int:
-        """Number of nodes that have the value."""
+        """Number of nodes that have the height."""
         return int(np.count_nonzero(self.nodes))
 
     @property
     def first(self) -> tuple[int, int]:
-        """Place (row, column) of the first node that has the value."""
-        row, column = np.argwhere(self.nodes)[0].tolist()
-        return row, column
+        """Indices (along x, along y) of the first node that has the height."""
+        ix, iy = np.argwhere(self.nodes)[0].tolist()
+        return ix, iy
 
 
 def find_codes(heights: Heights) -> list[Code]:
@@ -78,13 +81,14 @@ def find_codes(heights: Heights) -> list[Code]:
     Parameters
     ----------
     heights : ndarray, shape (nx, ny)
-        Heights as they were measured, so that equal ones still are: no plane is subtracted [um].
-        They are NaN where heights are known to be missing.
+        Heights before a level or form is subtracted, so that codes are still equal; NaN where
+        heights are known to be missing [um].
 
     Returns
     -------
     list of Code
-        Codes at either end of the heights and between them, `MOST_CODES` at most.
+        At most `MOST_CODES` codes, in the order in which they are found: each one is sought among
+        the heights without the codes before it.
     """
     remaining = heights.copy()
     codes: list[Code] = []
@@ -98,20 +102,23 @@ def find_codes(heights: Heights) -> list[Code]:
 
 
 def _next_code(heights: Heights) -> Code | None:
-    """Return the lowest, the highest or the commonest height, the first of them that is a code."""
+    """Return the first of the lowest, the highest and the commonest height that is a code.
+
+    Return None if none of them is a code. A flat part of the surface may have equal heights, too.
+    """
     measured = heights[~np.isnan(heights)]
-    stride = (measured.size // SAMPLE_VALUES) | 1
+    stride = (measured.size // SAMPLE_VALUES) | 1  # odd, to sample all columns
     values, counts = np.unique(measured[::stride], return_counts=True)
     if values.size < FEWEST_VALUES:
         return None
     lowest = float(measured.min())
     lowest_nodes = heights == lowest
     if _is_lowest_apart(heights, lowest_nodes, measured):
-        return Code(lowest, lowest_nodes, between=False)
+        return Code(value=lowest, nodes=lowest_nodes, between=False)
     highest = float(measured.max())
     highest_nodes = heights == highest
     if _is_lowest_apart(heights, highest_nodes, -measured):
-        return Code(highest, highest_nodes, between=False)
+        return Code(value=highest, nodes=highest_nodes, between=False)
     commonest = int(np.argmax(counts))
     next_count = float(np.delete(counts, commonest).max())
     if float(counts[commonest]) / next_count < COMMONER:
@@ -120,76 +127,98 @@ def _next_code(heights: Heights) -> Code | None:
     nodes = heights == value
     is_end = value in {lowest, highest}
     if _is_common_apart(heights, nodes, measured.size, is_end=is_end):
-        return Code(value, nodes, between=not is_end)
+        return Code(value=value, nodes=nodes, between=not is_end)
     return None
 
 
 def _is_lowest_apart(heights: Heights, nodes: Nodes, measured: Values) -> bool:
-    """Tell whether the nodes with the lowest of the measured heights [um] lie apart.
-
-    For the highest nodes, `measured` are the heights with the opposite sign.
-    """
-    number = int(np.count_nonzero(nodes))
-    if 2 * number > measured.size:
-        return False
-    lowest = _lowest_values(measured, number)
-    gaps = np.diff(lowest)
-    span_of_others = float(measured.max()) - float(lowest[1])
-    if gaps[0] > span_of_others:
-        return True
-    if number < FEWEST_SHARED or gaps[0] <= WIDER * gaps[1:].max():
-        return False
-    return rim_steps(heights, nodes) >= RIM
-
-
-def _lowest_values(measured: Values, number: int) -> Values:
-    """Return the `GAPS` + 2 lowest different heights of a map [um].
-
-    `number` is the number of nodes that have the lowest height.
-    """
-    last = min(number + 8 * GAPS, measured.size - 1)
-    lowest = np.unique(np.partition(measured, last)[: last + 1])
-    if lowest.size < GAPS + 2:  # a map of few different heights, each at many nodes
-        lowest = np.unique(measured)
-    return lowest[: GAPS + 2]
-
-
-def _is_common_apart(heights: Heights, nodes: Nodes, total: int, *, is_end: bool) -> bool:
-    """Tell whether the common value of some nodes is not the height of a flat part of the surface.
-
-    `total` is the number of measured nodes, and `is_end` says that no height is beyond the value.
-    """
-    number = int(np.count_nonzero(nodes))
-    if not COMMON * total <= number <= total / 2:
-        return False
-    pairs_along_x = int(np.count_nonzero(nodes & np.roll(nodes, 1, 0)))
-    pairs_along_y = int(np.count_nonzero(nodes & np.roll(nodes, 1, 1)))
-    by_chance = (
-        2 * number / total
-    )  # pairs for each node of as many nodes at random places
-    scattered = pairs_along_x + pairs_along_y <= number * (2 * by_chance + PAIRED)
-    if is_end:
-        return scattered and rim_steps(heights, nodes) >= SCATTERED_RIM
-    return scattered or rim_steps(heights, nodes) >= RIM
-
-
-def rim_steps(heights: Heights, nodes: Nodes) -> float:
-    """Compute the median step at the rim of some nodes over the usual step between other nodes.
-
-    Steps of 0 are left out, because heights with few digits have many of them.
+    """Tell whether the lowest height is a code, because it is apart from all other heights.
 
     Parameters
     ----------
     heights : ndarray, shape (nx, ny)
         Heights, NaN at holes [um].
     nodes : ndarray of bool, shape (nx, ny)
-        Nodes whose rim is looked at.
+        Nodes with the lowest height; to examine the highest height, the nodes with this one.
+    measured : ndarray, shape (k,)
+        All heights that are not NaN; to examine the highest height, with the opposite sign [um].
+
+    Returns
+    -------
+    bool
+        Whether the gap above the lowest height is wider than the span of all other heights. For
+        `FEWEST_SHARED` nodes and more, also whether the gap is wide (`WIDER`) and the rim is steep
+        (`RIM`). Always False if more than half of the nodes have this height.
+    """
+    number = int(np.count_nonzero(nodes))
+    if 2 * number > measured.size:
+        return False
+    lowest = _lowest_values(measured, number)
+    gaps = np.diff(lowest)
+    gap = gaps[0]
+    span_of_others = float(measured.max()) - float(lowest[1])
+    if gap > span_of_others:
+        return True
+    if number < FEWEST_SHARED or gap <= WIDER * gaps[1:].max():
+        return False
+    return rim_steps(heights, nodes) >= RIM
+
+
+def _lowest_values(measured: Values, number: int) -> Values:
+    """Return the `GAPS` + 2 lowest different heights of a map, rising [um].
+
+    `measured` are the heights of all measured nodes, and `number` counts the nodes that have the
+    lowest height. A map with fewer different heights returns all of them.
+    """
+    # Sorting a part is faster, and usually enough: each height beyond the lowest is at few nodes.
+    last = min(number + 8 * GAPS, measured.size - 1)
+    lowest = np.unique(np.partition(measured, last)[: last + 1])
+    if lowest.size < GAPS + 2:
+        lowest = np.unique(measured)
+    return lowest[: GAPS + 2]
+
+
+def _is_common_apart(heights: Heights, nodes: Nodes, total: int, *, is_end: bool) -> bool:
+    """Tell whether the commonest height is a code and not the height of a flat part.
+
+    `nodes` are the nodes with this height, `total` is the number of all measured nodes, and
+    `is_end` says whether it is the lowest or the highest height. A code at an end has scattered
+    nodes and a steep rim; a code between the other heights has one of these signs.
+    """
+    number = int(np.count_nonzero(nodes))
+    if not COMMON * total <= number <= total / 2:
+        return False
+    pairs_along_x = int(np.count_nonzero(nodes & np.roll(nodes, 1, axis=0)))
+    pairs_along_y = int(np.count_nonzero(nodes & np.roll(nodes, 1, axis=1)))
+    pairs = pairs_along_x + pairs_along_y
+    # expected pairs for each node if the nodes were at random places
+    by_chance = 2 * number / total
+    are_scattered = pairs <= number * (2 * by_chance + PAIRED)
+    if is_end:
+        return are_scattered and rim_steps(heights, nodes) >= SCATTERED_RIM
+    return are_scattered or rim_steps(heights, nodes) >= RIM
+
+
+def rim_steps(heights: Heights, nodes: Nodes) -> float:
+    """Compute how much steeper a map is at the rim of some nodes than elsewhere.
+
+    A step is the height difference of two neighbours. Steps at the rim are between a node of
+    `nodes` and another node; usual steps are between two other nodes. Steps of 0 are left out,
+    because heights with few digits have many of them.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights, NaN at holes [um].
+    nodes : ndarray of bool, shape (nx, ny)
+        Nodes whose rim is examined.
 
     Returns
     -------
     float
-        The lesser of the ratios along x and along y, as usual steps along a lay are small; 0 if
-        there is no step at the rim [1].
+        Median step at the rim over `TO_DEVIATION` times the median usual step [1]. It is the
+        lesser ratio of the two axes, because usual steps along a lay are small, and 0 if there is
+        no step at the rim.
     """
     ratios = []
     for axis in (0, 1):
@@ -197,7 +226,7 @@ def rim_steps(heights: Heights, nodes: Nodes) -> float:
         pairs = np.arange(steps.shape[axis])
         first = np.take(nodes, pairs, axis)
         second = np.take(nodes, pairs + 1, axis)
-        measured = steps > 0  # and neither node is NaN
+        measured = steps > 0  # false for a step from or to a hole, which is NaN
         at_rim = steps[measured & (first ^ second)]
         outside = steps[measured & ~first & ~second]
         if not at_rim.size:
@@ -210,7 +239,7 @@ def rim_steps(heights: Heights, nodes: Nodes) -> float:
 
 
 def refuse_overflowing_heights(topography: Topography) -> None:
-    """Refuse a map with heights beyond `HIGHEST`, whose squares are beyond what numbers hold.
+    """Raise InputError if the amount of a height is above `HIGHEST`, as its square may overflow.
 
     Parameters
     ----------
@@ -220,7 +249,7 @@ def refuse_overflowing_heights(topography: Topography) -> None:
     Raises
     ------
     InputError
-        If a height is beyond it. The message advises a mask if other heights are not.
+        If a height is too large. The message advises a mask if some heights are not too large.
     """
     heights = topography.heights
     largest = float(np.nanmax(np.abs(heights)))
@@ -231,25 +260,25 @@ def refuse_overflowing_heights(topography: Topography) -> None:
     fault = f"{topography.name}: heights of {largest:.3g} um"
     if not bounds:
         raise InputError(f"{fault}; check their unit")
-    row, column = np.argwhere(overflowing)[0].tolist()
+    ix, iy = np.argwhere(overflowing)[0].tolist()
     raise InputError(
-        f"{fault}, the first at the node ({row}, {column}), which may stand for missing"
+        f"{fault}, the first at the node ({ix}, {iy}), which may stand for missing"
         f" heights: --mask {bounds} makes holes of them, which --fill closes"
     )
 
 
 def with_code_warnings(topography: Topography) -> Topography:
-    """Add a warning for each code for missing heights, and note its nodes as doubtful.
+    """Add a warning for each code for missing heights, and mark its nodes as doubtful.
 
     Parameters
     ----------
     topography : Topography
-        The map, with its heights as they were measured.
+        The map before a level or form is subtracted.
 
     Returns
     -------
     Topography
-        The map with these warnings, or the same one if it has no code.
+        The map with the warnings; the argument itself if the map has no code.
     """
     heights = topography.heights
     codes = find_codes(heights)
@@ -268,9 +297,10 @@ def with_code_warnings(topography: Topography) -> Topography:
 
 
 def _code_at_end(topography: Topography, code: Code, kept: Values, bounds: str) -> str:
-    """Return the warning for a code at an end of the heights, with a mask of the given bounds.
+    """Return the warning for a code below or above all other heights.
 
-    `kept` are the heights of all nodes without a code [um].
+    `kept` are the heights of all nodes without a code [um], and `bounds` those of the mask that is
+    advised.
     """
     span = f"{kept.min():.6g} to {kept.max():.6g} um"
     if code.number >= FEWEST_SHARED:
@@ -279,6 +309,7 @@ def _code_at_end(topography: Topography, code: Code, kept: Values, bounds: str) 
             " for missing heights"
         )
         return topography.advised(fault, mask_remedy(bounds, plural=True))
+    # One or two nodes may as well be a spike or a pit.
     words = SPIKES_IN_WORDS if code.value > kept.max() else PITS_IN_WORDS
     fault = (
         f"the {words.node} {code.first} is a {words.kind}{words.consequence}, or stands"
@@ -290,7 +321,7 @@ def _code_at_end(topography: Topography, code: Code, kept: Values, bounds: str) 
 
 
 def _code_between(topography: Topography, code: Code) -> str:
-    """Return the warning for a code that lies between the other heights."""
+    """Return the warning for a code between the other heights, which no mask can leave out."""
     return (
         f"{_shared(topography, code)}, unlike their neighbours; they may stand for"
         " missing heights; write nan for them in the file, as a mask would leave out"
@@ -308,10 +339,14 @@ def _shared(topography: Topography, code: Code) -> str:
 
 
 def _in_file(topography: Topography, height: float) -> str:
-    """Write a height in um, followed by the number in the file if its unit is another one."""
+    """Write a height [um], followed by its number in the file if the file has another unit.
+
+    The number has the sign that it has in the file, also if the map was turned upside down.
+    """
     text = f"{height:.6g} um"
     factor = UNITS.get(unit_of(topography.unit), 1.0)
     if factor == 1.0:
         return text
-    upright = -1.0 if "invert" in topography.followed else 1.0
-    return f"{text} ({upright * height / factor:.6g} {topography.unit} in the file)"
+    sign = -1.0 if "invert" in topography.followed else 1.0
+    number = sign * height / factor
+    return f"{text} ({number:.6g} {topography.unit} in the file)"

@@ -1,4 +1,4 @@
-"""Pictures of contacts: heights, pressure, gap, spots, flux, a section, and the law of loads."""
+"""Pictures of contacts: heights, pressure, gap, spots, flux, a section, and curves over loads."""
 
 from __future__ import annotations
 
@@ -23,12 +23,13 @@ from gen.runtime.terminal import shortened
 if TYPE_CHECKING:
     from bem import Contact
 
-# ratio of the largest to the smallest load from which on axes of loads are logarithmic
+# least ratio of the largest to the smallest load with which axes of loads are logarithmic: just
+# below two decades, because loads round
 DECADES = 99.0
-# share of the lines at both borders that a section avoids, since pressures are high there
+# share of the lines of nodes at each border that a section avoids, since pressures are high there
 BORDER = 0.1
-FAINT = 1e-4  # least flux that is drawn, over its mean
-WIDE_LINE = 160  # letters in a line below a picture
+FAINT = 1e-4  # least flux that is drawn, over the mean flux
+WIDE_LINE = 160  # number of letters after which a line below a picture is broken
 
 
 def load_text(contact: Contact, quantity: str) -> str:
@@ -39,12 +40,13 @@ def load_text(contact: Contact, quantity: str) -> str:
     contact : bem.Contact
         A solved contact.
     quantity : str
-        "force", a quantity whose name begins with "delta", or any other one for the mean pressure.
+        Quantity to write: the far-field displacement if the name begins with "delta", the force for
+        "force", the mean pressure for any other name.
 
     Returns
     -------
     str
-        The load with its unit.
+        The load with its unit, as "Δ = 1 µm", "2 µN" or "3 MPa mean pressure".
     """
     if quantity.startswith("delta"):
         return f"Δ = {contact.delta:.4g} µm"
@@ -63,37 +65,36 @@ def contact_maps(
     contact : bem.Contact
         A solved contact. Its yielded nodes are marked in the map of the pressure.
     height_title, pressure_title : str
-        Titles of both maps.
+        Titles of the maps. The share of the yielded nodes is added to that of the pressure.
 
     Returns
     -------
     tuple of Map
-        The map of the heights and that of the pressure.
+        The map of the heights, then the map of the pressure, which is masked where it is 0.
     """
     sides = patch_sides(contact)
     yielded = contact.yielded
     pressure = np.ma.masked_where((contact.pressure == 0) | yielded, contact.pressure)
     if yielded.any():
         pressure_title += f", {contact.yielded_percent:.3g} % yielded (cyan)"
-    return (
-        Map(
-            field=contact.problem.heights,
-            sides=sides,
-            title=height_title,
-            quantity="height",
-            unit="µm",
-            colours="viridis",
-        ),
-        Map(
-            field=pressure,
-            sides=sides,
-            title=pressure_title,
-            quantity="pressure",
-            unit="MPa",
-            colours="inferno_r",
-            marked=yielded,
-        ),
+    height_map = Map(
+        field=contact.problem.heights,
+        sides=sides,
+        title=height_title,
+        quantity="height",
+        unit="µm",
+        colours="viridis",
     )
+    pressure_map = Map(
+        field=pressure,
+        sides=sides,
+        title=pressure_title,
+        quantity="pressure",
+        unit="MPa",
+        colours="inferno_r",
+        marked=yielded,
+    )
+    return height_map, pressure_map
 
 
 def gap_maps(contact: Contact, at_load: str, options: AnswerOptions) -> tuple[Map, Map]:
@@ -104,15 +105,15 @@ def gap_maps(contact: Contact, at_load: str, options: AnswerOptions) -> tuple[Ma
     contact : bem.Contact
         A solved contact.
     at_load : str
-        End of the titles of maps of the contact, as " at Δ = 1 µm", or "".
+        Last words of the first map's title, as " at Δ = 1 µm", or "".
     options : AnswerOptions
-        Whether spots and flow are among the answers, one of them at least.
+        Tells whether spots and flow are among the answers; one of them is.
 
     Returns
     -------
     tuple of Map
-        Of the spots the gap and the spots by size; of the flow the gap and the flux along x; of
-        both the spots by size and the flux.
+        Gap and spots, for spots alone; gap and flux along x, for flow alone; spots and flux along
+        x, for both.
     """
     if not options.flow:
         return _gap_map(contact, at_load), _spots_map(contact, "")
@@ -122,7 +123,11 @@ def gap_maps(contact: Contact, at_load: str, options: AnswerOptions) -> tuple[Ma
 
 
 def _gap_map(contact: Contact, at_load: str) -> Map:
-    """Return the map of the gap; if it connects opposite sides, closed pockets are marked."""
+    """Return the map of the gap, masked in contact.
+
+    If the gap connects opposite sides, the pockets that are closed off are marked. `at_load` ends
+    the title.
+    """
     spots = contact.spots
     open_gap = spots.open_gap
     apart = spots.labels == 0
@@ -143,7 +148,10 @@ def _gap_map(contact: Contact, at_load: str) -> Map:
 
 
 def _spots_map(contact: Contact, at_load: str) -> Map:
-    """Return the map of the spots of contact, in colours by their rank of size."""
+    """Return the map of the spots of contact, coloured by rank of size; `at_load` ends the title.
+
+    Colours repeat after `COLOURS` spots.
+    """
     spots = contact.spots
     largest = 100 * spots.largest_share
     return Map(
@@ -157,9 +165,13 @@ def _spots_map(contact: Contact, at_load: str) -> Map:
 
 
 def _flux_map(contact: Contact) -> Map:
-    """Return the map of the flux along x over its mean, by decades."""
+    """Return the map of the decimal logarithm of the flux over its mean, for a flow along x.
+
+    It is masked where the flux is below `FAINT`. The flow may be solved here.
+    """
     flow = contact.flow(0)
-    share = np.hypot(*flow.flux) / (flow.aperture**3 or 1.0)
+    mean = flow.aperture**3 or 1.0  # no flow if the aperture is 0
+    share = np.hypot(*flow.flux) / mean
     state = "no flow, the contact seals"
     if flow.factor:
         state = f"flow factor {flow.factor:.3g}"
@@ -195,13 +207,15 @@ def patch_sides(contact: Contact) -> Sides:
 
 @dataclass(frozen=True)
 class ContactCaptions:
-    """What a picture of contacts says in words, and what it shows."""
+    """Words of a picture of contacts, and the choice of its maps."""
 
     name: str  # name of the surface
-    load: str  # quantity that the loads were given in: "delta", "force" or "pressure"
+    load: str  # quantity in which the loads were given: "delta", "force" or "pressure"
     bodies: Bodies  # E* and hardness [MPa]
     warnings: Sequence[str]  # one line for each reason to distrust the contacts
-    options: AnswerOptions  # answers that are shown beside area, force and gap
+    options: (
+        AnswerOptions  # whether spots and flow are shown instead of heights and pressure
+    )
 
 
 def plot_contacts(
@@ -211,23 +225,24 @@ def plot_contacts(
     picture: Path,
     captions: ContactCaptions,
 ) -> None:
-    """Draw a surface, its contact and a section under the last load, and the law of several loads.
+    """Draw the contact under the last load, and curves over several loads, and write the picture.
 
-    If spots or flow are among the answers, the spots, the gap or the flux along x are drawn
-    instead of heights and pressure. The picture is written, and replaces one of before.
+    Heights and pressure are drawn, or the maps of `gap_maps` if spots or flow are among the
+    answers, and a section through both bodies. With several loads, curves of area, of force or
+    displacement, and of mean gap follow. An existing file is replaced.
 
     Parameters
     ----------
     figure : matplotlib.figure.Figure
-        The figure, still empty; its size is set.
+        An empty figure, which is drawn into and whose size is set.
     last : bem.Contact
         Contact under the last load.
     rows : sequence of mapping
-        Values of each contact by the columns of `gen.maps.contacts.answers`.
+        A row for each contact, in any order: the values of `gen.maps.contacts.answers` by column.
     picture : Path
         File of the picture.
     captions : ContactCaptions
-        Words of the picture.
+        Words of the picture, and the choice of its maps.
 
     Raises
     ------
@@ -247,13 +262,10 @@ def plot_contacts(
     axes = figure.subplot_mosaic(panels, height_ratios=heights)
     title = _contact_title(last, len(rows), captions)
     figure.suptitle(title, fontsize=11, parse_math=False)
-    if captions.warnings:
-        lines = [
-            textwrap.fill(f"warning: {warning}", WIDE_LINE)
-            for warning in captions.warnings
-        ]
-        figure.supxlabel("\n".join(lines), fontsize=8, color="tab:red", parse_math=False)
-    at_load = f" at {load_text(last, captions.load)}" if several else ""
+    _write_warnings(figure, captions.warnings)
+    at_load = ""
+    if several:
+        at_load = f" at {load_text(last, captions.load)}"
     first_map, second_map = _maps_of(last, at_load, captions.options)
     plot_map(axes["heights"], first_map)
     plot_map(axes["contact"], second_map)
@@ -264,8 +276,19 @@ def plot_contacts(
     save(figure, picture)
 
 
+def _write_warnings(figure: Any, warnings: Sequence[str]) -> None:
+    """Write the warnings below a figure, if there are any."""
+    if not warnings:
+        return
+    lines = [textwrap.fill(f"warning: {warning}", WIDE_LINE) for warning in warnings]
+    figure.supxlabel("\n".join(lines), fontsize=8, color="tab:red", parse_math=False)
+
+
 def _contact_title(last: Contact, loads: int, captions: ContactCaptions) -> str:
-    """Return the title of a picture of contacts: name, last of some loads, and bodies."""
+    """Return the title of a picture in three lines: surface, load of the last contact, bodies.
+
+    `loads` is the number of loads.
+    """
     pressure = last.force / nominal_area(last)
     load = (
         f"Δ = {last.delta:.4g} µm, force {last.force:.4g} µN,"
@@ -282,7 +305,10 @@ def _contact_title(last: Contact, loads: int, captions: ContactCaptions) -> str:
 
 
 def _maps_of(contact: Contact, at_load: str, options: AnswerOptions) -> tuple[Map, Map]:
-    """Return the two maps of a picture of contacts, by the answers that it shows."""
+    """Return the two maps of a picture: of spots and flow if asked for, else heights and pressure.
+
+    `at_load` is as in `gap_maps`.
+    """
     if options.spots or options.flow:
         return gap_maps(contact, at_load, options)
     share = f"{contact.area_percent:.3g} % of {contact.pressure.size} nodes"
@@ -291,20 +317,20 @@ def _maps_of(contact: Contact, at_load: str, options: AnswerOptions) -> tuple[Ma
 
 @dataclass(frozen=True, eq=False)
 class _Section:
-    """Both bodies along a line of nodes of a contact: arrays of shape (n,)."""
+    """Both bodies along a line of n nodes of a contact: arrays of shape (n,)."""
 
-    axis: int  # axis of the line: 0 for x, 1 for y
+    axis: int  # axis along which the line runs: 0 for x, 1 for y
     across: float  # place of the line along the other axis [um]
-    places: Values  # of the nodes along the line [um]
-    # surface of the half-space, which is at 0 before the contact, and the rough body above it [um]
+    places: Values  # places of the nodes along the line [um]
+    # height of the surface of the half-space, which is at 0 before the contact [um]
     deformed: Values
-    rough: Values
-    touching: NDArray[np.bool_]  # nodes in contact that have not yielded
-    yielded: NDArray[np.bool_]
+    rough: Values  # height of the rough surface above it [um]
+    touching: NDArray[np.bool_]  # whether each node is in contact and has not yielded
+    yielded: NDArray[np.bool_]  # whether each node has yielded
 
 
 def _section_of(contact: Contact) -> _Section:
-    """Return the section along the longer side, in the most loaded line off the border."""
+    """Return the section along the line of `_loaded_line`, parallel to the longer side."""
     sides = patch_sides(contact)
     dx, dy = contact.problem.spacing
     axis = 0 if sides[0] >= sides[1] else 1
@@ -316,7 +342,8 @@ def _section_of(contact: Contact) -> _Section:
         nodes = (line, slice(None))
         step = dy
         step_across = dx
-    # distance of the first node from the border, in spacings
+    # Distance of the first node from the border, in spacings: the nodes of a free patch reach its
+    # border, those of other patches are in the middle of cells.
     first = 0.0 if contact.problem.boundary == "free" else 0.5
     deformed = -contact.displacement[nodes]
     yielded = contact.yielded[nodes]
@@ -332,7 +359,11 @@ def _section_of(contact: Contact) -> _Section:
 
 
 def _loaded_line(pressures: Values) -> int:
-    """Return the line of nodes with the largest sum of pressures, off the border if it can be."""
+    """Return the index of the line with the largest sum of pressures.
+
+    `pressures`, shape (lines,), has the sum for each line. Lines at the border (`BORDER`) are left
+    out if any inner line is loaded.
+    """
     margin = max(int(BORDER * pressures.size), 1)
     inner = pressures[margin : pressures.size - margin]
     if inner.any():
@@ -341,10 +372,14 @@ def _loaded_line(pressures: Values) -> int:
 
 
 def _plot_section(axis: Any, contact: Contact, at_load: str) -> None:
-    """Draw both bodies along the line of `_section_of`, the rough one above."""
+    """Draw both bodies of a contact along the line of `_section_of`, the rough one above.
+
+    `at_load`, as " at Δ = 1 µm" or "", ends the title, with a comma instead of "at".
+    """
     section = _section_of(contact)
     deformed = section.deformed
     rough = section.rough
+    # from the lowest to the highest of both bodies and the undeformed half-space (0)
     span = np.ptp([deformed.min(), deformed.max(), rough.max(), 0.0])
     margin = 0.08 * float(span)
     top = max(float(rough.max()), 0.0) + margin
@@ -374,17 +409,20 @@ def _plot_section(axis: Any, contact: Contact, at_load: str) -> None:
 
 @dataclass(frozen=True, eq=False)
 class LawAxes:
-    """Axes of matplotlib for the law of several loads."""
+    """Axes of matplotlib for the curves over several loads."""
 
-    area: Any
-    answer: (
-        Any  # for the far-field displacement, or the force if displacements were given
-    )
-    gap: Any
+    area: Any  # for the area in contact
+    # for the force if far-field displacements were given, otherwise for the displacement
+    answer: Any
+    gap: Any  # for the mean gap
 
 
 def _plot_law(axes: LawAxes, rows: Sequence[Mapping[str, Any]], load: str) -> None:
-    """Draw area, force or far-field displacement, and mean gap over the load that was given."""
+    """Draw a curve over the loads into each of the axes.
+
+    `rows` has the answers of each contact by column, and `load` is the quantity in which the loads
+    were given: "delta", "force" or "pressure".
+    """
     over = LOADS[load]
     rows = sorted(rows, key=lambda row: row[over.in_tables])
     answer = FORCE if load == "delta" else DELTA
@@ -400,16 +438,21 @@ def _plot_curve(
     quantity: Quantity,
     colour: str,
 ) -> None:
-    """Draw a quantity over another one of rising rows, with logarithmic axes over decades."""
+    """Draw a quantity over the load `over`; `rows` are sorted by this load.
+
+    The axis of the load is logarithmic if loads span `DECADES`, and then the other axis, too, if
+    the values span a decade.
+    """
     loads = np.array([row[over.in_tables] for row in rows])
     values = np.array([row[quantity.in_tables] for row in rows])
     axis.plot(loads, values, ".-", color=colour)
     axis.grid(alpha=0.3)
     axis.set(xlabel=over.label, ylabel=quantity.label)
-    decades = bool(loads[0] > 0 and loads[-1] >= DECADES * loads[0])
-    if decades:
+    loads_span_decades = bool(loads[0] > 0 and loads[-1] >= DECADES * loads[0])
+    values_span_decade = values.min() > 0 and values.max() >= 10 * values.min()
+    if loads_span_decades:
         log_axis(axis.xaxis)
-    if decades and values.min() > 0 and values.max() >= 10 * values.min():
+    if loads_span_decades and values_span_decade:
         log_axis(axis.yaxis)
     else:
         axis.set_ylim(0, 1.06 * float(values.max()) or 1.0)

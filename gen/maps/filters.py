@@ -1,4 +1,4 @@
-"""Larger steps of the preparation: form, waves by ISO 16610-61, holes, another spacing."""
+"""Steps of the preparation: subtract a form, filter waves (ISO 16610-61), fill holes, resample."""
 
 from __future__ import annotations
 
@@ -16,11 +16,13 @@ from gen.runtime.errors import InputError
 if TYPE_CHECKING:
     from bem.problem import Boundary
 
-ROUNDING = 1e-9  # relative difference of lengths that are taken for the same
+ROUNDING = 1e-9  # relative amount by which a cut-off may exceed its bounds
 MANY_HOLES = 0.1  # share of missing heights above which filling them deserves a warning
 # share of missing heights above which filling them is refused unless the user insists
 MOST_HOLES = 0.5
-FIT_NODES = 1 << 15  # nodes that enter the fit at a time, which bounds the memory
+FIT_NODES = (
+    1 << 15
+)  # nodes whose equations are added to a fit at a time, which bounds the memory
 
 
 def fitted_polynomial(heights: Heights, degree: int) -> Heights:
@@ -32,28 +34,31 @@ def fitted_polynomial(heights: Heights, degree: int) -> Heights:
         Heights, NaN at holes [um]. There are more nodes along each side than the degree, and more
         heights than coefficients.
     degree : int
-        Total degree of the polynomial in x and y.
+        Total degree of the polynomial in x and y: the largest sum of the exponents of a term.
 
     Returns
     -------
     ndarray, shape (nx, ny)
-        Heights of the polynomial at all nodes [um].
+        Heights of the polynomial at all nodes, also at holes [um].
     """
-    along_x = _orthonormal_polynomials(heights.shape[0], degree)
-    along_y = _orthonormal_polynomials(heights.shape[1], degree)
+    nx, ny = heights.shape
+    along_x = _orthonormal_polynomials(nx, degree)
+    along_y = _orthonormal_polynomials(ny, degree)
     powers = np.arange(degree + 1)
-    i, j = np.nonzero(np.add.outer(powers, powers) <= degree)
-    # QR factorisation of all equations, to which some lines of nodes are added at a time
+    total_degree = np.add.outer(powers, powers)
+    i, j = np.nonzero(total_degree <= degree)  # degrees of each term along x and along y
+    # The QR factorisation of all equations is updated by some lines of nodes at a time.
     triangle: Values = np.empty((0, i.size + 1))
-    step = max(1, FIT_NODES // heights.shape[1])
-    for first in range(0, len(heights), step):
-        lines = heights[first : first + step]
-        terms = along_x[first : first + step, None, i] * along_y[None, :, j]
-        equations = np.concatenate([terms, lines[:, :, None]], axis=2)
-        measured = equations[~np.isnan(lines)]
-        triangle = np.asarray(
-            np.linalg.qr(np.concatenate([triangle, measured]), mode="r")
-        )
+    step = max(1, FIT_NODES // ny)
+    for first in range(0, nx, step):
+        lines = slice(first, first + step)
+        heights_of_lines = heights[lines]
+        terms = along_x[lines, None, i] * along_y[None, :, j]
+        # an equation is the terms at a node, followed by its height
+        equations = np.concatenate([terms, heights_of_lines[:, :, None]], axis=2)
+        measured = equations[~np.isnan(heights_of_lines)]
+        stacked = np.concatenate([triangle, measured])
+        triangle = np.asarray(np.linalg.qr(stacked, mode="r"))
     coefficients = np.zeros((degree + 1, degree + 1))
     matrix = triangle[:, :-1]
     right = triangle[:, -1]
@@ -63,8 +68,12 @@ def fitted_polynomial(heights: Heights, degree: int) -> Heights:
 
 
 def _orthonormal_polynomials(nodes: int, degree: int) -> Values:
-    """Return orthonormal polynomials at the nodes of an axis, shape (nodes, degree + 1)."""
-    legendre = np.polynomial.legendre.legvander(np.linspace(-1, 1, nodes), degree)
+    """Return a polynomial of each degree from 0 at the nodes of an axis, orthonormal there.
+
+    The shape is (nodes, degree + 1).
+    """
+    places = np.linspace(-1, 1, nodes)
+    legendre = np.polynomial.legendre.legvander(places, degree)
     return np.asarray(np.linalg.qr(legendre)[0])
 
 
@@ -81,12 +90,13 @@ def without_form(topography: Topography, degree: int) -> Topography:
     Returns
     -------
     Topography
-        The map without this form.
+        The map without this form. The new line of its `steps` names the degree and the span.
 
     Raises
     ------
     InputError
-        If the polynomial has too many coefficients for the map.
+        If the degree is not below the number of nodes along each side, or the polynomial has as
+        many coefficients as there are heights.
     """
     heights = topography.heights
     nx, ny = heights.shape
@@ -103,11 +113,13 @@ def without_form(topography: Topography, degree: int) -> Topography:
     return topography.changed(heights - fit, step)
 
 
-# constant of the standard's weighting function, for which half of a wave of the cut-off passes
+# constant of the weighting function of ISO 16610-61: with it, half the amplitude of a wave as long
+# as the cut-off passes
 ALPHA = math.sqrt(math.log(2) / math.pi)
-# reach of the weights in standard deviations, beyond which they are 1e-8 of the largest
+# distance in standard deviations at which the weights end: there they are 1e-8 of the largest
 REACH = 6.0
-# shortest cut-off in spacings: there the sampled weights let 50.2 % pass, at 3 spacings 56 %
+# shortest cut-off in spacings. Of a wave as long as the cut-off, weights at the nodes then let
+# 50.2 % pass instead of 50 %; for a cut-off of 3 spacings it would be 56 %.
 FINEST = 4.0
 
 
@@ -119,9 +131,9 @@ def long_waves(
 ) -> Heights:
     """Smooth a map by the Gaussian weights of ISO 16610-61.
 
-    The share exp(-ln 2 (cutoff / wavelength)^2) of a wave along any direction passes. Near the
-    border of a free patch the weights inside the map are divided by their sum; other patches
-    continue beyond their borders.
+    The share exp(-ln 2 (cutoff / wavelength)^2) of the amplitude of a wave passes. Near the border
+    of a free patch the weights inside the map are divided by their sum. A periodic patch repeats
+    beyond its borders, and a mirror patch is mirrored there.
 
     Parameters
     ----------
@@ -130,7 +142,7 @@ def long_waves(
     spacing : tuple of float
         Distance of the nodes along x and y [um].
     cutoff : float
-        Wavelength of which half passes [um].
+        Wavelength of the waves of which half the amplitude passes [um].
     boundary : {"free", "periodic", "mirror"}, optional
         Boundary of the patch.
 
@@ -147,7 +159,10 @@ def long_waves(
 
 
 def _smoothed(heights: Heights, sigma: float, axis: int, boundary: Boundary) -> Heights:
-    """Smooth heights [um] along an axis by weights with a standard deviation in spacings."""
+    """Smooth heights [um] along an axis by Gaussian weights.
+
+    `sigma` is the standard deviation of the weights in spacings.
+    """
     from scipy.ndimage import gaussian_filter1d
 
     radius = math.ceil(REACH * sigma)
@@ -158,24 +173,25 @@ def _smoothed(heights: Heights, sigma: float, axis: int, boundary: Boundary) -> 
         return gaussian_filter1d(heights, sigma, axis=axis, mode=mode, radius=radius)
     nodes = heights.shape[axis]
     weights = {"sigma": sigma, "radius": min(radius, nodes - 1)}
-    inside = gaussian_filter1d(np.ones(nodes), mode="constant", **weights)
+    # sum of the weights inside the map for each node of the axis
+    sums = gaussian_filter1d(np.ones(nodes), mode="constant", **weights)
     smooth = gaussian_filter1d(heights, axis=axis, mode="constant", **weights)
-    return np.asarray(smooth / np.expand_dims(inside, 1 - axis))
+    return np.asarray(smooth / np.expand_dims(sums, 1 - axis))
 
 
 def filtered(
     topography: Topography, short: float | None, long: float | None
 ) -> Topography:
-    """Remove waves shorter than the S-filter's cut-off, then waves longer than the L-filter's.
+    """Remove waves that are shorter than one cut-off, then waves that are longer than another one.
 
     Parameters
     ----------
     topography : Topography
         The map, without holes.
     short : float or None
-        Cut-off of the S-filter, None to leave it out [um].
+        Cut-off of the S-filter, which removes shorter waves [um]; None for no such filter.
     long : float or None
-        Cut-off of the L-filter, None to leave it out [um].
+        Cut-off of the L-filter, which removes longer waves [um]; None for no such filter.
 
     Returns
     -------
@@ -185,7 +201,7 @@ def filtered(
     Raises
     ------
     InputError
-        If a cut-off is below four spacings or above the shorter side.
+        If a cut-off is below four times the larger spacing or above the shorter side.
     """
     heights = topography.heights
     spacing = topography.spacing
@@ -208,7 +224,7 @@ def filtered(
 
 
 def _check_cutoff(topography: Topography, name: str, cutoff: float) -> None:
-    """Raise InputError if the cut-off [um] of a named filter does not suit a map."""
+    """Raise InputError if a cut-off [um] does not suit a map; the message names the filter."""
     finest = FINEST * max(topography.spacing)
     side = min(topography.sides)
     if not finest * (1 - ROUNDING) <= cutoff <= side * (1 + ROUNDING):
@@ -222,9 +238,9 @@ def _check_cutoff(topography: Topography, name: str, cutoff: float) -> None:
 def filled_harmonically(
     heights: Heights, spacing: tuple[float, float], *, periodic: bool = False
 ) -> Heights:
-    """Fill holes with the solution of Laplace's equation between the heights of their rims.
+    """Fill holes with the solution of Laplace's equation between the heights at their rims.
 
-    No flux crosses the border of the patch, unless it is periodic.
+    At the border of a patch that is not periodic, the slope across the border is 0.
 
     Parameters
     ----------
@@ -233,12 +249,12 @@ def filled_harmonically(
     spacing : tuple of float
         Distance of the nodes along x and y [um].
     periodic : bool, optional
-        Whether the patch continues with its opposite border.
+        Whether the patch repeats beyond its borders.
 
     Returns
     -------
     ndarray, shape (nx, ny)
-        Heights without holes [um]; the same array if there was no hole.
+        Heights without holes [um]: a new array, or the argument itself if it has no hole.
     """
     from scipy.sparse import coo_matrix
     from scipy.sparse.linalg import spsolve
@@ -246,40 +262,47 @@ def filled_harmonically(
     holes = np.flatnonzero(np.isnan(heights))
     if not holes.size:
         return heights
-    number = np.full(heights.size, -1)  # of the hole at each node, -1 where there is none
-    number[holes] = np.arange(holes.size)
+    numbers = np.arange(holes.size)
+    number_at = np.full(
+        heights.size, -1
+    )  # number of the hole at each node, -1 without a hole
+    number_at[holes] = numbers
     flat = heights.reshape(-1)
-    # Five-point equations, one row for each hole: the sum of the differences to its neighbours,
-    # over the squares of their distances, is zero.
+    # Five-point equations, a row for each hole: the sum of the differences to its neighbours, over
+    # the squares of their distances, is zero. Neighbours with a height enter the right side.
     diagonal = np.zeros(holes.size)
     right = np.zeros(holes.size)
-    rows = [np.arange(holes.size)]
-    columns = [np.arange(holes.size)]
-    values = []
+    rows = [numbers]
+    columns = [numbers]
+    off_diagonal = []
     for axis in (0, 1):
         weight = spacing[axis] ** -2
         for direction in (-1, 1):
             pairs = _neighbours(heights.shape, holes, axis, direction, periodic=periodic)
             diagonal[pairs.holes] += weight
-            measured = number[pairs.nodes] < 0
+            neighbour_number = number_at[pairs.nodes]
+            measured = neighbour_number < 0
             right[pairs.holes[measured]] += weight * flat[pairs.nodes[measured]]
             rows.append(pairs.holes[~measured])
-            columns.append(number[pairs.nodes[~measured]])
-            values.append(np.full(np.count_nonzero(~measured), -weight))
-    entries = np.concatenate([diagonal, *values])
+            columns.append(neighbour_number[~measured])
+            off_diagonal.append(np.full(np.count_nonzero(~measured), -weight))
+    entries = np.concatenate([diagonal, *off_diagonal])
     places = (np.concatenate(rows), np.concatenate(columns))
-    complete = heights.copy()
     matrix = coo_matrix((entries, places)).tocsc()
+    complete = heights.copy()
     complete.reshape(-1)[holes] = spsolve(matrix, right)
     return complete
 
 
 @dataclass(frozen=True, eq=False)
 class _Neighbours:
-    """Pairs of a hole and its neighbour in one direction."""
+    """Pairs of a hole and its neighbour in one direction, for all holes that have this neighbour.
 
-    holes: NDArray[np.intp]  # numbers of the holes that have such a neighbour, shape (k,)
-    nodes: NDArray[np.intp]  # flat places of these neighbours in the map, shape (k,)
+    A neighbour may be a hole itself.
+    """
+
+    holes: NDArray[np.intp]  # number of the hole of each pair, shape (pairs,)
+    nodes: NDArray[np.intp]  # flat index of its neighbour in the map, shape (pairs,)
 
 
 def _neighbours(
@@ -290,8 +313,12 @@ def _neighbours(
     *,
     periodic: bool,
 ) -> _Neighbours:
-    """Return the neighbours of holes, which are flat places in a map, along an axis."""
-    stride = shape[1] if axis == 0 else 1
+    """Return the neighbours of holes along an axis, at the next lower (-1) or higher (1) index.
+
+    `holes`, shape (holes,), are the flat indices of the holes in a map of the given shape. In a map
+    that is not periodic, a hole at the border may have no neighbour.
+    """
+    stride = shape[1] if axis == 0 else 1  # between flat indices of neighbours
     position = np.unravel_index(holes, shape)[axis]
     neighbour = position + direction
     numbers = np.arange(holes.size)
@@ -301,11 +328,11 @@ def _neighbours(
         inside = (neighbour >= 0) & (neighbour < shape[axis])
         numbers = numbers[inside]
     steps = (neighbour - position)[numbers]
-    return _Neighbours(numbers, holes[numbers] + steps * stride)
+    return _Neighbours(holes=numbers, nodes=holes[numbers] + steps * stride)
 
 
 def filled(topography: Topography, *, insisted: bool) -> Topography:
-    """Fill the holes of a map by Laplace's equation, and warn if they are many.
+    """Fill the holes of a map as `filled_harmonically` does, and warn if they are many.
 
     Parameters
     ----------
@@ -317,12 +344,13 @@ def filled(topography: Topography, *, insisted: bool) -> Topography:
     Returns
     -------
     Topography
-        The map without holes.
+        The map without holes, with one more warning if more than the share `MANY_HOLES` of its
+        heights was missing.
 
     Raises
     ------
     InputError
-        If more heights are missing than `MOST_HOLES` of all, and the user does not insist.
+        If more than the share `MOST_HOLES` of the heights is missing, and the user does not insist.
     """
     missing = topography.missing
     nodes = topography.heights.size
@@ -349,32 +377,33 @@ def filled(topography: Topography, *, insisted: bool) -> Topography:
     return replace(complete, warnings=(*complete.warnings, warning))
 
 
-# relative difference of two spacings that are the same but for an instrument's rounding
+# largest relative difference between two spacings that instruments' rounding may explain
 SAME = 1e-3
 
 
 def is_same(first: float, second: float) -> bool:
-    """Tell whether two spacings differ by no more than an instrument's rounding.
+    """Tell whether two spacings differ by no more than the rounding of instruments.
 
     Parameters
     ----------
     first, second : float
-        Spacings, in one unit.
+        Spacings, both in the same unit.
 
     Returns
     -------
     bool
-        Whether they are the same.
+        Whether they differ by at most `SAME` times the larger one.
     """
     return abs(first - second) <= SAME * max(first, second)
 
 
 def resampled(topography: Topography, spacing: Sides) -> Topography:
-    """Give a map another spacing by cubic splines along each axis on which it differs.
+    """Give a map another spacing, by cubic splines along each axis.
 
-    Where the new nodes are closer, the splines are evaluated at the new nodes. Where they are
-    further apart, the splines are averaged over the new cells: values at the new nodes would fold
-    short waves back into long ones. A spacing that differs by rounding alone keeps the heights.
+    If the new nodes are closer, heights are the values of the splines at the new nodes. If they are
+    further apart, heights are the means of the splines over the cells between new nodes, because
+    values at the nodes would fold short waves into long ones. Along an axis whose spacings differ
+    by rounding alone, the heights stay as they are.
 
     Parameters
     ----------
@@ -386,12 +415,14 @@ def resampled(topography: Topography, spacing: Sides) -> Topography:
     Returns
     -------
     Topography
-        The map with this spacing, from the same first node.
+        The map with this spacing, in all cases. A line is added to its `steps` unless all heights
+        stay as they are.
 
     Raises
     ------
     InputError
-        If the map has fewer than 4 nodes along an axis to resample, or the new one fewer than 2.
+        If the map has fewer than 4 nodes along an axis that is resampled, or the new map fewer than
+        2 along an axis.
     """
     heights = topography.heights
     for axis in (0, 1):
@@ -419,15 +450,21 @@ def resampled(topography: Topography, spacing: Sides) -> Topography:
 
 
 def _resampled_along(heights: Heights, axis: int, old: float, new: float) -> Heights:
-    """Return heights [um] with a new spacing along an axis instead of the old one [um]."""
+    """Return heights [um] whose spacing along an axis is `new` instead of `old` [um].
+
+    See `resampled`. For a larger spacing there is a height for each cell between new nodes.
+    """
     from scipy.interpolate import make_interp_spline
 
     nodes = heights.shape[axis]
+    old_places = old * np.arange(nodes)
     last = (nodes - 1) * old
+    # The factor keeps a node that ends at the last one but for rounding.
     number = int(last / new * (1 + 1e-12)) + 1
     places = np.minimum(new * np.arange(number), last)
-    spline: Any = make_interp_spline(old * np.arange(nodes), heights, k=3, axis=axis)
+    spline: Any = make_interp_spline(old_places, heights, k=3, axis=axis)
     if new < old:
         return np.ascontiguousarray(spline(places))
     integrals = spline.antiderivative()(places)
-    return np.ascontiguousarray(np.diff(integrals, axis=axis) / new)
+    means = np.diff(integrals, axis=axis) / new
+    return np.ascontiguousarray(means)

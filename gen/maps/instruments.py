@@ -1,6 +1,7 @@
-"""Read the files of instruments by SurfaceTopography, and help its readers over known faults.
+"""Read the files of instruments by SurfaceTopography, and mend known faults of files and readers.
 
-Errors of its readers become one line that names the file, and nothing that they log is shown.
+An error of a reader becomes an InputError of one line that names the file. Warnings and logs of
+readers are not shown.
 """
 
 from __future__ import annotations
@@ -26,28 +27,30 @@ from gen.runtime.files import LARGEST
 from gen.runtime.memory import format_bytes
 from gen.runtime.terminal import printable
 
-# spacing of the nodes above which a NanoFocus file was read in the wrong unit [um]
+# A NanoFocus file (.nms) has been read in mm instead of nm if the spacing that SurfaceTopography
+# finds is above this [um].
 WIDEST_NMS = 1e3
-# spacing of such a file in um over that which SurfaceTopography reads
+# factor that corrects the lengths of such a file
 NM_FOR_MM = 1e-6
-# readers of tables of numbers, which `gen.maps.text` reads: they take points for heights
+# formats of texts, which `gen.maps.text` reads instead: their readers take points for heights
 TABLES = {"asc", "xyz"}
-# errors of damaged, encrypted and foreign ZIP archives
+# errors that a damaged, encrypted or foreign ZIP archive raises
 DAMAGED = (OSError, EOFError, RuntimeError, BadZipFile, zlib.error)
-# readers that take any file for theirs: they are tried for files of their suffix only
+# formats whose readers accept any file: they are tried only on files with their suffix
 GUESSING = {"nms", "hgt"}
-# revision of an x3p file with any dash; SurfaceTopography knows it with one dash only
+# revision in an x3p file, written with any dash; SurfaceTopography accepts a plain hyphen only
 REVISION = re.compile(
     rb"(Revision>)\s*ISO ?5436\s*(?:-|\xe2\x80[\x90-\x95]|\x96|\x97|&#(?:8211|x2013);)\s*2000"
     rb"\s*(</)"
 )
 
-# A file of some kB can hold GB of zeros. What it holds is read up to `LARGEST` bytes, or up to this
-# many times the size of the file; maps that were measured are packed by a factor below ten.
+# A packed file of some kB can hold GB of zeros. It is refused if it holds more than `LARGEST` bytes
+# and more than this many times its own size. Measured maps are packed by a factor below ten.
 PACKED = 100
-# most bytes of an archive's text, more than any describes a map with: it is parsed slowly
+# Largest size of an XML text in an archive [bytes]. Descriptions of maps are shorter, and longer
+# texts would take long to parse.
 LONGEST_TEXT = 2**22
-# most letters of a reader's error, which may quote the file
+# largest number of letters of a reader's error that are shown, as the error may quote the file
 LONGEST_FAULT = 600
 
 
@@ -59,22 +62,22 @@ def instruments_scan(path: Path, reading: Reading, reason: str) -> Scan:
     path : Path
         The file.
     reading : Reading
-        The settings, of which `channel` names the map; without it the first one with heights is
-        read.
+        The settings. Only `channel` is used: it names the map. If it is "", the first map with
+        heights is read.
     reason : str
-        Why the file is no text, for the message if no reader knows its format; "" if it does not
-        look like text.
+        Message of the error that is raised if no reader knows the format of the file: why the file
+        cannot be read as a text. "" stands for a general message.
 
     Returns
     -------
     Scan
-        The map in the units of the file, with its lengths if the file has them.
+        The map in the units of the file, with its lengths if the file states them.
 
     Raises
     ------
     InputError
-        If SurfaceTopography is not installed or cannot read the file, the file is empty or holds
-        too many bytes for its size, or it has no such map of heights.
+        If SurfaceTopography is not installed or cannot read the file. If the file is empty, holds
+        too many bytes for its size, or holds no heights or no channel of this name.
     """
     try:
         import SurfaceTopography  # noqa: F401
@@ -93,7 +96,7 @@ def instruments_scan(path: Path, reading: Reading, reason: str) -> Scan:
             return _map_of(path, reading, _open(path, reason))
         except InputError:
             raise
-        except Exception as error:  # a broken file makes readers raise nearly anything
+        except Exception as error:  # on a broken file, readers raise nearly any error
             fault = repr(error)[:LONGEST_FAULT]
             raise InputError(
                 f"{path}: SurfaceTopography cannot read it: {fault}"
@@ -102,7 +105,10 @@ def instruments_scan(path: Path, reading: Reading, reason: str) -> Scan:
 
 @contextmanager
 def _silent() -> Iterator[None]:
-    """Show no warnings and no logs: every reader that is tried warns about foreign formats."""
+    """Show no warnings and no logs during the block.
+
+    Every reader that is tried on a foreign format would warn about it.
+    """
     level = logging.root.manager.disable
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -114,7 +120,10 @@ def _silent() -> Iterator[None]:
 
 
 def _check_members(path: Path) -> None:
-    """Refuse an archive whose members are too large to be those of a measured map."""
+    """Raise InputError if a ZIP archive holds too long an XML text, or too many bytes for its size.
+
+    Files that are no ZIP archives pass.
+    """
     with suppress(*DAMAGED), ZipFile(path) as archive:
         members = archive.infolist()
         for member in members:
@@ -129,7 +138,10 @@ def _check_members(path: Path) -> None:
 
 
 def _check_size(path: Path, unpacked: int) -> None:
-    """Refuse a file that holds too many bytes for its own size."""
+    """Raise InputError if a file holds too many bytes for its own size; see `PACKED`.
+
+    `unpacked` is the number of bytes that it holds.
+    """
     packed = path.stat().st_size
     allowed = max(LARGEST, PACKED * packed)
     if unpacked > allowed:
@@ -141,38 +153,43 @@ def _check_size(path: Path, unpacked: int) -> None:
 
 @dataclass(frozen=True)
 class _OpenFile:
-    """A file that a reader of SurfaceTopography understands."""
+    """A file that is opened by a reader of SurfaceTopography."""
 
     reader: Any  # the reader, an instance of a class of SurfaceTopography
-    remark: str  # what was mended in the file, in words; "" for nothing
+    # what was mended in the file, in words with a blank in front; "" for nothing
+    remark: str
 
 
 @dataclass
 class _Attempt:
-    """What came of reading a file in one format."""
+    """The result of reading a file in one format, filled by `_attempt`."""
 
-    file: _OpenFile | None = None  # the file, if it holds a map in this format
-    line_scans: bool = False  # whether it holds line scans in this format
-    fault: str = "it holds no map"  # why there is no map
+    file: _OpenFile | None = None  # the file, if a map was found in it
+    line_scans: bool = False  # whether line scans were found in it
+    fault: str = "it holds no map"  # why no map was found
 
 
 def _open(path: Path, reason: str) -> _OpenFile:
-    """Return a file with the first reader that finds a map in it; `reason` is why it is no text."""
+    """Open a file with the first reader that finds a map in it.
+
+    InputError if no reader does. If no reader knows the format, its message is `reason`.
+    """
     has_line_scans = False
-    reasons = []
+    faults = []
     for kind in _readers(path):
         attempt = _attempt(path, kind)
         if attempt.file is not None:
             return attempt.file
         has_line_scans = has_line_scans or attempt.line_scans
+        # Faults of readers of other suffixes would only confuse.
         if _has_suffix(path, kind) and not has_line_scans:
-            reasons.append(
+            faults.append(
                 f"SurfaceTopography cannot read it as {kind.name()}: {attempt.fault}"
             )
     if has_line_scans:
         raise InputError(f"{path}: it holds line scans only; give a map of heights")
-    if reasons:
-        raise InputError(f"{path}: {'; '.join(reasons)}")
+    if faults:
+        raise InputError(f"{path}: {'; '.join(faults)}")
     raise InputError(
         reason
         or f"{path}: no reader of SurfaceTopography knows its format; export it in another one"
@@ -180,9 +197,9 @@ def _open(path: Path, reason: str) -> _OpenFile:
 
 
 def _readers(path: Path) -> list[Any]:
-    """Return the readers to try: first those of the suffix, then those that know the first bytes.
+    """Return the readers to try on a file, each once, as classes of SurfaceTopography.
 
-    They are classes of SurfaceTopography, each of them once.
+    Readers for the suffix of the file come first, then readers that recognise its first bytes.
     """
     from SurfaceTopography.IO import MagicMatch, readers
 
@@ -199,13 +216,13 @@ def _readers(path: Path) -> list[Any]:
 
 
 def _has_suffix(path: Path, kind: Any) -> bool:
-    """Tell whether the suffix of a file is one of a reader's format."""
+    """Tell whether a file has a suffix of the format of the reader class `kind`."""
     suffix = path.suffix.lower().removeprefix(".")
     return suffix in {kind.format(), *kind.file_extensions()}
 
 
 def _attempt(path: Path, kind: Any) -> _Attempt:
-    """Try a reader on a file, and on a mended copy if the file has a known fault."""
+    """Try the reader class `kind` on a file, and then on a mended copy if there is one."""
     from SurfaceTopography.IO import open_topography
 
     attempt = _Attempt()
@@ -213,11 +230,12 @@ def _attempt(path: Path, kind: Any) -> _Attempt:
         try:
             reader = open_topography(content.file, format=kind.format())
             dimensions = {channel.dim for channel in reader.channels}
-        except Exception as error:  # a foreign file makes readers raise nearly anything
+        except Exception as error:  # on a foreign file, readers raise nearly any error
             attempt.fault = repr(error)[:LONGEST_FAULT]
             continue
+        # A channel of two dimensions is a map, one of one dimension a line scan.
         if 2 in dimensions:
-            attempt.file = _OpenFile(reader, content.remark)
+            attempt.file = _OpenFile(reader=reader, remark=content.remark)
             break
         if 1 in dimensions:
             attempt.line_scans = True
@@ -226,15 +244,15 @@ def _attempt(path: Path, kind: Any) -> _Attempt:
 
 @dataclass(frozen=True)
 class _Content:
-    """A file for a reader."""
+    """A file as it is handed to a reader."""
 
-    file: str | BytesIO  # path of the file, or a mended copy of it
-    remark: str = ""  # what was mended, in words; "" for nothing
+    file: str | BytesIO  # path of the file, or a mended copy of it in memory
+    remark: str = ""  # what was mended, in words with a blank in front; "" for nothing
 
 
 def _contents(path: Path, kind: str) -> Iterator[_Content]:
-    """Yield a file and, if it is an x3p of another program, a mended copy of it."""
-    yield _Content(str(path))
+    """Yield a file; then, if its format `kind` is x3p and it has a known fault, a mended copy."""
+    yield _Content(file=str(path))
     if kind != "x3p":
         return
     with suppress(*DAMAGED), ZipFile(path) as archive:
@@ -244,35 +262,42 @@ def _contents(path: Path, kind: str) -> Iterator[_Content]:
 
 
 def _mended_x3p(archive: ZipFile) -> _Content | None:
-    """Return a copy of an x3p file with its entries and revision as expected; None if they are."""
+    """Return a copy of an x3p archive with its known faults mended; None if it has none.
+
+    The faults are members inside a folder, and a revision with a dash that the reader rejects.
+    """
     names = archive.namelist()
     main_names = [name for name in names if Path(name).name == "main.xml"]
-    main = min(main_names, key=len, default="")
+    main = min(main_names, key=len, default="")  # the outermost one; "" if there is none
     folder = main.removesuffix("main.xml")
     text = b""
     if main:
         text = archive.read(main)
-    mended = REVISION.sub(rb"\1ISO5436 - 2000\2", text)
+    mended_text = REVISION.sub(rb"\1ISO5436 - 2000\2", text)
     remarks = []
     if folder:
         remarks.append(f"its entries lie in the folder {folder[:-1]!r}")
-    if mended != text:
+    if mended_text != text:
         remarks.append("its revision is written with another dash")
     if not remarks:
         return None
     copy = BytesIO()
     with ZipFile(copy, "w") as new_archive:
         for name in names:
+            # Members outside the folder, and the folder itself, are left out.
             if name.startswith(folder) and name != folder:
                 content = archive.read(name)
                 if name == main:
-                    content = mended
+                    content = mended_text
                 new_archive.writestr(name.removeprefix(folder), content)
-    return _Content(copy, f" ({' and '.join(remarks)})")
+    return _Content(file=copy, remark=f" ({' and '.join(remarks)})")
 
 
 def _map_of(path: Path, reading: Reading, file: _OpenFile) -> Scan:
-    """Read the map of a file that the reading names; refuse one that is too large for the file."""
+    """Read the map of an open file that the reading names, or else the first one with heights.
+
+    InputError if there is no such map, or if it is too large for the size of the file.
+    """
     maps = {
         channel.index: channel for channel in file.reader.channels if channel.dim == 2
     }
@@ -282,10 +307,11 @@ def _map_of(path: Path, reading: Reading, file: _OpenFile) -> Scan:
     nx, ny = channel.nb_grid_pts
     _check_size(path, np.dtype(np.float64).itemsize * nx * ny)
     has_lengths = channel.physical_sizes is not None
-    lengths = {}
-    if not has_lengths:  # the reader needs some, which are not used
-        lengths["physical_sizes"] = channel.nb_grid_pts
-    topography = file.reader.topography(channel_index=chosen.index, **lengths)
+    options = {}
+    # The reader needs lengths. If the file has none, it gets some that are not used below.
+    if not has_lengths:
+        options["physical_sizes"] = channel.nb_grid_pts
+    topography = file.reader.topography(channel_index=chosen.index, **options)
     heights = np.ma.asarray(topography.heights(), dtype=np.float64)
     origin = chosen.origin + file.remark
     widths = None
@@ -306,13 +332,12 @@ def _map_of(path: Path, reading: Reading, file: _OpenFile) -> Scan:
 
 
 def _channel(index: int, channel: Any) -> Channel:
-    """Describe a channel of a reader of SurfaceTopography.
-
-    Older versions of their channels do not tell whether they hold heights: they all do.
-    """
+    """Describe a channel of a reader of SurfaceTopography, which has this index in the file."""
+    # In versions of SurfaceTopography without this attribute, every channel holds heights.
+    is_height = bool(getattr(channel, "is_height_channel", True))
     return Channel(
         index=index,
         name=str(channel.name),
-        heights=bool(getattr(channel, "is_height_channel", True)),
+        heights=is_height,
         unit=str(getattr(channel, "data_unit", None) or ""),
     )

@@ -1,13 +1,14 @@
 """The maps of a scene: found by their names, prepared once for all processes, cut into windows.
 
-Prepared maps lie in a file that the ranks of a machine map into their memory. It begins with a
-fixed line and the place, length and SHA-256 of its table, a JSON text at the end that holds the
-key of what was prepared, and place, shape and SHA-256 of each map. Heights are 64-bit numbers in
-the machine's order of bytes. A file that is damaged in any way is made anew.
+Prepared maps are kept in a file that the ranks of a machine map into their memory. The first line
+of the file is `MAPS`. The second line holds the place, length and SHA-256 of the table, a JSON text
+at the end of the file. The table holds the key of the prepared maps, and the place, shape and
+SHA-256 of each map. Heights are 64-bit numbers in the byte order of the machine. A file that is
+damaged in any way is written anew.
 
-A window lies in one tile of a map. Rows of one tile stay together in every split of a database, so
-that a model is never tested on a node that it was trained on. A window follows from a surface's
-stream of random numbers and the shapes of the maps alone: no height is needed to know where it is.
+Every window is a part of one tile of a map. Rows of one tile stay together in every split of a
+database, so that a model is never tested on a node that it was trained on. A window is drawn from
+the random numbers of its surface and the shapes of the maps: its place is known without heights.
 """
 
 from __future__ import annotations
@@ -50,18 +51,18 @@ def map_files(patterns: Sequence[str], folder: Path) -> list[Path]:
     patterns : sequence of str
         Names of files and of folders, and patterns as "scans/*.x3p".
     folder : Path
-        The folder that they start from.
+        The folder from which relative names and patterns start.
 
     Returns
     -------
     list of Path
-        The files without links in their paths, each once, in the order of the patterns and sorted
-        within each of them.
+        The files, each once, with links in their paths resolved. They have the order of the
+        patterns; the files of one pattern are sorted.
 
     Raises
     ------
     InputError
-        If a pattern names no file, or a folder cannot be read.
+        If a pattern names no file, or a folder holds no map or cannot be read.
     """
     files: dict[Path, None] = {}
     for pattern in patterns:
@@ -79,11 +80,11 @@ def map_files(patterns: Sequence[str], folder: Path) -> list[Path]:
 
 
 def _files_of_pattern(pattern: str, folder: Path) -> list[Path]:
-    """Return the files that a name or a pattern stands for, sorted; none if there is no such file.
+    """Return the files that a name or a pattern stands for, sorted; [] if there are none.
 
-    Errors of the system are passed on, and an InputError if a folder holds no map.
+    InputError if a folder holds no map. Errors of the system are passed on.
     """
-    # No name of a file has this letter, and Python 3.13 does not look for it.
+    # No name of a file contains this character, on which some versions of Python fail.
     if "\0" in pattern:
         return []
     name = Path(pattern).expanduser()
@@ -98,7 +99,7 @@ def _files_of_pattern(pattern: str, folder: Path) -> list[Path]:
 
 
 def digests(paths: Iterable[Path]) -> list[str]:
-    """Compute the SHA-256 of the maps of a scene.
+    """Compute the SHA-256 of the files of a scene's maps, and refuse equal files.
 
     Parameters
     ----------
@@ -113,7 +114,7 @@ def digests(paths: Iterable[Path]) -> list[str]:
     Raises
     ------
     InputError
-        If two files have one content: their tiles would share nodes.
+        If two files have the same content, because their tiles would share nodes.
     """
     files: dict[str, Path] = {}
     for path in paths:
@@ -128,31 +129,32 @@ def digests(paths: Iterable[Path]) -> list[str]:
 
 
 def locate_map(recorded: Path, sha256: str, folder: Path | None) -> Path:
-    """Find a map of a database again by its content.
+    """Find a map of a database, at its recorded path or beside the database.
 
     Parameters
     ----------
     recorded : Path
-        The file of the map when the database was made.
+        The path of the map when the database was made.
     sha256 : str
         The SHA-256 of the map.
     folder : Path, optional
-        The folder of the database, where the map is looked for, too.
+        The folder of the database.
 
     Returns
     -------
     Path
-        The first of the two files with this content.
+        The recorded path, or the file of the same name in the folder of the database: the first of
+        them whose content has this SHA-256.
 
     Raises
     ------
     InputError
-        If there is none.
+        If neither file has this content.
     """
-    places = [recorded]
+    candidates = [recorded]
     if folder is not None:
-        places.append(folder / recorded.name)
-    present = [path for path in places if path.is_file()]
+        candidates.append(folder / recorded.name)
+    present = [path for path in candidates if path.is_file()]
     for path in present:
         if digest(path) == sha256:
             return path
@@ -167,34 +169,34 @@ def locate_map(recorded: Path, sha256: str, folder: Path | None) -> Path:
     )
 
 
-# number of this way to read and prepare maps: raised whenever heights or warnings change
+# version of the reading and preparation of maps; raise it whenever their heights or warnings change
 READER = 3
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """How the files of a scene are read and prepared."""
+    """How the maps of a scene are read and prepared."""
 
-    window: Shape  # nodes of a window along x and y, which every map has to hold
-    # distances of the nodes along x and y to resample the maps to [um]; None takes those of the
-    # first map, which all maps have to have
+    window: Shape  # nodes of a window along x and y; every map needs at least as many
+    # spacing of the nodes along x and y to which all maps are resampled [um]; None resamples no
+    # map, and refuses maps whose spacing is not that of the first one
     spacing: Sides | None = None
-    # how the files are read and prepared
+    # settings by which each file is read and prepared
     reading: Reading = field(default_factory=Reading)
 
     def key(self, sha256s: Sequence[str]) -> str:
-        """Return the name of the library that files make.
+        """Return the key that identifies the prepared maps of some files.
 
         Parameters
         ----------
         sha256s : sequence of str
-            The SHA-256 of the files.
+            The SHA-256 of each file.
 
         Returns
         -------
         str
-            A SHA-256 of these contents, this recipe without the window, and the versions of the
-            libraries that read and prepare.
+            A SHA-256 of the contents of the files, of this recipe without its window, and of the
+            versions of the libraries that read and prepare maps.
         """
         content = {
             "reader": READER,
@@ -212,17 +214,18 @@ class PreparedMap:
     """One prepared map."""
 
     heights: Heights  # heights without holes, read-only [um], shape (nx, ny)
-    spacing: Sides  # distance of the nodes along x and y, the same for all maps [um]
+    # spacing of the nodes along x and y, equal for all maps of a library [um]
+    spacing: Sides
     remarks: tuple[str, ...] = ()  # one line for each reason to distrust the heights
 
 
 @dataclass(frozen=True, eq=False)
 class Library:
-    """Prepared maps in shared memory."""
+    """Prepared maps, mapped into memory from the file that holds them."""
 
     maps: tuple[PreparedMap, ...]  # the maps in the order of their files
-    spacing: Sides  # distance of the nodes along x and y [um]
-    file: Path  # file that holds them
+    spacing: Sides  # spacing of the nodes of all maps along x and y [um]
+    file: Path  # file of the prepared maps
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
@@ -239,21 +242,21 @@ def _shape(heights: Heights) -> Shape:
 def prepared_maps(
     paths: Sequence[Path], sha256s: Sequence[str], recipe: Recipe, folder: Path | None
 ) -> Library:
-    """Return the prepared maps of files; prepare them unless a file has them already.
+    """Open the prepared maps of a scene; if no file holds them, prepare them and write one.
 
-    A file of prepared maps is written into the folder, or into this user's temporary folder if
-    there is no folder or it cannot be written to.
+    The file is written into the folder. If no folder is given, or it cannot be written to, the file
+    is written into the temporary folder of this user.
 
     Parameters
     ----------
     paths : sequence of Path
         The files of the maps.
     sha256s : sequence of str
-        Their SHA-256.
+        The SHA-256 of each file.
     recipe : Recipe
-        How they are read and prepared.
+        How the maps are read and prepared.
     folder : Path, optional
-        The folder for the prepared maps.
+        The folder for the file of prepared maps.
 
     Returns
     -------
@@ -263,8 +266,8 @@ def prepared_maps(
     Raises
     ------
     InputError
-        If a map cannot be read or prepared, is smaller than the window, or has another spacing than
-        the first one; or if no folder can be written to.
+        If a map cannot be read or prepared, is smaller than the window, or is not resampled and has
+        another spacing than the first one. If no folder can be written to.
     """
     library = open_maps(sha256s, recipe, folder, verify=True)
     if library is None:
@@ -277,7 +280,11 @@ def prepared_maps(
 def _new_library(
     paths: Sequence[Path], recipe: Recipe, key: str, folder: Path | None
 ) -> Library:
-    """Prepare maps, write the file that holds them under a key, and map it into memory."""
+    """Prepare maps, write them into a file for this key, and map the file into memory.
+
+    The file is in the folder, or else in the temporary folder of this user. InputError if neither
+    can be written to, or if a map cannot be read or prepared.
+    """
     home = folder
     if home is None or not os.access(home, os.W_OK | os.X_OK):
         home = _temporary_folder(make=True)
@@ -287,6 +294,7 @@ def _new_library(
             " cannot be written to; set TMPDIR to a folder of yours"
         )
     path = _file_of_key(home, key)
+    # A file of this name was not accepted before: it is damaged.
     damaged = path.exists()
     write_maps(path, key, _prepared_one_by_one(paths, recipe), replace=damaged)
     library = stored_maps(path, key, verify=False)
@@ -300,23 +308,23 @@ def _new_library(
 def open_maps(
     sha256s: Sequence[str], recipe: Recipe, folder: Path | None, *, verify: bool
 ) -> Library | None:
-    """Open prepared maps, if a file in the folder or in this user's temporary one holds them.
+    """Open prepared maps from a file in a folder, or else in the temporary folder of this user.
 
     Parameters
     ----------
     sha256s : sequence of str
-        The SHA-256 of the files of the maps.
+        The SHA-256 of each file of a map.
     recipe : Recipe
-        How they were read and prepared.
+        How the maps were read and prepared.
     folder : Path, optional
-        The folder for prepared maps.
+        The folder that is searched first.
     verify : bool
-        Whether all heights are read to find damage.
+        Whether all heights are compared with their SHA-256, to find damage.
 
     Returns
     -------
     Library or None
-        The maps, mapped into memory; None if no undamaged file holds them.
+        The maps, mapped into memory. None if neither folder has an undamaged file of them.
     """
     key = recipe.key(sha256s)
     for home in (folder, _temporary_folder(make=False)):
@@ -329,12 +337,12 @@ def open_maps(
 
 
 def _file_of_key(folder: Path, key: str) -> Path:
-    """Return the file in a folder that the prepared maps of a key belong in."""
+    """Return the path in a folder of the file of prepared maps with a key."""
     return folder / f"asperity-{key[:16]}.maps"
 
 
 def _rounded(spacing: Sides) -> Sides:
-    """Round two spacings to 12 digits, and make them equal if they nearly are."""
+    """Round two spacings to 12 digits, and make them equal if they differ by rounding alone."""
     x = float(f"{spacing[0]:.12g}")
     y = float(f"{spacing[1]:.12g}")
     if is_same(x, y):
@@ -343,7 +351,12 @@ def _rounded(spacing: Sides) -> Sides:
 
 
 def _prepared_one_by_one(paths: Sequence[Path], recipe: Recipe) -> Iterator[PreparedMap]:
-    """Read and prepare one map after the other; refuse one that does not have the spacing."""
+    """Read, prepare and yield one map after the other.
+
+    InputError if a map cannot be read or prepared, is smaller than the window, or is not resampled
+    and has another spacing than the first one.
+    """
+    # Every map is stored with the rounded spacing of the recipe or of the first map.
     spacing = None if recipe.spacing is None else _rounded(recipe.spacing)
     for path in paths:
         topography = _prepared_map(path, recipe.reading)
@@ -355,11 +368,16 @@ def _prepared_one_by_one(paths: Sequence[Path], recipe: Recipe) -> Iterator[Prep
             spacing = _rounded(topography.spacing)
         _require_window(path, _shape(topography.heights), recipe.window)
         remarks = [in_scene_words(warning, path) for warning in topography.warnings]
-        yield PreparedMap(topography.heights, spacing, tuple(remarks))
+        yield PreparedMap(
+            heights=topography.heights, spacing=spacing, remarks=tuple(remarks)
+        )
 
 
 def _prepared_map(path: Path, reading: Reading) -> Topography:
-    """Read and prepare a map; an InputError has the words of scenes and names the file."""
+    """Read and prepare a map.
+
+    The message of an InputError names keys as scenes do, and names the file.
+    """
     try:
         return prepare(read(path, reading, for_windows=True), reading)
     except InputError as error:
@@ -370,7 +388,7 @@ def _prepared_map(path: Path, reading: Reading) -> Topography:
 
 
 def _require_spacing(path: Path, spacing: Sides, first: Path, expected: Sides) -> None:
-    """Refuse a map with another spacing than the first map."""
+    """Raise InputError if a map has not the `expected` spacing, that of the file `first` [um]."""
     same_x = is_same(spacing[0], expected[0])
     same_y = is_same(spacing[1], expected[1])
     if not same_x or not same_y:
@@ -382,7 +400,7 @@ def _require_spacing(path: Path, spacing: Sides, first: Path, expected: Sides) -
 
 
 def _require_window(path: Path, shape: Shape, window: Shape) -> None:
-    """Refuse a map that is smaller than the window."""
+    """Raise InputError if the shape of a map is smaller than that of the window along an axis."""
     if shape[0] < window[0] or shape[1] < window[1]:
         raise InputError(
             f"{path}: has {shape[0]} x {shape[1]} nodes after its preparation, less than"
@@ -392,9 +410,9 @@ def _require_window(path: Path, shape: Shape, window: Shape) -> None:
 
 
 def _temporary_folder(*, make: bool) -> Path | None:
-    """Return this user's temporary folder; None unless nobody else may write to it.
+    """Return the temporary folder of this user; with `make`, make it if it is missing.
 
-    With `make` the folder is made if there is none.
+    None if the folder is missing, belongs to somebody else, or can be written to by somebody else.
     """
     folder = Path(tempfile.gettempdir()) / f"asperity-{os.getuid()}"
     with suppress(OSError):
@@ -402,35 +420,38 @@ def _temporary_folder(*, make: bool) -> Path | None:
             folder.mkdir(mode=0o700, exist_ok=True)
         status = folder.lstat()
         is_mine = stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid()
-        shared = status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
-        if is_mine and not shared:
+        is_shared = status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+        if is_mine and not is_shared:
             return folder
     return None
 
 
-PAGE = 4096  # alignment of the maps in the file, that of pages in memory [bytes]
-LONGEST_START = 200  # most bytes of place, length and SHA-256 of the table
+PAGE = 4096  # each map begins at a multiple of this in the file, as pages of memory do [bytes]
+LONGEST_START = (
+    200  # most bytes of the second line: place, length and SHA-256 of the table
+)
 
 
 def write_maps(
     path: Path, key: str, maps: Iterable[PreparedMap], *, replace: bool
 ) -> None:
-    """Write a file of prepared maps, of which only one is in memory at a time.
+    """Write a file of prepared maps, while only one of the maps is in memory.
 
     Parameters
     ----------
     path : Path
         The file.
     key : str
-        The key of what was prepared, from `Recipe.key`.
+        The key of the prepared maps, from `Recipe.key`.
     maps : iterable of PreparedMap
         The maps, all of one spacing.
     replace : bool
-        Whether the file replaces one that another process wrote meanwhile.
+        Whether to replace a file that another process makes at this path meanwhile. If not, that
+        file stays, and the new one is dropped.
     """
     table: dict[str, Any] = {"key": key, "byteorder": sys.byteorder, "maps": []}
     with atomic(path, "maps", replace=replace) as file:
-        file.write(bytes(PAGE))
+        file.write(bytes(PAGE))  # room for the first two lines, which are written last
         for prepared in maps:
             table["spacing"] = prepared.spacing
             heights = np.ascontiguousarray(prepared.heights, dtype=np.float64)
@@ -443,7 +464,8 @@ def write_maps(
                 }
             )
             file.write(heights.reshape(-1).data)
-            file.write(bytes(-file.tell() % PAGE))
+            bytes_to_next_page = -file.tell() % PAGE
+            file.write(bytes(bytes_to_next_page))
         place = file.tell()
         text = json.dumps(table).encode()
         sha256 = hashlib.sha256(text).hexdigest()
@@ -454,7 +476,7 @@ def write_maps(
 
 
 def _sha256(heights: Heights) -> str:
-    """Return the SHA-256 of the numbers of a contiguous map."""
+    """Return the SHA-256 of the bytes of a contiguous array of heights."""
     return hashlib.sha256(heights.reshape(-1).data).hexdigest()
 
 
@@ -466,17 +488,18 @@ def stored_maps(path: Path, key: str, *, verify: bool) -> Library | None:
     path : Path
         The file.
     key : str
-        The key of what was prepared, from `Recipe.key`.
+        The key of the prepared maps, from `Recipe.key`.
     verify : bool
-        Whether all heights are read to find damage.
+        Whether all heights are compared with their SHA-256, to find damage.
 
     Returns
     -------
     Library or None
-        The maps; None if there is no such file, it is damaged, or it holds something else.
+        The maps. None if the file is missing or damaged, or holds anything but maps of this key.
     """
+    # A damaged file, or one of another kind, may raise any of these errors.
     with suppress(OSError, ValueError, KeyError, TypeError):
-        if not path.is_file():  # a pipe would never answer
+        if not path.is_file():  # to open a pipe would block
             return None
         with path.open("rb") as file:
             table = _table_of(file)
@@ -488,21 +511,22 @@ def stored_maps(path: Path, key: str, *, verify: bool) -> Library | None:
             heights = _mapped(path, entry)
             if verify and _sha256(heights) != entry["sha256"]:
                 return None
-            maps.append(PreparedMap(heights, (dx, dy), tuple(entry["remarks"])))
-        return Library(tuple(maps), (dx, dy), path)
+            remarks = tuple(entry["remarks"])
+            maps.append(PreparedMap(heights, spacing=(dx, dy), remarks=remarks))
+        return Library(maps=tuple(maps), spacing=(dx, dy), file=path)
     return None
 
 
 def _table_of(file: BinaryIO) -> Any:
-    """Return the table of a file of prepared maps; None if the file is something else or damaged.
+    """Return the table of a file of prepared maps; None if the first line or the table is damaged.
 
-    A ValueError is passed on if the file does not begin as such a file does.
+    Errors of a damaged second line, as ValueError, are passed on.
     """
-    start = file.read(len(MAPS))
+    first_line = file.read(len(MAPS))
     place, length, sha256 = file.readline(LONGEST_START).decode().split()
     file.seek(int(place))
-    text = file.read(int(length) + 1)
-    if start != MAPS or len(text) != int(length):
+    text = file.read(int(length) + 1)  # one more byte, to find an excess at the end
+    if first_line != MAPS or len(text) != int(length):
         return None
     if hashlib.sha256(text).hexdigest() != sha256:
         return None
@@ -510,64 +534,68 @@ def _table_of(file: BinaryIO) -> Any:
 
 
 def _mapped(path: Path, entry: dict[str, Any]) -> NDArray[np.float64]:
-    """Map the heights of an entry of the table into memory, read-only [um]."""
+    """Map the heights of one map, an entry of the table, into memory, read-only [um]."""
     nx, ny = entry["shape"]
     return np.memmap(
         path, dtype=np.float64, mode="r", offset=entry["place"], shape=(nx, ny)
     )
 
 
-# smallest side of a tile over that of the window, where the map is large enough
+# smallest length of a tile, in windows, along an axis that is long enough for several such tiles
 WIDE = 2
-# smallest number of tiles along an axis of a map that holds as many windows side by side
+# number of tiles along a shorter axis, if it holds at least as many windows side by side
 FEWEST = 2
 
 
 @dataclass(frozen=True)
 class Span:
-    """Neighbouring nodes along one axis."""
+    """A range of neighbouring nodes along one axis."""
 
     start: int  # index of the first node
-    stop: int  # index after that of the last node
+    stop: int  # index of the last node, plus 1
 
     @property
     def nodes(self) -> int:
-        """Number of the nodes."""
+        """Number of nodes in the range."""
         return self.stop - self.start
 
 
 @dataclass(frozen=True)
 class Tile:
-    """A part of a map."""
+    """A rectangular part of a map, from which windows are cut."""
 
-    x: Span
-    y: Span
+    x: Span  # nodes of the map along x
+    y: Span  # nodes of the map along y
 
 
 @dataclass(frozen=True)
 class Tiling:
-    """The tiles of several maps for windows of one shape."""
+    """The tiles of all maps of a body, for windows of one shape."""
 
     shapes: tuple[Shape, ...]  # nodes of each map along x and y
     window: Shape  # nodes of a window along x and y
-    # whether a window has the eight symmetries of the square, or the four of the rectangle
+    # whether windows are turned by the eight symmetries of the square, not the four of a rectangle
     square: bool = False
 
     @cached_property
     def tiles(self) -> list[list[Tile]]:
-        """The tiles of each map."""
+        """The tiles of each map, one list a map."""
         return [self._tiles_of(shape) for shape in self.shapes]
 
     def _tiles_of(self, shape: Shape) -> list[Tile]:
-        """Return the tiles of a map of some shape."""
+        """Cut a map of this shape into tiles, and return them row by row along x."""
         along_x = _spans(shape[0], self.window[0])
         along_y = _spans(shape[1], self.window[1])
-        return [Tile(x, y) for x, y in product(along_x, along_y)]
+        return [Tile(x=x, y=y) for x, y in product(along_x, along_y)]
 
     @cached_property
     def starts(self) -> list[int]:
-        """Number of each map's first tile, counted over all maps; at the end that of all tiles."""
-        return list(accumulate(map(len, self.tiles), initial=0))
+        """Number of the first tile of each map, and at the end the number of all tiles.
+
+        Tiles are numbered from 0 through all maps.
+        """
+        tiles_by_map = [len(tiles) for tiles in self.tiles]
+        return list(accumulate(tiles_by_map, initial=0))
 
     @property
     def total(self) -> int:
@@ -575,43 +603,52 @@ class Tiling:
         return self.starts[-1]
 
 
-tiled = lru_cache(maxsize=8)(Tiling)  # the same tiles for every surface of a run
+# `Tiling` with its arguments, computed once for all surfaces of a run
+tiled = lru_cache(maxsize=8)(Tiling)
 
 
 def _spans(nodes: int, window: int) -> list[Span]:
-    """Cut an axis into spans of at least two windows, or into two shorter ones, or a single one."""
-    count = max(nodes // (WIDE * window), min(FEWEST, nodes // window))
+    """Cut an axis of a map into spans of nearly equal length, for its tiles.
+
+    Each span holds `WIDE` windows or more. An axis that is too short for two of these is cut into
+    `FEWEST` spans of one window or more, or becomes a single span if it holds only one window. It
+    has to hold one.
+    """
+    wide_spans = nodes // (WIDE * window)
+    short_spans = min(FEWEST, nodes // window)
+    count = max(wide_spans, short_spans)
     ends = [number * nodes // count for number in range(count + 1)]
-    return [Span(ends[number], ends[number + 1]) for number in range(count)]
+    return [Span(start=ends[number], stop=ends[number + 1]) for number in range(count)]
 
 
-DRAWS = 5  # random numbers of a window: map, tile, two for the place, symmetry
-# number of symmetries of the rectangle; those from this number on swap the axes of a square
-TRANSPOSED = 4
-# parts of the number of a symmetry
+DRAWS = 5  # random numbers for a window: map, tile, place along x and along y, symmetry
+# The number of a symmetry is the sum of these parts. A rectangle has the symmetries 0 to 3, a
+# square also 4 to 7, which swap the axes after mirroring.
 MIRRORED_X = 1
 MIRRORED_Y = 2
+TRANSPOSED = 4
+SYMMETRIES_OF_RECTANGLE = 4
+SYMMETRIES_OF_SQUARE = 8
 
 
 @dataclass(frozen=True)
 class Window:
-    """Place of a surface in the maps."""
+    """The place of a surface in the maps of a body, and the symmetry by which it is turned."""
 
     map: int  # index of the map
-    tile: int  # number of the tile, counted over all maps
-    corner: tuple[int, int]  # first node along x and y, in the map
-    # symmetry of the rectangle, from 0 to 3, or of the square, to 7: 1 mirrors x, 2 mirrors y, 4
-    # swaps the axes thereafter
+    tile: int  # number of the tile, from 0 through all maps
+    corner: tuple[int, int]  # indices of the first node along x and y, in the map
+    # sum of `MIRRORED_X`, `MIRRORED_Y` and `TRANSPOSED`, each once or not at all
     symmetry: int
 
 
 def draw_window(
     random: np.random.Generator, tiling: Tiling, tiles: Sequence[int] | None = None
 ) -> Window:
-    """Draw a window; this moves the state of the generator by `DRAWS` numbers.
+    """Draw a window, which takes `DRAWS` numbers from the generator of the surface.
 
-    Every map has the same probability, then every tile of the map, every place in the tile, and
-    every symmetry.
+    A map is drawn first, then a tile of the map, a place in the tile, and a symmetry. All choices
+    of each draw have the same probability.
 
     Parameters
     ----------
@@ -620,27 +657,35 @@ def draw_window(
     tiling : Tiling
         The tiles of all maps.
     tiles : sequence of int, optional
-        Numbers of the tiles to draw from, each with the same probability whatever its map. Without
-        them all tiles can be drawn.
+        Numbers of the tiles from which one is drawn directly, without drawing a map first. By
+        default the tile is one of the drawn map.
 
     Returns
     -------
     Window
-        The window, which lies in one tile.
+        The window, all of whose nodes are in one tile.
     """
-    numbers = random.random(DRAWS)
+    for_map, for_tile, for_x, for_y, for_symmetry = random.random(DRAWS)
     if tiles is None:
-        index = _pick(numbers[0], len(tiling.shapes))
-        number = tiling.starts[index] + _pick(numbers[1], len(tiling.tiles[index]))
+        map_index = _pick(for_map, len(tiling.shapes))
+        tile_in_map = _pick(for_tile, len(tiling.tiles[map_index]))
+        tile_number = tiling.starts[map_index] + tile_in_map
     else:
-        number = tiles[_pick(numbers[0], len(tiles))]
-        index = bisect_right(tiling.starts, number) - 1
-    tile = tiling.tiles[index][number - tiling.starts[index]]
+        # The first number draws the tile; the second one is not used.
+        tile_number = tiles[_pick(for_map, len(tiles))]
+        map_index = bisect_right(tiling.starts, tile_number) - 1
+        tile_in_map = tile_number - tiling.starts[map_index]
+    tile = tiling.tiles[map_index][tile_in_map]
     nx, ny = tiling.window
-    x = tile.x.start + _pick(numbers[2], tile.x.nodes - nx + 1)
-    y = tile.y.start + _pick(numbers[3], tile.y.nodes - ny + 1)
-    symmetries = 2 * TRANSPOSED if tiling.square else TRANSPOSED
-    return Window(index, number, (x, y), _pick(numbers[4], symmetries))
+    x = tile.x.start + _pick(for_x, tile.x.nodes - nx + 1)
+    y = tile.y.start + _pick(for_y, tile.y.nodes - ny + 1)
+    symmetries = SYMMETRIES_OF_SQUARE if tiling.square else SYMMETRIES_OF_RECTANGLE
+    return Window(
+        map=map_index,
+        tile=tile_number,
+        corner=(x, y),
+        symmetry=_pick(for_symmetry, symmetries),
+    )
 
 
 def cut_window(heights: Heights, window: Window, shape: Shape) -> Heights:
@@ -653,12 +698,12 @@ def cut_window(heights: Heights, window: Window, shape: Shape) -> Heights:
     window : Window
         Place of the window in the map.
     shape : (int, int)
-        Nodes of the window along x and y; equal ones if its symmetry swaps the axes.
+        Nodes of the window along x and y, which are equal if the symmetry swaps the axes.
 
     Returns
     -------
     ndarray
-        Heights above the lowest node of the window, of this shape [um].
+        Heights of the window above its lowest node, of the given shape [um].
     """
     x, y = window.corner
     nx, ny = shape
@@ -673,5 +718,5 @@ def cut_window(heights: Heights, window: Window, shape: Shape) -> Heights:
 
 
 def _pick(number: float, count: int) -> int:
-    """Turn a number in [0, 1) into one of 0, ..., count - 1."""
+    """Turn a random number in [0, 1) into one of the whole numbers 0, ..., count - 1."""
     return min(int(number * count), count - 1)

@@ -1,8 +1,9 @@
-"""Single pits and spikes: heights that stand apart from those around them.
+"""Single pits and spikes: nodes whose heights are far from the heights around them.
 
-A pit or a spike is a node, or a few side by side, that is far from the heights around it. Pits and
-spikes are looked for at either end of the heights and named in a warning. No height is changed
-here: whether a node was measured is for the user to say, by a mask.
+A spike is a node, or a few adjacent nodes, far above the heights around it; a pit is far below
+them. Spikes are sought among the highest nodes of a map and pits among the lowest, and a warning
+names them. No height is changed here: only the user knows whether a node was measured, and can
+leave it out by a mask.
 """
 
 from __future__ import annotations
@@ -17,23 +18,27 @@ from gen.arrays import Heights, Values
 from gen.maps.read import Remedy, Topography
 from gen.maps.settings import SPIKE
 
-Nodes = NDArray[np.bool_]  # whether a node is chosen, shape (nx, ny)
-End = Literal[1, -1]  # end of the heights: 1 for the highest ones, -1 for the lowest ones
+Nodes = NDArray[np.bool_]  # whether each node is chosen, shape (nx, ny)
+End = Literal[
+    1, -1
+]  # end of the heights: 1 for the highest nodes, -1 for the lowest nodes
 
-ROUNDING = 1e-9  # relative difference of numbers that are taken for the same
-# nodes along each side of the neighbourhood: its median ignores spikes of up to 3 x 4 nodes
+# least scatter, as a share of the span of all heights: smaller distances may be rounding
+ROUNDING = 1e-9
+# nodes along each side of a neighbourhood: its median ignores spikes of up to 3 x 4 nodes
 WINDOW = 5
 LINES = 64  # lines of nodes whose neighbourhoods are gathered at a time, which bounds the memory
-# standard deviation of normal numbers over their median absolute deviation
+# standard deviation of normally distributed numbers over their median absolute deviation
 TO_DEVIATION = 1.4826
 
 
 @dataclass(frozen=True, eq=False)
 class LocalLevels:
-    """Planes through the heights around some nodes, fitted by medians."""
+    """Planes through the heights around each of k nodes, fitted by medians."""
 
-    medians: Values  # height of the plane at each node [um], shape (k,)
-    # steps of the plane from one node to the next along x and y [um], shape (k, 1, 1)
+    medians: Values  # height of each plane at its node [um], shape (k,)
+    # change of height of each plane from one node to the next along x, and along y [um]; the shape
+    # is (k, 1, 1)
     along_x: Values
     along_y: Values
 
@@ -42,8 +47,8 @@ def local_levels(windows: Values) -> LocalLevels:
     """Fit a plane to the heights in each window, by medians.
 
     The slopes of a plane are the medians of the steps between neighbours in the window. Its height
-    in the middle is the median of the heights without these slopes, because a slope would shift the
-    median beside a hole, a spike or the border.
+    in the middle is the median of the heights after these slopes are subtracted, because a slope
+    would shift the median beside a hole, a spike or the border.
 
     Parameters
     ----------
@@ -53,23 +58,28 @@ def local_levels(windows: Values) -> LocalLevels:
     Returns
     -------
     LocalLevels
-        Height in the middle and slopes of the plane of each window.
+        Height in the middle and slopes of the plane of each window. The height is NaN if the
+        window has no height, and a slope is 0 if no neighbours along its axis have heights.
     """
     along_x = _median_steps(windows, axis=1)
     along_y = _median_steps(windows, axis=2)
-    places = np.arange(windows.shape[1]) - windows.shape[1] // 2
-    level = windows - along_x * places[:, None] - along_y * places
-    return LocalLevels(_medians(level), along_x, along_y)
+    size = windows.shape[1]
+    offsets = np.arange(size) - size // 2  # of the nodes from the middle
+    without_slopes = windows - along_x * offsets[:, None] - along_y * offsets
+    return LocalLevels(_medians(without_slopes), along_x, along_y)
 
 
 def _median_steps(windows: Values, axis: int) -> Values:
-    """Return the median step in each window along an axis, 0 without any [um], shape (k, 1, 1)."""
+    """Return the median step between neighbours along an axis of each window [um].
+
+    The shape is (k, 1, 1). The median is 0 if no neighbours have heights.
+    """
     medians = _medians(np.diff(windows, axis=axis))
     return np.nan_to_num(medians, copy=False)[:, None, None]
 
 
 def local_medians(heights: Heights) -> Heights:
-    """Compute the local level of each node, by the median of the measured nodes around it.
+    """Compute the level around each node by medians of the measured nodes around it.
 
     Parameters
     ----------
@@ -79,16 +89,17 @@ def local_medians(heights: Heights) -> Heights:
     Returns
     -------
     ndarray, shape (nx, ny)
-        Height of the plane through the `WINDOW` x `WINDOW` nodes around each node, see
-        `local_levels` [um].
+        At each node, the height of the plane that `local_levels` fits to the `WINDOW` x `WINDOW`
+        nodes around it [um]; NaN if none of them has a height.
     """
     padded = np.pad(heights, WINDOW // 2, constant_values=np.nan)
     windows = np.lib.stride_tricks.sliding_window_view(padded, (WINDOW, WINDOW))
+    columns = heights.shape[1]
     medians = np.empty(heights.shape)
     for first in range(0, len(heights), LINES):
         lines = slice(first, first + LINES)
         levels = local_levels(windows[lines].reshape(-1, WINDOW, WINDOW))
-        medians[lines] = levels.medians.reshape(-1, heights.shape[1])
+        medians[lines] = levels.medians.reshape(-1, columns)
     return medians
 
 
@@ -100,13 +111,14 @@ def scatter_of(distances: Values, heights: Heights) -> float:
     distances : ndarray
         Distances of nodes from their local medians, of any shape, NaN at holes [um].
     heights : ndarray, shape (nx, ny)
-        Heights of the map, whose span limits the rounding [um].
+        Heights of the map, NaN at holes [um].
 
     Returns
     -------
     float
-        Median absolute deviation of the distances times that factor which makes it the standard
-        deviation of normal ones, and at least the rounding of the heights [um].
+        Median absolute deviation of the distances times `TO_DEVIATION`, which makes it the standard
+        deviation if they are normally distributed, but at least `ROUNDING` times the span of the
+        heights [um].
     """
     measured = distances[~np.isnan(distances)]
     deviations = np.abs(measured - np.median(measured))
@@ -116,42 +128,48 @@ def scatter_of(distances: Values, heights: Heights) -> float:
 
 
 def _medians(values: Values) -> Values:
-    """Return the median of the numbers of each entry of the first axis, NaN if it has none."""
+    """Return the median over all axes but the first, shape (k,); NaN are left out.
+
+    The median is NaN where all values are NaN.
+    """
     numbers = values.reshape(len(values), -1)
     ordered = np.sort(numbers, axis=1)  # NaN come last
     count = np.count_nonzero(~np.isnan(numbers), axis=1)
     entries = np.arange(len(numbers))
-    lower = ordered[entries, np.maximum((count - 1) // 2, 0)]
+    lower_place = np.maximum((count - 1) // 2, 0)
+    lower = ordered[entries, lower_place]
     upper = ordered[entries, count // 2]
-    odd = count % 2 == 1
-    return np.asarray(np.where(odd, lower, lower / 2 + upper / 2))
+    has_middle = count % 2 == 1
+    halfway = lower / 2 + upper / 2  # halves first, as the sum may overflow
+    return np.asarray(np.where(has_middle, lower, halfway))
 
 
-# Nodes at this distance from a pit or spike are its surroundings; it is part of a ridge, groove,
-# wall or summit if more than one of them is more than `HALF` as far from the level as itself.
+# distance in nodes of the ring around a node that shows whether the node is alone
 AROUND = 3
+# A node is not alone, but part of a ridge, groove, wall or summit, if more than one node of this
+# ring is more than this share of its own distance from the level.
 HALF = 0.5
-# least distance of a pit or spike from the level, over the distance that the share `USUAL` of the
-# nodes does not exceed: for normal distances this is 6 times their scatter
-USUAL = 0.98
+# least distance of a spike or pit from its level, over the quantile `USUAL` of the distances of all
+# nodes: for normally distributed distances this is about 6 times their scatter
 FARTHER = 3.0
-# A node whose height differs from the level by less than this many steps of the level's slope to
-# the next node is no pit or spike.
+USUAL = 0.98
+# least distance of a spike or pit from its level, over the change of the level from one node to the
+# next
 STEEPER = 2.0
 SAMPLE = 64  # largest number of nodes along each axis whose distances from the level are sampled
-MOST_OUTLIERS = 1000  # pits or spikes that are looked for
-LOST = (
-    1000.0  # scatter, in spacings of numbers at the largest height, that may be rounding
-)
+MOST_OUTLIERS = 1000  # largest number of spikes, or of pits, that are sought in one map
+# A map has no spikes or pits if the standard deviation of its heights is at most this number of
+# spacings of floating-point numbers at the largest height: it may be rounding alone.
+LOST = 1000.0
 
 
 @dataclass(frozen=True, eq=False)
 class Outliers:
-    """The spikes at the top of a map, or the pits at its bottom."""
+    """The spikes among the highest nodes of a map, or the pits among its lowest nodes."""
 
-    node: tuple[int, int]  # place (row, column) of the outermost one
-    distance: float  # of this node from the level around it, positive [um]
-    nodes: Nodes  # all of them
+    node: tuple[int, int]  # indices (along x, along y) of the outermost spike or pit
+    distance: float  # distance of this node from the level around it, positive [um]
+    nodes: Nodes  # all nodes that are spikes or pits
 
     @property
     def number(self) -> int:
@@ -162,9 +180,9 @@ class Outliers:
 def find_outliers(heights: Heights, end: End) -> Outliers | None:
     """Find the spikes at the top of a map, or the pits at its bottom.
 
-    Nodes are looked at from the outermost one inwards, until one is no spike (or pit). A spike is
-    more than `SPIKE` times the usual distance from its local median, as for `--despike`, is more
-    than the slope at this place explains, and stands alone.
+    Nodes are examined from the outermost one inwards, until one is no spike (or pit). A spike or
+    pit is farther from the level around it than `SPIKE` times the scatter of all nodes, as for
+    `--despike`, and than `FARTHER` and `STEEPER` ask. It also is alone, see `HALF`.
 
     Parameters
     ----------
@@ -178,7 +196,7 @@ def find_outliers(heights: Heights, end: End) -> Outliers | None:
     Outliers or None
         The spikes or pits, None if there are none.
     """
-    columns = heights.shape[1]
+    nx, ny = heights.shape
     padded = np.pad(heights, AROUND, constant_values=np.nan)
     width = 2 * AROUND + 1
     windows = np.lib.stride_tricks.sliding_window_view(padded, (width, width))
@@ -186,21 +204,24 @@ def find_outliers(heights: Heights, end: End) -> Outliers | None:
     places: list[int] = []
     distances: list[float] = []
     for place in _outermost(heights, end):
-        window = windows[place // columns, place % columns]
-        distance = _distance_alone(window, end, threshold)
+        ix, iy = divmod(place, ny)
+        distance = _distance_alone(windows[ix, iy], end, threshold)
         if distance is None:
             break
         places.append(place)
         distances.append(distance)
     if not places:
         return None
-    nodes = np.zeros(heights.shape, dtype=bool)
+    nodes = np.zeros((nx, ny), dtype=bool)
     nodes.flat[places] = True
-    return Outliers(divmod(places[0], columns), distances[0], nodes)
+    return Outliers(node=divmod(places[0], ny), distance=distances[0], nodes=nodes)
 
 
 def _outermost(heights: Heights, end: End) -> list[int]:
-    """Return flat places of the outermost nodes at one end of the heights, the first one first."""
+    """Return the nodes at one end of the heights as flat indices, the outermost node first.
+
+    They are `MOST_OUTLIERS` nodes, or all but one if the map has fewer.
+    """
     outward = np.where(np.isnan(heights), -np.inf, end * heights).ravel()
     number = min(MOST_OUTLIERS, outward.size - 1)
     places = np.argpartition(-outward, number)[:number]
@@ -210,49 +231,55 @@ def _outermost(heights: Heights, end: End) -> list[int]:
 
 
 def _middle(windows: Values) -> Values:
-    """Return the parts of windows, shape (..., n, n), from which levels are computed."""
-    inner = slice(AROUND - WINDOW // 2, AROUND + WINDOW // 2 + 1)
+    """Return the `WINDOW` x `WINDOW` nodes in the middle of windows, from which levels follow.
+
+    The windows have the shape (..., n, n), where n is 2 `AROUND` + 1.
+    """
+    half = WINDOW // 2
+    inner = slice(AROUND - half, AROUND + half + 1)
     return windows[..., inner, inner]
 
 
 def _outlier_threshold(heights: Heights, windows: Values, end: End) -> float:
     """Return the least distance of a spike or pit from its level [um], by a sample of the nodes.
 
-    The windows, shape (nx, ny, n, n), hold the heights around each node.
+    The windows, shape (nx, ny, n, n), hold the heights around each node. The threshold does not
+    include the slope, which is another one at each node.
     """
     rows, columns = (
         np.unique(np.linspace(0, nodes - 1, SAMPLE).astype(int))
         for nodes in heights.shape
     )
     sample = windows[np.ix_(rows, columns)].reshape(-1, *windows.shape[2:])
-    distances = sample[:, AROUND, AROUND] - local_levels(_middle(sample)).medians
+    levels = local_levels(_middle(sample)).medians
+    distances = sample[:, AROUND, AROUND] - levels
     usual = float(np.nanquantile(end * distances, USUAL))
-    return max(SPIKE * scatter_of(distances, heights), FARTHER * usual)
+    scatter = scatter_of(distances, heights)
+    return max(SPIKE * scatter, FARTHER * usual)
 
 
 def _distance_alone(window: Values, end: End, threshold: float) -> float | None:
     """Return the distance of the middle of a window from the level around it [um].
 
-    None is returned if it is below the threshold [um] or what the slope explains, or if the node
-    is not alone.
+    Return None if the distance is not above the threshold [um] and not above `STEEPER` steps of
+    the level's slope, or if the node is not alone.
     """
     level = local_levels(_middle(window)[None])
-    places = np.arange(-AROUND, AROUND + 1)
-    plane = level.along_x[0] * places[:, None] + level.along_y[0] * places
-    outward = end * (window - plane - level.medians[0])
+    offsets = np.arange(-AROUND, AROUND + 1)
+    slopes = level.along_x[0] * offsets[:, None] + level.along_y[0] * offsets
+    outward = end * (window - slopes - level.medians[0])
     distance = float(outward[AROUND, AROUND])
     slope_x = abs(float(level.along_x.item()))
     slope_y = abs(float(level.along_y.item()))
     if not distance > max(threshold, STEEPER * slope_x, STEEPER * slope_y):
         return None
-    rows, columns = np.meshgrid(places, places)
-    surroundings = np.maximum(np.abs(rows), np.abs(columns)) == AROUND
-    companions = np.count_nonzero(np.abs(outward[surroundings]) > HALF * distance)
+    ring = np.maximum.outer(np.abs(offsets), np.abs(offsets)) == AROUND
+    companions = np.count_nonzero(np.abs(outward[ring]) > HALF * distance)
     return distance if companions <= 1 else None
 
 
 def mask_bounds(heights: Heights, doubtful: Nodes) -> str:
-    """Choose a mask that leaves out nodes and keeps all other nodes.
+    """Choose the bounds of a mask that leaves out doubtful nodes and keeps all other nodes.
 
     Parameters
     ----------
@@ -264,8 +291,10 @@ def mask_bounds(heights: Heights, doubtful: Nodes) -> str:
     Returns
     -------
     str
-        Value of `--mask` with two numbers of few digits, about a twentieth of the span beyond the
-        other heights, as "8.9:11.1"; "" if no mask tells the nodes from the others.
+        Value of `--mask`, as "8.9:11.1": two numbers of few digits, which are at most about a
+        twentieth of the span beyond the heights of the other nodes. A doubtful node between these
+        heights is kept, too. "" if every doubtful node is between them, or no height is doubtful,
+        or every one is.
     """
     measured = ~np.isnan(heights)
     outside = heights[doubtful & measured]
@@ -274,31 +303,36 @@ def mask_bounds(heights: Heights, doubtful: Nodes) -> str:
         return ""
     low = float(kept.min())
     high = float(kept.max())
-    if ((outside >= low) & (outside <= high)).all():
+    between = (outside >= low) & (outside <= high)
+    if between.all():
         return ""
     below = float(outside[outside < low].max(initial=-np.inf))
     above = float(outside[outside > high].min(initial=np.inf))
     margin = (high - low) / 20
-    lower = _shortest(max(low - margin, (below + low) / 2), low)
-    upper = _shortest(min(high + margin, (above + high) / 2), high)
-    return f"{lower}:{upper}"
+    lower = max(low - margin, (below + low) / 2)
+    upper = min(high + margin, (above + high) / 2)
+    return f"{_shortest(lower, low)}:{_shortest(upper, high)}"
 
 
 def _shortest(number: float, end: float) -> str:
-    """Write a number with the fewest digits that move it by less than half its way to an end."""
+    """Write a number with the fewest digits that keep it on its side of another number, `end`.
+
+    The written number differs from the number by less than half of its distance from `end`.
+    """
     tolerance = abs(number - end) / 2
     text = ""
     for digits in range(2, 18):
         text = f"{number:.{digits}g}"
         if abs(float(text) - number) < tolerance:
             break
-    if 1e-3 <= abs(float(text)) < 1e6:
-        return np.format_float_positional(float(text), trim="-")
+    rounded = float(text)
+    if 1e-3 <= abs(rounded) < 1e6:
+        return np.format_float_positional(rounded, trim="-")  # no exponent
     return text
 
 
 def _is_kept(height: float, bounds: str) -> bool:
-    """Tell whether the mask with the given bounds keeps a height [um]."""
+    """Tell whether a mask keeps a height [um]; `bounds` is a text from `mask_bounds`."""
     low, high = bounds.split(":")
     return float(low) <= height <= float(high)
 
@@ -307,40 +341,51 @@ def _is_kept(height: float, bounds: str) -> bool:
 class OutlierWords:
     """Words of a warning for spikes or for pits."""
 
-    end: End  # end of the heights at which they are
-    node: str  # name of the outermost node
-    kind: str  # name of one of them
-    consequence: str  # what follows if it is the outermost node, "" for nothing
-    side: str  # direction from the neighbours
+    end: End  # end of the heights at which the spikes or pits are
+    node: str  # name of the outermost node of the map at this end
+    kind: str  # name of one spike or pit
+    # clause after `kind` that says what follows if the outermost node of the map is a spike or pit;
+    # "" if nothing follows
+    consequence: str
+    side: str  # direction of a spike or pit from its neighbours
 
 
 SPIKES_IN_WORDS = OutlierWords(
-    1, "highest node", "spike", " from whose tip Delta counts", "above"
+    end=1,
+    node="highest node",
+    kind="spike",
+    consequence=" from whose tip Delta counts",
+    side="above",
 )
-PITS_IN_WORDS = OutlierWords(-1, "lowest node", "pit", "", "below")
-
+PITS_IN_WORDS = OutlierWords(
+    end=-1,
+    node="lowest node",
+    kind="pit",
+    consequence="",
+    side="below",
+)
 
 OTHER_REMEDIES: tuple[Remedy, ...] = (
     Remedy(f"despike {SPIKE:g}", "replaces it by what is around"),
     Remedy("crop", "leaves this part out"),
 )
-"""Remedies of a pit or spike that need no mask."""
+"""Remedies of a spike or pit other than a mask."""
 
 
 def mask_remedy(bounds: str, *, plural: bool) -> Remedy:
-    """Return a mask as the remedy of a pit, a spike or a code.
+    """Return a mask as the remedy of spikes, pits or codes for missing heights.
 
     Parameters
     ----------
     bounds : str
         Value of `--mask`, from `mask_bounds`.
     plural : bool
-        Whether it is the remedy for several nodes rather than for one.
+        Whether the remedy speaks of several nodes rather than of one.
 
     Returns
     -------
     Remedy
-        The mask and what it does.
+        The option --mask with the bounds, and words for its effect.
     """
     holes = "holes of them" if plural else "a hole of it"
     return Remedy(f"mask {bounds}", f"makes {holes}, which --fill closes")
@@ -349,31 +394,35 @@ def mask_remedy(bounds: str, *, plural: bool) -> Remedy:
 def with_outlier_warnings(
     topography: Topography, measured: Heights, level: Heights
 ) -> Topography:
-    """Add a warning for the spikes of a map and one for its pits, and note their nodes as doubtful.
+    """Add a warning for the spikes of a map and one for its pits, and mark their nodes as doubtful.
+
+    Nodes that are doubtful already are not examined. A mask is advised if it leaves out the
+    outermost spike or pit and keeps all nodes that are not doubtful.
 
     Parameters
     ----------
     topography : Topography
         The map after the steps that take a form out, without holes.
     measured : ndarray, shape (nx, ny)
-        Heights before these steps, which a mask cuts [um].
+        Heights before these steps, NaN at holes; `--mask` acts on these heights [um].
     level : ndarray, shape (nx, ny)
-        Heights of the map without its tilt, if it still has one [um].
+        Heights of the map after its mean plane, if it is tilted, was subtracted [um].
 
     Returns
     -------
     Topography
-        The map with these warnings, or the same one if it has no spike and no pit.
+        The map with the warnings; the argument itself if the map has no spike and no pit.
     """
     doubtful = topography.doubtful
     if doubtful is None:
         doubtful = np.zeros(measured.shape, dtype=bool)
     heights = np.where(doubtful, np.nan, level)
     largest = float(np.nanmax(np.abs(measured)))
-    if float(np.nanstd(heights)) <= LOST * float(np.spacing(largest)):
+    rounding = float(np.spacing(largest))
+    if float(np.nanstd(heights)) <= LOST * rounding:
         return topography
-    spikes = find_outliers(heights, 1)
-    pits = find_outliers(heights, -1)
+    spikes = find_outliers(heights, end=1)
+    pits = find_outliers(heights, end=-1)
     if spikes is None and pits is None:
         return topography
     if spikes is not None:
@@ -386,7 +435,8 @@ def with_outlier_warnings(
         if outliers is None:
             continue
         remedies = list(OTHER_REMEDIES)
-        if bounds and not _is_kept(float(measured[outliers.node]), bounds):
+        outermost = float(measured[outliers.node])
+        if bounds and not _is_kept(outermost, bounds):
             remedies.insert(0, mask_remedy(bounds, plural=False))
         fault = _outliers_in_words(outliers, words, topography.heights)
         warnings.append(topography.advised(fault, *remedies))
@@ -394,15 +444,16 @@ def with_outlier_warnings(
 
 
 def _outliers_in_words(outliers: Outliers, words: OutlierWords, heights: Heights) -> str:
-    """Write where the outermost spike or pit is, how far from its neighbours, and its companions.
+    """Write where the outermost spike or pit is, its distance, and the number of further ones.
 
-    `heights`, shape (nx, ny), are those of the map [um]. In a tilted map, other nodes may be higher
-    or lower.
+    It is called the highest (lowest) node only if no height of the map, shape (nx, ny) [um], is
+    above (below) its own: in a tilted map, other nodes may lie further out.
     """
     outward = words.end * heights
+    is_outermost = not (outward > outward[outliers.node]).any()
     node = "node"
     consequence = ""
-    if not (outward > outward[outliers.node]).any():
+    if is_outermost:
         node = words.node
         consequence = words.consequence
     fault = (

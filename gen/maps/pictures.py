@@ -17,28 +17,28 @@ from gen.maps.texture import RadialSpectrum, SelfAffineFit
 from gen.runtime.figure import save
 from gen.runtime.terminal import shortened
 
-LETTERS = 50  # letters in a line above a map that fills its half of a picture
+LETTERS = 50  # letters in a line of a title above a panel as wide as half of a picture
 # percentile at which a colour scale ends if a few outliers would otherwise take most of it
 UPPER_PERCENTILE = 99
 
 
 @dataclass(frozen=True)
 class ColoursBeyond:
-    """Colours of the values beyond a colour scale, which the scale does not have itself."""
+    """Colours of the values below and above a colour scale; the scale itself does not have them."""
 
-    below: str
-    above: str
+    below: str  # name of a colour of matplotlib
+    above: str  # name of a colour of matplotlib
 
 
 BEYOND = {
-    "viridis": ColoursBeyond("magenta", "red"),
-    "inferno_r": ColoursBeyond("deepskyblue", "limegreen"),
+    "viridis": ColoursBeyond(below="magenta", above="red"),
+    "inferno_r": ColoursBeyond(below="deepskyblue", above="limegreen"),
 }
 """Colours beyond the ends of colour maps, by the names of the maps."""
 
-COLOURS = 20  # colours of spots, those of the colour map tab20
-OBLONG = 4.0  # ratio of the sides beyond which a map is not to scale, but fills its panel
-# colour of yielded nodes (red, green, blue): no colour map of these pictures has it
+COLOURS = 20  # number of colours of spots: that of the colour map tab20
+OBLONG = 4.0  # ratio of the sides above which a map is not to scale, but fills its panel
+# colour of marked nodes (red, green, blue): no colour map of these pictures has it
 CYAN = (0.09, 0.75, 0.81)
 BINS = 80  # number of bars of the height distribution
 CURVE_POINTS = 1000  # largest number of points of the bearing curve
@@ -46,15 +46,17 @@ CURVE_POINTS = 1000  # largest number of points of the bearing curve
 
 @dataclass(frozen=True, eq=False)
 class Map:
-    """A field over a surface; without a quantity its values are numbers of `COLOURS`."""
+    """A field over a surface, and how it is drawn."""
 
-    field: Values  # masked where there is nothing to draw, shape (nx, ny) [unit]
+    # values in `unit`, masked where nothing is drawn, shape (nx, ny); without a quantity they are
+    # numbers of colours, from 0 to `COLOURS` - 1
+    field: Values
     sides: Sides  # lengths of the patch along x and y [um]
     title: str
-    quantity: str
-    unit: str
-    colours: str  # name of a colour map of matplotlib
-    # nodes to draw in `CYAN` instead, shape (nx, ny)
+    quantity: str  # name of the quantity for the colour bar, "" for none
+    unit: str  # unit of the quantity, "" for none
+    colours: str  # name of a colour map of matplotlib: a key of `BEYOND` if there is a quantity
+    # whether each node is drawn in `CYAN` instead, shape (nx, ny); None for no node
     marked: NDArray[np.bool_] | None = None
 
 
@@ -62,25 +64,25 @@ class Map:
 class Extreme:
     """The value of a map that is farthest beyond one end of its colours."""
 
-    node: tuple[int, int]  # its place (row, column)
-    colour: str  # colour beyond this end
-    words: str  # the value and its colour, for the title
+    node: tuple[int, int]  # indices of its node along x and y
+    colour: str  # name of the colour of all values beyond this end
+    words: str  # the value and the colour, for the title
 
 
 @dataclass(frozen=True)
 class ColourScale:
-    """The ends of the colours of a map, beyond which a few outliers may be."""
+    """The ends of the colours of a map, with the outliers beyond them."""
 
-    low: float
-    high: float
-    # The values farthest beyond the low and the high end, None if no value is beyond. A picture of
-    # a large map would average a single node away.
+    low: float  # value of the first colour, in the map's unit
+    high: float  # value of the last colour, in the map's unit
+    # The values farthest below `low` and above `high`, None if no value is beyond. They get a
+    # circle and words, because a picture of a large map would average a single node away.
     below: Extreme | None = None
     above: Extreme | None = None
 
     @property
     def extend(self) -> Literal["neither", "min", "max", "both"]:
-        """Ends beyond which there are values, as matplotlib names them."""
+        """Ends beyond which there are values, in the words of matplotlib."""
         if self.below is not None and self.above is not None:
             return "both"
         if self.below is not None:
@@ -96,7 +98,7 @@ class ColourScale:
 
     @property
     def remark(self) -> str:
-        """What a title says of values beyond the colours, "" without any."""
+        """Words for the title on the values beyond the colours, "" if there are none."""
         if not self.extremes:
             return ""
         words = " and ".join(extreme.words for extreme in self.extremes)
@@ -104,7 +106,7 @@ class ColourScale:
 
 
 def colour_scale(surface_map: Map) -> ColourScale:
-    """Choose the ends of the colours of a map, so that a few outliers do not take most of them.
+    """Choose the ends of the colours of a map so that a few outliers do not take most of them.
 
     Parameters
     ----------
@@ -114,8 +116,9 @@ def colour_scale(surface_map: Map) -> ColourScale:
     Returns
     -------
     ColourScale
-        From the smallest to the largest value, or to a percentile where the values beyond it would
-        take more than half as much again as all others.
+        From the smallest to the largest value. An end is at the percentile `UPPER_PERCENTILE` (or
+        the opposite one) instead if the values beyond it span more than half of the range between
+        both percentiles. 0 to `COLOURS` - 1 for a map without a quantity.
     """
     field = surface_map.field
     values = np.ma.compressed(field)
@@ -128,7 +131,7 @@ def colour_scale(surface_map: Map) -> ColourScale:
     percentiles = np.percentile(values, [100 - UPPER_PERCENTILE, UPPER_PERCENTILE])
     first, last = percentiles.tolist()
     colours = BEYOND[surface_map.colours]
-    columns = field.shape[1]
+    ny = field.shape[1]
     low = smallest
     high = largest
     below = None
@@ -136,14 +139,14 @@ def colour_scale(surface_map: Map) -> ColourScale:
     if smallest < 1.5 * first - 0.5 * last:
         low = first
         below = Extreme(
-            node=divmod(int(np.ma.argmin(field)), columns),
+            node=divmod(int(np.ma.argmin(field)), ny),
             colour=colours.below,
             words=f"down to {smallest:.4g} {surface_map.unit} ({colours.below})",
         )
     if largest > 1.5 * last - 0.5 * first:
         high = last
         above = Extreme(
-            node=divmod(int(np.ma.argmax(field)), columns),
+            node=divmod(int(np.ma.argmax(field)), ny),
             colour=colours.above,
             words=f"up to {largest:.4g} {surface_map.unit} ({colours.above})",
         )
@@ -151,18 +154,18 @@ def colour_scale(surface_map: Map) -> ColourScale:
 
 
 def plot_map(axis: Any, surface_map: Map, letters: int = LETTERS) -> None:
-    """Draw a map into an axis, with a colour bar and a title.
+    """Draw a map into an axis, with a title, and with a colour bar if it has a quantity.
 
-    It is to scale unless it is very oblong. The axis is changed.
+    The map is to scale unless one side is more than `OBLONG` times as long as the other.
 
     Parameters
     ----------
     axis : matplotlib.axes.Axes
-        The axis, still empty.
+        An empty axis, which is drawn into.
     surface_map : Map
         The map.
     letters : int, optional
-        Letters in a line of the title, at most.
+        Largest number of letters in a line of the title.
     """
     width, length = surface_map.sides
     is_oblong = max(width, length) > OBLONG * min(width, length)
@@ -180,8 +183,8 @@ def plot_map(axis: Any, surface_map: Map, letters: int = LETTERS) -> None:
     axis.set_facecolor("0.93")
     _plot_marked(axis, image, surface_map)
     if surface_map.quantity:
-        as_high_as_the_map = (1.03, 0.0, 0.04, 1.0)
-        bar = axis.inset_axes(as_high_as_the_map)
+        # left, bottom, width and height in units of the axis: right of the map, and as high
+        bar = axis.inset_axes((1.03, 0.0, 0.04, 1.0))
         label = f"{surface_map.quantity} [{surface_map.unit}]"
         axis.figure.colorbar(image, cax=bar, label=label, extend=scale.extend)
     lines = textwrap.wrap(surface_map.title, letters)
@@ -193,7 +196,7 @@ def plot_map(axis: Any, surface_map: Map, letters: int = LETTERS) -> None:
 
 
 def _plot_extremes(axis: Any, image: Any, surface_map: Map, scale: ColourScale) -> None:
-    """Colour the values beyond the scale of an image, and draw circles around the farthest."""
+    """Colour the values beyond the scale of a map's image, and circle the farthest ones."""
     if not scale.extremes:
         return
     colours = BEYOND[surface_map.colours]
@@ -202,10 +205,10 @@ def _plot_extremes(axis: Any, image: Any, surface_map: Map, scale: ColourScale) 
     nx, ny = surface_map.field.shape
     width, length = surface_map.sides
     for extreme in scale.extremes:
-        row, column = extreme.node
+        ix, iy = extreme.node
         axis.plot(
-            (row + 0.5) * width / nx,
-            (column + 0.5) * length / ny,
+            (ix + 0.5) * width / nx,
+            (iy + 0.5) * length / ny,
             "o",
             ms=9,
             mfc="none",
@@ -241,25 +244,25 @@ def plot_surface(
     *,
     directional: bool,
 ) -> None:
-    """Draw the heights, their distribution with the bearing curve, and the spectrum of a surface.
+    """Draw heights, height distribution, bearing curve and spectrum of a surface.
 
-    The picture is written, and replaces one of before.
+    The picture is written to a file. An existing file is replaced.
 
     Parameters
     ----------
     figure : matplotlib.figure.Figure
-        The figure, still empty.
+        An empty figure, which is drawn into.
     topography : Topography
         The surface, without holes.
     spectrum : RadialSpectrum
-        Its power spectrum.
+        Power spectrum of the surface.
     fit : SelfAffineFit or str
-        The law of the spectrum, or why there is none.
+        The law of the spectrum, or the reason why it has none.
     picture : Path
         File of the picture.
     directional : bool
-        Whether the surface has a lay, so that the spectra of its profiles along x and along y are
-        drawn beside its own.
+        Whether the surface has a lay; then the spectra of its profiles along x and along y are
+        drawn beside its radial spectrum.
 
     Raises
     ------
@@ -290,13 +293,17 @@ def plot_surface(
 
 
 def _plot_note(axis: Any, note: str) -> None:
-    """Write a note in the middle of an axis without curves, and take its numbers away."""
+    """Write a note into an axis without curves, and remove the numbers of the axis."""
     axis.text(0.5, 0.5, note, ha="center", transform=axis.transAxes)
     axis.set(xticks=[], yticks=[])
 
 
 def _plot_distribution(axis: Any, heights: Heights) -> None:
-    """Draw the share of the surface over the height [um], and the share above each height."""
+    """Draw the distribution of heights [um] as bars, and the bearing curve as a line.
+
+    The bearing curve is the share of the surface above each height. A flat surface has a note
+    instead.
+    """
     axis.set_title("height distribution and bearing curve", loc="left", fontsize=10)
     axis.set_ylabel("height above the mean [µm]")
     axis.set_xlabel("share of the surface per µm [%]", color="tab:blue")
@@ -305,9 +312,14 @@ def _plot_distribution(axis: Any, heights: Heights) -> None:
         _plot_note(axis, "flat surface")
         return
     counts, edges = np.histogram(falling, BINS)
-    shares = 100.0 * counts / falling.size / np.diff(edges)
+    shares_per_um = 100.0 * counts / falling.size / np.diff(edges)
     axis.stairs(
-        shares, edges, orientation="horizontal", fill=True, color="tab:blue", alpha=0.35
+        shares_per_um,
+        edges,
+        orientation="horizontal",
+        fill=True,
+        color="tab:blue",
+        alpha=0.35,
     )
     axis.set_xlim(left=0.0)
     bearing = axis.twiny()
@@ -320,11 +332,11 @@ def _plot_distribution(axis: Any, heights: Heights) -> None:
     axis.axhline(0.0, color="k", lw=0.6, ls=":")
 
 
-WAVENUMBER = "wavenumber q = 2π / wavelength [1/µm]"
+WAVENUMBER = "wavenumber q = 2π / wavelength [1/µm]"  # label of the axes of spectra
 
 
 def _plot_profile_spectra(axis: Any, spectrum: RadialSpectrum) -> None:
-    """Draw the mean power spectra of the profiles along x and along y."""
+    """Draw the mean power spectra of the profiles along x and along y, or a note if both are 0."""
     axis.set_title("power spectra of profiles", loc="left", fontsize=10)
     axis.set(xlabel=WAVENUMBER, ylabel="profiles' power spectrum [µm$^3$]")
     curves = {"along x": spectrum.along_x, "along y": spectrum.along_y}
@@ -342,7 +354,10 @@ def _plot_profile_spectra(axis: Any, spectrum: RadialSpectrum) -> None:
 def _plot_spectrum(
     axis: Any, spectrum: RadialSpectrum, fit: SelfAffineFit | str, letters: int
 ) -> None:
-    """Draw the radial power spectrum, with its law in the range of the fit if there is one."""
+    """Draw the radial power spectrum, and its law if `fit` is one, or a note if there is no wave.
+
+    `letters` is the largest number of letters in a line of the title.
+    """
     title = _spectrum_title(fit, letters)
     axis.set_title(title, loc="left", fontsize=10)
     axis.set(xlabel=WAVENUMBER, ylabel="radial power spectrum C [µm$^4$]")
@@ -359,7 +374,10 @@ def _plot_spectrum(
 
 
 def _spectrum_title(fit: SelfAffineFit | str, letters: int) -> str:
-    """Return the title of a spectrum; the reason why there is no law is broken into lines."""
+    """Return the title of a spectrum: the numbers of its law, or the reason why it has none.
+
+    The reason is broken into lines of at most `letters` letters.
+    """
     if isinstance(fit, str):
         reason = f"radial power spectrum; no self-affine law: {fit}"
         return textwrap.fill(reason, letters)
@@ -373,9 +391,9 @@ def _spectrum_title(fit: SelfAffineFit | str, letters: int) -> str:
 def _plot_self_affine_law(
     axis: Any, spectrum: RadialSpectrum, fit: SelfAffineFit, smallest: float
 ) -> None:
-    """Draw a law over the range of its fit, its roll-off and its cut-off.
+    """Draw a law, shade the range of its fit, and mark its roll-off and its cut-off.
 
-    `smallest` is the smallest density above 0 of the spectrum [um^4].
+    `smallest` is the smallest density above 0 of the spectrum [um^4]; it bounds the axis.
     """
     last = 2 * math.pi / fit.spectrum.cut_off
     axis.axvspan(spectrum.edges[0, 0], last, color="tab:orange", alpha=0.1, lw=0)
@@ -392,6 +410,9 @@ def _plot_self_affine_law(
 
 
 def _plot_wavelength(axis: Any, name: str, wavelength: float, style: str) -> None:
-    """Draw a line of a style at a named wavelength [um] over the wavenumbers of an axis."""
+    """Draw a vertical line of a style of matplotlib at the wavenumber of a wavelength [um].
+
+    `name` and the wavelength are its label. The axis has wavenumbers [1/um].
+    """
     label = f"{name} {wavelength:.4g} µm"
     axis.axvline(2 * math.pi / wavelength, color="k", lw=0.9, ls=style, label=label)

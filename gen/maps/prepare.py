@@ -1,7 +1,7 @@
-"""Prepare a measured topography for contact: only the steps that the user asks for, recorded.
+"""Prepare a measured map for contact by the steps that the user chose, and record each step.
 
-Reasons to distrust the prepared map are codes for missing heights, pits and spikes, a tilt, slopes,
-borders that differ, and a lost unit.
+Warnings name the reasons to distrust the prepared map: codes for missing heights, pits and spikes,
+a tilt, steep slopes, opposite borders that differ, and a lost unit.
 """
 
 from __future__ import annotations
@@ -23,32 +23,36 @@ from gen.maps.settings import KEYS, SPIKE, Reading, as_option, numbers_in
 from gen.runtime.errors import InputError
 from gen.statistics import rms_slope
 
-ROUNDING = 1e-9  # relative difference of numbers that are taken for the same
-# share of nodes above which those replaced as spikes are probably part of the surface
+ROUNDING = (
+    1e-9  # largest distance from a node, in spacings, at which a crop may end and keep it
+)
+# share of all nodes above which nodes that were replaced as spikes are probably part of the surface
 MANY_SPIKES = 0.01
 
 
 def prepare(topography: Topography, settings: Reading) -> Topography:
     """Crop, invert, mask, despike, level, fill, filter and downsample a map, in this order.
 
-    Metrologists take the steps in this order. The mask comes before the spikes, so that heights out
-    of range are no part of any median. The spikes come before the level, because they would bend a
-    fit, and before the holes, which are filled from their rims. A filter needs all nodes, and no
-    slope at the borders. Means of nodes come last, when the S-filter has removed the waves that
-    they would fold back.
+    Only the steps that the settings name are taken. The order is that of metrologists. A map is
+    masked before it is despiked, so that heights out of range are no part of a median. It is
+    despiked before it is levelled, because spikes would bend the fit, and before its holes are
+    filled from their rims. It is filtered afterwards, because a filter needs all nodes and no slope
+    at the borders. It is downsampled last, when the S-filter has removed the short waves that means
+    of nodes would fold into long ones.
 
     Parameters
     ----------
     topography : Topography
         A map as it was read.
     settings : Reading
-        The steps to take.
+        The steps to take, with their values.
 
     Returns
     -------
     Topography
-        The prepared map without holes, with a line for each step, a warning for each reason to
-        distrust its heights, and the nodes that such a warning calls doubtful.
+        The prepared map without holes. A line for each step is added to its `steps`, and one for
+        each reason to distrust its heights to its `warnings`. `doubtful` are the nodes of codes,
+        spikes and pits, unless the map was downsampled; `followed` are the steps that were taken.
 
     Raises
     ------
@@ -67,8 +71,8 @@ def prepare(topography: Topography, settings: Reading) -> Topography:
     measured = topography.heights
     topography = _with_steps(topography, settings, "level", "form", "fill", "fill_most")
     _refuse_holes(topography)
-    level = _without_tilt(topography)
-    topography = with_outlier_warnings(topography, measured, level)
+    untilted = _without_tilt(topography)
+    topography = with_outlier_warnings(topography, measured, untilted)
     topography = _with_steps(topography, settings, "filter", "downsample")
     return _with_tilt_warning(topography)
 
@@ -83,27 +87,33 @@ def _refuse_two_forms(settings: Reading) -> None:
 
 
 def _followed_steps(settings: Reading) -> frozenset[str]:
-    """Return the steps that the settings take, as warnings would advise them."""
+    """Return the steps that the settings take, in the words of `Remedy`.
+
+    Warnings advise none of them again. Steps are keys of the settings; "level" is followed by its
+    kind, and "despike" by the advised threshold.
+    """
     steps = {key for key in STEPS if getattr(settings, key)}
     if settings.level:
         steps.remove("level")
         steps.add(f"level {settings.level}")
     if settings.despike:
         steps.remove("despike")
-        if settings.despike <= SPIKE:  # replaces at least the spikes of the advised one
+        # A lower threshold replaces all spikes that the advised threshold would.
+        if settings.despike <= SPIKE:
             steps.add(f"despike {SPIKE:g}")
     return frozenset(steps)
 
 
 def _with_steps(topography: Topography, settings: Reading, *keys: str) -> Topography:
-    """Return the map after the steps of those keys that are set, in this order.
+    """Return the map after the steps of the given keys, in their order.
 
-    A hole is not filled twice. InputError is raised for a value that its key does not allow.
+    A key that is not set is skipped. Raise InputError if its key does not allow a value.
     """
     for key in keys:
         value = getattr(settings, key)
-        if value is None or value is False or value == "":
+        if value is None or value is False or value == "":  # a number 0 is set
             continue
+        # Nothing is to be filled, or "fill" has closed the holes before "fill_most".
         if key in {"fill", "fill_most"} and not topography.missing:
             continue
         if not KEYS[key].suits(value):
@@ -114,7 +124,7 @@ def _with_steps(topography: Topography, settings: Reading, *keys: str) -> Topogr
 
 
 def _refuse_holes(topography: Topography) -> None:
-    """Raise InputError if heights are missing; the message advises how to close the holes."""
+    """Raise InputError if heights are missing; the message advises to fill or crop them."""
     if not topography.missing:
         return
     fault = f"{topography.missing} of {topography.heights.size} heights are missing (NaN)"
@@ -129,7 +139,7 @@ def _with_warning(topography: Topography, warning: str) -> Topography:
 
 
 def _with_span_warning(topography: Topography) -> Topography:
-    """Add a warning if heights that are no codes span more or less than instruments measure."""
+    """Add a warning if the heights, codes left out, span more or less than instruments measure."""
     heights = _without_doubtful(topography)
     span = float(np.nanmax(heights) - np.nanmin(heights))
     if span == 0 or NEAREST <= span <= WIDEST:
@@ -139,10 +149,14 @@ def _with_span_warning(topography: Topography) -> Topography:
 
 
 def _with_tilt_warning(topography: Topography) -> Topography:
-    """Add a warning if the mean plane of a map without holes outweighs its roughness."""
+    """Add a warning if the mean plane of a map without holes outweighs its roughness.
+
+    Doubtful nodes are left out.
+    """
     heights = _without_doubtful(topography)
     mean = float(np.nanmean(heights))
-    if not is_tilted(replace(topography, heights=np.nan_to_num(heights, nan=mean))):
+    complete = np.nan_to_num(heights, nan=mean)
+    if not is_tilted(replace(topography, heights=complete)):
         return topography
     tilt = least_squares(replace(topography, heights=heights)).tilt
     fault = (
@@ -154,7 +168,11 @@ def _with_tilt_warning(topography: Topography) -> Topography:
 
 
 def _without_tilt(topography: Topography) -> Heights:
-    """Return the heights [um] without their mean plane if this outweighs the roughness."""
+    """Return the heights [um] of a map without holes after a tilt is subtracted.
+
+    A tilt is a mean plane that outweighs the roughness; without one, return the map's heights.
+    Doubtful nodes do not count in the fit.
+    """
     if not is_tilted(topography):
         return topography.heights
     heights = _without_doubtful(topography)
@@ -165,16 +183,18 @@ def _without_tilt(topography: Topography) -> Heights:
 def _without_doubtful(topography: Topography) -> Heights:
     """Return the heights [um] with NaN at nodes that a warning calls codes, pits or spikes.
 
-    All heights are returned if no two neighbours along x, or along y, would be left.
+    Return all heights if they would leave no two neighbours along x, or none along y, because
+    slopes need neighbours.
     """
-    if topography.doubtful is None:
+    doubtful = topography.doubtful
+    if doubtful is None:
         return topography.heights
-    trusted = ~topography.doubtful
+    trusted = ~doubtful
     pairs_along_x = trusted[1:] & trusted[:-1]
     pairs_along_y = trusted[:, 1:] & trusted[:, :-1]
     if not pairs_along_x.any() or not pairs_along_y.any():
         return topography.heights
-    return np.where(topography.doubtful, np.nan, topography.heights)
+    return np.where(doubtful, np.nan, topography.heights)
 
 
 STEPS: Mapping[str, Callable[[Topography, Any], Topography]] = {
@@ -191,7 +211,9 @@ STEPS: Mapping[str, Callable[[Topography, Any], Topography]] = {
         topography, settings.downsample
     ),
 }
-"""The step of each key of the preparation, in the order in which the steps are taken."""
+"""Function of each step by its key in the settings, in the order in which steps are taken.
+
+A function takes a map and the settings, and returns the map after the step."""
 
 
 def cropped(topography: Topography, text: str) -> Topography:
@@ -202,39 +224,40 @@ def cropped(topography: Topography, text: str) -> Topography:
     topography : Topography
         The map.
     text : str
-        Ends of the part along x and y, from the first node, as "x0:x1,y0:y1" [um].
+        Distances of the part's ends from the first node along x and y, as "x0:x1,y0:y1" [um].
 
     Returns
     -------
     Topography
-        The nodes within these ends.
+        The map of the nodes within these ends, both included.
 
     Raises
     ------
     InputError
         If the text is not of this form, or the part has fewer than 2 x 2 nodes or no height.
     """
-    named = f"--crop {text!r}"
+    option = f"--crop {text!r}"
     limits = [numbers_in(part, ":") for part in text.split(",")]
     if [len(ends) for ends in limits] != [2, 2]:
-        raise InputError(f"{named}: give x0:x1,y0:y1 in um, as 100:900,0:500")
+        raise InputError(f"{option}: give x0:x1,y0:y1 in um, as 100:900,0:500")
     heights = topography.heights
     for axis, (low, high) in enumerate(limits):
         apart = topography.spacing[axis]
         places = np.arange(heights.shape[axis])
-        inside = (places >= low / apart - ROUNDING) & (places <= high / apart + ROUNDING)
-        heights = np.compress(inside, heights, axis)
+        beyond_low = places >= low / apart - ROUNDING
+        before_high = places <= high / apart + ROUNDING
+        heights = np.compress(beyond_low & before_high, heights, axis)
     if min(heights.shape) < 2:
         sides = " x ".join(f"{side:.6g}" for side in topography.sides)
-        raise InputError(f"{named}: holds fewer than 2 x 2 nodes of {sides} um")
+        raise InputError(f"{option}: holds fewer than 2 x 2 nodes of {sides} um")
     if np.isnan(heights).all():
-        raise InputError(f"{named}: all heights are missing there")
+        raise InputError(f"{option}: all heights are missing there")
     step = f"cropped to {heights.shape[0]} x {heights.shape[1]} nodes, {text} um"
     return topography.changed(heights, step, topography.spacing)
 
 
 def inverted(topography: Topography) -> Topography:
-    """Turn a map upside down, because its heights point into the material.
+    """Change the sign of all heights, for a map whose heights point into the material.
 
     Parameters
     ----------
@@ -244,7 +267,7 @@ def inverted(topography: Topography) -> Topography:
     Returns
     -------
     Topography
-        The map with heights of the opposite sign.
+        The map that is turned upside down.
     """
     return topography.changed(-topography.heights, "turned upside down")
 
@@ -252,37 +275,37 @@ def inverted(topography: Topography) -> Topography:
 def masked(
     topography: Topography, lowest: float | None, highest: float | None
 ) -> Topography:
-    """Make holes of the heights that are outside two ends.
+    """Make holes of all heights outside a range.
 
     Parameters
     ----------
     topography : Topography
         The map.
     lowest, highest : float or None
-        Lowest and highest height that stay, None for an open end [um].
+        Ends of the range, which belong to it [um]; None for no end.
 
     Returns
     -------
     Topography
-        The map with NaN at nodes outside.
+        The map with NaN at nodes outside the range.
 
     Raises
     ------
     InputError
-        If no height stays.
+        If no height is in the range.
     """
     heights = topography.heights
     below = -np.inf if lowest is None else lowest
     above = np.inf if highest is None else highest
     outside = (heights < below) | (heights > above)
-    inside = np.where(outside, np.nan, heights)
-    if np.isnan(inside).all():
+    kept = np.where(outside, np.nan, heights)
+    if np.isnan(kept).all():
         raise InputError(
             f"{topography.name}: --mask {below:g}:{above:g} leaves no height, they are"
             f" {np.nanmin(heights):.6g} to {np.nanmax(heights):.6g} um"
         )
     step = f"masked {_share(outside)} outside {below:g} to {above:g} um"
-    return topography.changed(inside, step)
+    return topography.changed(kept, step)
 
 
 def despiked(topography: Topography, threshold: float) -> Topography:
@@ -293,37 +316,40 @@ def despiked(topography: Topography, threshold: float) -> Topography:
     topography : Topography
         The map.
     threshold : float
-        Distance from the local median above which a node is a spike, over the scatter of these
-        distances [1]; see `gen.maps.outliers.scatter_of`.
+        Distance from its local median above which a node is a spike, over the scatter of the
+        distances of all nodes, see `gen.maps.outliers.scatter_of` [1].
 
     Returns
     -------
     Topography
-        The map without spikes.
+        The map without spikes, with one more warning if they were more than `MANY_SPIKES` of all
+        nodes.
     """
     heights = topography.heights
     medians = local_medians(heights)
     distances = heights - medians
     scatter = scatter_of(distances, heights)
-    with np.errstate(over="ignore"):  # a bound beyond all numbers leaves no spike
+    with np.errstate(over="ignore"):  # If the product overflows, no node is a spike.
         spikes = np.abs(distances) > threshold * scatter
     replaced = _share(spikes)
     step = (
         f"despiked: {replaced} further than {threshold:g} times the scatter from their"
         " local median"
     )
-    clean = topography.changed(np.where(spikes, medians, heights), step)
+    despiked_heights = np.where(spikes, medians, heights)
+    despiked_map = topography.changed(despiked_heights, step)
     if spikes.mean() <= MANY_SPIKES:
-        return clean
-    return _with_warning(
-        clean,
-        f"{replaced} were taken out as spikes: probably a part of the surface; raise --despike",
+        return despiked_map
+    warning = (
+        f"{replaced} were taken out as spikes: probably a part of the surface;"
+        " raise --despike"
     )
+    return _with_warning(despiked_map, warning)
 
 
 @dataclass(frozen=True)
 class Tilt:
-    """Slopes of a surface in the middle of a map."""
+    """Slopes of a plane or quadratic in the middle of a map."""
 
     x: float  # slope along x [1]
     y: float  # slope along y [1]
@@ -331,10 +357,10 @@ class Tilt:
 
 @dataclass(frozen=True, eq=False)
 class LeastSquares:
-    """A plane or a quadratic that fits a map by least squares."""
+    """A plane or a quadratic that was fitted to a map by least squares."""
 
     heights: Heights  # heights of the fit at all nodes [um], shape (nx, ny)
-    tilt: Tilt
+    tilt: Tilt  # slopes of the fit in the middle of the map
 
 
 def least_squares(topography: Topography, degree: Literal[1, 2] = 1) -> LeastSquares:
@@ -343,16 +369,17 @@ def least_squares(topography: Topography, degree: Literal[1, 2] = 1) -> LeastSqu
     Parameters
     ----------
     topography : Topography
-        The map, with one height or more.
+        The map, which may have holes but has a height.
     degree : {1, 2}, optional
         1 for a plane, 2 for a quadratic.
 
     Returns
     -------
     LeastSquares
-        Heights and tilt of the fit.
+        Heights of the fit, also at holes, and its tilt.
     """
     heights = topography.heights
+    # coordinates from -1 at the first node to 1 at the last one
     along_x, along_y = (np.linspace(-1, 1, nodes) for nodes in heights.shape)
     x, y = np.meshgrid(along_x, along_y, indexing="ij")
     terms = [np.ones_like(x), x, y]
@@ -361,44 +388,49 @@ def least_squares(topography: Topography, degree: Literal[1, 2] = 1) -> LeastSqu
     measured = ~np.isnan(heights)
     matrix = np.stack([term[measured] for term in terms], axis=1)
     offset = float(np.mean(heights[measured]))
-    coefficients = np.linalg.lstsq(matrix, heights[measured] - offset, rcond=None)[0]
+    right = heights[measured] - offset
+    coefficients = np.linalg.lstsq(matrix, right, rcond=None)[0]
     fit = np.full_like(heights, offset)
     for coefficient, term in zip(coefficients, terms, strict=True):
         fit = fit + coefficient * term
-    # x and y run over 2 from the first node to the last one
-    lengths = np.subtract(heights.shape, 1) * topography.spacing
+    lengths = (
+        np.subtract(heights.shape, 1) * topography.spacing
+    )  # first to last node [um]
     slopes = 2 * coefficients[1:3] / lengths
-    return LeastSquares(fit, Tilt(float(slopes[0]), float(slopes[1])))
+    tilt = Tilt(x=float(slopes[0]), y=float(slopes[1]))
+    return LeastSquares(fit, tilt)
 
 
 def levelled(topography: Topography, level: str) -> Topography:
-    """Subtract the mean of the measured nodes, or a surface that fits them by least squares.
+    """Subtract the mean of the measured nodes, or a plane or quadratic fitted to them.
 
     Parameters
     ----------
     topography : Topography
         The map.
     level : {"mean", "plane", "quadratic"}
-        The surface that is subtracted.
+        What is subtracted.
 
     Returns
     -------
     Topography
-        The levelled map.
+        The levelled map. Its new line of `steps` names the mean height or the tilt.
     """
     heights = topography.heights
     if level == "mean":
         mean = float(np.nanmean(heights))
         return topography.changed(heights - mean, f"levelled by the mean, {mean:.6g} um")
     plane = least_squares(topography)
-    fit = plane if level == "plane" else least_squares(topography, 2)
+    fit = plane
+    if level == "quadratic":
+        fit = least_squares(topography, degree=2)
     tilt = f"tilt was {plane.tilt.x:.4g} along x, {plane.tilt.y:.4g} along y"
     step = f"levelled by a {level} ({tilt})"
     return topography.changed(heights - fit.heights, step)
 
 
 def downsampled(topography: Topography, nodes: int) -> Topography:
-    """Replace squares of nodes by their means, and leave out nodes beyond the last square.
+    """Replace each square of nodes by its mean, and leave out nodes beyond the last square.
 
     Parameters
     ----------
@@ -410,7 +442,7 @@ def downsampled(topography: Topography, nodes: int) -> Topography:
     Returns
     -------
     Topography
-        The coarser map.
+        The coarser map; its spacing is `nodes` times as large.
 
     Raises
     ------
@@ -418,37 +450,40 @@ def downsampled(topography: Topography, nodes: int) -> Topography:
         If fewer than 2 x 2 nodes are left.
     """
     heights = topography.heights
-    nx = heights.shape[0] // nodes
-    ny = heights.shape[1] // nodes
+    old_nx, old_ny = heights.shape
+    nx = old_nx // nodes
+    ny = old_ny // nodes
     if min(nx, ny) < 2:
         raise InputError(
             f"{topography.name}: --downsample {nodes} leaves fewer than 2 x 2 of"
-            f" {heights.shape[0]} x {heights.shape[1]} nodes"
+            f" {old_nx} x {old_ny} nodes"
         )
-    squares = heights[: nx * nodes, : ny * nodes].reshape(nx, nodes, ny, nodes)
+    inside = heights[: nx * nodes, : ny * nodes]
+    squares = inside.reshape(nx, nodes, ny, nodes)
+    means = squares.mean(axis=(1, 3))
     step = f"downsampled to {nx} x {ny} means of {nodes} x {nodes} nodes"
-    beyond_x = heights.shape[0] % nodes
-    beyond_y = heights.shape[1] % nodes
+    beyond_x = old_nx % nodes
+    beyond_y = old_ny % nodes
     if beyond_x or beyond_y:
         step += f", the last {beyond_x} and {beyond_y} lines left out"
     dx, dy = topography.spacing
-    return topography.changed(squares.mean(axis=(1, 3)), step, (nodes * dx, nodes * dy))
+    return topography.changed(means, step, (nodes * dx, nodes * dy))
 
 
 def _share(chosen: NDArray[np.bool_]) -> str:
-    """Write how many nodes are chosen, and which share of all nodes they are."""
+    """Write the number of nodes that are chosen and their share, as "12 nodes (0.3 %)"."""
     number = int(np.count_nonzero(chosen))
     noun = "node" if number == 1 else "nodes"
     return f"{number} {noun} ({100 * number / chosen.size:.3g} %)"
 
 
-# rms slope below which the unit of the heights was probably lost; polished mirrors have 1e-4
+# rms slope below which the unit of the heights was probably lost: even polished mirrors have 1e-4
 FLAT = 1e-5
-# share of the variance in the mean plane from which a map is called tilted: the rms height of this
-# plane is twice that of the roughness. Pieces of self-affine surfaces without a roll-off rarely
-# have as much
+# share of the variance of the heights that the mean plane of a tilted map has at least. The rms
+# height of this plane is then twice that of the roughness. Pieces of self-affine surfaces without a
+# roll-off rarely reach this share.
 TILTED = 0.8
-# nodes a side from which a map can be called tilted: a plane fits fewer by chance
+# nodes a side that a tilted map has at least: a plane fits fewer nodes by chance
 FEWEST_TILTED = 8
 
 
@@ -463,32 +498,36 @@ def surface_warnings(topography: Topography) -> list[str]:
     Returns
     -------
     list of str
-        The warnings about its heights, followed by one line each for steep slopes, a lost unit,
-        and borders of a periodic patch that do not meet.
+        One line for each reason: the warnings of the map, then steep slopes, a lost unit of the
+        heights, and borders of a periodic patch that do not meet.
     """
     warnings = list(topography.warnings)
     slope = rms_slope(_without_doubtful(topography), topography.spacing)
     apart = max(topography.spacing)
     if slope > STEEP:
         warnings.append(steep_slopes(slope, apart))
-    # Reading a map warns of nodes that are too far apart, which makes slopes small, too.
+    # Nodes that are too far apart make slopes small, too; `read` warns of them.
     if 0 < slope < FLAT and apart <= WIDEST:
         fault = (
             f"rms slope {slope:.2g} between nodes {apart:.3g} um apart: flatter than a"
             " mirror; are the heights in metres"
         )
         warnings.append(topography.advised(fault, Remedy("unit m", "reads them so")))
+    # Borders of a tilted map differ, too, and it has a warning already.
     if topography.boundary == "periodic" and not is_tilted(topography):
         warnings += _border_warnings(topography)
     return warnings
 
 
 def _border_warnings(topography: Topography) -> list[str]:
-    """Return one line if opposite borders of a surface differ by more than its rms height."""
+    """Return a warning if opposite borders of a map differ by more than its rms height.
+
+    The list is empty if they do not.
+    """
     heights = topography.heights
-    along_x = heights[-1] - heights[0]
-    along_y = heights[:, -1] - heights[:, 0]
-    step = max(_rms(along_x), _rms(along_y))
+    steps_along_x = heights[-1] - heights[0]
+    steps_along_y = heights[:, -1] - heights[:, 0]
+    step = max(_rms(steps_along_x), _rms(steps_along_y))
     rms_height = heights.std()
     if step <= rms_height:
         return []
@@ -515,16 +554,18 @@ def is_tilted(topography: Topography) -> bool:
     Returns
     -------
     bool
-        Whether the plane holds more than `TILTED` of the variance of the heights; never for fewer
-        than `FEWEST_TILTED` nodes a side.
+        Whether the plane has more than `TILTED` of the variance of the heights; False for fewer
+        than `FEWEST_TILTED` nodes along a side.
     """
     heights = topography.heights
     if min(heights.shape) < FEWEST_TILTED:
         return False
-    scaled = (heights - heights.mean()) / (float(np.ptp(heights)) or 1.0)
-    variance = 0.0  # of the mean plane
+    span = float(np.ptp(heights)) or 1.0  # 1 for a flat surface
+    scaled = (heights - heights.mean()) / span
+    plane_variance = 0.0
     for axis in (0, 1):
         places = np.linspace(-1, 1, heights.shape[axis])
-        slope = places @ scaled.mean(axis=1 - axis) / (places @ places)
-        variance += float(slope**2 * np.mean(places**2))
-    return variance > TILTED * float(scaled.var())
+        profile = scaled.mean(axis=1 - axis)  # mean profile along the axis
+        slope = places @ profile / (places @ places)
+        plane_variance += float(slope**2 * np.mean(places**2))
+    return plane_variance > TILTED * float(scaled.var())

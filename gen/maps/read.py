@@ -1,7 +1,7 @@
-"""Read measured topographies: heights and lengths of a file, converted to um.
+"""Read measured topographies from files, with heights and lengths converted to um.
 
-The numbers are those of a .npy file, of a text (`gen.maps.text`) or of an instrument's file
-(`gen.maps.instruments`); `gen.maps.scan` tells whether they are heights, and knows the units.
+Files are .npy files, texts (read by `gen.maps.text`) or files of instruments (read by
+`gen.maps.instruments`). `gen.maps.scan` then turns their numbers into a map of heights.
 """
 
 from __future__ import annotations
@@ -37,17 +37,17 @@ if TYPE_CHECKING:  # surfaces are described without the solver
 
 Sides = tuple[float, float]
 
-# spacings of the nodes of a measured map, at least and at most [um]: 1 pm and 1 cm
+# smallest and largest plausible spacing of the nodes of a measured map [um]: 1 pm and 1 cm
 NEAREST = 1e-6
 WIDEST = 1e4
-# what warnings say of a length that is out of this range
+# end of a warning about a length outside this range
 BEYOND_INSTRUMENTS = (
     "which no instrument measures; compare with the instrument's own display, and"
     " overrule the file by --side or --unit with --override-scale"
 )
-# relative difference up to which the lengths of a file and those of `--side` agree
+# largest relative difference between the lengths of a file and those of `--side` that agree
 AGREEING = 1e-3
-# suffixes of files that need no SurfaceTopography
+# suffixes of .npy files and texts; .dat may also be an instrument's
 PLAIN_SUFFIXES = {".npy", ".txt", ".dat", ".csv", ".asc", ""}
 
 
@@ -56,33 +56,37 @@ class Remedy:
     """A setting that removes a fault of a map."""
 
     setting: str  # key of `Reading`, alone or with a value, as "level plane"
-    effect: str  # what it does, as "takes the tilt out"
+    effect: str  # effect of the setting, as "takes the tilt out"
 
 
 @dataclass(frozen=True, eq=False)
 class Topography:
-    """A surface from a file."""
+    """A surface from a file, and how it was made from the file."""
 
-    name: str  # name of the file
+    name: str  # name of the surface in messages, as the path of its file
     heights: Heights  # heights, NaN at holes [um], shape (nx, ny)
     sides: Sides  # lengths of the patch along x and y [um]
     steps: tuple[str, ...] = ()  # one line for each step from the file to these heights
     warnings: tuple[str, ...] = ()  # one line for each reason to distrust the heights
-    # {"free", "periodic", "mirror"}: boundary of the patch. The outer nodes of a free patch lie on
-    # its border; a patch without edges is made of cells
+    # Boundary of the patch, "free", "periodic" or "mirror". The sides of a free patch reach from
+    # its first to its last node; those of other patches are one spacing longer.
     boundary: Boundary = "free"
-    # unit of the heights in the file; "" if the file names none and they are taken as um
+    # unit of the heights in the file, as the file or the user names it; "" if neither does, and the
+    # heights are taken as um
     unit: str = ""
-    # settings that were followed, which no warning advises again: "crop", "level plane"
+    # settings that the user has chosen and no warning advises again, as "crop" or "level plane"
     followed: frozenset[str] = frozenset()
-    # distance of the nodes [um] if it differs from that of the sides, otherwise None
+    # spacing of the nodes along x and y [um]; None if it is computed from the sides
     exact_spacing: Sides | None = None
-    # nodes that a warning calls codes, pits or spikes; further warnings leave them out
+    # nodes that a warning calls codes, pits or spikes, shape (nx, ny); further warnings ignore them
     doubtful: NDArray[np.bool_] | None = None
 
     @property
     def spacing(self) -> Sides:
-        """Distance of the nodes along x and y [um]; the rule of `bem`, without loading it."""
+        """Spacing of the nodes along x and y [um].
+
+        It is computed as `bem` does, but without loading `bem`.
+        """
         if self.exact_spacing is not None:
             return self.exact_spacing
         nx, ny = spacings_along(self.heights.shape, self.boundary)
@@ -101,11 +105,12 @@ class Topography:
         Parameters
         ----------
         heights : ndarray, shape (nx, ny)
-            The new heights [um]. With another shape, the nodes are no longer known to be doubtful.
+            The new heights [um]. If their shape differs from the old one, `doubtful` becomes None.
         step : str
-            The step that led to them, in words; "" if none is to be recorded.
+            The step that led to the new heights, in words. It is added to `steps`, unless it is "".
         spacing : (float, float), optional
-            Distance of the nodes along x and y, if it changes [um]. The sides follow from it.
+            New spacing of the nodes along x and y [um]. New sides are computed from it, and
+            `exact_spacing` becomes None. Without it, `sides` and `exact_spacing` stay as they are.
 
         Returns
         -------
@@ -134,22 +139,23 @@ class Topography:
         )
 
     def advised(self, fault: str, *remedies: Remedy) -> str:
-        """Add remedies to the text of a fault, except for those that were followed already.
+        """Add remedies to the text of a fault, except for settings that the user has chosen.
 
         Parameters
         ----------
         fault : str
-            What is wrong with the surface.
+            The fault of the surface, in words.
         *remedies : Remedy
             Settings that may remove the fault.
 
         Returns
         -------
         str
-            The fault with the options that remove it and what they do.
+            The fault, a colon, and the remedies as options with their effects; the fault alone if
+            no remedy is left.
         """
         followed = {*self.followed, f"boundary {self.boundary}"}
-        if self.unit:
+        if self.unit:  # a unit that is known is not doubted
             followed.add("unit m")
         advice = [
             f"{as_option(remedy.setting)} {remedy.effect}"
@@ -162,7 +168,7 @@ class Topography:
 
 
 def spacings_along(shape: tuple[int, ...], boundary: Boundary) -> tuple[int, int]:
-    """Return how many distances of nodes the sides of a patch hold.
+    """Return the sides of a patch as multiples of the spacing of its nodes.
 
     Parameters
     ----------
@@ -170,12 +176,12 @@ def spacings_along(shape: tuple[int, ...], boundary: Boundary) -> tuple[int, int
         Number of nodes along x and y.
     boundary : {"free", "periodic", "mirror"}
         Boundary of the patch. The sides of a free patch reach from its first to its last node;
-        those of other patches are one distance longer.
+        those of other patches are one spacing longer.
 
     Returns
     -------
     (int, int)
-        Number of distances along x and y.
+        Number of spacings along x and y.
     """
     nx, ny = shape
     if boundary == "free":
@@ -184,12 +190,12 @@ def spacings_along(shape: tuple[int, ...], boundary: Boundary) -> tuple[int, int
 
 
 def spacing_text(spacing: Sides, digits: int = 6) -> str:
-    """Write the distances of nodes along x and y, once if they are the same.
+    """Return the text of the spacings along x and y; a single number if both look the same.
 
     Parameters
     ----------
     spacing : (float, float)
-        The distances, in any unit.
+        Spacing of the nodes along x and y, in any unit.
     digits : int
         Number of significant digits.
 
@@ -205,21 +211,21 @@ def spacing_text(spacing: Sides, digits: int = 6) -> str:
 
 @dataclass(frozen=True)
 class _FileLengths:
-    """The lengths that a file states."""
+    """The lengths along x and y that a file states, measured in two ways."""
 
-    patch: Sides  # lengths between the borders of the patch [um]
-    pixels: Sides  # lengths of all pixels, which a free patch does not reach [um]
+    patch: Sides  # sides of the patch [um]
+    pixels: Sides  # widths of all pixels, which are longer than the sides of a free patch [um]
 
     @property
     def text(self) -> str:
-        """The lengths of the patch in words."""
+        """The sides of the patch in words."""
         return f"{self.patch[0]:.6g} x {self.patch[1]:.6g} um"
 
     def agree_with(self, reading: Reading) -> bool:
-        """Tell whether the lengths are those of `--side` but for their last digits.
+        """Tell whether `--side` gives the sides of the patch, or else the widths of all pixels.
 
-        Users may give the lengths of all pixels instead, unless they overrule the file. InputError
-        if `--side` holds no lengths.
+        The lengths may differ by `AGREEING`. With `--override-scale`, only the sides of the patch
+        agree. InputError if `--side` holds no lengths.
         """
         sides = parse_sides(reading.side)
         if np.allclose(sides, self.patch, rtol=AGREEING):
@@ -231,18 +237,20 @@ class _FileLengths:
 
 @dataclass(frozen=True)
 class _AgreedUnit:
-    """The unit of the heights that the file and the user agree on."""
+    """The unit of the heights, after comparing the file with the user's settings."""
 
     name: str  # "" if the heights are in um by default
-    overruled: str = ""  # what the user overrules in the file, in words; "" for nothing
+    # what the user overrules, as "unit nm, taken as um"; "" for nothing
+    overruled: str = ""
 
 
 @dataclass(frozen=True)
 class _AgreedSides:
-    """The lengths of the patch that the file and the user agree on."""
+    """The sides of the patch, after comparing the file with the user's settings."""
 
-    sides: Sides  # [um]
-    overruled: str = ""  # what the user overrules in the file, in words; "" for nothing
+    sides: Sides  # sides along x and y [um]
+    # what the user overrules, as "9 x 9 um, taken as 5 x 5 um"; "" for nothing
+    overruled: str = ""
 
 
 def read(
@@ -254,24 +262,27 @@ def read(
 ) -> Topography:
     """Read a surface from a file, with warnings if its scale is in doubt.
 
+    The surface is not prepared: `gen.maps.prepare` does that.
+
     Parameters
     ----------
     path : Path
         The file: .npy, text, or an instrument's.
     reading : Reading
-        The settings, of which `side`, `unit`, `channel` and `override_scale` count. Side and unit
-        are needed if the file lacks them, and refused if they differ from those of the file and do
-        not overrule it.
+        The settings. `side`, `unit`, `channel` and `override_scale` are followed. `side` and `unit`
+        have to be set if the file does not state them; only a .npy file or a text without lengths
+        is in um by default. If the file states others, they are refused unless `override_scale` is
+        set. `crop` only silences the warning about a period.
     boundary : {"free", "periodic", "mirror"}
         Boundary of the patch.
     for_windows : bool
-        Whether windows are cut out of the map. Then no warning says that the boundary ignores the
+        Whether windows are cut out of the map. If so, no warning says that the boundary ignores the
         period that the file states.
 
     Returns
     -------
     Topography
-        The surface as the file has it, in um.
+        The surface as it is in the file, in um, with its warnings.
 
     Raises
     ------
@@ -298,6 +309,7 @@ def read(
     )
     warnings = [f"the file's own scale is overruled: {text}" for text in overruled]
     warnings += _doubts_about_scale(scan, topography)
+    # A window or another part of a periodic map is not periodic.
     ignores_period = scan.repeats and boundary != "periodic"
     if ignores_period and not for_windows and not reading.crop:
         warnings.append(
@@ -309,9 +321,12 @@ def read(
 
 
 def _heights_in_um(path: Path, scan: Scan, unit: str) -> Heights:
-    """Return the heights of a scan in um; refuse a map without any."""
+    """Return the heights of a scan in um; InputError if all of them are missing.
+
+    `unit` is the unit of the heights in the file, "" for um.
+    """
     unit_length = UNITS[unit_of(unit)] if unit else 1.0
-    # A signalling NaN is a hole like any other.
+    # Some NaNs, the signalling ones, would make numpy warn. All NaNs are holes.
     with np.errstate(over="ignore", invalid="ignore"):
         heights = scan.factor * scan.heights * unit_length
     if np.isnan(heights).all():
@@ -322,9 +337,13 @@ def _heights_in_um(path: Path, scan: Scan, unit: str) -> Heights:
 
 
 def _step_of_reading(scan: Scan, heights: Heights, unit: str) -> str:
-    """Return the line on what was read: nodes, origin, units and missing heights."""
+    """Return the line that describes the reading: nodes, origin, units and missing heights.
+
+    `unit` is the unit of the heights in the file, "" for um by default.
+    """
     units = f"heights in {unit}" if unit else "heights taken as um"
     if scan.widths is not None:
+        # Without a unit of their own, the lengths are in that of the heights.
         if scan.length_unit in {None, unit}:
             units = f"lengths in {unit}"
         else:
@@ -338,57 +357,68 @@ def _step_of_reading(scan: Scan, heights: Heights, unit: str) -> str:
 
 
 def _doubts_about_scale(scan: Scan, topography: Topography) -> list[str]:
-    """Return warnings on comments that may state the scale, and on nodes too close or far apart."""
+    """Return warnings about comments that may state a scale, and about implausible spacings."""
     warnings = [
         f"the file says {remark!r}, which is not read: check --side and --unit against it"
         for remark in scan.remarks
     ]
+    different_spacings = dict.fromkeys(topography.spacing)
     warnings += [
-        f"its nodes are {step:.3g} um apart, {BEYOND_INSTRUMENTS}"
-        for step in dict.fromkeys(topography.spacing)
-        if not NEAREST <= step <= WIDEST
+        f"its nodes are {spacing:.3g} um apart, {BEYOND_INSTRUMENTS}"
+        for spacing in different_spacings
+        if not NEAREST <= spacing <= WIDEST
     ]
     return warnings
 
 
 def _agreed_unit(path: Path, scan: Scan, reading: Reading) -> _AgreedUnit:
-    """Return the unit of the heights from the user or the file; refuse two that differ."""
+    """Return the unit of the heights from the user or the file.
+
+    InputError if neither names a known unit and um is not the default, or if they name different
+    units and the user does not overrule the file.
+    """
     if reading.override_scale and not reading.side and not reading.unit:
         raise InputError(
             "--override-scale: give --side, --unit or both, to overrule the file's"
         )
     if reading.unit:
         factor_of(reading.unit, "--unit")  # refuses an unknown unit
+    # The file names no unit.
     if not scan.unit:
-        by_default = scan.unit == "" and scan.widths is None
-        if not reading.unit and not by_default:
+        um_by_default = scan.unit == "" and scan.widths is None
+        if not reading.unit and not um_by_default:
             raise InputError(f"{path}: names no unit; give --unit, one of {NAMED_UNITS}")
-        return _AgreedUnit(reading.unit)
+        return _AgreedUnit(name=reading.unit)
+    # The file alone names a unit.
     if not reading.unit:
         factor_of(scan.unit, f"{path}: unit")  # refuses an unknown unit
-        return _AgreedUnit(scan.unit)
+        return _AgreedUnit(name=scan.unit)
+    # Both name a unit. That of the file may be unknown, and is then different.
     if UNITS.get(unit_of(scan.unit)) == UNITS[unit_of(reading.unit)]:
-        return _AgreedUnit(reading.unit)
+        return _AgreedUnit(name=reading.unit)
     if not reading.override_scale:
         numbers = "lengths" if scan.length_unit is None else "heights"
         raise InputError(
             f"{path}: its {numbers} are in {scan.unit}, --unit says {reading.unit}; leave"
             " that out, or overrule the file by --override-scale"
         )
-    return _AgreedUnit(reading.unit, f"unit {scan.unit}, taken as {reading.unit}")
+    overruled = f"unit {scan.unit}, taken as {reading.unit}"
+    return _AgreedUnit(name=reading.unit, overruled=overruled)
 
 
 def _agreed_sides(
     path: Path, scan: Scan, unit: str, reading: Reading, boundary: Boundary
 ) -> _AgreedSides:
-    """Return the lengths of the patch from the user or the file; refuse two that differ.
+    """Return the sides of the patch from the file or, if it states none, from the user.
 
-    `unit` is that of the heights, in which the lengths of the file are if they have none.
+    Lengths of the file that have no unit are in `unit`, that of the heights ("" for um). InputError
+    if `--side` is missing or wrong, or if it contradicts the file and does not overrule it.
     """
     if scan.widths is None:
-        return _AgreedSides(_sides_of_user(path, scan, reading, boundary))
+        return _AgreedSides(sides=_sides_of_user(path, scan, reading, boundary))
     length_unit = scan.length_unit or unit or "um"
     overruling = reading.override_scale and bool(reading.side)
+    # Lengths in an unknown unit cannot be compared with those of the user.
     if overruling and unit_of(length_unit) not in UNITS:
         overruled = f"lengths in {length_unit}"
     else:
@@ -396,29 +426,31 @@ def _agreed_sides(
         factor = factor_of(length_unit, f"{path}: unit of lengths", advice)
         stated = _lengths_of_file(scan.widths, scan.heights.shape, boundary, factor)
         if not reading.side or stated.agree_with(reading):
-            return _AgreedSides(stated.patch)
+            return _AgreedSides(sides=stated.patch)
         if not overruling:
             raise _contradicted_sides(path, stated, reading, boundary)
         overruled = stated.text
     x, y = _sides_of_user(path, scan, reading, boundary)
-    return _AgreedSides((x, y), f"{overruled}, taken as {x:g} x {y:g} um")
+    return _AgreedSides(sides=(x, y), overruled=f"{overruled}, taken as {x:g} x {y:g} um")
 
 
 def _lengths_of_file(
     widths: Sides, shape: tuple[int, ...], boundary: Boundary, factor: float
 ) -> _FileLengths:
-    """Convert the widths of whole pixels; `factor` is the length of their unit [um]."""
+    """Convert the widths of all pixels of a file; `factor` is the length of their unit [um]."""
     width, length = widths
     nx, ny = shape
-    x, y = spacings_along(shape, boundary)
-    patch = (width * x / nx * factor, length * y / ny * factor)
-    return _FileLengths(patch, (width * factor, length * factor))
+    along_x, along_y = spacings_along(shape, boundary)
+    return _FileLengths(
+        patch=(width * along_x / nx * factor, length * along_y / ny * factor),
+        pixels=(width * factor, length * factor),
+    )
 
 
 def _contradicted_sides(
     path: Path, stated: _FileLengths, reading: Reading, boundary: Boundary
 ) -> InputError:
-    """Return the error for a `--side` that is not what the file states."""
+    """Return the error for a `--side` that contradicts the lengths in the file."""
     scale = stated.text
     if boundary == "free":
         scale += " between its outer nodes"
@@ -429,7 +461,10 @@ def _contradicted_sides(
 
 
 def _sides_of_user(path: Path, scan: Scan, reading: Reading, boundary: Boundary) -> Sides:
-    """Return the lengths that `--side` gives [um]; refuse none, and one for an oblong map."""
+    """Return the lengths that `--side` gives [um].
+
+    InputError if `--side` is missing or wrong, or gives one length for a map that is not square.
+    """
     if not reading.side:
         fault = f"{path}: holds no lengths; give --side, the scan length in um"
         if scan.remarks:
@@ -439,10 +474,11 @@ def _sides_of_user(path: Path, scan: Scan, reading: Reading, boundary: Boundary)
     nx, ny = scan.heights.shape
     if nx != ny and "," not in reading.side:
         along_x, along_y = spacings_along(scan.heights.shape, boundary)
-        square = x / along_x * along_y
+        y_of_square_cells = x / along_x * along_y
         raise InputError(
-            f"{path}: has {nx} x {ny} nodes; give --side two lengths, {x:g},{square:g}"
-            f" for square cells or {x:g},{x:g} for a square patch"
+            f"{path}: has {nx} x {ny} nodes; give --side two lengths,"
+            f" {x:g},{y_of_square_cells:g} for square cells or {x:g},{x:g} for a square"
+            " patch"
         )
     return x, y
 
@@ -453,7 +489,7 @@ def parse_sides(text: str) -> Sides:
     Parameters
     ----------
     text : str
-        One length for both axes or two of them, as "1000" or "1000,500" [um].
+        One length for both axes, as "1000", or one for each axis, as "1000,500" [um].
 
     Returns
     -------
@@ -463,7 +499,8 @@ def parse_sides(text: str) -> Sides:
     Raises
     ------
     InputError
-        If the text is anything else, or a length is not between `SMALLEST` and `LARGEST`.
+        If the text holds anything else, or a length that is not between `SMALLEST` and `LARGEST`
+        of `gen.material`.
     """
     with suppress(ValueError):
         lengths = [float(part) for part in text.split(",")]
@@ -477,7 +514,11 @@ def parse_sides(text: str) -> Sides:
 
 
 def _read_scan(path: Path, reading: Reading) -> Scan:
-    """Read the map of a .npy or text file, whatever its suffix, or of an instrument's file."""
+    """Read the map of a file in the units of the file.
+
+    The content tells whether the file is .npy, text or an instrument's. InputError if it cannot be
+    read or holds no map of heights.
+    """
     try:
         content = require_file(path).read_bytes()
     except (OSError, ValueError) as error:
@@ -491,15 +532,18 @@ def _read_scan(path: Path, reading: Reading) -> Scan:
     else:
         scan = _text_or_instruments_scan(path, content, reading)
     _require_map(path, scan.heights)
-    if scan.widths is None and _may_be_coordinates(scan):
+    if scan.widths is None and _may_hold_coordinates(scan):
         return arrange(path, scan)
     return scan
 
 
 def _npy_scan(path: Path, content: bytes) -> Scan:
-    """Return the real numbers of a .npy file as heights in um; objects are never unpickled."""
+    """Return the real numbers of a .npy file as a scan, whose heights are in um by default.
+
+    InputError if the file is broken or holds other values. Python objects are never unpickled.
+    """
     try:
-        with np.errstate(all="ignore"):  # of the numbers of nodes in a broken header
+        with np.errstate(all="ignore"):  # a broken header may state huge numbers of nodes
             array = np.lib.format.read_array(BytesIO(content), allow_pickle=False)
     except Exception as error:  # a broken header makes numpy raise nearly anything
         fault = " ".join(str(error).split())[:120]
@@ -510,14 +554,17 @@ def _npy_scan(path: Path, content: bytes) -> Scan:
         raise InputError(
             f"{path}: holds {array.dtype} values; save real numbers (float64)"
         )
-    # Wider floats become infinite, which `_require_map` refuses.
+    # Numbers beyond the range of float64 become infinite, which `_require_map` refuses.
     with np.errstate(over="ignore"):
         heights = np.asarray(array, dtype=np.float64, order="C")
-    return Scan(heights, unit="")
+    return Scan(heights=heights, unit="")
 
 
 def _text_or_instruments_scan(path: Path, content: bytes, reading: Reading) -> Scan:
-    """Read the map of a text, or of an instrument's file if it is no text."""
+    """Read the map of a text, or of an instrument's file if the content is no table of numbers.
+
+    A file with a suffix of `PLAIN_SUFFIXES` is read as a text only, unless it is a .dat file.
+    """
     suffix = path.suffix.lower()
     is_plain = suffix in PLAIN_SUFFIXES
     matrices: list[Scan] = []
@@ -527,6 +574,7 @@ def _text_or_instruments_scan(path: Path, content: bytes, reading: Reading) -> S
     except InputError as error:
         if is_plain:
             raise
+        # Files of instruments may look like texts.
         reason = str(error)
     if matrices:
         return choose_matrix(path, matrices, reading)
@@ -536,7 +584,7 @@ def _text_or_instruments_scan(path: Path, content: bytes, reading: Reading) -> S
 
 
 def _require_map(path: Path, heights: Heights) -> None:
-    """Refuse numbers that are no matrix of 2 x 2 or more, and infinite ones."""
+    """Raise InputError unless numbers are a matrix of 2 x 2 or more, none of them infinite."""
     if heights.ndim != 2 or min(heights.shape) < 2:
         shape = " x ".join(map(str, heights.shape)) or "a single number"
         raise InputError(f"{path}: holds {shape}; give 2-D heights, 2 x 2 or more")
@@ -548,20 +596,23 @@ def _require_map(path: Path, heights: Heights) -> None:
         )
 
 
-def _may_be_coordinates(scan: Scan) -> bool:
-    """Tell whether a table is narrow, or its first row or column rises or falls throughout.
+def _may_hold_coordinates(scan: Scan) -> bool:
+    """Tell whether a table may hold coordinates: if not, all of its numbers are heights.
 
-    Other tables hold nothing but heights.
+    It may if its columns have names, if it is narrow, or if its first row or column rises or falls
+    throughout.
     """
     numbers = scan.heights
     if scan.names or min(numbers.shape) <= MOST_COLUMNS:
         return True
+    first_row = numbers[0, 1:]
+    first_column = numbers[1:, 0]
     with np.errstate(over="ignore", invalid="ignore"):
-        border_steps = [np.diff(numbers[0, 1:]), np.diff(numbers[1:, 0])]
-    return any((steps > 0).all() or (steps < 0).all() for steps in border_steps)
+        steps_along_borders = [np.diff(first_row), np.diff(first_column)]
+    return any((steps > 0).all() or (steps < 0).all() for steps in steps_along_borders)
 
 
-# suffixes of files in folders of maps that hold no map
+# suffixes of files without a map, which a folder of maps may contain
 NO_MAPS = {
     ".toml",
     ".md",
@@ -586,7 +637,7 @@ NO_MAPS = {
 
 
 def files_in(path: Path) -> list[Path]:
-    """Return the files of a folder that may hold maps, or a file itself.
+    """Return the files of a folder that may hold maps, or the file if a file is given.
 
     Parameters
     ----------
@@ -596,13 +647,13 @@ def files_in(path: Path) -> list[Path]:
     Returns
     -------
     list of Path
-        The file, whatever its name; or those of the folder, sorted, without hidden files and
-        without those whose suffix is that of no map. Folders inside it are not searched.
+        The file, whatever its name; or the files of the folder, sorted, without hidden files and
+        without files whose suffix is in `NO_MAPS`. Folders inside the folder are not searched.
 
     Raises
     ------
     InputError
-        If the path is neither, or the folder holds no such file.
+        If the path is neither a file nor a folder, or the folder holds no such file.
     """
     if path.is_file():
         return [path]

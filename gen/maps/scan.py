@@ -111,12 +111,10 @@ class Scan:
     # unit of the heights. If the file names none: "" in a .npy file or a text, which may be in um,
     # and None in an instrument's file.
     unit: str | None = None
-    length_unit: str | None = (
-        None  # unit of the lengths; None if it is the unit of the heights
-    )
-    origin: str = (
-        ""  # which part of the file was read, in words, as " of channel 1 'Topo'"
-    )
+    # unit of the lengths; None if it is the unit of the heights
+    length_unit: str | None = None
+    # which part of the file was read, in words, as " of channel 1 'Topo'"
+    origin: str = ""
     # comments of the file that name a unit of length, but are not understood
     remarks: tuple[str, ...] = ()
     # whether the file calls the map one period of a periodic surface
@@ -268,7 +266,7 @@ def arrange(path: Path, scan: Scan) -> Scan:
         coordinates that are not evenly spaced.
     """
     numbers = scan.heights
-    # The header names the columns.
+    # The header names the columns of a list of points.
     if len(scan.names) == numbers.shape[1]:
         places = [scan.names.index(axis) for axis in "xyz"]
         return _map_of_points(path, scan, numbers[:, places], "columns")
@@ -276,12 +274,13 @@ def arrange(path: Path, scan: Scan) -> Scan:
         return _map_of_points(path, scan, numbers, "columns")
     if _is_list(numbers.T):
         return _map_of_points(path, scan, numbers.T, "rows")
-    # Too few rows or columns to tell coordinates from heights.
+    # In so small a table, coordinates cannot be told from heights.
     if min(numbers.shape) < 4:
         return scan
     first_row = _border(numbers)
     first_column = _border(numbers.T)
     both_are_even = first_row.kind == "even" and first_column.kind == "even"
+    # Both borders of a smaller table may be even by chance.
     if both_are_even and min(numbers.shape) > CHANCE / 2:
         return _between_coordinates(scan, first_row.numbers, first_column.numbers)
     _refuse_coordinates(path, first_row, first_column, numbers[0, 0])
@@ -293,9 +292,8 @@ class _Border:
     """The first row or column of a table, without the number in the corner."""
 
     numbers: Values
-    kind: (
-        str  # "even" or "uneven" if they are coordinates, by their spacing; "" if heights
-    )
+    # "even" or "uneven" for coordinates, by their spacing; "" for heights
+    kind: str
 
     @property
     def coordinates(self) -> str:
@@ -354,18 +352,19 @@ def _refuse_coordinates(
 ) -> None:
     """Raise InputError if the first row or column of a table holds coordinates that cannot be used.
 
-    These are coordinates along both axes, or evenly spaced ones along a single axis. Uneven
-    coordinates along a single axis may be heights, and are accepted. Fewer than `CHANCE` numbers
-    may rise by chance: they are refused only if the corner of the table holds no number.
+    `arrange` has already used evenly spaced coordinates along both axes. Refused are other
+    coordinates along both axes, and evenly spaced ones along a single axis. Unevenly spaced ones
+    along a single axis are accepted, as they may be heights. Fewer than `CHANCE` numbers in a row
+    may rise by chance: they count as coordinates only if the corner of the table holds no number.
     """
     borders = (first_row, first_column)
-    certain = any(
+    not_by_chance = any(
         border.kind and (border.numbers.size >= CHANCE or np.isnan(corner))
         for border in borders
     )
     all_are_coordinates = all(border.kind for border in borders)
     any_is_even = any(border.kind == "even" for border in borders)
-    if certain and (all_are_coordinates or any_is_even):
+    if not_by_chance and (all_are_coordinates or any_is_even):
         raise InputError(
             f"{path}: its first row holds {first_row.coordinates} coordinates, its first"
             f" column {first_column.coordinates} coordinates; leave both out, or give"
@@ -387,8 +386,8 @@ def _is_list(rows: Values) -> bool:
     # A table that is not longer than wide is a map.
     if points <= width:
         return False
-    # The first column of a profile or of sorted points rises. Few heights rise by chance, but
-    # hardly in even steps.
+    # The first column of a profile or of sorted points rises. Fewer than `CHANCE` heights may also
+    # rise by chance, but hardly in even steps.
     if width <= 3 and _is_axis(rows[:, 0], evenly=points < CHANCE):
         return True
     # Points in any order are known by their grid.
@@ -424,8 +423,8 @@ def _lies_on_grid(columns: Values) -> bool:
         grid = _grid(columns[:, first], columns[:, first + 1])
         if grid is None or grid.covered < smallest_share:
             continue
-        repeats_few = 10 * grid.repeated <= points
-        if repeats_few:
+        # Hardly any points of a list repeat a node; up to a tenth may.
+        if 10 * grid.repeated <= points:
             return True
     return False
 
@@ -459,7 +458,10 @@ def _map_of_points(path: Path, scan: Scan, columns: Values, direction: str) -> S
 
 
 def _words_for_columns(width: int) -> str:
-    """Return words for a list of points with `width` numbers each, as "a profile, x and z"."""
+    """Return words for a list of points with `width` numbers each, as "a profile, x and z".
+
+    `_fault_of_grid` continues the words for three numbers.
+    """
     if width == 2:
         return "a profile, x and z"
     if width == 3:
@@ -471,9 +473,9 @@ def _words_for_columns(width: int) -> str:
 
 
 def _fault_of_grid(grid: _Grid | None) -> str:
-    """Return why points on a grid (None: on no grid) make no map; "" if they make one.
+    """Return why points make no map, as the end of a message; "" if they make one.
 
-    The words continue the message after `_words_for_columns`.
+    `grid` is None if the points are on no grid.
     """
     if grid is None:
         return f"on no regular grid within {100 * EVEN:g} % of its spacing"
@@ -505,9 +507,8 @@ def _is_axis(values: Values, *, evenly: bool) -> bool:
 class _Places:
     """The nodes of points along one axis of a grid."""
 
-    nodes: NDArray[
-        np.intp
-    ]  # index of the node of each point, 0 for the lowest coordinate
+    # index of the node of each point; 0 for the node with the lowest coordinate
+    nodes: NDArray[np.intp]
     count: int  # number of nodes along the axis
     spacing: float  # distance of the nodes, in the unit of the coordinates
 
@@ -546,8 +547,9 @@ def _grid(x: Values, y: Values) -> _Grid | None:
 def _places(coordinates: Values) -> _Places | None:
     """Return the nodes of points along an axis; None if the coordinates are not on even nodes.
 
-    The spacing is the median step between coordinates. Larger steps, over nodes without a point,
-    have to be whole multiples of it.
+    Each step between neighbouring coordinates counts as the whole multiple of the median step that
+    is nearest to it: multiples above 1 pass nodes without a point. With the mean spacing that
+    follows, all coordinates have to be nearer than `EVEN` spacings to their nodes.
     """
     distinct = np.unique(coordinates)
     with np.errstate(over="ignore", invalid="ignore"):

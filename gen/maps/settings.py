@@ -1,8 +1,8 @@
-"""How a map is read and prepared: the keys, with their help texts and what they allow.
+"""Settings by which a map is read and prepared, with their help texts and allowed values.
 
-The options of commands, the tables of scenes, the words of messages and the table of the manual are
-made of the fields of `Reading` and of the records in `KEYS`. This module does without pydantic,
-which would delay the help of every command: the tables of scenes are made where scenes are.
+The options of commands, the tables of scenes, the words of messages and a table of the manual are
+made from the fields of `Reading` and the records in `KEYS`. This module does not import pydantic,
+which would delay the help of every command: `gen.generators.scans` makes the tables of scenes.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from typing import Any, ClassVar
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import quoted
 
-# height of the highest node above the median of its neighbours from which it is called a spike, in
-# robust standard deviations of this quantity over all nodes; self-affine surfaces stay below 5
+# A node may be a spike or a pit if its distance from the median of its neighbours is at least this
+# many robust standard deviations of the distance over all nodes; self-affine surfaces stay below 5.
 SPIKE = 7.0
-# largest total degree of a form: higher ones follow the waviness, which is for an L-filter
+# largest total degree of a form; higher degrees follow the waviness, which an L-filter separates
 HIGHEST_DEGREE = 20
-# tables of `[surface]` in a scene
+# names of the tables of settings below `[surface]` in a scene
 READ = "reading"
 PREPARED = "preparation"
 
@@ -33,29 +33,29 @@ def as_option(setting: str) -> str:
     Parameters
     ----------
     setting : str
-        The key, or the key, a blank and its value, as "despike 7".
+        The key, as "fill_most", or the key, a blank and its value, as "despike 7".
 
     Returns
     -------
     str
-        The option, as "--despike 7".
+        The option, as "--fill-most" or "--despike 7".
     """
     key, blank, value = setting.partition(" ")
     return f"--{key.replace('_', '-')}{blank}{value}"
 
 
 def in_scene_words(message: str, path: Path) -> str:
-    """Name the keys of `Reading` in a message about a map as a scene does: `side`, not `--side`.
+    """Replace the names of options in a message about a map by keys: `--side` becomes `side`.
 
-    The functions that read and prepare maps name options in their messages. Scenes have the same
-    keys, without dashes, and pass these messages on in their own words.
+    The functions that read and prepare maps name options of commands in their messages. The author
+    of a scene gives the same settings as keys, without dashes.
 
     Parameters
     ----------
     message : str
-        An error or a warning.
+        The text of an error or a warning.
     path : Path
-        The file of the map. Its name stays as it is, whatever it contains.
+        The file of the map. Its name in the message is not changed.
 
     Returns
     -------
@@ -68,7 +68,7 @@ def in_scene_words(message: str, path: Path) -> str:
 
 
 def _key_of_option(match: re.Match[str]) -> str:
-    """Return the key that a match of `OPTION` names."""
+    """Return the key whose option a match of `OPTION` has found."""
     return match[1].replace("-", "_")
 
 
@@ -85,7 +85,7 @@ def numbers_in(text: str, separator: str = ",") -> list[float]:
     Returns
     -------
     list of float
-        The numbers; an empty list if a part of the text is no number.
+        The numbers; an empty list if any part of the text is no number.
     """
     try:
         return [float(part) for part in text.split(separator)]
@@ -94,19 +94,21 @@ def numbers_in(text: str, separator: str = ",") -> list[float]:
 
 
 def _suits_always(value: object) -> bool:
-    """Accept every value that has the type of its field."""
+    """Accept every value; the default rule of a key."""
     return True
 
 
 @dataclass(frozen=True, kw_only=True)
 class Key:
-    """The texts and the rule of one key of `Reading`."""
+    """The texts about one field of `Reading`, and the rule for its values."""
 
     help: str  # help text of the option, and description in the manual
-    metavar: str = ""  # value of the option in its help text; "" for a flag
-    table: str = ""  # table of `[surface]` that has the key; "" if scenes do not have it
-    words: str = ""  # the allowed values, where the metavar does not tell them
-    # whether a value of the right type is allowed
+    metavar: str = ""  # placeholder for the value of the option, as "UM"; "" for a flag
+    # table of a scene that has the key: `READ`, `PREPARED` or "" for none
+    table: str = ""
+    # the allowed values in words; "" if the metavar and the type say enough
+    words: str = ""
+    # function that tells whether a value, which has the type of the field, is allowed
     suits: Callable[[Any], bool] = _suits_always
 
     @property
@@ -134,24 +136,25 @@ KEYS = {
     "channel": Key(
         help="Name or index of a channel of the file.", metavar="NAME", table=READ
     ),
-    "override_scale": Key(help="Let --side and --unit overrule the file's own."),
+    "override_scale": Key(help="Let --side and --unit overrule those of the file."),
     "crop": Key(
         help="Keep only this part, in um from the first node, as 100:900,0:500.",
         metavar="X0:X1,Y0:Y1",
         table=PREPARED,
     ),
     "invert": Key(
-        help="Turn upside down: heights point into the material.", table=PREPARED
+        help="Turn the map upside down, if its heights point into the material.",
+        table=PREPARED,
     ),
     "mask": Key(
-        help="Heights outside these, in um, become holes, as -5:3.",
+        help="Turn heights outside these limits in um, as -5:3, into holes.",
         metavar="BELOW:ABOVE",
         table=PREPARED,
         words="the lowest and the highest height to keep in um, as -5:3, :3 or -5:",
     ),
     "despike": Key(
-        help="Replace nodes further from the local median than this times the scatter, as 7, by"
-        " it.",
+        help="Replace a node by its local median if it is further from it than this times the"
+        " scatter, as 7.",
         metavar="THRESHOLD",
         table=PREPARED,
         words="a number above 0, as 7",
@@ -184,37 +187,43 @@ KEYS = {
         words="the cut-offs of the S-filter and the L-filter in um, as 2.5:80, 2.5: or :80",
     ),
     "downsample": Key(
-        help="Take the means of N x N nodes as nodes.",
+        help="Replace N x N nodes by one node with their mean height.",
         metavar="N",
         table=PREPARED,
         words="a whole number of 2 or more",
         suits=lambda nodes: nodes >= 2,
     ),
 }
-"""The keys; those of the preparation in the order of their steps, which is a metrologist's."""
+"""The records of all keys. Keys of the preparation have the order in which their steps are taken,
+which is usual in metrology."""
 
-# the option of a key in a message
+# option of a key in a message
 OPTION = re.compile(rf"(?<![\w-])--({'|'.join(KEYS).replace('_', '-')})(?![\w-])")
 
 
 @dataclass(frozen=True)
 class FileReading:
-    """What a file lacks that is needed to read it: length, unit, and the channel to take.
+    """Settings that a file may need to be read: its length, its unit and the channel to read.
 
-    The fields are the options of commands, in their order.
+    The fields are options of commands, in this order. `KEYS` describes them.
     """
 
     KEYS: ClassVar = KEYS
-    side: str = ""  # scan length as "1000" or "1000,500" [um]; "" if the file has it
-    # unit of the heights, and of the lengths if the file has any; "" stands for the file's own,
-    # or for um in .npy and text
+    # scan length as "1000" or "1000,500" [um]; "" to take it from the file
+    side: str = ""
+    # Unit of the heights, and of lengths in the file that have no unit of their own. "" takes the
+    # unit from the file, or um if a .npy file or a text names none.
     unit: str = ""
-    channel: str = ""  # name or index; "" stands for the first channel with heights
+    channel: str = ""  # name or index of a channel; "" for the first channel with heights
 
 
 @dataclass(frozen=True)
 class Reading(FileReading):
-    """How a map is read, and how it is prepared before it is used; by default not at all."""
+    """Settings by which a map is read and prepared; by default it is not prepared.
+
+    The fields are options of commands and keys of scenes. `KEYS` describes them. False, "" and None
+    leave a step out.
+    """
 
     override_scale: bool = False
     fill: bool = False
@@ -229,17 +238,17 @@ class Reading(FileReading):
     downsample: int | None = None
 
     def ends(self, key: str) -> tuple[float | None, float | None]:
-        """Return both ends of `mask`, or both cut-offs of `filter`.
+        """Return both limits of `mask`, or both cut-offs of `filter`.
 
         Parameters
         ----------
         key : {"mask", "filter"}
-            The field, which holds "low:high", "low:", ":high" or "".
+            Name of the field, which holds "low:high", "low:", ":high" or "".
 
         Returns
         -------
         low, high : float or None
-            The two ends [um]; None for an end that is open.
+            The two ends [um]; None for an end that the field leaves out.
 
         Raises
         ------
@@ -251,50 +260,52 @@ class Reading(FileReading):
         if not text:
             return None, None
         parts = [part.strip() for part in text.split(":")]
-        stated = [part for part in parts if part]
-        numbers = numbers_in(":".join(stated), ":")
+        stated_parts = [part for part in parts if part]
+        numbers = numbers_in(
+            ":".join(stated_parts), ":"
+        )  # [] if none is stated or one is wrong
         lowest = 0.0 if key == "filter" else -math.inf
-        rising = numbers == sorted(set(numbers))
-        inside = all(lowest < number < math.inf for number in numbers)
-        if len(parts) != 2 or not numbers or not rising or not inside:
+        are_rising = numbers == sorted(set(numbers))
+        are_allowed = all(lowest < number < math.inf for number in numbers)
+        if len(parts) != 2 or not numbers or not are_rising or not are_allowed:
             advice = f"give {KEYS[key].allowed}, the first below the second"
             raise InputError(f"{as_option(key)} {quoted(text)}: {advice}")
         return _end(parts[0]), _end(parts[1])
 
     def values_of(self, table: str) -> dict[str, Any]:
-        """Return the values of the keys that a table of scenes has.
+        """Return the values of the fields that are keys of a table of scenes.
 
         Parameters
         ----------
         table : {"reading", "preparation"}
-            The name of the table.
+            Name of the table.
 
         Returns
         -------
-        dict
-            The value of each of its keys, in the order of `keys`.
+        dict of str to any
+            Value of each key of the table, in the order of `KEYS`.
         """
         return {name: getattr(self, name) for name in keys(table)}
 
 
 def _end(text: str) -> float | None:
-    """Return the number of an end; None for an open one, whose text is empty."""
+    """Return the number in the text of an end; None if the text is empty."""
     if not text:
         return None
     return float(text)
 
 
 def keys(table: str) -> dict[str, Key]:
-    """Return the keys of a table of scenes.
+    """Return the records of the keys of a table of scenes.
 
     Parameters
     ----------
     table : {"reading", "preparation"}
-        The name of the table.
+        Name of the table.
 
     Returns
     -------
-    dict
-        Record of each key, in the order in which the steps are taken.
+    dict of str to Key
+        Record of each key by its name, in the order of `KEYS`.
     """
     return {name: key for name, key in KEYS.items() if key.table == table}

@@ -1,8 +1,8 @@
-"""Several maps of one command: a row for each, then mean and standard deviation over the maps.
+"""Several maps of one command: rows of all maps, then mean and standard deviation over the maps.
 
-A map that cannot be read or solved is named and left out, and the command goes on. Rows of a table
-begin with `row`, which tells rows of maps from those computed over all maps, and `surface`, the
-name of the map.
+A map that cannot be read or solved is left out with a warning, and the command goes on. Rows begin
+with two columns: `row`, the kind of the row, and `surface`, the name of the map. The kinds of rows
+are those of a map (`OF_MAP`), and those of statistics over all maps (`MEAN` and `DEVIATION`).
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from gen.runtime.files import write
 from gen.runtime.installation import git_commit
 from gen.runtime.terminal import echo
 
-# raised whenever a reader of the last version would misread a file
+# version of the JSON files; raise it whenever a reader of the last version would misread a file
 FORMAT_VERSION = 1
-# relative deviation of numbers that are the same but for rounding
+# largest standard deviation that is put down to rounding, relative to the largest number
 SAME = 1e-9
-# kinds of rows
+# values of the column `row`
 OF_MAP = "surface"
 MEAN = "mean"
 DEVIATION = "standard deviation"
@@ -37,10 +37,10 @@ DEVIATION = "standard deviation"
 
 @dataclass(frozen=True)
 class CollectedRows:
-    """The rows of several maps, and the maps without any."""
+    """The rows of the maps that could be used, and the maps that could not."""
 
-    rows: list[Row]  # rows of all maps that could be used
-    left_out: dict[str, str]  # why maps could not be used, by their names
+    rows: list[Row]  # rows of the maps, in the order of the maps
+    left_out: dict[str, str]  # why a map could not be used, by the path of its file
 
 
 def are_several(inputs: Sequence[Path]) -> bool:
@@ -54,25 +54,26 @@ def are_several(inputs: Sequence[Path]) -> bool:
     Returns
     -------
     bool
-        False for a single path that is no folder.
+        False for a single path that is no folder, otherwise True.
     """
     return len(inputs) > 1 or inputs[0].is_dir()
 
 
 def require_one(inputs: Sequence[Path], options: dict[str, Path | None]) -> None:
-    """Refuse options that are for a single map.
+    """Refuse options that write a file about a single map.
 
     Parameters
     ----------
     inputs : sequence of Path
-        The maps of the command, for the message.
+        Files and folders that the user gave, for the message.
     options : dict
-        The file that each option gives, by the name of the option; None if it is not given.
+        Path that the user gave to each option, by the name of the option; None if the user did not
+        give the option.
 
     Raises
     ------
     InputError
-        If one of the options is given.
+        If the user gave one of the options.
     """
     for option, path in options.items():
         if path is not None:
@@ -83,7 +84,7 @@ def require_one(inputs: Sequence[Path], options: dict[str, Path | None]) -> None
 
 
 def files_of(inputs: Iterable[Path]) -> list[Path]:
-    """Return the files among the inputs, and those of folders that may hold maps.
+    """Replace folders among the inputs by the files in them that may hold maps.
 
     Parameters
     ----------
@@ -93,7 +94,8 @@ def files_of(inputs: Iterable[Path]) -> list[Path]:
     Returns
     -------
     list of Path
-        The files. An input without any stays as it is: `collect_rows` says what is wrong with it.
+        The files. A missing path, or a folder without such files, stays in the list as it is:
+        `collect_rows` says what is wrong with it.
     """
     files: list[Path] = []
     for path in inputs:
@@ -107,24 +109,25 @@ def files_of(inputs: Iterable[Path]) -> list[Path]:
 def collect_rows(
     files: Sequence[Path], rows_of: Callable[[Path], Iterable[Row]]
 ) -> CollectedRows:
-    """Collect the rows of all maps, and name the maps that are left out on standard error.
+    """Collect the rows of all maps, and warn of maps that are left out on standard error.
 
     Parameters
     ----------
     files : sequence of Path
         Files of maps, from `files_of`.
     rows_of : callable
-        Returns the rows of one map, or raises InputError.
+        Function of the path of a map. It returns the rows of the map, or raises InputError.
 
     Returns
     -------
     CollectedRows
-        The rows, each with the keys `row` and `surface` in front, and the maps that were left out.
+        The rows, each with the columns `row` and `surface` in front, and the maps that are left
+        out.
 
     Raises
     ------
     InputError
-        If no map has rows.
+        If all maps are left out. Maps are not named on standard error then.
     """
     rows: list[Row] = []
     left_out: dict[str, str] = {}
@@ -139,32 +142,35 @@ def collect_rows(
             f"none of {len(left_out)} maps could be used, the first: {first}"
         )
     for name, fault in left_out.items():
-        place = "" if name in fault else f"{name}: "
-        echo(f"warning: left out: {place}{fault}", err=True)
-    return CollectedRows(rows, left_out)
+        file_name = "" if name in fault else f"{name}: "
+        echo(f"warning: left out: {file_name}{fault}", err=True)
+    return CollectedRows(rows=rows, left_out=left_out)
 
 
 def _rows_of_file(file: Path, rows_of: Callable[[Path], Iterable[Row]]) -> list[Row]:
-    """Return the rows of a file with its name; InputError if there is no map or it is unusable."""
+    """Return the rows of a file with `row` and `surface` in front; InputError if it is unusable."""
     rows: list[Row] = []
-    for path in files_in(file):
+    for path in files_in(
+        file
+    ):  # the file; InputError if it is missing or a folder without maps
         rows += [{"row": OF_MAP, "surface": str(file), **row} for row in rows_of(path)]
     return rows
 
 
 def summary(rows: Sequence[Row]) -> list[Row]:
-    """Return the rows of mean and standard deviation over the rows of maps.
+    """Compute the mean and the standard deviation of each column over the rows of maps.
 
     Parameters
     ----------
     rows : sequence of dict
-        Rows of maps with the same columns, at least one.
+        Rows of maps, at least one. All have the same columns.
 
     Returns
     -------
     list of dict
-        Two rows with numbers in the columns that have a number in every row, and "" in all other
-        columns. Without a second row the standard deviation is "".
+        The row of means and the row of standard deviations. A column holds "" in both if one of
+        its values is no number. The standard deviation of a single row is "", as is any result
+        that is not a number.
     """
     mean: Row = {"row": MEAN, "surface": f"{len(rows)} surfaces"}
     deviation: Row = {"row": DEVIATION, "surface": f"{len(rows)} surfaces"}
@@ -176,28 +182,28 @@ def summary(rows: Sequence[Row]) -> list[Row]:
         deviation[name] = ""
         if all(isinstance(value, int | float) for value in values):
             numbers = np.array(values, dtype=np.float64)
-            with np.errstate(invalid="ignore"):  # of infinite numbers
+            with np.errstate(invalid="ignore"):  # numbers may be infinite
                 mean[name] = _number_or_blank(numbers.mean())
                 deviation[name] = _number_or_blank(_standard_deviation(numbers))
     return [mean, deviation]
 
 
 def _standard_deviation(numbers: Values) -> float:
-    """Return the standard deviation; NaN of a single number, 0 of numbers that differ by rounding.
+    """Return the sample standard deviation; NaN of a single number, 0 if it is due to rounding.
 
-    For example, the same load has been set on all maps.
+    Numbers differ by rounding alone, for example, if the same load is set on all maps.
     """
     if numbers.size < 2:
         return math.nan
-    scatter = float(numbers.std(ddof=1))
-    rounding = SAME * np.abs(numbers).max()
-    if scatter <= rounding:
+    deviation = float(numbers.std(ddof=1))
+    largest_by_rounding = SAME * np.abs(numbers).max()
+    if deviation <= largest_by_rounding:
         return 0.0
-    return scatter
+    return deviation
 
 
 def _number_or_blank(value: float) -> float | str:
-    """Return a number, "" for NaN."""
+    """Return a number as it is, but "" for NaN."""
     if math.isnan(value):
         return ""
     return float(value)
@@ -206,20 +212,20 @@ def _number_or_blank(value: float) -> float | str:
 def write_json(
     path: Path, kind: str, rows: Sequence[Row], command: str, **entries: Any
 ) -> None:
-    """Write the rows of a command's maps as JSON, with null for numbers that are not finite.
+    """Write the rows of a command's maps as a JSON file, with null for numbers that are not finite.
 
     Parameters
     ----------
     path : Path
         The file to write.
     kind : str
-        What the rows are: "descriptions" or "contacts".
+        Kind of the rows: "descriptions" or "contacts".
     rows : sequence of dict
-        Rows of maps, and those of `summary` if there are several maps.
+        Rows of maps, followed by the rows of `summary` if there are several maps.
     command : str
-        The command line, for the record.
+        The command line, which is recorded in the file.
     **entries : object
-        Further keys of the document.
+        Further keys of the document, written in front of the rows.
     """
     content = {
         "format": f"asperity {kind}",
@@ -235,7 +241,10 @@ def write_json(
 
 
 def _finite_or_null(row: Row) -> dict[str, float | int | str | None]:
-    """Return a row with None in place of numbers that are not finite, which JSON does not have."""
+    """Return a copy of a row with None in place of numbers that are not finite.
+
+    JSON has no such numbers, and writes None as null.
+    """
     finite: dict[str, float | int | str | None] = dict(row)
     for name, value in row.items():
         if isinstance(value, float) and not math.isfinite(value):

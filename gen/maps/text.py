@@ -104,9 +104,8 @@ class _Line(NamedTuple):
     """A line of a text, split into its parts; a plain tuple for speed, as texts have many lines."""
 
     number: int  # number of the line in the file, from 1
-    comment: (
-        str  # comment, entry of a header, or title, without blanks around it; "" if none
-    )
+    # comment, entry of a header, or title, without blanks around it; "" if none
+    comment: str
     fields: list[str]  # fields that should be numbers; empty if the line has none
 
 
@@ -235,6 +234,7 @@ def choose_matrix(path: Path, matrices: list[Scan], reading: Reading) -> Scan:
     channels = [
         _channel(index, scan, overruled=overruled) for index, scan in enumerate(matrices)
     ]
+    # A single matrix of heights need not be chosen.
     chosen = ChosenChannel(index=0, origin="")
     if reading.channel or len(matrices) > 1 or not channels[0].heights:
         chosen = choose_channel(path, channels, reading)
@@ -376,7 +376,10 @@ def _refuse_profile(line: str, place: str) -> None:
 
 
 def _lines(content: str, path: Path) -> Iterator[_Line]:
-    """Yield the lines of a text that are not empty; lines of its header have a comment only."""
+    """Yield the lines of a text that are not empty; lines of its header have a comment only.
+
+    The first line tells how the header is marked.
+    """
     lines = LINE_END.split(content)
     first = next((line for line in lines if line.strip()), "")
     if KOALA.fullmatch(first):
@@ -390,8 +393,8 @@ def _lines(content: str, path: Path) -> Iterator[_Line]:
 def _marked_lines(lines: list[str], path: Path) -> Iterator[_Line]:
     """Yield the lines of a text whose comments begin with #; titles become comments, too.
 
-    A title is a line of words above the numbers. InputError if there is a title but no number, or
-    if a title names the columns of a profile.
+    A title is a line of words above the numbers. InputError if a text has a title but no numbers,
+    or if a title names the columns of a profile.
     """
     has_numbers = False
     first_title = 0  # number of the line; 0 if there is no title
@@ -402,8 +405,7 @@ def _marked_lines(lines: list[str], path: Path) -> Iterator[_Line]:
             if _is_title(words.strip(), line.fields):
                 _refuse_profile(words, f"{path}, line {number}")
                 line = _Line(number=number, comment=words.strip(), fields=[])
-                if not first_title:
-                    first_title = number
+                first_title = first_title or number
             else:
                 has_numbers = True
         if line.fields or line.comment:
@@ -442,6 +444,7 @@ def _koala_lines(lines: list[str], path: Path) -> Iterator[_Line]:
     for line in _bare_lines(lines, path):
         has_numbers = has_numbers or bool(line.fields)
         text = lines[line.number - 1]
+        # A comment behind # is no line of Koala's header.
         if has_numbers or text.lstrip().startswith("#"):
             yield line
             continue
@@ -675,9 +678,7 @@ def _fields(line: str) -> list[str]:
     separator may end the line.
     """
     has_semicolons = ";" in line
-    words = line.split()
-    if has_semicolons:
-        words = line.removesuffix(";").split(";")
+    words = line.removesuffix(";").split(";") if has_semicolons else line.split()
     if "," not in line:
         return words
     have_decimal_commas = all(

@@ -1,11 +1,12 @@
 """Texture of a surface: its power spectrum, its lay, and the self-affine law of its spectrum.
 
-The law is that of `gen.spectral`: constant up to the roll-off, then |q|^(-2 - 2 H), up to the
-cut-off. It is fitted as a piecewise straight line to the logarithm of the radially averaged
-spectrum by least squares: all roll-offs and ends of the law are tried, and the constant and the
-slope follow in closed form. A bin beyond the end costs as much as one that is off by a factor of
-`OUTLYING`, so that the law ends where the spectrum leaves it for good. Towards a floor of noise
-the spectrum flattens before, and the Hurst exponent is up to 0.1 too low: filter noise first.
+The law is that of `gen.spectral`: the spectral density is constant up to the roll-off and falls as
+|q|^(-2 - 2 H) from there to the cut-off. It is fitted by least squares to the logarithm of the
+radially averaged spectrum, where it is a level and a straight fall. `ROLL_OFFS` roll-offs and all
+cut-offs at the end of a bin are tried; level and fall follow in closed form for each pair. A bin
+beyond the cut-off costs as much as a bin whose density is off the law by a factor of `OUTLYING`, so
+that the law ends where the spectrum leaves it for good. Above a floor of noise the spectrum
+flattens gradually, which makes the Hurst exponent up to 0.1 too low: filter noise first.
 """
 
 from __future__ import annotations
@@ -23,18 +24,22 @@ from gen.runtime.documents import Row
 from gen.spectral import SelfAffineSpectrum
 from gen.statistics import rms_slope
 
-# ratio of the ends of a bin of wavenumbers, unless one wave along an axis is wider
+# ratio of the largest to the smallest wavenumber of a bin; bins of long waves are wider, since a
+# bin is at least as wide as the step between the wavenumbers of the shorter side
 BIN_RATIO = 1.05
-OUTLYING = 1.3  # factor by which bins beyond the end of the law count as off it
-# scatter of the logarithm that no number of waves averages out, as no surface follows a law
+# factor between spectrum and law that is assumed in each bin beyond the cut-off
+OUTLYING = 1.3
+# scatter of the logarithm of the density that stays with any number of waves, because no surface
+# follows a law exactly
 MISFIT = 0.1
-FEWEST_BINS = 4  # in the power law
-# root mean square factor between spectrum and law beyond which there is no law
+FEWEST_BINS = 4  # fewest bins between roll-off and cut-off
+# root mean square factor between spectrum and law above which no law is returned
 LARGEST_SCATTER = 2.0
-# decades that a law has to hold over: shorter pieces of any spectrum are straight
+# fewest decades between roll-off and cut-off: shorter pieces of any spectrum are straight
 LEAST_DECADES = 1.0
-# slopes along a lay over those across it, and Str, below which a surface is directional: isotropic
-# made surfaces have 0.8 and 0.27 or more, with few long waves and without a roll-off
+# A surface is directional if its rms slope along a lay is less than this share of the rms slope
+# across the lay, or if Str is less than the second number. Generated isotropic surfaces have at
+# least 0.8 and 0.27, even with few long waves and without a roll-off.
 DIRECTIONAL_SLOPES = 0.5
 DIRECTIONAL_STR = 0.2
 LAW_UNITS = {
@@ -44,36 +49,42 @@ LAW_UNITS = {
     "law_decades": "1",
     "law_scatter": "1",
 }
-"""Units of the numbers of a law by their names in tables."""
+"""Units of the numbers in `SelfAffineFit.values`, by name; "1" for pure numbers."""
 
-ROUGHNESS = 0.99  # share of the mean square slope of the waves that carry roughness
-# nodes in the shortest wave from which on the area in the continuum is right to 1 %, from a mean
-# pressure of 0.05 E* times the rms slope on (`bench resolution`)
+# share of the mean square slope that the waves called roughness have together, the longest first
+ROUGHNESS = 0.99
+# nodes in the shortest wave that give the area in the continuum within 1 %, at mean pressures of at
+# least 0.05 E* times the rms slope (`bench resolution`)
 WELL_RESOLVED = 4
 ROLL_OFFS = 400  # number of roll-offs that are tried
-STEEPEST = 4.0  # fall of the logarithm of the spectrum for a Hurst exponent of 1
-FLATTEST = 2.0  # the same for a Hurst exponent of 0
+# exponent 2 + 2 H of the fall of the spectral density for Hurst exponents of 1 and of 0
+STEEPEST = 4.0
+FLATTEST = 2.0
 
 
 @dataclass(frozen=True, eq=False)
 class RadialSpectrum:
-    """Power spectrum of a surface, averaged over directions."""
+    """Power spectrum of a surface, averaged over the directions of the waves in each bin."""
 
     # geometric mean of the wavenumbers of each bin [1/um], shape (bins,)
     wavenumbers: Values
     edges: Values  # smallest and largest wavenumber of each bin [1/um], shape (bins, 2)
-    # mean spectral density C; the mean square height is its integral over the wavevectors, divided
-    # by (2 pi)^2 [um^4], shape (bins,)
+    # mean spectral density C of each bin [um^4], shape (bins,); the mean square height is the
+    # integral of C over the wavevectors, divided by (2 pi)^2
     density: Values
-    waves: Values  # number of waves, opposite ones counted once, shape (bins,)
-    # mean spectral density of the profiles along x and along y in the same bins; the mean square
-    # height of profiles is its integral over wavenumbers of both signs, divided by 2 pi [um^3],
-    # NaN in a bin without a wave along this axis, shape (bins,)
+    # number of waves in each bin, where two opposite wavevectors are one wave, shape (bins,)
+    waves: Values
+    # mean spectral density of the profiles along x, and along y, in each bin [um^3], shape (bins,);
+    # NaN in a bin without a wave along this axis. The mean square height of the profiles is the
+    # integral of the density over wavenumbers of both signs, divided by 2 pi.
     along_x: Values
     along_y: Values
 
     def rows(self) -> list[Row]:
-        """Return a row of a table for each bin, with the units in the names."""
+        """Return the table of the spectrum: a row for each bin, from column name to number.
+
+        Column names end with their units.
+        """
         columns = {
             "wavenumber_per_um": self.wavenumbers,
             "wavelength_um": 2 * math.pi / self.wavenumbers,
@@ -83,26 +94,29 @@ class RadialSpectrum:
             "density_y_um3": self.along_y,
         }
         return [
-            {name: float(values[place]) for name, values in columns.items()}
+            {name: float(column[place]) for name, column in columns.items()}
             for place in range(self.wavenumbers.size)
         ]
 
 
 @dataclass(frozen=True)
 class SelfAffineFit:
-    """Self-affine law of a surface, in the terms of the generator `spectral`."""
+    """Self-affine law that was fitted to the spectrum of a surface."""
 
-    spectrum: SelfAffineSpectrum  # Hurst exponent, roll-off and cut-off
-    rms_height: float  # root mean square of the heights of the surface [um]
-    level: float  # spectral density of the flat part [um^4]
-    # longest wavelength of the spectrum [um]; a roll-off of this length was not found
+    # Hurst exponent, roll-off and cut-off, as the generator `spectral` takes them
+    spectrum: SelfAffineSpectrum
+    rms_height: float  # rms height of the surface about its mean [um]
+    level: float  # spectral density C of the flat part, up to the roll-off [um^4]
+    # longest wavelength of the spectrum [um]; `spectrum.roll_off` has this length, too, if no
+    # roll-off was found
     longest: float
-    scatter: float  # root mean square factor between spectrum and law [1]
-    remarks: tuple[str, ...]  # what the fit could not find, one short text for each
+    scatter: float  # root mean square factor between spectrum and law, 1 or more [1]
+    # one short text for each number that the spectrum does not tell, as a roll-off or a cut-off
+    remarks: tuple[str, ...]
 
     @property
     def values(self) -> dict[str, float]:
-        """The numbers of the law by their names, in the units of `LAW_UNITS`."""
+        """The numbers of the law by the names of `LAW_UNITS`, in these units."""
         return {
             "hurst": self.spectrum.hurst,
             "roll_off": self.spectrum.roll_off,
@@ -113,15 +127,15 @@ class SelfAffineFit:
 
     @property
     def decades(self) -> float:
-        """Decades of wavelengths between roll-off and cut-off, on which the exponent rests."""
+        """Decades of wavelengths between roll-off and cut-off, where the spectrum falls [1]."""
         return math.log10(self.spectrum.roll_off / self.spectrum.cut_off)
 
 
 def radial_spectrum(topography: Topography) -> RadialSpectrum:
     """Compute the power spectrum of a surface and average it over directions.
 
-    A patch that is not periodic is multiplied by a Hann window, because its borders would add
-    waves.
+    If the patch is not periodic, its heights are multiplied by a Hann window, because steps between
+    opposite borders would add waves.
 
     Parameters
     ----------
@@ -131,61 +145,88 @@ def radial_spectrum(topography: Topography) -> RadialSpectrum:
     Returns
     -------
     RadialSpectrum
-        The spectrum in bins of wavenumbers that hold a wave; without bins if there are too few
-        nodes for two of them.
+        The spectrum. Bins without a wave are left out; there is no bin (arrays of length 0) if the
+        map has too few nodes for one.
     """
     ends = _bin_ends(topography)
     if ends.size < 2:
-        none = np.empty(0)
-        return RadialSpectrum(none, np.empty((0, 2)), none, none, none, none)
+        return _spectrum_without_bins()
     waves = _waves(topography).between(ends[0], ends[-1])
     places = np.searchsorted(ends, waves.wavenumbers, side="right") - 1
     bins = ends.size - 1
     numbers = np.bincount(places, waves.numbers, bins).astype(np.float64)
-    powers = np.bincount(places, waves.numbers * waves.densities, bins)
-    logarithms = np.bincount(places, waves.numbers * np.log(waves.wavenumbers), bins)
-    full = numbers > 0
-    edges = np.column_stack((ends[:-1], ends[1:]))[full]
+    summed_densities = np.bincount(places, waves.numbers * waves.densities, bins)
+    logarithms = np.log(waves.wavenumbers)
+    summed_logarithms = np.bincount(places, waves.numbers * logarithms, bins)
+    occupied = numbers > 0
+    edges = np.column_stack((ends[:-1], ends[1:]))[occupied]
+    waves_of_bins = numbers[occupied]
     return RadialSpectrum(
-        wavenumbers=np.exp(logarithms[full] / numbers[full]),
+        wavenumbers=np.exp(summed_logarithms[occupied] / waves_of_bins),
         edges=edges,
-        density=powers[full] / numbers[full],
-        waves=numbers[full],
+        density=summed_densities[occupied] / waves_of_bins,
+        waves=waves_of_bins,
         along_x=_profile_density(topography, 0, edges),
         along_y=_profile_density(topography, 1, edges),
     )
 
 
+def _spectrum_without_bins() -> RadialSpectrum:
+    """Return a spectrum whose arrays have length 0."""
+    empty = np.empty(0)
+    return RadialSpectrum(
+        wavenumbers=empty,
+        edges=np.empty((0, 2)),
+        density=empty,
+        waves=empty,
+        along_x=empty,
+        along_y=empty,
+    )
+
+
 def _bin_ends(topography: Topography) -> Values:
-    """Return the ends of the bins of wavenumbers, from the longest wave to the shortest [1/um]."""
+    """Return the rising wavenumbers at which bins end [1/um], shape (bins + 1,).
+
+    The last one is below the largest wavenumber of both axes, pi over the larger spacing.
+    """
     sides = np.multiply(topography.heights.shape, topography.spacing)
     step = 2 * math.pi / float(sides.min())
+    # A Hann window mixes the first wave of each axis with the mean.
     first = 0.5 if topography.boundary == "periodic" else 1.5
+    largest = math.pi / max(topography.spacing)
     ends = [first * step]
-    while ends[-1] < math.pi / max(topography.spacing):
-        ends.append(max(ends[-1] + step, ends[-1] * BIN_RATIO))
+    while ends[-1] < largest:
+        wide_enough = ends[-1] + step
+        ends.append(max(wide_enough, ends[-1] * BIN_RATIO))
     return np.array(ends[:-1])
 
 
 @dataclass(frozen=True, eq=False)
 class _Waves:
-    """Waves of a surface: arrays of shape (waves,)."""
+    """Entries of the Fourier transform of a surface: arrays of shape (entries,)."""
 
-    wavenumbers: Values  # [1/um]
+    wavenumbers: Values  # length of the wavevector [1/um]
     densities: Values  # spectral density [um^4]
-    # 0.5 for each of two opposite waves that the transform both has, 1 for all other waves
+    # number of waves that an entry counts for: 0.5 if the transform also has the entry of the
+    # opposite wavevector, otherwise 1
     numbers: Values
 
     def between(self, smallest: float, largest: float) -> _Waves:
-        """Return the waves from a smallest wavenumber to below a largest one [1/um]."""
+        """Return the entries with smallest <= wavenumber < largest [1/um]."""
         inside = (self.wavenumbers >= smallest) & (self.wavenumbers < largest)
         return _Waves(
-            self.wavenumbers[inside], self.densities[inside], self.numbers[inside]
+            wavenumbers=self.wavenumbers[inside],
+            densities=self.densities[inside],
+            numbers=self.numbers[inside],
         )
 
 
 def _waves(topography: Topography) -> _Waves:
-    """Transform the heights of a surface, windowed unless it is periodic, into waves."""
+    """Return the Fourier transform of the heights about their mean.
+
+    If the patch is not periodic, mean and heights are weighted by a Hann window. Densities are
+    infinite or NaN for heights whose squares overflow.
+    """
     heights = topography.heights
     nx, ny = heights.shape
     dx, dy = topography.spacing
@@ -193,43 +234,55 @@ def _waves(topography: Topography) -> _Waves:
     if topography.boundary != "periodic":
         window = np.outer(_hann(nx), _hann(ny))
     with np.errstate(over="ignore", invalid="ignore"):  # heights of 1e300 um
-        centred = window * (heights - np.average(heights, weights=window))
-        powers = np.abs(np.fft.rfft2(centred)) ** 2
+        mean = np.average(heights, weights=window)
+        windowed = window * (heights - mean)
+        powers = np.abs(np.fft.rfft2(windowed)) ** 2
         densities = powers * (dx * dy) / np.sum(window**2)
     qx = 2 * math.pi * np.fft.fftfreq(nx, dx)
     qy = 2 * math.pi * np.fft.rfftfreq(ny, dy)
-    # The transform has one of two opposite waves, but both in its first and in its middle column.
+    wavenumbers = np.hypot(qx[:, None], qy[None, :])
+    # rfft2 leaves out wavevectors with negative qy. So only the columns qy = 0 and, for an even ny,
+    # the largest qy hold opposite wavevectors both.
     numbers = np.ones(densities.shape)
     numbers[:, 0] = 0.5
     if ny % 2 == 0:
         numbers[:, -1] = 0.5
-    wavenumbers = np.hypot(qx[:, None], qy[None, :])
-    return _Waves(wavenumbers.ravel(), densities.ravel(), numbers.ravel())
+    return _Waves(
+        wavenumbers=wavenumbers.ravel(),
+        densities=densities.ravel(),
+        numbers=numbers.ravel(),
+    )
 
 
 def _hann(nodes: int) -> Values:
-    """Return the Hann window of an axis, which is zero half a node beyond the outer nodes."""
-    return np.asarray(np.sin(math.pi * (np.arange(nodes) + 0.5) / nodes) ** 2)
+    """Return the Hann window at the nodes of an axis, shape (nodes,).
+
+    It is zero half a spacing beyond the outer nodes.
+    """
+    places = np.arange(nodes) + 0.5
+    return np.asarray(np.sin(math.pi * places / nodes) ** 2)
 
 
 def _profile_density(topography: Topography, axis: int, edges: Values) -> Values:
     """Compute the mean spectral density of the profiles along an axis in bins of wavenumbers.
 
-    Each profile counts from its mean, and is windowed unless the patch is periodic.
+    The mean of each profile is subtracted. If the patch is not periodic, mean and profile are
+    weighted by a Hann window.
 
     Parameters
     ----------
     topography : Topography
         The surface, without holes.
     axis : {0, 1}
-        Axis of the profiles.
+        Axis along which the profiles run.
     edges : ndarray, shape (bins, 2)
         Smallest and largest wavenumber of each bin [1/um].
 
     Returns
     -------
     ndarray, shape (bins,)
-        Density of the profiles [um^3], NaN in a bin without a wave along the axis.
+        Density, averaged over all profiles and over the waves of each bin [um^3]; NaN in a bin
+        without a wave along the axis.
     """
     profiles = np.moveaxis(topography.heights, axis, -1)
     step = topography.spacing[axis]
@@ -238,26 +291,28 @@ def _profile_density(topography: Topography, axis: int, edges: Values) -> Values
     if topography.boundary != "periodic":
         window = _hann(nodes)
     with np.errstate(over="ignore", invalid="ignore"):  # heights of 1e300 um
-        centred = profiles - np.average(profiles, axis=-1, weights=window)[:, None]
-        powers = np.abs(np.fft.rfft(window * centred, axis=-1)) ** 2
+        means = np.average(profiles, axis=-1, weights=window)
+        windowed = window * (profiles - means[:, None])
+        powers = np.abs(np.fft.rfft(windowed, axis=-1)) ** 2
         density = powers.mean(axis=0) * step / np.sum(window**2)
     wavenumbers = 2 * math.pi * np.fft.rfftfreq(nodes, step)
-    first, last = np.searchsorted(wavenumbers, edges).T
-    sums = np.concatenate(([0.0], np.cumsum(density)))
-    with np.errstate(invalid="ignore"):  # bins without a wave
-        return np.asarray((sums[last] - sums[first]) / (last - first))
+    first, end = np.searchsorted(wavenumbers, edges).T
+    cumulative = np.concatenate(([0.0], np.cumsum(density)))
+    summed = cumulative[end] - cumulative[first]
+    with np.errstate(invalid="ignore"):  # 0 / 0 in bins without a wave
+        return np.asarray(summed / (end - first))
 
 
 @dataclass(frozen=True)
 class ProfileRoughness:
-    """Roughness of the profiles along an axis, after ISO 21920-2, from all of them together."""
+    """Roughness by ISO 21920-2 of all profiles along one axis, taken together."""
 
-    rms_height: float  # Rq, about the mean of each profile [um]
+    rms_height: float  # Rq, where each profile counts from its own mean [um]
     rms_slope: float  # Rdq, between neighbouring nodes [1]
 
     @property
     def wavelength(self) -> float:
-        """Mean wavelength, 2 pi rms height / rms slope [um]; NaN of flat profiles."""
+        """Mean wavelength, 2 pi rms height / rms slope [um]; NaN if all profiles are flat."""
         if not self.rms_slope:
             return math.nan
         return 2 * math.pi * self.rms_height / self.rms_slope
@@ -276,27 +331,32 @@ def profile_roughness(
     Returns
     -------
     tuple of ProfileRoughness
-        Roughness of the profiles along x, and of those along y.
+        Roughness of the profiles along x, then of the profiles along y.
     """
     heights = topography.heights
     dx, dy = topography.spacing
-    slope_x = rms_slope(heights, (dx, math.inf))
-    slope_y = rms_slope(heights, (math.inf, dy))
-    return (
-        ProfileRoughness(_rms_of_profiles(heights, 0), slope_x),
-        ProfileRoughness(_rms_of_profiles(heights, 1), slope_y),
+    # An infinite spacing along the other axis leaves out the slopes along that axis.
+    along_x = ProfileRoughness(
+        rms_height=_rms_of_profiles(heights, axis=0),
+        rms_slope=rms_slope(heights, (dx, math.inf)),
     )
+    along_y = ProfileRoughness(
+        rms_height=_rms_of_profiles(heights, axis=1),
+        rms_slope=rms_slope(heights, (math.inf, dy)),
+    )
+    return along_x, along_y
 
 
 def _rms_of_profiles(heights: Heights, axis: int) -> float:
-    """Return the rms height of the profiles along an axis about their means [um]."""
-    return float(np.std(heights - heights.mean(axis=axis, keepdims=True)))
+    """Return the rms height [um] of all profiles along an axis, each about its own mean."""
+    means = heights.mean(axis=axis, keepdims=True)
+    return float(np.std(heights - means))
 
 
 def nodes_a_wave(spectrum: RadialSpectrum, spacing: tuple[float, float]) -> float:
-    """Count the nodes in the shortest wave that carries roughness.
+    """Compute the number of nodes in the shortest wave that carries roughness.
 
-    Shorter waves carry 1 % of the mean square slope together.
+    The waves that are shorter have 1 % of the mean square slope together (1 - `ROUGHNESS`).
 
     Parameters
     ----------
@@ -308,13 +368,17 @@ def nodes_a_wave(spectrum: RadialSpectrum, spacing: tuple[float, float]) -> floa
     Returns
     -------
     float
-        Number of nodes, 2 at least; NaN if the surface has no wave.
+        Length of that wave over the larger spacing, 2 or more [1]; NaN if the surface has no wave,
+        or its slopes are beyond what numbers hold.
     """
+    # share of each bin in the mean square slope, but for a factor
     slopes = spectrum.waves * spectrum.density * spectrum.wavenumbers**2
-    if not 0.0 < slopes.sum() < math.inf:
+    total = slopes.sum()
+    if not 0.0 < total < math.inf:
         return math.nan
-    place = int(np.searchsorted(np.cumsum(slopes), ROUGHNESS * slopes.sum()))
-    return float(2 * math.pi / spectrum.edges[place, 1]) / max(spacing)
+    place = int(np.searchsorted(np.cumsum(slopes), ROUGHNESS * total))
+    shortest = float(2 * math.pi / spectrum.edges[place, 1])
+    return shortest / max(spacing)
 
 
 def fit_self_affine(
@@ -327,25 +391,20 @@ def fit_self_affine(
     topography : Topography
         The surface, without holes.
     spectrum : RadialSpectrum
-        Its spectrum.
+        Spectrum of this surface, from `radial_spectrum`.
     aspect : float, optional
-        Its texture aspect ratio Str, NaN if it is not known [1].
+        Texture aspect ratio Str of this surface, NaN if it is not known [1].
 
     Returns
     -------
     SelfAffineFit or str
-        The law, or the reason why there is none.
+        The law. If the surface has no law, the reason in words, which end the sentence "no
+        self-affine law: ...".
     """
-    reason = _without_law(topography, spectrum, aspect)
+    reason = _reason_without_fit(topography, spectrum, aspect)
     if reason:
         return reason
-    largest = float(spectrum.density.max())
-    logarithms = _LogSpectrum(
-        wavenumbers=np.log(spectrum.wavenumbers),
-        densities=np.log(np.maximum(spectrum.density, 1e-30 * largest) / largest),
-        weights=1.0 / (1.0 / spectrum.waves + MISFIT**2),
-    )
-    law = logarithms.best_law()
+    law = _log_spectrum(spectrum).best_law()
     scatter = math.exp(law.scatter)
     if scatter > LARGEST_SCATTER:
         return f"the spectrum is off the nearest one by a factor of {scatter:.2g}"
@@ -361,8 +420,28 @@ def fit_self_affine(
     return fit
 
 
-def _without_law(topography: Topography, spectrum: RadialSpectrum, aspect: float) -> str:
-    """Return why a surface has no law, because of its spectrum or a lay; "" if it may have one."""
+def _log_spectrum(spectrum: RadialSpectrum) -> _LogSpectrum:
+    """Return the logarithms of a spectrum whose largest density is finite and positive."""
+    largest = float(spectrum.density.max())
+    # A density of 0 has no logarithm.
+    positive = np.maximum(spectrum.density, 1e-30 * largest)
+    # The logarithm of a mean over n waves has the variance 1 / n.
+    variances = 1.0 / spectrum.waves + MISFIT**2
+    return _LogSpectrum(
+        wavenumbers=np.log(spectrum.wavenumbers),
+        densities=np.log(positive / largest),
+        weights=1.0 / variances,
+    )
+
+
+def _reason_without_fit(
+    topography: Topography, spectrum: RadialSpectrum, aspect: float
+) -> str:
+    """Return why no law is fitted, "" if one can be.
+
+    Reasons are flat or lost heights, a spectrum of too few bins or without finite densities, and a
+    lay, also by the texture aspect ratio Str (NaN if it is not known).
+    """
     heights = topography.heights
     if np.ptp(heights) == 0.0:
         return "flat surface"
@@ -376,28 +455,35 @@ def _without_law(topography: Topography, spectrum: RadialSpectrum, aspect: float
 
 
 def lay_of(topography: Topography, aspect: float = math.nan) -> str:
-    """Explain why a surface is directional, by its slopes and its texture aspect ratio.
+    """Say that a surface is directional and by which numbers.
+
+    A surface is directional if the ratio of its slopes along and across a lay is below
+    `DIRECTIONAL_SLOPES`, or its texture aspect ratio below `DIRECTIONAL_STR`.
 
     Parameters
     ----------
     topography : Topography
         The surface, without holes.
     aspect : float, optional
-        Its texture aspect ratio Str, NaN if it is not known [1].
+        Texture aspect ratio Str of the surface, NaN if it is not known [1].
 
     Returns
     -------
     str
-        Why it is directional, "" if it is not.
+        A sentence with the numbers; "" if the surface is not directional, is flat, or has lost its
+        heights in rounding.
     """
     heights = topography.heights
     lowest = float(heights.min())
     highest = float(heights.max())
     if lowest == highest or is_lost(heights):
         return ""
-    scaled = heights / (0.5 * highest - 0.5 * lowest)  # squares of tiny slopes would be 0
+    half_span = 0.5 * highest - 0.5 * lowest
+    scaled = heights / half_span  # squares of tiny slopes would be 0
     ratio = _slope_ratio(scaled, topography.spacing)
-    if ratio >= DIRECTIONAL_SLOPES and not aspect < DIRECTIONAL_STR:
+    slopes_are_alike = ratio >= DIRECTIONAL_SLOPES
+    lengths_differ = aspect < DIRECTIONAL_STR  # false for NaN
+    if slopes_are_alike and not lengths_differ:
         return ""
     numbers = f"slopes along its lay {ratio:.2g} of those across it"
     if not math.isnan(aspect):
@@ -406,111 +492,128 @@ def lay_of(topography: Topography, aspect: float = math.nan) -> str:
 
 
 def _slope_ratio(heights: Heights, spacing: tuple[float, float]) -> float:
-    """Return the least rms slope along any direction over the largest, across it [1]."""
+    """Return the rms slope along the direction where it is least, over that across it [1].
+
+    The slope across it is the largest. Heights are of shape (nx, ny), in any unit, and not flat.
+    """
     dx, dy = spacing
     along_x = np.diff(heights, axis=0) / dx
     along_y = np.diff(heights, axis=1) / dy
-    at_cells = np.stack(
-        [
-            (along_x[:, 1:] + along_x[:, :-1]).ravel(),
-            (along_y[1:] + along_y[:-1]).ravel(),
-        ]
-    )
-    low, high = np.linalg.eigvalsh(np.cov(at_cells))
-    return math.sqrt(max(low, 0.0) / high)
+    # twice the mean slopes of the cells: the factor leaves the ratio as it is
+    cells_along_x = along_x[:, 1:] + along_x[:, :-1]
+    cells_along_y = along_y[1:] + along_y[:-1]
+    slopes = np.stack([cells_along_x.ravel(), cells_along_y.ravel()])
+    least_square, largest_square = np.linalg.eigvalsh(np.cov(slopes))
+    return math.sqrt(max(least_square, 0.0) / largest_square)
 
 
 @dataclass(frozen=True)
 class _LogLaw:
-    """A self-affine law in logarithms: level up to the roll-off, then a straight fall."""
+    """A self-affine law in natural logarithms: a level up to the roll-off, then a straight fall."""
 
-    roll_off: float  # logarithm of the wavenumber of the roll-off [1/um]
-    level: float  # logarithm of the density of the flat part over the largest one
-    fall: float  # of the logarithm of the density with that of the wavenumber, positive
+    roll_off: float  # logarithm of the wavenumber of the roll-off
+    level: float  # logarithm of the density up to the roll-off over the largest density
+    # decrease of the logarithm of the density per logarithm of the wavenumber, positive
+    fall: float
     bins: int  # number of bins up to the cut-off
-    scatter: float  # root mean square difference of the logarithms
-    cost: float  # weighted sum of their squares, bins beyond the cut-off included
+    scatter: float  # weighted rms difference of the logarithms of spectrum and law in these bins
+    # weighted sum of the squared differences, with `OUTLYING` in the bins beyond the cut-off
+    cost: float
 
 
 @dataclass(frozen=True, eq=False)
 class _LogSpectrum:
-    """A radial spectrum in logarithms: arrays of shape (bins,)."""
+    """A radial spectrum in natural logarithms: arrays of shape (bins,)."""
 
-    wavenumbers: Values  # logarithms, rising
-    densities: Values  # logarithms of the densities over the largest one
-    weights: Values  # inverse variances of these logarithms
+    wavenumbers: Values  # logarithms of the wavenumbers, rising
+    densities: Values  # logarithms of the densities over the largest density
+    weights: Values  # inverse variances of the logarithms of the densities
 
     def best_law(self) -> _LogLaw:
-        """Return the law with the least cost over all roll-offs, the first of several."""
-        roll_offs = np.linspace(
-            self.wavenumbers[0], self.wavenumbers[-FEWEST_BINS], ROLL_OFFS
-        )
+        """Return the law with the least cost; of equal costs, the law with the longest roll-off."""
+        last = self.wavenumbers[-FEWEST_BINS]
+        roll_offs = np.linspace(self.wavenumbers[0], last, ROLL_OFFS)
         laws = (self._law_from(roll_off) for roll_off in roll_offs.tolist())
         return min(laws, key=lambda law: law.cost)
 
     def _law_from(self, roll_off: float) -> _LogLaw:
-        """Return the law with the least cost for the logarithm of a roll-off's wavenumber.
+        """Return the law with the least cost among all cut-offs, for a roll-off.
 
-        The sums over the bins up to each possible cut-off give the least squares in closed form.
+        `roll_off` is the logarithm of a wavenumber. The law is y = level - fall x, where x is the
+        logarithm of the wavenumber beyond the roll-off (0 before it) and y that of the density.
+        Cumulative sums over the bins give level and fall by least squares for each cut-off.
         """
-        beyond = np.maximum(self.wavenumbers - roll_off, 0.0)
-        densities = self.densities
+        x = np.maximum(self.wavenumbers - roll_off, 0.0)
+        y = self.densities
         weight = np.cumsum(self.weights)
-        sum_x = np.cumsum(self.weights * beyond)
-        sum_xx = np.cumsum(self.weights * beyond**2)
-        sum_y = np.cumsum(self.weights * densities)
-        sum_xy = np.cumsum(self.weights * (beyond * densities))
-        sum_yy = np.cumsum(self.weights * densities**2)
+        sum_x = np.cumsum(self.weights * x)
+        sum_xx = np.cumsum(self.weights * x**2)
+        sum_y = np.cumsum(self.weights * y)
+        sum_xy = np.cumsum(self.weights * (x * y))
+        sum_yy = np.cumsum(self.weights * y**2)
         valid = self._cut_offs_beyond(roll_off)
         spread = np.where(valid, sum_xx - sum_x**2 / weight, 1.0)
         falls = (sum_x * sum_y / weight - sum_xy) / spread
-        falls = np.clip(np.where(valid, falls, FLATTEST), FLATTEST, STEEPEST)
+        falls = np.where(valid, falls, FLATTEST)
+        falls = np.clip(falls, FLATTEST, STEEPEST)
         levels = (sum_y + falls * sum_x) / weight
+        # sums of (y - level + fall x)^2
         squares = sum_yy + falls**2 * sum_xx + levels**2 * weight
         squares += 2 * (falls * sum_xy - levels * sum_y - levels * falls * sum_x)
-        outlying = math.log(OUTLYING) ** 2 * (self.weights.sum() - weight)
+        weight_beyond = self.weights.sum() - weight
+        outlying = math.log(OUTLYING) ** 2 * weight_beyond
         costs = np.where(valid, squares + outlying, math.inf)
-        last = int(np.argmin(costs))
+        best = int(np.argmin(costs))
+        mean_square = max(squares[best] / weight[best], 0.0)
         return _LogLaw(
             roll_off=roll_off,
-            level=float(levels[last]),
-            fall=float(falls[last]),
-            bins=last + 1,
-            scatter=math.sqrt(max(squares[last] / weight[last], 0.0)),
-            cost=float(costs[last]),
+            level=float(levels[best]),
+            fall=float(falls[best]),
+            bins=best + 1,
+            scatter=math.sqrt(mean_square),
+            cost=float(costs[best]),
         )
 
     def _cut_offs_beyond(self, roll_off: float) -> NDArray[np.bool_]:
-        """Return which bins may be the last of a law with a roll-off, shape (bins,)."""
-        first = np.searchsorted(self.wavenumbers, roll_off)
-        return np.arange(self.wavenumbers.size) >= first + FEWEST_BINS - 1
+        """Return whether each bin may be the last one of a law, shape (bins,).
+
+        A law needs `FEWEST_BINS` bins between its roll-off (logarithm of a wavenumber) and its
+        cut-off, the last bin included.
+        """
+        first_beyond = np.searchsorted(self.wavenumbers, roll_off)
+        earliest = first_beyond + FEWEST_BINS - 1
+        return np.arange(self.wavenumbers.size) >= earliest
 
 
 def _fit_of(
     law: _LogLaw, topography: Topography, spectrum: RadialSpectrum
 ) -> SelfAffineFit:
-    """Return a law of the logarithms of a spectrum in the terms of the generator `spectral`.
-
-    A roll-off in the first bin was not found: it is put at the longest wave of the spectrum.
-    """
+    """Convert a law in logarithms into lengths [um] and densities [um^4], with remarks."""
     first, second = np.log(spectrum.wavenumbers[:2]).tolist()
     longest = float(2 * math.pi / spectrum.wavenumbers[0])
     cut_off = float(2 * math.pi / spectrum.edges[law.bins - 1, 1])
     roll_off = 2 * math.pi / math.exp(law.roll_off)
-    level = law.level
+    log_level = law.level
     remarks = []
     if law.roll_off <= second:
+        # A single flat bin shows no roll-off. The law begins at the longest wave, and its level is
+        # raised to where its fall meets this wave.
         roll_off = longest
-        level += law.fall * (law.roll_off - first)
+        log_level += law.fall * (law.roll_off - first)
         remarks.append("no roll-off within the patch")
     if law.bins == spectrum.wavenumbers.size:
         remarks.append("no cut-off above two nodes a wavelength")
     if law.fall >= STEEPEST:
         remarks.append("steeper than any Hurst exponent: held at 1")
+    law_spectrum = SelfAffineSpectrum(
+        hurst=law.fall / 2 - 1,
+        roll_off=max(roll_off, cut_off),
+        cut_off=cut_off,
+    )
     return SelfAffineFit(
-        spectrum=SelfAffineSpectrum(law.fall / 2 - 1, max(roll_off, cut_off), cut_off),
+        spectrum=law_spectrum,
         rms_height=float(np.std(topography.heights)),
-        level=float(spectrum.density.max()) * math.exp(level),
+        level=float(spectrum.density.max()) * math.exp(log_level),
         longest=longest,
         scatter=math.exp(law.scatter),
         remarks=tuple(remarks),

@@ -1,4 +1,4 @@
-"""The ground of every command: processes, signals, files, printing, errors in words."""
+"""Services that all commands use: processes, signals, files, printing, messages for errors."""
 
 VERSION = "1.0.0"
-"""Version as PEP 440 writes it, stated here alone."""
+"""Version of all packages of this repository, as PEP 440 writes it; no other file states it."""

@@ -1,6 +1,7 @@
 """Run a command so that it ends with one clear line and the same exit code on all ranks.
 
-`grouped` lets commands share options, `main` runs a command line in a `gen.runtime.farm.process`.
+`grouped` lets commands share groups of options. `main` runs a command line; its caller has entered
+`gen.runtime.farm.process`.
 """
 
 import os
@@ -29,16 +30,22 @@ from gen.runtime.terminal import (
 )
 
 CommandLineError: Any = typer.BadParameter.__mro__[2]
-"""Base class of typer's errors about a command line; typer has moved it twice."""
+"""Base class of Typer's errors about a command line.
+
+It is taken from a subclass, because its own module has changed twice between versions.
+"""
 
 LONGEST_LINE = 1200
-"""Letters of a message; the middle of a longer one is left out."""
+"""Largest number of letters of a printed message; the middle of a longer one is left out."""
 
 MOST_DETAILS = 40
-"""Lines of a list below a message. The further lines of a longer list are only counted."""
+"""Largest number of lines of a list below a message; further lines are only counted."""
 
 EMPTY = re.compile("|--[^=]*=")
-"""An argument without a value, which a shell makes of a variable that is not set."""
+"""An empty argument, or an option with an empty value.
+
+A shell makes such an argument from a variable that is not set.
+"""
 
 EXTRAS = {
     "aiohttp": "serve",
@@ -54,14 +61,16 @@ EXTRAS = {
     "tomli_w": "export",
     "xgboost": "learn",
 }
-"""For each module that only some commands need, the extra that installs it."""
+"""Extra of pyproject.toml that installs a module which only some commands need, by its name."""
 
 
 Version = Annotated[bool, typer.Option("--version", help="Print the version.")]
 
 
 def take_version(*, version: Version = False) -> None:
-    """Take the option that stands before the commands of a program; `main` answers it.
+    """Do nothing, so that Typer lists the option --version in the help of a program.
+
+    `main` answers the option before Typer parses the command line.
 
     Parameters
     ----------
@@ -71,7 +80,10 @@ def take_version(*, version: Version = False) -> None:
 
 
 def _trust(context: typer.Context, trusted: bool) -> bool:
-    """Trust functions that files name until the command has ended, if the user does."""
+    """Set `TRUSTED` until the command has ended if --trust is given, and return `trusted`.
+
+    This is the callback that Typer calls with the value of the option.
+    """
     if trusted:
         from gen.runtime.user_code import TRUSTED
 
@@ -91,27 +103,28 @@ Trust = Annotated[
 
 
 def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Expand the arguments of a command that are groups of options, for Typer.
+    """Replace the arguments of a command that are groups of options by single options, for Typer.
 
     Parameters
     ----------
     command : callable
         Function of a command. An argument that is annotated with a NamedTuple or a dataclass is a
-        group: each of its fields becomes an option. A NamedTuple annotates its fields with Typer's
-        options; a dataclass has a `KEYS`, whose entries have a `metavar` and a `help`, and only
-        fields with an entry become options.
+        group. Of a NamedTuple, every field becomes an option, as its annotation describes it to
+        Typer. Of a dataclass, the fields in its dictionary `KEYS` become options; an entry there
+        has the attributes `metavar` and `help`.
 
     Returns
     -------
     callable
-        Function that takes all options by name and calls the command with the groups.
+        Function that takes every option by name and calls the command with the groups.
     """
     annotations = get_type_hints(command, include_extras=True)
-    groups: dict[str, Any] = {}
+    groups: dict[str, Any] = {}  # classes of the groups, by the names of their arguments
     parameters: list[Parameter] = []
     for name, parameter in signature(command).parameters.items():
         annotation = annotations[name]
-        if hasattr(annotation, "_field_defaults") or is_dataclass(annotation):
+        is_named_tuple = hasattr(annotation, "_field_defaults")
+        if is_named_tuple or is_dataclass(annotation):
             groups[name] = annotation
             parameters += _options(annotation)
         else:
@@ -121,11 +134,14 @@ def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
 
     @wraps(command)
     def with_options(**values: Any) -> Any:
+        """Call the command with a group in place of the values of its options."""
         for name, group in groups.items():
-            names = [option.name for option in _options(group)]
-            values[name] = group(**{option: values.pop(option) for option in names})
+            option_names = [option.name for option in _options(group)]
+            fields_of_group = {option: values.pop(option) for option in option_names}
+            values[name] = group(**fields_of_group)
         return command(**values)
 
+    # Typer reads the options from these attributes.
     with_options.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
     with_options.__annotations__ = {
         parameter.name: parameter.annotation for parameter in parameters
@@ -135,9 +151,10 @@ def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
 
 @cache
 def _options(group: Any) -> list[Parameter]:
-    """Return the options of a group as parameters of a function."""
+    """Return the options of a group, a NamedTuple or a dataclass, as parameters of a function."""
     annotations = get_type_hints(group, include_extras=True)
     if hasattr(group, "_field_defaults"):
+        # The annotations of a NamedTuple describe the options already.
         defaults = group._field_defaults
     else:
         defaults = {
@@ -160,7 +177,7 @@ def _options(group: Any) -> list[Parameter]:
 
 
 def recorded_command_line(context: typer.Context, program: str) -> str:
-    """Return the command line of the running command, as files record it.
+    """Return the line that starts the running command again, for the record in a file.
 
     Parameters
     ----------
@@ -173,7 +190,7 @@ def recorded_command_line(context: typer.Context, program: str) -> str:
     -------
     str
         A line that a shell can run: the program as `command_to_type` writes it, the command, and
-        the values that the user gave. Defaults are left out.
+        the arguments and options that the user gave. Options with default values are left out.
     """
     words = [*command_to_type(program).split(), str(context.info_name)]
     for parameter in context.command.params:
@@ -185,27 +202,30 @@ def recorded_command_line(context: typer.Context, program: str) -> str:
 
 
 def _words(parameter: Any, value: Any) -> list[str]:
-    """Return the words of a command line that give a parameter of Typer its value or values."""
-    if isinstance(value, bool):
+    """Return the words of a command line that give a parameter of Typer this value.
+
+    The value of an argument or option that may be repeated is a list or tuple of values.
+    """
+    if isinstance(value, bool):  # --flag or --no-flag, without a value
         return [parameter.opts[0] if value else parameter.secondary_opts[0]]
     values = value if isinstance(value, list | tuple) else [value]
     if parameter.param_type_name == "argument":
-        return [str(word) for word in values]
+        return [str(single) for single in values]
     words = []
-    for word in values:
-        words += [parameter.opts[0], str(word)]
+    for single in values:
+        words += [parameter.opts[0], str(single)]
     return words
 
 
 def warn_deprecated(option: str, instead: str) -> None:
-    """Print on standard error that an option leaves with version 2.0.
+    """Warn on standard error that version 2.0 will not have an option.
 
     Parameters
     ----------
     option : str
         The option that the user gave, such as "--solver".
     instead : str
-        What to do in its place.
+        Imperative clause that says how to do without the option.
     """
     echo(f"warning: {option} leaves with version 2.0: {instead}", err=True)
 
@@ -215,8 +235,8 @@ class _Ending:
     """How a command has ended on this process."""
 
     code: int  # exit code
-    message: str = ""  # line for the user; empty without any
-    details: tuple[str, ...] = ()  # list below the message
+    message: str = ""  # line for the user; "" prints nothing
+    details: tuple[str, ...] = ()  # lines of the list below the message
 
 
 def main(
@@ -227,71 +247,77 @@ def main(
     collective: Collection[str] = (),
     single_process: bool = False,
 ) -> int:
-    """Run a command on all its processes; a collective call.
+    """Run a command line of a program on all processes of this run; a collective call.
 
-    If the command ends on the master (bad input, a full disk, a missing package), it ends on the
-    workers too, wherever they wait, and the master alone prints why. A bug ends all processes at
-    once with its traceback.
+    If the command fails on the master (bad input, a full disk, a missing package), it ends on the
+    workers too, wherever they wait, and only the master prints the reason. A bug prints its
+    traceback and ends all processes at once.
 
     Parameters
     ----------
     app : typer.Typer
         The program.
     arguments : sequence of str
-        Words of the command line after the program.
+        Words of the command line after the name of the program.
     name : str
         Name of the program, with which messages begin.
     collective : collection of str
-        Commands in which the workers take part. Any other command is done by the master alone. It
-        needs no MPI: where MPI does not start, the first process runs it.
+        Names of the commands in which workers take part. The master runs any other command alone,
+        and such a command works even if MPI does not start.
     single_process : bool
-        Whether more than one process is refused, for programs that measure times.
+        Whether to refuse more than one process, as programs that measure times do. Ctrl-C then
+        interrupts the command.
 
     Returns
     -------
     int
-        Exit code, the same on all processes: one of docs/compatibility.md.
+        Exit code, the same on all processes. docs/compatibility.md lists the codes.
     """
     world = farm.World()
     OUTPUT_ERRORS.clear()
     try:
         with _interruptible(single_process):
             try:
-                joins = bool(arguments) and arguments[0] in collective
-                if "--help" in arguments:
-                    joins = False
-                world = _world(needed=joins)
+                is_collective = bool(arguments) and arguments[0] in collective
+                if "--help" in arguments:  # the master alone prints the help
+                    is_collective = False
+                world = _world(needs_mpi=is_collective)
                 if single_process:
                     _refuse_several(world)
                 _refuse_empty(arguments)
-                takes_part = world.is_master or joins
-                ending = _Ending(_exit_code(app, arguments, name, world, takes_part))
+                takes_part = world.is_master or is_collective
+                code = _exit_code(app, arguments, name, world, takes_part=takes_part)
+                ending = _Ending(code)
             except (Exception, SystemExit, KeyboardInterrupt) as error:
                 ending = _ending_by(error, name)
         return _end(world, ending)
     except farm.MasterLeft as error:
         return error.code
-    except Exception:
+    except Exception:  # a bug
         world.abort()
 
 
 def _end(world: farm.World, ending: _Ending) -> int:
-    """Print on the master why a command has ended, and return its exit code on all processes.
+    """Print on the master why a command has ended, and return the master's exit code.
 
-    If the command has failed on this worker alone, the worker prints why, and all processes end.
+    This is a collective call. If the command has failed on this worker but not on the master, the
+    worker prints the reason and ends all processes.
     """
     if world.is_master and ending.message:
         _complain(ending.message, ending.details)
     try:
         return world.end(ending.code)
-    except RuntimeError as error:
+    except RuntimeError as error:  # the master is still running the command
         _complain(f"{ending.message or error} (rank {world.rank})")
         world.abort(ending.code)
 
 
 @contextmanager
 def _interruptible(single_process: bool) -> Iterator[None]:
-    """Let Ctrl-C raise KeyboardInterrupt in a single process; one of several must go on."""
+    """Let Ctrl-C raise KeyboardInterrupt in the block if the program runs as a single process.
+
+    If it may run as several processes, the handling of Ctrl-C is left as it is.
+    """
     if not single_process:
         yield
         return
@@ -302,12 +328,16 @@ def _interruptible(single_process: bool) -> Iterator[None]:
         signal.signal(signal.SIGINT, previous)
 
 
-def _world(*, needed: bool) -> farm.World:
-    """Join the other processes; if MPI does not start and is not needed, work without it."""
+def _world(*, needs_mpi: bool) -> farm.World:
+    """Join the other processes of this run, and return all of them.
+
+    If MPI does not start, raise InputError for a command that needs MPI, and otherwise return the
+    world of a single process.
+    """
     try:
         return farm.this_world()
     except InputError:
-        if needed:
+        if needs_mpi:
             raise
         return farm.without_mpi()
 
@@ -317,9 +347,14 @@ def _exit_code(
     arguments: Sequence[str],
     name: str,
     world: farm.World,
+    *,
     takes_part: bool,
 ) -> int:
-    """Run a command if this process takes part in it, and return its exit code."""
+    """Run a command line if this process takes part in it, and return its exit code.
+
+    A command whose function returns no number has the exit code 0. The option --version is answered
+    here.
+    """
     returned = None
     if list(arguments[:1]) == ["--version"]:
         if world.is_master:
@@ -341,28 +376,31 @@ def _refuse_several(world: farm.World) -> None:
 
 
 def _refuse_empty(arguments: Sequence[str]) -> None:
-    """Refuse arguments without a value."""
-    after = ""
+    """Refuse an empty argument and an option with an empty value, as "--output="."""
+    place = ""  # of the argument in the message
     for argument in arguments:
         if EMPTY.fullmatch(argument):
             raise InputError(
-                f"{argument!r}{after} is empty: give a value, or leave it out"
+                f"{argument!r}{place} is empty: give a value, or leave it out"
             )
-        after = f" after {argument!r}"
+        place = f" after {argument!r}"
 
 
 def run_script(script: Callable[[list[str]], object]) -> None:
-    """Run the main function of a script; unusable input ends it with one line and exit code 2.
+    """Run the main function of a script, and print one line instead of a traceback if it fails.
+
+    Input that cannot be used has the exit code 2, Ctrl-C 130.
 
     Parameters
     ----------
     script : callable
-        Takes the words of the command line after the script's name.
+        Main function, which takes the words of the command line after the script's name.
 
     Raises
     ------
     SystemExit
-        If the input cannot be used, memory has run out or Ctrl-C was pressed.
+        If the input cannot be used, memory has run out, Ctrl-C was pressed, or the reader of the
+        output has ended. Any other error of the script is a bug and is raised unchanged.
     """
     try:
         script(sys.argv[1:])
@@ -374,43 +412,49 @@ def run_script(script: Callable[[list[str]], object]) -> None:
 
 
 def _ending_by(error: BaseException, name: str) -> _Ending:
-    """Return how an error ends a command of the program `name`; raise a bug again."""
+    """Return how an error ends a command of the program `name`; raise a bug again.
+
+    If the reader of standard output has ended, the output that is left is discarded.
+    """
     match error:
-        case typer.Exit():  # --help; the other ranks have to end too
-            return _Ending(error.exit_code)
-        case SystemExit():  # a library
-            return _Ending(error.code if isinstance(error.code, int) else 1)
+        case typer.Exit():  # after --help
+            return _Ending(code=error.exit_code)
+        case SystemExit():  # raised by a library
+            return _Ending(code=error.code if isinstance(error.code, int) else 1)
         case KeyboardInterrupt() | typer.Abort():
-            return _Ending(130, f"{name}: interrupted")
+            return _Ending(code=130, message=f"{name}: interrupted")
         case BrokenPipeError():  # the reader of our output, for example `head`, has ended
             discard_pending(sys.stdout)
-            return _Ending(141)
+            return _Ending(code=141)
     details = error.details if isinstance(error, InputError) else ()
-    return _Ending(2, f"{name}: {_refusal(error, name)}", details)
+    return _Ending(code=2, message=f"{name}: {_refusal(error, name)}", details=details)
 
 
 def _refusal(error: BaseException, name: str) -> str:
-    """Return why input, machine or installation stop a command; raise a bug again."""
+    """Say what is wrong with the input, the machine or the installation, after an error.
+
+    Any other error is a bug of the program `name`, and is raised again.
+    """
     match error:
         case InputError():
             return str(error.args[0])
         case CommandLineError():
             context = getattr(error, "ctx", None)
-            path = command_to_type(context.command_path if context else name)
-            return f"{error.format_message()} (see {path} --help)"
+            words = context.command_path if context else name
+            return f"{error.format_message()} (see {command_to_type(words)} --help)"
         case _ if memory.is_shortage(error):
             return _shortage(error)
         case _ if number := errno_of(error):  # a full device, a folder without rights
             reason = str(getattr(error, "strerror", None) or os.strerror(number))
-            place = file_of(error)
-            if place:
-                reason = f"{place}: {reason}"
+            path = file_of(error)
+            if path:
+                reason = f"{path}: {reason}"
             return reason
-        case OSError():
+        case OSError():  # a library has raised it without a number
             return str(error)
         case ModuleNotFoundError():
             package = (error.name or "").partition(".")[0]
-            if package in EXTRAS:  # otherwise it is a module of our own
+            if package in EXTRAS:  # a missing module of this program is a bug
                 from gen.runtime.installation import command_for
 
                 return f"needs {package}, which is not installed: {command_for(EXTRAS[package])}"
@@ -418,7 +462,7 @@ def _refusal(error: BaseException, name: str) -> str:
 
 
 def _shortage(error: BaseException) -> str:
-    """Return the words for memory that has run out, with the last line of the error's message."""
+    """Return the message for memory that has run out, with the last line of the error's message."""
     lines = str(error).splitlines()
     reason = lines[-1] if lines else "no more is given"
     allowed = memory.format_bytes(memory.allowed())
@@ -430,12 +474,15 @@ def _shortage(error: BaseException) -> str:
 
 @cache
 def _parser(app: typer.Typer) -> Any:
-    """Return the parser of a program, which takes long to build."""
+    """Return the parser of a program. It takes long to build, so it is kept for the next call."""
     return typer.main.get_command(app)
 
 
 def _complain(message: str, details: Sequence[str] = ()) -> None:
-    """Print a message as one line on standard error, if that is possible, and its list below it."""
+    """Print a message as one line on standard error, and the list of its details below it.
+
+    If standard error is closed, nothing is printed.
+    """
     lines = [_one_line(message)]
     lines += [f"  {_one_line(detail)}" for detail in details[:MOST_DETAILS]]
     if len(details) > MOST_DETAILS:
@@ -446,9 +493,9 @@ def _complain(message: str, details: Sequence[str] = ()) -> None:
 
 
 def _one_line(text: str) -> str:
-    """Return a text as one line, without the middle if it is longer than `LONGEST_LINE`.
+    """Return a text as one line; the middle of a text longer than `LONGEST_LINE` is left out.
 
-    Such a text has a name or a number in it that nobody has typed by hand.
+    A long text has a name or a number in it that nobody has typed by hand.
     """
     line = " ".join(text.split())
     if len(line) <= LONGEST_LINE:

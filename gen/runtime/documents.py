@@ -1,4 +1,4 @@
-"""Tables (CSV) for other programs, and JSON documents, which are checked before they are used."""
+"""Write and read CSV tables, and JSON documents, which are checked when they are read."""
 
 import csv
 import io
@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -18,34 +18,42 @@ if TYPE_CHECKING:
     from gen.arrays import Values
 
 Row = dict[str, float | int | str]
-"""One line of a table: for each column's name the value of its cell."""
+"""One line of a table: the value of each cell, by the name of its column."""
 
 FORMULAS = ("=", "+", "-", "@", "\t", "\r", "\n")
-"""Beginnings of texts that a spreadsheet would compute."""
+"""First characters of texts that a spreadsheet would take for a formula and compute."""
 
 
 class Document(BaseModel):
-    """Kind of a JSON document: its fields are the required keys, with their types and bounds.
+    """Base class of the kinds of JSON documents.
 
-    A document may have further keys.
+    The fields of a subclass are the required keys of its documents, with their types and bounds. A
+    document may have further keys.
     """
 
     model_config = ConfigDict(extra="allow", strict=True, allow_inf_nan=False)
 
+    def content(self) -> dict[str, Any]:
+        """Return all keys and values that the document was made with, further ones included."""
+        return self.model_dump(exclude_unset=True)
+
+
+Kind = TypeVar("Kind", bound=Document)
+
 
 def cell(value: object) -> object:
-    """Return a value as a cell of a CSV table holds it.
+    """Convert a value to the one that a cell of a CSV table holds.
 
     Parameters
     ----------
     value : object
-        Number, text or anything else with a text.
+        A number, a text, or any object that `str` turns into a text.
 
     Returns
     -------
     object
-        An empty text for a number that is not finite. A text that a spreadsheet would compute gets
-        an apostrophe before it, as OWASP advises. Any other value is returned unchanged.
+        "" for a float that is not finite. A text that begins with one of `FORMULAS` gets an
+        apostrophe before it, as OWASP advises. Any other value is returned unchanged.
     """
     if isinstance(value, float) and not math.isfinite(value):
         return ""
@@ -62,7 +70,8 @@ def write_csv(path: Path, rows: Sequence[Row]) -> None:
     path : Path
         The file.
     rows : sequence of Row
-        One row or more. The first one gives the columns, and all have the same.
+        At least one row. The columns are those of the first row, in its order; other rows may not
+        have further columns.
 
     Raises
     ------
@@ -83,12 +92,12 @@ def json_text(content: dict[str, Any]) -> str:
     Parameters
     ----------
     content : dict
-        Keys and values; all numbers are finite.
+        Values by key, as `json.dumps` takes them; all numbers must be finite.
 
     Returns
     -------
     str
-        Indented text with a line end; letters that UTF-8 cannot hold are "?".
+        Indented text with a line end. Letters that UTF-8 cannot hold become "?".
 
     Raises
     ------
@@ -99,25 +108,25 @@ def json_text(content: dict[str, Any]) -> str:
     return text.encode(errors="replace").decode() + "\n"
 
 
-def read(path: Path, kind: type[Document]) -> dict[str, Any] | None:
-    """Read a JSON document, which may be missing.
+def read(path: Path, kind: type[Kind]) -> Kind | None:
+    """Read a JSON document if its file exists.
 
     Parameters
     ----------
     path : Path
         The file.
     kind : type of Document
-        Keys that the document has to have.
+        Subclass whose fields are the required keys.
 
     Returns
     -------
-    dict or None
-        All keys and values of the document, or None if there is no such file.
+    Document or None
+        The checked document, or None if there is no such file.
 
     Raises
     ------
     InputError
-        If the file cannot be read, or is no document of this kind.
+        If the file cannot be read, or is not a document of this kind.
     """
     try:
         content = read_bytes(path)
@@ -126,58 +135,57 @@ def read(path: Path, kind: type[Document]) -> dict[str, Any] | None:
     return parse(path, content, kind)
 
 
-def parse(path: Path | str, content: bytes, kind: type[Document]) -> dict[str, Any]:
+def parse(path: Path | str, content: bytes, kind: type[Kind]) -> Kind:
     """Parse the content of a JSON document.
 
     Parameters
     ----------
     path : Path or str
-        Name of the document, for the message of an error.
+        Name of the document, for messages.
     content : bytes
         Text of a JSON object.
     kind : type of Document
-        Keys that the document has to have.
+        Subclass whose fields are the required keys.
 
     Returns
     -------
-    dict
-        All keys and values of the document.
+    Document
+        The checked document.
 
     Raises
     ------
     InputError
-        If the content is no document of this kind; the message has the key and its fault.
+        If the content is not a document of this kind. The message names the first key that is wrong
+        and its fault.
     """
     try:
-        document = kind.model_validate_json(content)
+        return kind.model_validate_json(content)
     except ValidationError as error:
-        fault = error.errors(include_url=False, include_input=False)[0]
-    else:
-        return document.model_dump(exclude_unset=True)
-    words = str(fault["msg"])
-    key = ".".join(map(str, fault["loc"]))
-    if key:
-        words = f"{key}: {words}"
+        first_error = error.errors(include_url=False, include_input=False)[0]
+    fault = str(first_error["msg"])
+    key = ".".join(map(str, first_error["loc"]))
+    if key:  # none if the text is no JSON
+        fault = f"{key}: {fault}"
     raise InputError(
-        f"{path} is damaged: it cannot be read as what this program writes ({words}):"
+        f"{path} is damaged: it cannot be read as what this program writes ({fault}):"
         " move it away"
     )
 
 
 def read_columns(path: Path | str, *names: str) -> "Values":
-    """Read columns of finite numbers of a CSV table whose first line has their names.
+    """Read some columns of numbers from a CSV table.
 
     Parameters
     ----------
     path : Path or str
-        The table; it may have further columns.
+        The table. Its first line has the names of its columns.
     *names : str
-        Names of the columns.
+        Names of the columns to read, whose cells have to be finite numbers.
 
     Returns
     -------
     ndarray, shape (columns, rows)
-        The numbers, of one row at least.
+        The numbers, one line for each of `names`, in their order; at least one row.
 
     Raises
     ------
@@ -212,7 +220,10 @@ def read_columns(path: Path | str, *names: str) -> "Values":
 
 
 def _numbers(row: dict[str, Any], names: Sequence[str]) -> list[float]:
-    """Return the numbers in some columns of a row, or a single NaN if a cell is missing or none."""
+    """Return the numbers in the columns `names` of a row, in their order.
+
+    Returns a list of a single NaN if a cell is missing or is not a number.
+    """
     try:
         return [float(row[name]) for name in names]
     except (TypeError, ValueError):

@@ -1,4 +1,4 @@
-"""The error for input that cannot be used, and the number and the file in errors of the system."""
+"""The error for input that cannot be used, and what errors of the system are about."""
 
 import os
 import re
@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 HDF5_NUMBER = re.compile(r"errno = (\d+)")
-"""Number of the system's error in HDF5's message about a failed call of the system."""
+"""Number of the system's error in HDF5's message about a system call that failed."""
 
 HDF5_FILE = re.compile(r"name = '(.*?)', ", re.DOTALL)
-"""Name of the file in the same message."""
+"""Name of the file in HDF5's message about a system call that failed."""
 
 
 class InputError(ValueError):
@@ -18,9 +18,9 @@ class InputError(ValueError):
     Parameters
     ----------
     message : str
-        One line that names the value, what is allowed, and where it stands.
+        One line that names the value, its place, and what is allowed.
     details : sequence of str
-        Entries of a list that belongs to the message; a command prints one a line below it.
+        Lines of a list that belongs to the message; a command prints them below it.
     """
 
     def __init__(self, message: str = "", details: Sequence[str] = ()) -> None:
@@ -28,14 +28,15 @@ class InputError(ValueError):
         self.details = tuple(details)
 
     def __str__(self) -> str:
-        """Return the message and the list below it."""
+        """Return the message and, on further lines, the list of details."""
         return "\n  ".join([str(self.args[0]), *self.details])
 
 
 class SourceError(InputError):
-    """The error of a map or function that a scene names, which ends the run.
+    """A map or a function that a scene names cannot be used; this ends a run.
 
-    The file or the function is missing, has changed since the database was made, or fails.
+    Its file or the function is missing, has changed since the database was made, is not trusted, or
+    fails.
     """
 
 
@@ -46,7 +47,8 @@ def input_errors(place: str = "") -> Iterator[None]:
     Parameters
     ----------
     place : str
-        File or option that the input comes from, such as "rough.npy"; the message begins with it.
+        File or option that the input comes from, such as "rough.npy", with which the message
+        begins; "" for none.
 
     Yields
     ------
@@ -65,18 +67,19 @@ def input_errors(place: str = "") -> Iterator[None]:
 
 
 def errno_of(error: BaseException) -> int:
-    """Return the number of the system's error behind an exception, 0 if there is none.
+    """Find the number of the system's error that caused an exception.
 
     Parameters
     ----------
     error : BaseException
-        An OSError, or what h5py raises: one of several types, with the number in HDF5's text.
+        Any exception. For errors of the system, h5py raises exceptions of several types, with the
+        number in their text.
 
     Returns
     -------
     int
         A number of the module `errno`, such as EIO of a disk that fails, or ESTALE of a file
-        server that has been restarted; 0 for an error that is not the system's.
+        server that has been restarted; 0 if the exception has no such number.
     """
     if isinstance(error, OSError) and error.errno:
         return error.errno
@@ -87,17 +90,17 @@ def errno_of(error: BaseException) -> int:
 
 
 def file_of(error: BaseException) -> str:
-    """Return the name of the file that an error of the system is about.
+    """Find the name of the file that an error of the system is about.
 
     Parameters
     ----------
     error : BaseException
-        An OSError, or what h5py raises.
+        An OSError, or an exception of h5py, which has the name in its text.
 
     Returns
     -------
     str
-        Name or path as the caller of the system wrote it; empty if the error names no file.
+        Name or path as it was passed to the system; "" if the error names no file.
     """
     name = getattr(error, "filename", None)
     if isinstance(name, str | bytes):

@@ -1,10 +1,10 @@
-"""One master and its workers, serially or over MPI, and the signals and limits that end work.
+"""Run one master and its workers, serially or over MPI, and end their work by signals and limits.
 
-Work is a pure function of a task. Tasks are drawn when a worker becomes free, and results reach the
-master one by one in the order of completion. This is the home of mpi4py.
+Work is a pure function of a task. A task is drawn when a worker becomes free, and results reach the
+master one by one in the order of completion. No other module of `gen` or `learn` imports mpi4py.
 
-Python handles signals and alarms between two of its own steps. While compiled code takes minutes
-for one step, a thread answers requests to stop, and an alarm waits.
+Python handles signals and alarms only between two of its own steps. A step of compiled code can
+take minutes. During such a step, a thread answers requests to stop, and an alarm waits.
 """
 
 import io
@@ -36,7 +36,7 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 IN_FLIGHT = 2
-"""Tasks in the hands of each worker; the second one spares it the wait for the master."""
+"""Number of tasks that each worker has: one to compute, and one to begin without waiting."""
 
 LAUNCHERS = ("PMI_SIZE", "PMIX_RANK", "OMPI_COMM_WORLD_SIZE", "MPI_LOCALNRANKS")
 """Environment variables that mpiexec, mpirun and srun set for the processes that they start."""
@@ -45,50 +45,50 @@ RANKS = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK")
 """Environment variables with the rank of a process that a launcher has started."""
 
 NAMESPACE = "PMIX_NAMESPACE"
-"""Environment variable of launchers that speak PMIx.
+"""Environment variable that launchers with the protocol PMIx set.
 
 An MPICH without PMIx ends every process that starts MPI while this variable is set.
 """
 
 QUIET = 1.0
-"""Time without a result after which the master does work that can wait [s]."""
+"""Time without a result after which the master calls `when_quiet` of `run` [s]."""
 
 LONGEST_NAP = 0.01
-"""Longest pause between two looks for a message [s]; MPI's own waiting would keep a core busy."""
+"""Longest pause between two checks for a message [s]; MPI's own wait would keep a core busy."""
 
 SENDING_NAP = "1e-4"
-"""Longest pause of a worker while it sends a result [s].
+"""Longest pause of a worker between two checks of a result that it sends [s].
 
-MPICH passes on some 8 kB at each look of the worker. With mpi4py's pause of 1 ms a field of
-129 x 129 nodes took 18 ms (`bench writers`).
+MPICH sends about 8 kB at each check. With mpi4py's pause of 1 ms, a field of 129 x 129 nodes took
+18 ms (`bench writers`).
 """
 
 FORWARDING = 0.5
-"""Time for the launcher to pass on a last line, which an abort would lose [s]."""
+"""Time in which the launcher forwards the last printed line; an abort loses later output [s]."""
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
 """Signals that stop a run: Ctrl-C, the end of a batch job, and the warning before that end."""
 
 PATIENCE = 2.0
-"""Time that Python has to handle a signal before the thread answers it [s]."""
+"""Time that Python has to handle a signal before the watching thread answers it [s]."""
 
 LONGEST_LIMIT = 1e8
-"""Longest time limit, three years [s]; the system's timer ends at 9.2e9 s."""
+"""Largest time limit that is accepted, three years [s]; the system's timer allows 9.2e9 s."""
 
 REPEATED = 1.0
-"""Interval of further alarms [s], because code that catches every error may swallow the first."""
+"""Interval at which the alarm is repeated [s], in case some code catches the first Overtime."""
 
 _work_of_process: ContextVar[Callable[[Any], Any]] = ContextVar("_work_of_process")
 """Function that this process applies to tasks while it is in `run`."""
 
 
 class MasterLeft(BaseException):
-    """The master has ended the command; raised on workers that wait for it, to end them too.
+    """The master has ended the command, so a worker that waits for the master ends too.
 
     Parameters
     ----------
     code : int
-        The master's exit code.
+        The master's exit code, with which the worker ends.
     """
 
     def __init__(self, code: int) -> None:
@@ -100,13 +100,14 @@ class MasterLeft(BaseException):
 class World:
     """The processes of this run.
 
-    The master sends a value to all others (`broadcast`), or the exit code with which it ends the
-    command (`end`). A master that refuses its input thus reaches the workers wherever they wait.
+    A worker that waits for the master gets either a value (`broadcast`) or the exit code with which
+    the master ends the command (`end`). A master that refuses its input therefore ends the workers
+    too, wherever they wait.
     """
 
     rank: int = 0  # number of this process; 0 is the master
-    size: int = 1  # number of processes; 1 works without MPI
-    communicator: Any = None  # of mpi4py, with all processes; None without MPI
+    size: int = 1  # number of processes
+    communicator: Any = None  # mpi4py's communicator of all processes; None without MPI
 
     @property
     def is_master(self) -> bool:
@@ -115,7 +116,7 @@ class World:
 
     @property
     def workers(self) -> int:
-        """Number of processes that compute."""
+        """Number of processes that compute: all but the master, or the master if it is alone."""
         return max(self.size - 1, 1)
 
     def broadcast(self, value: Any) -> Any:
@@ -124,7 +125,7 @@ class World:
         Parameters
         ----------
         value : object
-            The value, which can be pickled; ignored on workers.
+            On the master, a value that can be pickled. Workers' values are ignored.
 
         Returns
         -------
@@ -144,54 +145,56 @@ class World:
         return self.communicator.bcast(value, root=0)
 
     def end(self, code: int) -> int:
-        """End the command on all processes; a collective call, and the last one.
+        """Agree with all processes that the command has ended; a collective call, the last one.
 
         Parameters
         ----------
         code : int
-            Exit code of this process.
+            Exit code that this process has come to.
 
         Returns
         -------
         int
-            The master's exit code.
+            The master's exit code, on every process.
 
         Raises
         ------
         RuntimeError
-            On a worker, if the master goes on with the command.
+            On a worker, if the master is still running the command.
         """
         if self.communicator is None:
             return code
-        agreed = self._code_of_master(code)
-        if agreed is None:
+        code_of_master = self._code_of_master(code)
+        if code_of_master is None:
             raise RuntimeError(
                 f"rank {self.rank} has left a command that rank 0 goes on with"
             )
-        return agreed
+        return code_of_master
 
     def _code_of_master(self, code: int | None) -> int | None:
-        """Return the master's exit code on every process, or None if it goes on with the command.
+        """Send the master's `code` to all processes, and return it; a collective call.
 
-        A process that waits for the master sleeps. A value of `broadcast` is sent separately: a
-        worker that ends because its memory has run out must not import what a value is made of.
+        None means that the master is still running the command. `broadcast` sends its value in a
+        message of its own: a worker that ends because its memory has run out must not import the
+        modules that unpickling the value needs.
         """
-        announced = self.communicator.Ibcast(bytearray(1), root=0)
+        # Sleep until the master sends, because the waiting of `bcast` would keep a core busy.
+        announcement = self.communicator.Ibcast(bytearray(1), root=0)
         nap = LONGEST_NAP / 1024
-        while not announced.Test():
+        while not announcement.Test():
             time.sleep(nap)
             nap = min(2 * nap, LONGEST_NAP)
         received: int | None = self.communicator.bcast(code, root=0)
         return received
 
     def abort(self, code: int | None = None) -> NoReturn:
-        """End all processes at once, without any help of theirs.
+        """End all processes at once, whatever the other ones are doing.
 
         Parameters
         ----------
         code : int, optional
-            Exit code of all processes. Without it the error that is being handled is a bug: its
-            traceback is printed, and the code is 1.
+            Exit code of all processes. If it is left out, the exception that is being handled is a
+            bug: its traceback is printed, and the exit code is 1.
         """
         if code is None:
             traceback.print_exc()
@@ -203,9 +206,10 @@ class World:
 
 
 def this_world() -> World:
-    """Join the other processes of this run, and start MPI for it.
+    """Join the other processes of this run, and start MPI unless it is running.
 
-    If no launcher of MPI has started this process, no MPI is imported.
+    MPI is neither imported nor started if no launcher of MPI has started this process and mpi4py
+    has not been imported before.
 
     Returns
     -------
@@ -224,7 +228,7 @@ def this_world() -> World:
     try:
         MPI = _started_mpi()
     except (ImportError, RuntimeError) as error:
-        if is_shortage(error):
+        if is_shortage(error):  # another installation would not help
             raise
         from gen.runtime.installation import command_for
 
@@ -236,14 +240,20 @@ def this_world() -> World:
     communicator = MPI.COMM_WORLD
     if communicator.size == 1:
         return World()
-    return World(communicator.rank, communicator.size, communicator)
+    return World(
+        rank=communicator.rank, size=communicator.size, communicator=communicator
+    )
 
 
 def without_mpi() -> World:
-    """Return the world of a command of one process on a machine where MPI does not start.
+    """Return the world of a command that one process runs because MPI does not start.
 
-    A launcher may have started several processes all the same. The variable of their rank then
-    tells the first one, which works alone, from the others, which have nothing to do.
+    Returns
+    -------
+    World
+        A world of one process. If a launcher has started several processes, each gets a world of
+        one with its own rank, from the environment. Rank 0 runs the command, and the other ranks,
+        which are no masters, do nothing.
     """
     for name in RANKS:
         rank = os.environ.get(name, "")
@@ -253,18 +263,23 @@ def without_mpi() -> World:
 
 
 def _started_mpi() -> Any:
-    """Import MPI, start it and return its module; InputError if MPI would end this process."""
+    """Import mpi4py.MPI, start MPI unless it is running, and return the module.
+
+    Raises InputError if MPI would end this process instead of raising an error.
+    """
     import mpi4py
 
     if NAMESPACE in os.environ:
+        # The import must not start MPI before its library has been checked below.
         mpi4py.rc.initialize = False
-        mpi4py.rc.finalize = True  # MPI is started below, and ends with the process
+        mpi4py.rc.finalize = True  # MPI ends with the process
     from mpi4py import MPI
 
     if MPI.Is_initialized():
         return MPI
     vendor, _ = MPI.get_vendor()
-    if vendor == "MPICH" and "pmix" not in MPI.Get_library_version().lower():
+    speaks_pmix = "pmix" in MPI.Get_library_version().lower()
+    if vendor == "MPICH" and not speaks_pmix:
         raise InputError(
             f"{NAMESPACE} in the environment is from a launcher that speaks PMIx (mpirun of Open"
             " MPI, srun --mpi=pmix), which this MPICH does not: start the command with mpiexec of"
@@ -276,7 +291,10 @@ def _started_mpi() -> Any:
 
 
 def _check_launcher() -> None:
-    """Raise InputError for a variable of a launcher that is gone: MPI would end the process."""
+    """Raise InputError for a launcher's variable that no launcher of this process has set.
+
+    MPI would end the process because of such a variable.
+    """
     name = _stray_variable()
     if name:
         raise InputError(
@@ -286,15 +304,18 @@ def _check_launcher() -> None:
 
 
 def _stray_variable() -> str:
-    """Return the name of a launcher's variable that no launcher of this process has set, or ""."""
+    """Return the name of a launcher's variable that no launcher of this process has set.
+
+    Such a variable comes from the surrounding shell or job. Returns "" if there is none.
+    """
     size = os.environ.get("PMI_SIZE")
-    if size is not None and not size.isdecimal():
+    if size is not None and not size.isdecimal():  # a launcher sets a number
         return "PMI_SIZE"
     descriptor = os.environ.get("PMI_FD")
     if descriptor is not None and not Path("/dev/fd", descriptor).exists():
-        return "PMI_FD"
+        return "PMI_FD"  # the connection to a launcher that has ended
     if "PMIX_RANK" in os.environ and NAMESPACE not in os.environ:
-        return "PMIX_RANK"
+        return "PMIX_RANK"  # a launcher sets both
     return ""
 
 
@@ -302,14 +323,16 @@ def _stray_variable() -> str:
 def process() -> Iterator[None]:
     """Prepare this process for the command that the block runs, and end MPI after it.
 
-    The environment is changed, so the block is the first to import NumPy. A bug in the block prints
-    its traceback and ends all processes at once with code 1, as `python -m mpi4py` does.
+    This sets environment variables of Python, BLAS and matplotlib. The caller must not have
+    imported NumPy before, which reads some of them at its import. If the block raises an error, it
+    is a bug: its traceback is printed, and all processes end at once with exit code 1, as under
+    `python -m mpi4py`.
 
     Yields
     ------
     None
     """
-    # Python would let the processes that this one starts import modules of the current folder.
+    # Otherwise processes that this one starts could import modules of the current folder.
     os.environ["PYTHONSAFEPATH"] = "1"
     # More threads would compete for the cores, and sums could depend on their number.
     for library in ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM"):
@@ -322,14 +345,17 @@ def process() -> Iterator[None]:
         yield
     except Exception:
         communicator = None
-        with suppress(InputError):  # this process may not have joined MPI
+        with suppress(InputError):  # MPI does not start, so this process ends alone
             communicator = this_world().communicator
         World(communicator=communicator).abort()
     _end_mpi()
 
 
 def _end_mpi() -> None:
-    """End MPI if this process has started it; `python -m mpi4py` would abort at a code above 0."""
+    """End MPI if this process has started it.
+
+    Otherwise `python -m mpi4py` would abort all processes if the exit code is above 0.
+    """
     if "mpi4py.MPI" not in sys.modules:
         return
     from mpi4py import MPI
@@ -349,34 +375,36 @@ def run(
 ) -> None:
     """Do all tasks on the workers; a collective call.
 
-    The master alone uses `tasks`, `on_result`, `stopping` and `when_quiet`. In a world of one
-    process, the master does the tasks itself, one after another.
+    Only the master uses `tasks`, `on_result`, `stopping` and `when_quiet`. In a world of one
+    process, the master does the tasks itself, one after another, and never calls `when_quiet`.
 
     Parameters
     ----------
     work : callable
-        Function of a task that returns its result. Each process has its own copy, which is never
-        sent and may hold an open file.
+        Function that takes a task and returns its result. Every process passes its own function,
+        which is not sent and may hold an open file.
     tasks : iterator
-        Tasks, none of them None. A task is drawn when a worker can take it, and is pickled.
+        Tasks, none of them None. A task is drawn when a worker can take it. Tasks are pickled to
+        be sent.
     on_result : callable
-        Called with a task and its result, which is pickled, in the order of completion.
+        Called on the master with a task and its result, in the order of completion. Results are
+        pickled to be sent.
     world : World
         All processes.
     stopping : callable
-        Asked before a task is handed out. Once it returns True, the tasks in flight are finished,
-        and no more are handed out.
+        Called without arguments before a task is handed out. Once it returns True, no more tasks
+        are handed out, and the tasks that workers have are finished.
     when_quiet : callable
-        Called now and then while the master waits for its workers.
+        Called without arguments whenever the master has waited `QUIET` seconds for a result.
 
     Raises
     ------
     InputError
-        On the master, after the tasks in flight, if `work` raises it on any process. Any other
-        error of `work` on a worker is a bug: it ends all processes. An error of the other functions
-        or of `tasks` is raised on the master too.
+        On the master, if `work` raises it on any process. The tasks that workers have are finished
+        first, but their results are lost. Any other error of `work` on a worker is a bug: it ends
+        all processes. Errors of `tasks` and of the other functions are raised on the master too.
     MasterLeft
-        On a worker, if the master has ended the command instead of calling this.
+        On a worker, if the master has ended the command instead of calling this function.
     """
     if world.size == 1:
         for task in tasks:
@@ -386,15 +414,14 @@ def run(
         return
     from mpi4py.futures import MPICommExecutor
 
-    world.broadcast(None)  # raises MasterLeft here, as the executor could not
+    world.broadcast(None)  # raises MasterLeft, which the executor cannot do
     previous = _work_of_process.set(work)
     if not world.is_master:
         os.environ.setdefault("MPI4PY_FUTURES_BACKOFF", SENDING_NAP)
     try:
+        # A worker does tasks while it enters the `with`, and then has no executor.
         with MPICommExecutor(world.communicator, root=0) as executor:
-            if (
-                executor is not None
-            ):  # on the master; a worker does tasks in the `with` itself
+            if executor is not None:
                 upcoming = _until(stopping, tasks)
                 _supervise(executor, upcoming, on_result, world, when_quiet)
     finally:
@@ -402,15 +429,15 @@ def run(
 
 
 def _do(task: Any) -> Any:
-    """Return the result of a task by this process's own work.
+    """Return the result of a task by the `work` that this process has passed to `run`.
 
-    MPI sends no more than the name of this function and the task.
+    The master sends only the task and the name of this function, not `work` itself.
     """
     return _work_of_process.get()(task)
 
 
 def _until(stopping: Callable[[], bool], tasks: Iterator[Task]) -> Iterator[Task]:
-    """Yield tasks until `stopping`, which is asked before each is drawn, returns True."""
+    """Yield tasks until `stopping`, which is called before each task is drawn, returns True."""
     while not stopping():
         task = next(tasks, None)
         if task is None:
@@ -425,17 +452,17 @@ def _supervise(
     world: World,
     when_quiet: Callable[[], None],
 ) -> None:
-    """Keep every worker busy until the tasks run out, at a constant cost per task.
+    """Keep every worker busy until the tasks run out, and pass each result to `on_result`.
 
-    Ctrl-C ends all processes with code 130, because the user does not want to wait for the tasks in
-    flight.
+    The master's time per task does not grow with the number of workers. Ctrl-C ends all processes
+    with exit code 130, because the user does not want to wait for the tasks that workers have.
     """
     in_flight: dict[Future[Result], Task] = {}
     finished: SimpleQueue[Future[Result]] = SimpleQueue()
     try:
         while True:
-            vacant = IN_FLIGHT * world.workers - len(in_flight)
-            for task in islice(tasks, vacant):
+            vacancies = IN_FLIGHT * world.workers - len(in_flight)
+            for task in islice(tasks, vacancies):
                 future = executor.submit(_do, task)
                 in_flight[future] = task
                 future.add_done_callback(finished.put)
@@ -453,35 +480,34 @@ def _supervise(
 
 
 def _result_of(future: "Future[Result]", world: World) -> Result:
-    """Return the result of a task that a worker has ended, or raise the InputError of its work.
+    """Return the result of a finished task, or raise the InputError that its work has raised.
 
-    Any other error is a bug in the work: its traceback is printed, and all processes end.
+    Any other error of the work is a bug: its traceback is printed, and all processes end.
     """
     try:
         return future.result()
-    except InputError:  # for example memory that has run out
+    except InputError:  # for example because memory has run out
         raise
     except Exception:
         world.abort()
 
 
 class Interruption(ExitStack):
-    """A context manager that stops a run in order at the first signal of `SIGNALS`.
+    """A context manager that records the first signal of `SIGNALS`, so that a run can stop.
 
-    A process that listens records the number of the signal in `signal`, which is 0 before it; the
-    run asks `requested`. The second signal ends the process. A process that does not listen, as a
-    worker, ignores the signals: it goes on until the master has no more tasks. The handlers are
-    installed when the object is made, and the previous ones are restored when the block ends.
+    The handlers are installed when the object is made. The previous handlers are restored at the
+    first signal or when the block ends. The second signal therefore ends the process.
 
     Parameters
     ----------
     listening : bool
-        Whether this process answers signals, as the master does.
+        Whether this process records signals, as the master does. A process that does not, such as
+        a worker, ignores the signals and works until the master has no more tasks.
     """
 
     def __init__(self, *, listening: bool) -> None:
         super().__init__()
-        self.signal = 0
+        self.signal = 0  # number of the recorded signal; 0 before it has come
         if listening:
             self._start_watch()
         handler = self._note if listening else signal.SIG_IGN
@@ -490,45 +516,54 @@ class Interruption(ExitStack):
             self.callback(signal.signal, number, previous)
 
     def requested(self) -> bool:
-        """Tell whether a signal has come."""
+        """Tell whether a signal has been recorded."""
         return self.signal != 0
 
     def _start_watch(self) -> None:
-        """Start the thread that watches for signals; closing this context manager ends it."""
+        """Start the thread `_watch`; closing this context manager ends it.
+
+        Python writes the number of each signal to a pipe at once, also during compiled code.
+        """
         read, write = os.pipe()
         os.set_blocking(write, False)
-        self.callback(os.close, write)
+        self.callback(os.close, write)  # ends the thread, which reads the other end
         previous = signal.set_wakeup_fd(write, warn_on_full_buffer=False)
         self.callback(signal.set_wakeup_fd, previous)
         threading.Thread(target=self._watch, args=(read,), daemon=True).start()
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        """Record a signal and restore the previous handlers, so that the next one ends the run."""
+        """Record a signal, and restore the previous handlers, so that the next one ends the run.
+
+        This is the handler of `SIGNALS`; Python calls it between two of its steps.
+        """
         self.signal = number
         self.close()
 
     def _watch(self, read: int) -> None:
-        """Answer signals while Python is inside compiled code, until the pipe `read` is closed.
+        """Answer signals while Python is inside compiled code.
 
-        The first signal that Python does not handle in time is acknowledged by a line, the next one
-        ends the process. Signals that come together count as one.
+        The first signal that Python does not handle in time is acknowledged by a line on standard
+        error, and the next one ends the process. Signals that come together count as one. `read` is
+        the end of the pipe that gives the numbers of signals; the thread ends when the other end is
+        closed.
         """
         acknowledged = False
-        while numbers := os.read(read, 1024):
-            stops = [number for number in numbers if number in SIGNALS]
-            if not stops:
+        while numbers := os.read(read, 1024):  # one byte for each signal; waits for them
+            stop_signals = [number for number in numbers if number in SIGNALS]
+            if not stop_signals:
                 continue
             if not acknowledged:
                 time.sleep(PATIENCE)
-            if self.signal:  # Python has handled it
+            if self.signal:  # Python has handled the signal by `_note`
                 continue
-            if acknowledged:  # what was synced is on the disk already
-                os._exit(128 + stops[-1])
+            if acknowledged:  # rows that were synced are on the disk already
+                os._exit(128 + stop_signals[-1])
             acknowledged = True
-            with suppress(OSError, ValueError):
+            with suppress(OSError, ValueError):  # standard error is closed
                 sys.stderr.write(
                     "stopping after the step under way; again, to stop now\n"
                 )
+            # Signals that came before the line was printed do not end the process.
             readable, _, _ = select.select([read], [], [], 0)
             if readable:
                 os.read(read, 1024)
@@ -537,10 +572,10 @@ class Interruption(ExitStack):
 
 @contextmanager
 def signals_blocked() -> Iterator[None]:
-    """Let the block start processes that the signals of a terminal or a batch job never reach.
+    """Block `SIGNALS` while the block of this context manager starts processes.
 
-    A process that the block starts inherits the blocked `SIGNALS`, and can be ended by SIGKILL
-    alone. Signals that come during the block reach this process after it.
+    The new processes inherit this, so that the signals of a terminal or a batch job never reach
+    them; only SIGKILL ends them. Signals that come during the block reach this process after it.
 
     Yields
     ------
@@ -548,7 +583,7 @@ def signals_blocked() -> Iterator[None]:
     """
     from multiprocessing import resource_tracker
 
-    resource_tracker.ensure_running()  # as it starts, it unblocks signals
+    resource_tracker.ensure_running()  # before blocking, because its start unblocks signals
     before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
     try:
         yield
@@ -567,13 +602,13 @@ class Overtime(Exception):
 def time_limit(seconds: float | None) -> Iterator[None]:
     """Raise Overtime in a block that takes longer than a time limit.
 
-    The block runs on the main thread. A step of compiled code is finished first. The alarm is
-    repeated, in case code of the block catches the error.
+    The block must run on the main thread. Compiled code is not interrupted; Overtime is raised
+    after it. The alarm is repeated every second, in case code of the block catches the error.
 
     Parameters
     ----------
     seconds : float or None
-        The limit, above 0 and up to `LONGEST_LIMIT` [s]; None for no limit.
+        Time limit, above 0 and up to `LONGEST_LIMIT` [s]; None for no limit.
 
     Yields
     ------
@@ -582,7 +617,7 @@ def time_limit(seconds: float | None) -> Iterator[None]:
     Raises
     ------
     Overtime
-        Once the limit is exceeded.
+        If the block takes longer than `seconds`.
     """
     if seconds is None:
         yield
@@ -594,11 +629,11 @@ def time_limit(seconds: float | None) -> Iterator[None]:
             yield
         finally:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
-    finally:  # an alarm during the first `finally` is overtime too
+    finally:  # also if an alarm has raised Overtime in the `finally` above
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, previous)
 
 
 def _raise_overtime(number: int, frame: FrameType | None) -> None:
-    """Handle the alarm of `time_limit`."""
+    """Handle the alarm of `time_limit` by raising Overtime."""
     raise Overtime

@@ -1,4 +1,4 @@
-"""Empty figures and the files they end in; the home of matplotlib in `gen` and `learn`."""
+"""Make empty figures, set up their axes, and save them as pictures by matplotlib."""
 
 import os
 from contextlib import suppress
@@ -14,15 +14,16 @@ from gen.runtime.terminal import printable
 SUFFIXES = (".png", ".svg", ".pdf")
 
 SETTINGS = Path("matplotlibrc")
-"""File of the current folder that matplotlib would read first."""
+"""Settings in the current folder, which matplotlib prefers to all others."""
 
 
 def use_shipped_settings() -> None:
-    """Make this process and those that it starts draw with the settings that matplotlib ships.
+    """Let this process, and those that it starts, draw with the settings that matplotlib ships.
 
-    Matplotlib takes settings from the environment, the user's home and the current folder, which
-    may hold a stranger's files. It reads them once, when it is imported. In a folder with such a
-    file it is therefore imported now, from the root folder. The environment is changed.
+    Otherwise matplotlib would read settings from the environment, the user's home and the current
+    folder, which may hold a stranger's files. It reads them when it is imported. This function
+    therefore changes environment variables; if the current folder has such a file, it also imports
+    matplotlib from the root folder.
     """
     os.environ["MATPLOTLIBRC"] = os.devnull
     os.environ.pop("MPLBACKEND", None)
@@ -31,7 +32,7 @@ def use_shipped_settings() -> None:
     current = os.open(".", os.O_RDONLY)
     os.chdir("/")
     try:
-        with suppress(ImportError):  # only pictures need it
+        with suppress(ImportError):  # only commands that draw pictures need matplotlib
             import_module("matplotlib")
     finally:
         os.fchdir(current)
@@ -46,12 +47,12 @@ def new_figure(width: float, height: float, *, dpi: float | None = None) -> Any:
     width, height : float
         Size [inches].
     dpi : float, optional
-        Dots per inch; by default those of matplotlib.
+        Dots per inch; by default 100, as matplotlib sets them.
 
     Returns
     -------
     matplotlib.figure.Figure
-        A figure that lays its axes out so that no text overlaps.
+        A figure that arranges its axes so that no text overlaps.
     """
     from matplotlib.figure import Figure
 
@@ -59,7 +60,7 @@ def new_figure(width: float, height: float, *, dpi: float | None = None) -> Any:
 
 
 def figure_for(picture: Path | None, width: float, height: float) -> Any:
-    """Make the empty figure of a picture that a command may draw.
+    """Make the empty figure of a picture if the user wants one.
 
     Commands call this before they compute anything, so that a wrong name or a missing matplotlib
     ends them at once.
@@ -74,12 +75,14 @@ def figure_for(picture: Path | None, width: float, height: float) -> Any:
     Returns
     -------
     matplotlib.figure.Figure or None
-        A figure of 110 dots per inch; None without a picture.
+        A figure of 110 dots per inch; None if `picture` is None.
 
     Raises
     ------
     InputError
-        If the suffix is none of `SUFFIXES`.
+        If the suffix is not one of `SUFFIXES`.
+    ModuleNotFoundError
+        If matplotlib is not installed.
     """
     if picture is None:
         return None
@@ -96,16 +99,17 @@ def log_axis(axis: Any) -> None:
     Parameters
     ----------
     axis : matplotlib.axis.Axis
-        The x or y axis of axes whose lines are drawn.
+        The x or y axis of a panel whose lines and dots have been drawn.
     """
     from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
-    getattr(axis.axes, f"set_{axis.axis_name}scale")("log")
+    set_scale = getattr(axis.axes, f"set_{axis.axis_name}scale")
+    set_scale("log")
     axis.axes.autoscale_view()
     low, high = sorted(axis.get_view_interval())
-    if high >= 1000 * low:
+    if high >= 1000 * low:  # powers of ten, as matplotlib labels them, are enough
         return
-    if high < 5 * low:
+    if high < 5 * low:  # 1, 2 and 5 times powers of ten would be too few labels
         axis.set_major_locator(MaxNLocator(4))
     else:
         axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
@@ -114,9 +118,10 @@ def log_axis(axis: Any) -> None:
 
 
 def parity_axes(axis: Any, truth: Any) -> None:
-    """Set the limits of a panel of predictions over true values, and draw the line of agreement.
+    """Set up a panel of predictions over true values, and draw the line where both are equal.
 
-    Both axes are logarithmic if the true values are above 0 and span more than a decade.
+    Both axes get the range of the true values, with a margin. They are logarithmic if the true
+    values are above 0 and span more than a decade.
 
     Parameters
     ----------
@@ -127,15 +132,15 @@ def parity_axes(axis: Any, truth: Any) -> None:
     """
     low = float(truth.min())
     high = float(truth.max())
-    decades = low > 0 and high > 10 * low
-    if decades:
+    is_logarithmic = low > 0 and high > 10 * low
+    if is_logarithmic:
         limits = (low / 2, 2 * high)
     else:
-        margin = 0.05 * (high - low) or 1.0
+        margin = 0.05 * (high - low) or 1.0  # 1 if all true values are equal
         limits = (low - margin, high + margin)
     axis.plot(limits, limits, color="0.3", lw=1, zorder=3)
     axis.set(xlim=limits, ylim=limits)
-    if decades:
+    if is_logarithmic:
         axis.set(xscale="log", yscale="log")
 
 
@@ -144,18 +149,19 @@ def draw_parity(
 ) -> None:
     """Draw predictions over true values as dots.
 
-    Dots beyond the limits of the predictions stand on the limit, and the label counts them.
+    A prediction beyond the limits of the panel is drawn at the limit. The legend tells how many
+    there are.
 
     Parameters
     ----------
     axis : matplotlib.axes.Axes
-        A panel with `parity_axes`.
+        A panel that `parity_axes` has set up.
     truth, predicted : ndarray, shape (rows,)
         True values and predictions, in the unit of the target.
     label : str
         Text of the legend.
     **style : object
-        Further arguments of `Axes.plot`.
+        Further arguments of `Axes.plot`, such as the marker.
     """
     low, high = axis.get_ylim()
     beyond = int(((predicted < low) | (predicted > high)).sum())
@@ -167,12 +173,10 @@ def draw_parity(
 def save(figure: Any, path: Path, *, dpi: float | str = "figure") -> Path:
     """Draw a figure in memory, then write the file as by `files.write`.
 
-    Characters of the figure's texts that are not `printable` are replaced in the figure.
-
     Parameters
     ----------
     figure : matplotlib.figure.Figure
-        The figure.
+        The figure. Characters of its texts that are not `printable` are replaced by "?" in it.
     path : Path
         The file, whose suffix gives the format.
     dpi : float or "figure"
@@ -186,11 +190,12 @@ def save(figure: Any, path: Path, *, dpi: float | str = "figure") -> Path:
     Raises
     ------
     InputError
-        If the file cannot be written, or is no picture.
+        If the file cannot be written, or an existing file is not a picture.
     """
     from matplotlib.text import Text
 
-    for text in figure.findobj(Text):  # names of files may hold bytes that are no UTF-8
+    # Texts have names of files, which may contain bytes that are not UTF-8.
+    for text in figure.findobj(Text):
         lines = [printable(line) for line in text.get_text().split("\n")]
         content = "\n".join(lines)
         if content != text.get_text():

@@ -1,7 +1,9 @@
-"""Files that users name: read if regular, refused before any work, written whole, and locked.
+"""Read, check, write and lock the files that users name.
 
-One rule holds for every output of every command: it is never an input, never another output, and it
-replaces only a file of its own kind. docs/compatibility.md lists the promises.
+Only regular files are read. Outputs that cannot be written are refused before any work is done, and
+a file is written whole or not at all. One rule holds for every output of every command: it is never
+an input, never another output, and it replaces only a file of its own kind. docs/compatibility.md
+lists the promises.
 """
 
 import errno
@@ -21,20 +23,28 @@ from typing import IO, Literal
 from gen.runtime.errors import InputError
 
 Kind = Literal["text", "picture", "surrogate", "heights", "arrays", "maps", "parquet"]
-"""Kinds of output besides databases; `arrays` are NumPy's zip archives, `maps` prepared maps."""
+"""Kinds of output besides databases.
+
+"heights" is a NumPy array (.npy), "arrays" a zip archive of NumPy arrays (.npz), "maps" a file of
+prepared maps.
+"""
 
 Present = Literal["replace", "keep", "refuse"]
-"""What a new file does to a file that already has its name."""
+"""What happens to a file that already has the name of a new file; see `unfinished`."""
 
 LARGEST = 64 * 2**20
-"""Size up to which a file is read whole; files of ours have some thousand bytes [bytes]."""
+"""Largest size of a file that is read whole [bytes]; files of this program have some kB."""
 
-BEGINNING = 4096  # length of the beginning of a file that decides its kind [bytes]
+BEGINNING = 4096
+"""Number of first bytes of a file in which its kind is looked for [bytes]."""
 
 TEXT = bytes({7, 8, 9, 10, 12, 13, 27} | set(range(32, 256)))
-"""Bytes of texts; the beginnings of nearly all binary files have bytes beyond these."""
+"""Bytes that texts consist of: some control characters, and all bytes above them.
 
-SURROGATE = b"asperity surrogate\n"  # first bytes of a surrogate
+Nearly every binary file has other bytes in its beginning.
+"""
+
+SURROGATE = b"asperity surrogate\n"  # first bytes of a surrogate's file
 MAPS = b"asperity prepared maps\n"  # first bytes of a file of prepared maps
 
 SIGNATURES = {
@@ -46,19 +56,20 @@ SIGNATURES = {
     b"\x93NUMPY": "heights",
     b"PAR1": "parquet",
 }
-"""Kind of the files that begin with these bytes."""
+"""Kind of a file by its first bytes."""
 
 LOCK_CONTENT = re.compile(rb"host .+, process [0-9]+(, job .+)?, since .+\n?")
-"""Content of a lock's file, which names the process that holds the lock."""
+"""Content of a lock's file, as `_holder` writes it: it names the process that holds the lock."""
 
-LONGEST_LOCK = 500  # size up to which the content of a lock's file is read [bytes]
+LONGEST_LOCK = 500
+"""Largest size of a lock's file [bytes]; a longer file is not a lock of this program."""
 
 
 def require_file(path: Path) -> Path:
-    """Refuse a pipe, a socket or a device, which could block its reader for ever.
+    """Refuse a pipe, a socket or a device, which could block its reader forever.
 
-    Every reader of a user's file calls this first. Folders and missing files pass, because opening
-    them raises a clearer error.
+    Every reader of a user's file calls this first. Folders and missing files are accepted here,
+    because opening them raises a clearer error.
 
     Parameters
     ----------
@@ -73,11 +84,11 @@ def require_file(path: Path) -> Path:
     Raises
     ------
     InputError
-        If the path leads to neither a regular file nor a folder.
+        If something exists under the path that is neither a regular file nor a folder.
     """
     try:
         mode = path.stat().st_mode
-    except (OSError, ValueError):  # ValueError: a null character in the path
+    except (OSError, ValueError):  # ValueError: the path has a null character
         return path
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
         raise InputError(
@@ -94,19 +105,19 @@ def read_bytes(path: Path, largest: int = LARGEST) -> bytes:
     path : Path
         The file.
     largest : int
-        Size up to which the file is read [bytes].
+        Largest size of a file that is read [bytes].
 
     Returns
     -------
     bytes
-        Its content.
+        Content of the file.
 
     Raises
     ------
     FileNotFoundError
         If there is no such file.
     InputError
-        If the file is larger than `largest`, is no regular file or cannot be read.
+        If the file is larger than `largest`, is not a regular file, or cannot be read.
     """
     try:
         size = require_file(path).stat().st_size
@@ -143,35 +154,37 @@ def digest(path: Path) -> str:
 
 @dataclass(frozen=True)
 class Output:
-    """A file that a command is going to write."""
+    """A file that a command is going to write, or an option for one that the user left out."""
 
-    path: Path | None  # None if the user gave no name
-    option: str  # option that gave the name, such as "--csv", for messages
+    path: Path | None  # None if the user left the option out
+    option: str  # option that names the file, such as "--csv", for messages
     kind: Kind = "text"
 
 
 def check_outputs(outputs: Iterable[Output], inputs: Iterable[Path | str] = ()) -> None:
-    """Refuse outputs before any work is done for them, without changing existing files.
+    """Refuse outputs that cannot be written, before any work is done for them.
+
+    No file is changed. Outputs without a path are skipped.
 
     Parameters
     ----------
     outputs : iterable of Output
         Files that the command is going to write.
     inputs : iterable of Path or str
-        Files and folders that the command reads; all files of a folder count as inputs.
+        Files and folders that the command reads. All files directly in a folder count as inputs.
 
     Raises
     ------
     InputError
-        If an output cannot be written, is an input or an earlier output under any name, or if a
-        file of another kind has its name.
+        If an output cannot be written; if its path or a link leads to an input or to an earlier
+        output; or if a file of another kind has its name.
     """
-    read = _files_of(inputs)
+    input_files = _files_of(inputs)
     earlier: list[Output] = []
     for output in outputs:
         if output.path is None:
             continue
-        _refuse_same(output, output.path, read, earlier)
+        _refuse_same(output, output.path, input_files, earlier)
         try:
             _output_place(output.path, output.kind)
         except InputError as error:
@@ -180,7 +193,7 @@ def check_outputs(outputs: Iterable[Output], inputs: Iterable[Path | str] = ()) 
 
 
 def _files_of(inputs: Iterable[Path | str]) -> list[Path]:
-    """Return the paths of inputs, with the content of a folder in the folder's place."""
+    """Return the paths of inputs, where each folder is replaced by the paths directly in it."""
     files: list[Path] = []
     for path in map(Path, inputs):
         if path.is_dir():
@@ -191,10 +204,10 @@ def _files_of(inputs: Iterable[Path | str]) -> list[Path]:
 
 
 def _refuse_same(
-    output: Output, path: Path, read: Sequence[Path], earlier: Sequence[Output]
+    output: Output, path: Path, input_files: Sequence[Path], earlier: Sequence[Output]
 ) -> None:
-    """Refuse an output whose path leads to a file that is read, or to an earlier output."""
-    if any(_is_same(path, file) for file in read):
+    """Refuse an output whose path (`output.path`, not None) leads to an input or earlier output."""
+    if any(_is_same(path, file) for file in input_files):
         raise InputError(f"{output.option} {path}: is an input: not replaced")
     for other in earlier:
         if other.path is not None and _is_same(path, other.path):
@@ -205,23 +218,26 @@ def _refuse_same(
 
 
 def check_folder(folder: Path, *names: str) -> None:
-    """Refuse a folder that cannot be made or written to, or a file in it that may not be replaced.
+    """Refuse an output folder in which a command could not write its files.
 
-    Nothing is changed.
+    Neither the folder nor a file is changed.
 
     Parameters
     ----------
     folder : Path
-        Folder that a command is going to write to, and makes if there is none.
+        Folder that the command is going to write to. The command makes it if there is none.
     *names : str
-        Names of files that it will write there: pictures, which end in ".png", or texts.
+        Names of the files that the command is going to write there. A name that ends in ".png" is
+        that of a picture, any other name that of a text.
 
     Raises
     ------
     InputError
-        If the command would fail.
+        If the folder cannot be made or written to, or if a file in it has one of the names and may
+        not be replaced.
     """
     real = place_of(folder, folder=True)
+    # The folder itself if it exists, otherwise the folder in which it would be made.
     nearest = next(parent for parent in (real, *real.parents) if parent.exists())
     if not os.access(nearest, os.W_OK | os.X_OK):
         raise InputError(f"{folder} cannot be written: no file can be made in {nearest}")
@@ -233,12 +249,12 @@ def check_folder(folder: Path, *names: str) -> None:
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder and those above it, unless they exist; a link stays a link to its target.
+    """Make a folder, and the folders above it, unless they exist.
 
     Parameters
     ----------
     folder : Path
-        The folder, or a link to it.
+        The folder. If it is a link, the link stays, and the folder that it leads to is made.
 
     Raises
     ------
@@ -250,14 +266,15 @@ def make_folder(folder: Path) -> None:
 
 
 def followed(path: Path) -> Path:
-    """Follow all links of a path, whose target may not exist.
+    """Follow all links of a path.
 
-    `Path.resolve` returns a part of a loop of links in Python 3.13, and raises RuntimeError before.
+    `Path.resolve` would not do for a loop of links: in Python 3.13 it returns a path inside the
+    loop, and earlier versions raise RuntimeError.
 
     Parameters
     ----------
     path : Path
-        Any path.
+        Any path, also one under which nothing exists.
 
     Returns
     -------
@@ -279,14 +296,14 @@ def followed(path: Path) -> Path:
 
 
 def inside(folder: Path, name: str) -> Path:
-    """Return the path of a file in an output folder, and refuse a link that leads out of it.
+    """Return the path of a file in an output folder, unless a link leads out of the folder.
 
     Parameters
     ----------
     folder : Path
         Folder that a user named.
     name : str
-        Name in the folder, which this program chose; it may have "/" in it.
+        Name in the folder, chosen by this program. It may be a path such as "data/rows.parquet".
 
     Returns
     -------
@@ -299,7 +316,7 @@ def inside(folder: Path, name: str) -> Path:
         If the path leads out of the folder, or links form a loop.
     """
     path = folder / name
-    with suppress(OSError):  # a loop of links
+    with suppress(OSError):  # links form a loop
         if followed(path).is_relative_to(followed(folder)):
             return path
     raise InputError(
@@ -308,12 +325,12 @@ def inside(folder: Path, name: str) -> Path:
 
 
 def write(path: Path, content: str | bytes, kind: Kind = "text") -> None:
-    """Write a whole file, which has its old content or the new one at any time.
+    """Write a whole file; at any time, the file has either its old content or the new one.
 
     Parameters
     ----------
     path : Path
-        The file; a link stays a link.
+        The file. If it is a link, the link stays, and the file that it leads to is written.
     content : str or bytes
         New content. Text is written as UTF-8; letters that UTF-8 cannot hold become "?".
     kind : Kind
@@ -322,7 +339,8 @@ def write(path: Path, content: str | bytes, kind: Kind = "text") -> None:
     Raises
     ------
     InputError
-        If the file cannot be written, or is of another kind. It is unchanged then.
+        If the file cannot be written, or an existing file is of another kind. An existing file is
+        then unchanged.
     """
     if isinstance(content, str):
         content = content.encode(errors="replace")
@@ -336,15 +354,17 @@ def atomic(
 ) -> Iterator[IO[bytes]]:
     """Open a temporary file that takes its final name once the block has succeeded.
 
+    If the block fails, the temporary file is removed.
+
     Parameters
     ----------
     path : Path
-        Final name; a link stays a link.
+        Final name. If it is a link, the link stays, and the file that it leads to is written.
     kind : Kind
         Kind of the content. An existing file is replaced only if it is empty or of this kind.
     replace : bool
-        Whether a file is replaced that another process makes under the name during the block.
-        If not, that file stays, and the new one is lost.
+        Whether a file that has the final name when the block ends is replaced. If False, that file
+        stays, and the new one is discarded.
 
     Yields
     ------
@@ -354,7 +374,8 @@ def atomic(
     Raises
     ------
     InputError
-        If the file cannot be written, or is of another kind. It is unchanged then.
+        If the file cannot be written, or an existing file is of another kind. An existing file is
+        then unchanged.
     """
     real = _output_place(path, kind)
     present: Present = "replace" if replace else "keep"
@@ -372,21 +393,22 @@ def unfinished(
 ) -> Iterator[Path]:
     """Make an empty file beside a target, and give it the target's name once the block succeeds.
 
-    All files, databases among them, are written in this one way. The file that stands at the target
-    stays whole until the new file is on the disk, and passes on its mode, owner and group. The new
-    file is removed if the block fails.
+    All files, databases among them, are written in this one way. An existing target stays whole
+    until the new file is on the disk. The new file gets the target's mode and, if this user may set
+    them, its owner and group. If the block fails, the new file is removed.
 
     Parameters
     ----------
     real : Path
         The target, from `place_of`, so that no link is replaced.
     present : {"replace", "keep", "refuse"}
-        What happens to a file that has the target's name when the block ends: it is replaced, or
-        kept and the new one lost, or it raises an error.
+        What happens if there is a file with the target's name when the block ends. "replace"
+        replaces that file, "keep" keeps it and discards the new one, "refuse" raises
+        FileExistsError.
     signature : bytes
-        First bytes of the new file. If they are given, files beside the target are removed that
-        begin with them and that an earlier process left under the same name when it was killed;
-        the caller holds the target's `lock`.
+        First bytes of the new file; b"" if the file is no database. If they are given, unfinished
+        files of the same target are removed first, which an earlier process left when it was
+        killed. The caller must then hold the target's `lock`.
 
     Yields
     ------
@@ -397,18 +419,21 @@ def unfinished(
     ------
     FileExistsError
         If there is a file with the target's name when the block ends, and `present` is "refuse".
+    OSError
+        If the new file cannot be made or written.
     """
-    letters = os.urandom(8).hex()
+    random_name = os.urandom(8).hex()
     if signature:
         _remove_remains(real, signature)
-        temporary = real.with_name(f"{real.name}.{letters}.part")
+        temporary = real.with_name(f"{real.name}.{random_name}.part")
     else:
-        temporary = real.with_name(f".asperity-{letters}")
+        temporary = real.with_name(f".asperity-{random_name}")
     replaced = None
     mode = 0o666
     if real.exists():
         replaced = real.stat()
-        mode = 0o600  # until the new file has the rights of the old one
+        # No other user may read the new file before it has the rights of the target.
+        mode = 0o600
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
     descriptor = os.open(temporary, flags, mode)
     try:
@@ -423,10 +448,15 @@ def unfinished(
 
 
 def _remove_remains(real: Path, signature: bytes) -> None:
-    """Remove the unfinished files of a target that begin with a signature or are empty."""
-    remains = re.compile(re.escape(real.name) + r"\.[0-9a-f]{16}\.part")
+    """Remove the unfinished files of a target that are empty or begin with a signature.
+
+    Files that this user may not read or remove are left.
+    """
+    name_of_unfinished = re.compile(re.escape(real.name) + r"\.[0-9a-f]{16}\.part")
     for path in real.parent.iterdir():
-        if not remains.fullmatch(path.name) or not stat.S_ISREG(path.lstat().st_mode):
+        if not name_of_unfinished.fullmatch(path.name):
+            continue
+        if not stat.S_ISREG(path.lstat().st_mode):
             continue
         with suppress(PermissionError), path.open("rb") as file:
             if file.read(len(signature)) in {signature, b""}:
@@ -434,7 +464,10 @@ def _remove_remains(real: Path, signature: bytes) -> None:
 
 
 def _pass_on_rights(descriptor: int, replaced: os.stat_result) -> None:
-    """Give an open file the mode and, if this user may, the owner and group of another file."""
+    """Give an open file the mode of the file that it replaces, and its owner and group.
+
+    The owner or the group stays as it is if this user may not change it.
+    """
     with suppress(PermissionError):
         os.fchown(descriptor, replaced.st_uid, -1)
     with suppress(PermissionError):
@@ -443,21 +476,27 @@ def _pass_on_rights(descriptor: int, replaced: os.stat_result) -> None:
 
 
 def _give_name(temporary: Path, real: Path, present: Present) -> None:
-    """Give a finished file its name; an existing file is replaced, kept, or a FileExistsError."""
+    """Give a finished file the name `real`.
+
+    If there is a file with this name, "replace" replaces it, "keep" leaves it and does not use the
+    finished file, and "refuse" raises FileExistsError.
+    """
     if present == "replace":
         temporary.replace(real)
         return
     try:
-        real.hardlink_to(temporary)
+        real.hardlink_to(temporary)  # unlike renaming, it never replaces a file
     except FileExistsError:
         if present == "refuse":
             raise
-    except OSError:  # the file system has no hard links
+    except OSError:
+        # The file system has no hard links. A file that was there would have raised
+        # FileExistsError, so only a file made this instant could be lost.
         temporary.replace(real)
 
 
 def place_of(path: Path, *, folder: bool = False) -> Path:
-    """Follow all links to the place of an output, which may not exist yet.
+    """Follow all links of an output's path to the place where it is or will be.
 
     Parameters
     ----------
@@ -474,12 +513,12 @@ def place_of(path: Path, *, folder: bool = False) -> Path:
     Raises
     ------
     InputError
-        If links form a loop, a folder has the file's name or a file the folder's, or the folder
-        that the file is to be in does not exist.
+        If links form a loop. For a file, also if a folder has its name, or the folder above it does
+        not exist. For a folder, also if a file has its name.
     """
     try:
         real = followed(path)
-    except OSError as error:  # a loop of links
+    except OSError as error:  # links form a loop
         raise InputError(f"{path}: {error.strerror or error}") from None
     with _in_words(path, "cannot be written"):
         if folder:
@@ -489,6 +528,7 @@ def place_of(path: Path, *, folder: bool = False) -> Path:
         if not real.name or real.is_dir():
             raise InputError(f"{path}: is a folder; give a file in a folder that exists")
         if not real.parent.is_dir():
+            # The user knows the folder by the path that was given, unless a link leads elsewhere.
             missing = real.parent if path.is_symlink() else path.parent
             raise InputError(
                 f"{path}: there is no folder {missing}; give a file in a folder that exists"
@@ -499,8 +539,8 @@ def place_of(path: Path, *, folder: bool = False) -> Path:
 def require_writable(path: Path) -> None:
     """Refuse an existing file that may not be written.
 
-    A file without any write permission is refused also for the superuser, whom the system would
-    let write it.
+    A file without any write permission is refused even if the superuser runs the command, although
+    the system would let the superuser write it.
 
     Parameters
     ----------
@@ -510,7 +550,7 @@ def require_writable(path: Path) -> None:
     Raises
     ------
     InputError
-        If the file may not be written.
+        If the file may not be written, or does not exist.
     """
     with _in_words(path, "cannot be written"):
         if not path.stat().st_mode & (stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH):
@@ -519,10 +559,10 @@ def require_writable(path: Path) -> None:
 
 
 def _output_place(path: Path, kind: Kind) -> Path:
-    """Return the place of a file that is going to be written, without links, or raise InputError.
+    """Return the place of a file that is going to be written, as an absolute path without links.
 
-    Refused are folders, devices, files of another kind, read-only files, and files in a folder
-    where none can be made. A full disk shows only on writing.
+    Raises InputError for a folder, a device, a file of another kind, a read-only file, and a file
+    in a folder where no file can be made. A full disk is noticed only when the file is written.
     """
     real = place_of(path)
     if not os.access(real.parent, os.W_OK | os.X_OK):
@@ -535,9 +575,11 @@ def _output_place(path: Path, kind: Kind) -> Path:
         raise InputError(f"{path}: is no regular file: not replaced")
     require_writable(path)
     with _in_words(path, "cannot be read"):
-        present = kind_of(path)
-    if present not in {kind, ""}:
-        raise InputError(f"{path}: is of the kind {present}, not {kind}: not replaced")
+        present_kind = kind_of(path)
+    if present_kind not in {kind, ""}:  # an empty file has the kind ""
+        raise InputError(
+            f"{path}: is of the kind {present_kind}, not {kind}: not replaced"
+        )
     return real
 
 
@@ -552,7 +594,8 @@ def kind_of(path: Path) -> str:
     Returns
     -------
     str
-        A `Kind`, "database", "binary" for any other file that is no text, or "" for an empty file.
+        A `Kind`, "database", "binary" for any other file that is not a text, or "" for an empty
+        file.
 
     Raises
     ------
@@ -566,25 +609,31 @@ def kind_of(path: Path) -> str:
     for signature, kind in SIGNATURES.items():
         if start.startswith(signature):
             return kind
-    if b"<svg" in start:
+    if b"<svg" in start:  # an SVG may begin with comments of any length
         return "picture"
+    # Every zip archive begins with PK.
     if start.startswith(b"PK") and _holds_arrays(path):
         return "arrays"
-    if start.translate(None, TEXT):
+    bytes_beyond_text = start.translate(None, TEXT)
+    if bytes_beyond_text:
         return "binary"
     return "text"
 
 
 def _holds_arrays(path: Path) -> bool:
-    """Tell whether a file is a zip archive of NumPy's arrays alone."""
+    """Tell whether a file is a zip archive of NumPy arrays and nothing else."""
     with suppress(OSError, zipfile.BadZipFile), zipfile.ZipFile(path) as archive:
         return all(name.endswith(".npy") for name in archive.namelist())
     return False
 
 
 def _is_same(first: Path, second: Path) -> bool:
-    """Tell whether two paths lead, or would lead, to the same file through links of either kind."""
-    with suppress(OSError):  # one path does not exist yet, or is a loop of links
+    """Tell whether two paths lead to the same file, through symbolic or hard links or directly.
+
+    Two paths under which nothing exists are the same if they lead to the same place. A loop of
+    links is the same as no other path.
+    """
+    with suppress(OSError):  # `second` does not exist, or links form a loop
         if first.exists():
             return first.samefile(second)
         return followed(first) == followed(second)
@@ -593,7 +642,10 @@ def _is_same(first: Path, second: Path) -> bool:
 
 @contextmanager
 def _in_words(path: Path, trouble: str) -> Iterator[None]:
-    """Turn an OSError of the block into an InputError: path, trouble and the system's reason."""
+    """Turn an OSError of the block into an InputError "PATH TROUBLE: REASON OF THE SYSTEM".
+
+    `trouble` is a verb such as "cannot be read".
+    """
     try:
         yield
     except OSError as error:
@@ -604,9 +656,10 @@ def _in_words(path: Path, trouble: str) -> Iterator[None]:
 def lock(path: Path) -> Iterator[None]:
     """Hold the lock of a database while the block creates or writes it.
 
-    The kernel keeps the lock on the file `<path>.lock`, which names the holder, and drops the lock
-    when the process ends. Links to one file share its lock. With `HDF5_USE_FILE_LOCKING=FALSE`, as
-    is usual on file systems without locks, the block runs although there is no lock.
+    The lock is a lock of the kernel on the file `<path>.lock`, whose text names the holder. The
+    kernel releases it when the process ends. All links to a database share its lock. On a file
+    system without locks, the block runs unlocked if the user has set
+    `HDF5_USE_FILE_LOCKING=FALSE`, as is usual there.
 
     Parameters
     ----------
@@ -620,7 +673,7 @@ def lock(path: Path) -> Iterator[None]:
     Raises
     ------
     InputError
-        If another process holds the lock, or no lock can be had.
+        If another process holds the lock, or the lock cannot be made.
     """
     real = place_of(path)
     with _held(path, real.with_name(f"{real.name}.lock")):
@@ -631,8 +684,8 @@ def lock(path: Path) -> Iterator[None]:
 def lock_folder(folder: Path) -> Iterator[None]:
     """Hold the lock of a folder while the block reads and writes it.
 
-    A missing folder is made, with those above it; they are removed after the block if they are
-    empty.
+    If the folder is missing, it is made, with the missing folders above it. The folders made here
+    are removed after the block if they are empty.
 
     Parameters
     ----------
@@ -654,59 +707,74 @@ def lock_folder(folder: Path) -> Iterator[None]:
         with _held(folder, folder / ".asperity.lock"):
             yield
     finally:
-        with suppress(OSError):  # a folder is not empty
-            for new in missing:
-                new.resolve().rmdir()
+        # A folder that is not empty stays, and so do the folders above it.
+        with suppress(OSError):
+            for made_folder in missing:
+                made_folder.resolve().rmdir()
 
 
 @contextmanager
 def _held(path: Path, lock_path: Path) -> Iterator[None]:
-    """Hold the lock of an output, kept on the file `lock_path`, or raise InputError."""
+    """Hold a lock on the file `lock_path` during the block; InputError if that fails.
+
+    `path` is the database or folder that is locked, for messages. The file gets the name of this
+    process as its text, and is removed after the block.
+    """
     descriptor = _locked_file(path, lock_path)
-    with suppress(OSError):  # a full disk: the text is missing, the lock holds
+    with suppress(OSError):  # on a full disk the text is missing, but the lock holds
         os.ftruncate(descriptor, 0)
         os.write(descriptor, _holder().encode())
     try:
         yield
     finally:
-        # Unlinked while the lock is held: nobody can lock a name that is about to vanish,
-        # because everybody checks that the name still leads to what they have locked.
+        # The file is removed while it is still locked. A process that has opened it meanwhile
+        # notices in `_locked_file` that the name is gone, and makes a new file.
         if _leads_to(lock_path, descriptor):
             lock_path.unlink(missing_ok=True)
         os.close(descriptor)
 
 
 def _locked_file(path: Path, lock_path: Path) -> int:
-    """Open and lock a lock's file, and return its descriptor; InputError if that fails."""
+    """Open and lock the file `lock_path`, and return its descriptor; InputError if that fails.
+
+    `path` is the database or folder that is locked, for messages.
+    """
     flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
     trouble = f"cannot be written, as {lock_path} is there or cannot be made"
     while True:
         with _in_words(path, trouble):
             descriptor = os.open(lock_path, flags, 0o666)
         fault = _lock(descriptor, lock_path)
-        # The holder before us may have unlinked the file between our open and our lock.
         if not fault and _leads_to(lock_path, descriptor):
             return descriptor
         os.close(descriptor)
         if fault:
             raise InputError(f"{path} {fault}")
+        # The previous holder removed the file between our open and our lock: try again.
 
 
 def _lock(descriptor: int, lock_path: Path) -> str:
-    """Lock an open file; return why it cannot be locked, "" if it is locked or locks are waived."""
-    content = b"no lock"
-    if stat.S_ISREG(os.fstat(descriptor).st_mode):
-        content = os.pread(descriptor, LONGEST_LOCK + 1, 0)
-    if content and not LOCK_CONTENT.fullmatch(content):
+    """Lock the open file of a lock, without waiting.
+
+    Returns "" if the file is locked, or if the file system has no locks and the user does without.
+    Otherwise returns the reason as a sentence without its subject, which is the output's path: "is
+    being written by ...; wait until it ends".
+    """
+    is_regular = stat.S_ISREG(os.fstat(descriptor).st_mode)
+    content = os.pread(descriptor, LONGEST_LOCK + 1, 0) if is_regular else b""
+    is_new = is_regular and not content
+    # A file of somebody else that happens to have the name of a lock is never overwritten.
+    if not is_new and not LOCK_CONTENT.fullmatch(content):
         return (
             f"cannot be written: {lock_path} is there and no lock of ours; move it away"
         )
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
+        # The text is empty while the holder is writing it, or after the disk was full.
         holder = content.decode(errors="replace").strip() or "another process"
         return f"is being written by {holder}; wait until it ends"
-    except OSError as error:
+    except OSError as error:  # the file system has no locks
         if os.environ.get("HDF5_USE_FILE_LOCKING", "").upper() not in {"FALSE", "0"}:
             return (
                 f"is on a file system without locks ({error.strerror}); set"
@@ -716,7 +784,7 @@ def _lock(descriptor: int, lock_path: Path) -> str:
 
 
 def _holder() -> str:
-    """Return the content of a lock's file that names this process."""
+    """Return the text of a lock's file: host, process, job of Slurm if any, and the time (UTC)."""
     job = ""
     if "SLURM_JOB_ID" in os.environ:
         job = f", job {os.environ['SLURM_JOB_ID']}"
@@ -725,7 +793,7 @@ def _holder() -> str:
 
 
 def _leads_to(path: Path, descriptor: int) -> bool:
-    """Tell whether a name leads to an open file, and not through a link."""
-    with suppress(OSError):
+    """Tell whether a path is the name of an open file itself, not of a symbolic link to it."""
+    with suppress(OSError):  # there is no file with this name
         return os.path.samestat(os.fstat(descriptor), path.lstat())
     return False

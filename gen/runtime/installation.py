@@ -1,6 +1,7 @@
-"""The installation: its versions, its commit, and the command that adds a missing package.
+"""Tell versions and commit of this installation, and how to install a missing package.
 
-No command names asperity: a package index may have somebody else's package under that name.
+No printed command installs a package by the name asperity, because a package index may have
+somebody else's package under this name.
 """
 
 import importlib.metadata
@@ -15,14 +16,14 @@ from pathlib import Path
 from gen.runtime import VERSION
 
 STAMP = "commit.txt"
-"""File beside this module with the commit that an installed package was built from."""
+"""File in the folder of this module, with the commit that an installed package was built from."""
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-"""Folder of the packages; it has a pyproject.toml if it is a clone."""
+"""Folder that contains `gen`: a clone of the repository, or a folder of installed packages."""
 
 
 def versions(packages: Iterable[str]) -> dict[str, str]:
-    """Return the versions of Python and of packages, without importing them.
+    """Find the versions of Python and of some packages, without importing them.
 
     Parameters
     ----------
@@ -32,12 +33,12 @@ def versions(packages: Iterable[str]) -> dict[str, str]:
     Returns
     -------
     dict of str to str
-        Version of "python", and by its name that of each package that is installed. "asperity" is
-        always among the latter if it is named.
+        Versions by name: that of "python", and that of each package that is installed. Packages
+        that are not installed are left out, except that "asperity" counts as installed.
     """
     installed = {"python": platform.python_version()}
     for name in packages:
-        if name == "asperity":  # a clone may be newer than its installation
+        if name == "asperity":  # the metadata of a clone may be older than its code
             installed[name] = VERSION
             continue
         with suppress(importlib.metadata.PackageNotFoundError):
@@ -46,11 +47,16 @@ def versions(packages: Iterable[str]) -> dict[str, str]:
 
 
 def git_commit() -> str:
-    """Return the commit that this code is checked out at or was built from, "" if it is unknown.
+    """Return the commit that this code is checked out at, or was built from.
 
-    Git's files are read, because starting git from a process of MPI is unsafe. A version file that
-    setuptools writes would not do: a clone that is installed editably moves on without being
-    installed again.
+    Git's files are read here, because starting git from a process of MPI is unsafe. A version file
+    that setuptools writes would be out of date in a clone that is installed editably, because such
+    a clone changes without being installed again.
+
+    Returns
+    -------
+    str
+        Hexadecimal digits, or "" if the commit is unknown.
     """
     git = REPOSITORY / ".git"
     try:
@@ -62,21 +68,22 @@ def git_commit() -> str:
 
 
 def _checked_out(git: Path) -> str:
-    """Return the commit that a clone is at, "" if it is unknown; OSError without git's files.
+    """Return the commit that a clone has checked out, "" if it is unknown.
 
-    `git` is the folder ".git", or the file of that name that a linked work tree has.
+    `git` is the folder ".git" of the clone, or the file ".git" that a linked work tree has instead.
+    Raises OSError if git's files cannot be read.
     """
     if git.is_file():
         folder = git.read_text().removeprefix("gitdir:").strip()
         git = (git.parent / folder).resolve()
     head = (git / "HEAD").read_text().strip()
-    if not head.startswith("ref: "):
+    if not head.startswith("ref: "):  # no branch is checked out
         return head
     reference = head.removeprefix("ref: ")
-    if (
-        git / "commondir"
-    ).exists():  # branches of a linked work tree are the main clone's
-        git = (git / (git / "commondir").read_text().strip()).resolve()
+    # The main clone has the branches of a linked work tree.
+    common = git / "commondir"
+    if common.exists():
+        git = (git / common.read_text().strip()).resolve()
     if (git / reference).exists():
         return (git / reference).read_text().strip()
     for line in (git / "packed-refs").read_text().splitlines():
@@ -87,7 +94,7 @@ def _checked_out(git: Path) -> str:
 
 
 def command_for(extra: str) -> str:
-    """Return the command that installs an extra, for a message.
+    """Say in a message how to install an extra of this package.
 
     Parameters
     ----------
@@ -97,11 +104,13 @@ def command_for(extra: str) -> str:
     Returns
     -------
     str
-        A command of pip for a clone; otherwise words, as it is unknown where the package is from.
+        In a clone, a command of pip, such as "pip install -e /home/me/asperity[plot]". Otherwise a
+        clause, because it is unknown where the package was installed from.
     """
     if not (REPOSITORY / "pyproject.toml").is_file():
         return f"install Asperity again, with its extra {extra!r}"
     pip = [sys.executable, "-m", "pip"]
-    if shutil.which("pip") == str(Path(sys.executable).with_name("pip")):
+    pip_of_this_python = str(Path(sys.executable).with_name("pip"))
+    if shutil.which("pip") == pip_of_this_python:
         pip = ["pip"]
     return shlex.join([*pip, "install", "-e", f"{REPOSITORY}[{extra}]"])

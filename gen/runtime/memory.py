@@ -1,4 +1,4 @@
-"""The memory that this process may take, and the memory that the solve of a contact needs."""
+"""Tell how much memory this process may take, and how much the solution of a contact needs."""
 
 import errno
 import mmap
@@ -15,42 +15,47 @@ from gen.runtime.errors import InputError
 MIB = 2**20
 
 SOLVE_BYTES = 400
-"""Peak memory of a solve [bytes / node]; 360 were measured on 513 to 2,049 nodes a side."""
+"""Peak memory of a solution [bytes / node]; 360 were measured on 513 to 2,049 nodes a side."""
 
 BLAS_NODES = 200
-"""Side of matrices whose product needs a buffer; smaller ones are multiplied without."""
+"""Rows and columns of the matrices of a trial; BLAS multiplies smaller ones without a buffer."""
 
 BLAS_PATIENCE = 5.0
-"""CPU time after which a trial of BLAS counts as hanging; its imports take 0.3 s [s]."""
+"""CPU time after which a trial of BLAS counts as hanging [s]; its imports take 0.3 s."""
 
 HEADROOM = 64 * MIB
-"""Memory that the other libraries of a command need; some abort if there is none [bytes]."""
+"""Memory that the other libraries of a command need [bytes]; some abort if there is none."""
 
 SHORTAGE = re.compile(
     "failed to map segment|cannot allocate memory|can't start new thread", re.I
 )
-"""Messages of libraries whose error is no MemoryError although the system gave no memory."""
+"""Messages of errors by which libraries report that memory is short without a MemoryError."""
 
 
 def allowed() -> int:
-    """Return the memory that machine, container, batch job and shell allow this process [bytes]."""
+    """Return the memory that machine, container, batch job and shell allow this process [bytes].
+
+    This is the smallest of the four limits. Unknown limits are ignored.
+    """
     limits = [os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")]
-    for name in (
+    container_limits = (
         "/sys/fs/cgroup/memory.max",
         "/sys/fs/cgroup/memory/memory.limit_in_bytes",
-    ):
+    )
+    for name in container_limits:
+        # There is no such file, or it has the word "max" for no limit.
         with suppress(OSError, ValueError):
             limits.append(int(Path(name).read_text(encoding="ascii")))
     with suppress(KeyError, ValueError):  # set by Slurm, in MiB
         limits.append(int(os.environ["SLURM_MEM_PER_NODE"]) * MIB)
-    shell, _ = resource.getrlimit(resource.RLIMIT_AS)
-    if shell != resource.RLIM_INFINITY:
-        limits.append(shell)
+    shell_limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if shell_limit != resource.RLIM_INFINITY:
+        limits.append(shell_limit)
     return max(min(limits), 0)
 
 
 def free() -> int:
-    """Return the memory that the system can give now, or `allowed` if that is unknown [bytes]."""
+    """Return the memory that the system can give now [bytes]; if that is unknown, `allowed()`."""
     with suppress(OSError, ValueError, IndexError):
         table = Path("/proc/meminfo").read_text(encoding="ascii")
         kibibytes = table.partition("MemAvailable:")[2].split()[0]
@@ -59,17 +64,18 @@ def free() -> int:
 
 
 def is_shortage(error: BaseException) -> bool:
-    """Tell whether an error says that the system gives no more memory.
+    """Tell whether the cause of an error is that the system gives no more memory.
 
     Parameters
     ----------
     error : BaseException
-        MemoryError, or the error of a library, a thread or a process that found no memory.
+        Any error.
 
     Returns
     -------
     bool
-        Whether memory is short.
+        True for a MemoryError, for an OSError with the number ENOMEM, and for an error of a library
+        with one of the messages `SHORTAGE`.
     """
     if isinstance(error, OSError) and error.errno == errno.ENOMEM:
         return True
@@ -79,11 +85,11 @@ def is_shortage(error: BaseException) -> bool:
 
 
 def require_blas() -> None:
-    """Let BLAS take its buffers before any work, if the shell limits the address space.
+    """Let BLAS allocate its buffers before any work, if the shell limits the address space.
 
-    OpenBLAS takes a buffer with its first large product, one in NumPy and one in SciPy, and keeps
-    it. If there is no room for the buffer, OpenBLAS ends the process or asks for ever. A child
-    process therefore tries first.
+    Without such a limit, nothing is done. OpenBLAS allocates a buffer at its first large product,
+    one in NumPy and one in SciPy, and keeps it. If there is no room for the buffer, OpenBLAS ends
+    the process or tries forever. A child process therefore tries first.
 
     Raises
     ------
@@ -110,11 +116,15 @@ def require_blas() -> None:
 
 
 def _try_blas() -> NoReturn:
-    """Use BLAS in a child process and end it, with exit code 0 only if BLAS has its buffers."""
+    """Use BLAS in a child process, and end the process.
+
+    The exit code is 0 only if BLAS has its buffers. A signal ends the process after
+    `BLAS_PATIENCE`.
+    """
     try:
-        os.dup2(
-            os.open(os.devnull, os.O_WRONLY), 2
-        )  # OpenBLAS complains on standard error
+        # OpenBLAS complains on standard error.
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, 2)
         signal.signal(signal.SIGPROF, signal.SIG_DFL)
         signal.setitimer(signal.ITIMER_PROF, BLAS_PATIENCE)
         _use_blas()
@@ -124,7 +134,7 @@ def _try_blas() -> NoReturn:
 
 
 def _use_blas() -> None:
-    """Multiply matrices by the BLAS of NumPy and of SciPy, which then hold a buffer."""
+    """Multiply matrices by the BLAS of NumPy and by that of SciPy, so that each has its buffer."""
     import numpy as np
     from scipy.linalg.blas import dgemm
 
@@ -134,7 +144,7 @@ def _use_blas() -> None:
 
 
 def too_little_for_solve(shape: tuple[int, ...]) -> InputError:
-    """Return the error for a contact whose solve ran out of memory.
+    """Return the error for a contact whose solution has run out of memory.
 
     Parameters
     ----------
@@ -144,7 +154,7 @@ def too_little_for_solve(shape: tuple[int, ...]) -> InputError:
     Returns
     -------
     InputError
-        With the memory that the contact needs and the memory that is allowed.
+        An error to raise, which states the memory that the contact needs and what is allowed.
     """
     needed = shape[0] * shape[1] * SOLVE_BYTES
     return InputError(
@@ -165,8 +175,8 @@ def format_bytes(count: float) -> str:
     Returns
     -------
     str
-        Number with one decimal and the largest unit that it reaches, such as "330 bytes" or
-        "1.5 GB"; a kB has 1000 bytes.
+        Number with its unit, such as "330 bytes" or "1.5 GB". The unit is the largest one of which
+        there is at least 1, among TB, GB, MB, kB (1000 bytes) and bytes.
     """
     for unit, unit_bytes in (("TB", 1e12), ("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
         if abs(count) >= unit_bytes:

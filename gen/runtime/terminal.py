@@ -1,7 +1,7 @@
-"""Everything that a command prints: lines, tables, progress, and commands as the user types them.
+"""Print lines, tables and progress, and write commands as the user can type them.
 
-Titles, names of files and messages of libraries come from strangers, and an escape sequence in one
-could forge a line of ours. Every text that is printed therefore passes through `printable`.
+Titles, names of files and messages of libraries come from strangers. An escape sequence in them
+could forge a line of this program, so every printed text passes through `printable`.
 """
 
 import os
@@ -12,27 +12,31 @@ from collections.abc import Collection, Iterable, Sequence
 from contextlib import AbstractContextManager, suppress
 from datetime import timedelta
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
 from gen.runtime.errors import InputError
 
-OUTPUT = "standard output"  # stands in errors where a file's name would stand
-LONGEST_NAME = 110  # letters of a name that fit into a line of a picture's title
+OUTPUT = "standard output"  # the file's name in errors of standard output
+LONGEST_NAME = 110
+"""Largest number of letters of a file's name in the title of a picture."""
 
-ENDLESS = (
-    1000  # width of a table that no terminal limits, so that no line is broken [letters]
-)
-LINE_SECONDS = 30.0  # time between two lines of progress in a batch log [s]
-RENEWAL = 0.1  # shortest time between two states of the line on a terminal [s]
-CLEAR = "\r\x1b[K"  # returns to the start of a terminal's line and empties it
+ENDLESS = 1000
+"""Width of a table in a file or a pipe [letters]; it is so large that no line is broken."""
+
+LINE_SECONDS = 30.0  # shortest time between two lines of progress in a batch log [s]
+RENEWAL = 0.1  # shortest time between two states of the progress line on a terminal [s]
+CLEAR = "\r\x1b[K"  # moves to the start of a terminal's line and empties the line
 COMMAND = "asperity"  # installed command, which runs all programs
 
 OUTPUT_ERRORS: list[OSError] = []
-"""Errors of standard output since the command began; `write_stream` adds to them."""
+"""Errors of standard output since the command began; `write_stream` appends them."""
 
 
 def printable(text: str) -> str:
-    """Replace characters that control, end a line or turn the direction of writing by "?".
+    """Replace every character that a terminal would not print as a letter by "?".
+
+    These are control characters, line ends, and characters that change the direction of writing.
 
     Parameters
     ----------
@@ -50,6 +54,8 @@ def printable(text: str) -> str:
 def echo(line: str, *, err: bool = False) -> None:
     """Print one line.
 
+    An error of the stream is not raised here; see `write_stream`.
+
     Parameters
     ----------
     line : str
@@ -66,7 +72,8 @@ def print_columns(
 ) -> None:
     """Print rows of texts as a table on standard output.
 
-    The table is as wide as the terminal; in a file or a pipe it is as wide as it needs to be.
+    On a terminal, long cells are broken so that the table fits into its width. In a file or a pipe
+    no line is broken.
 
     Parameters
     ----------
@@ -75,9 +82,10 @@ def print_columns(
     titles : sequence of str
         Titles of the columns. Without them the table has no header.
     right : collection of str
-        Titles of the columns that are aligned at the right.
+        Titles of the columns that are aligned at the right; the other columns are aligned at the
+        left.
     """
-    if sys.stdout is None:
+    if sys.stdout is None:  # the user has closed standard output
         return
     from rich.console import Console
     from rich.segment import Segment, Segments
@@ -90,6 +98,7 @@ def print_columns(
         table.add_row(*row)
     width = None if sys.stdout.isatty() else ENDLESS
     console = Console(width=width, markup=False, emoji=False)
+    # Rich's segments have styles, whose escape sequences it adds only after this replacement.
     segments = []
     for segment in console.render(table):
         lines = map(printable, segment.text.split("\n"))
@@ -102,16 +111,17 @@ def print_columns(
 def write_stream(text: str, stream: Any) -> None:
     """Write a text on a standard stream and flush it, without raising an OSError.
 
-    An error of standard output is added to `OUTPUT_ERRORS`, so that a command writes its files
-    although nobody reads what it prints; `finish_output` raises it. Errors of standard error are
-    ignored.
+    An error of standard output is appended to `OUTPUT_ERRORS`, and `finish_output` raises it at the
+    end. A command thus writes its files even if nobody reads what it prints. Errors of standard
+    error are ignored.
 
     Parameters
     ----------
     text : str
         Text that has passed through `printable`.
     stream : text file or None
-        `sys.stdout` or `sys.stderr`; None, as Python sets a closed stream, discards the text.
+        `sys.stdout` or `sys.stderr`. Either is None if the stream was closed before Python began;
+        the text is then discarded.
     """
     if stream is None:
         return
@@ -130,29 +140,32 @@ def finish_output() -> None:
     Raises
     ------
     OSError
-        With `OUTPUT` in place of a file's name; a BrokenPipeError if the reader has ended.
+        If standard output could not be written; its file name is `OUTPUT`. It is a BrokenPipeError
+        if the reader of a pipe has ended.
     """
-    write_stream("", sys.stdout)
+    write_stream("", sys.stdout)  # flushes
     if OUTPUT_ERRORS:
         raise OUTPUT_ERRORS[0]
 
 
 def discard_pending(stream: Any) -> None:
-    """Discard the text that a stream still holds, which Python would try to write at its exit.
+    """Redirect a stream to the null device, which discards the text that it still holds.
+
+    Otherwise Python would try to write this text when the process ends, and fail again.
 
     Parameters
     ----------
     stream : text file or None
-        A standard stream; it leads to the null device from then on.
+        A standard stream. A stream without a file of the system, as in tests, stays as it is.
     """
-    with suppress(OSError, ValueError, AttributeError):
+    with suppress(OSError, ValueError, AttributeError):  # there is no stream or no file
         null = os.open(os.devnull, os.O_WRONLY)
         os.dup2(null, stream.fileno())
         os.close(null)
 
 
 def shortened(name: str) -> str:
-    """Return a file's name, with its middle left out if it is too long for a line.
+    """Shorten the name of a file so that it fits into the title of a picture.
 
     Parameters
     ----------
@@ -162,27 +175,31 @@ def shortened(name: str) -> str:
     Returns
     -------
     str
-        Name of at most about `LONGEST_NAME` letters.
+        The name itself if it has at most `LONGEST_NAME` letters. Otherwise its beginning and its
+        end, with " ... " between them; at most `LONGEST_NAME` letters too.
     """
     if len(name) <= LONGEST_NAME:
         return name
-    return f"{name[: LONGEST_NAME // 3]} ... {name[-LONGEST_NAME // 2 :]}"
+    beginning = name[: LONGEST_NAME // 3]
+    end = name[-LONGEST_NAME // 2 :]
+    return f"{beginning} ... {end}"
 
 
 def quoted(text: str, longest: int = 60) -> str:
-    """Put a text of the user's in quotation marks, and shorten a long one.
+    """Put a text of the user's in quotation marks, and shorten it if it is long.
 
     Parameters
     ----------
     text : str
         Text of any length.
     longest : int
-        Number of letters from which on only the beginning and the number of letters are given.
+        Largest number of letters that are quoted.
 
     Returns
     -------
     str
-        The text as Python writes it.
+        The text as a literal of Python. Of a longer text the first `longest` letters, as
+        "'abc'... (300 characters)".
     """
     if len(text) <= longest:
         return repr(text)
@@ -219,12 +236,13 @@ def command_to_type(words: str) -> str:
     Returns
     -------
     str
-        The words after "asperity" if this process runs as that command, otherwise after
-        "python -m".
+        "asperity WORDS" if this process runs as the command asperity, otherwise "python -m WORDS".
+        Words that begin with asperity are returned as they are.
     """
     program = words.partition(" ")[0]
     if program == COMMAND:
         return words
+    # The installed script .../bin/asperity, or .../asperity/__main__.py of python -m asperity.
     script = Path(sys.argv[0])
     if COMMAND in {script.name, script.parent.name}:
         return f"{COMMAND} {words}"
@@ -232,16 +250,22 @@ def command_to_type(words: str) -> str:
 
 
 class RunProgress(AbstractContextManager["RunProgress"]):
-    """Progress on standard error: one line that renews itself on a terminal, else a line at times.
+    """Print the progress of a command on standard error.
+
+    A terminal has one line, which is overwritten every `RENEWAL` seconds. Any other file gets a new
+    line every `LINE_SECONDS`. When the block of this context manager ends, a last line is printed
+    if any row has been counted.
 
     Parameters
     ----------
     total : int
-        Number of rows to compute.
+        Number of rows to compute, at least 1 if any row is counted.
     noun : str
-        Plural of a row, such as "samples"; further words may follow it, as "fits of ridge".
+        What a row is called, in the plural, such as "samples". Further words may follow, as in
+        "fits of ridge".
     work : float, optional
-        Cost of all rows, in any unit, from which the remaining time follows; by default `total`.
+        Cost of all rows, in any unit. The remaining time is estimated from it. By default every
+        row costs 1.
     """
 
     def __init__(
@@ -249,23 +273,28 @@ class RunProgress(AbstractContextManager["RunProgress"]):
     ) -> None:
         self._total = total
         self._noun = noun
-        self._rows = 0
-        self._failed = 0
-        self._work = float(total)
+        self._rows = 0  # counted until now
+        self._failed = 0  # failed rows among them
+        self._total_work = float(total)
         if work is not None:
-            self._work = float(work)
-        self._worked = 0.0
-        self._began = time.monotonic()
-        self._printed = self._began
+            self._total_work = float(work)
+        self._work_done = 0.0
+        self._began = time.monotonic()  # [s]
+        self._last_printed = self._began  # [s]
         self._renews = sys.stderr is not None and sys.stderr.isatty()
 
-    def __exit__(self, *error: object) -> None:
-        """Print a last line, but not above a refusal of the input."""
-        if self._rows and not isinstance(error[1], InputError):
+    def __exit__(
+        self,
+        error_type: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Print a last line, unless an InputError ends the block: its message is enough."""
+        if self._rows and not isinstance(error, InputError):
             self.say(self._summary())
 
     def advance(self, rows: int, failed: int, work: float | None = None) -> None:
-        """Count rows that have been written, and print the progress if it is time to.
+        """Count rows that are finished, and print the progress unless it was printed just before.
 
         Parameters
         ----------
@@ -274,26 +303,28 @@ class RunProgress(AbstractContextManager["RunProgress"]):
         failed : int
             Number of failed rows among them.
         work : float, optional
-            Cost of the rows in the unit of the whole work; by default 1 a row.
+            Cost of the new rows, in the unit of the constructor's `work`. By default every row
+            costs 1.
         """
         self._rows += rows
         self._failed += failed
         if work is None:
             work = rows
-        self._worked += work
+        self._work_done += work
         pause = RENEWAL if self._renews else LINE_SECONDS
         now = time.monotonic()
-        if now < self._printed + pause:
+        if now < self._last_printed + pause:
             return
-        self._printed = now
+        self._last_printed = now
         if self._renews:
-            columns = shutil.get_terminal_size().columns - 1
-            self._print(self._summary()[:columns])
+            # A line as wide as the terminal could move the cursor to the next line.
+            width = shutil.get_terminal_size().columns - 1
+            self._print(self._summary()[:width])
         else:
             self.say(self._summary())
 
     def say(self, message: str) -> None:
-        """Print a message as a line of its own, in place of the line that renews itself.
+        """Print a message as a line that stays; on a terminal it overwrites the progress line.
 
         Parameters
         ----------
@@ -303,22 +334,23 @@ class RunProgress(AbstractContextManager["RunProgress"]):
         self._print(message, end="\n")
 
     def _print(self, line: str, end: str = "") -> None:
-        """Print a text at the start of a line; on a terminal it replaces what stands there."""
+        """Print a text and then `end`; on a terminal the text overwrites the progress line."""
         start = CLEAR if self._renews else ""
         with suppress(ValueError):  # standard error has been closed
             write_stream(f"{start}{printable(line)}{end}", sys.stderr)
 
     def _summary(self) -> str:
-        """Return rows, share, rate, failures and remaining time as one line."""
-        elapsed = max(time.monotonic() - self._began, 1e-9)
-        seconds = 0.0
-        if self._worked:
-            seconds = elapsed * (self._work / self._worked - 1)
-        remaining = timedelta(seconds=round(max(seconds, 0.0)))
+        """Return the progress as one line: rows, share, rate, failed rows and remaining time."""
+        elapsed = max(time.monotonic() - self._began, 1e-9)  # [s], never 0
+        seconds_left = 0.0
+        if self._work_done:
+            remaining_work = self._total_work - self._work_done
+            seconds_left = elapsed * remaining_work / self._work_done
+        remaining = timedelta(seconds=round(max(seconds_left, 0.0)))
         percent = 100 * self._rows / self._total
         rate = self._rows / elapsed
-        row = self._noun.partition(" ")[0]
+        plural = self._noun.partition(" ")[0]
         return (
             f"{self._rows} of {self._total} {self._noun} ({percent:.1f} %),"
-            f" {rate:.3g} {row}/s, {self._failed} failed, {remaining} left"
+            f" {rate:.3g} {plural}/s, {self._failed} failed, {remaining} left"
         )

@@ -1,8 +1,9 @@
-"""Functions of the user's that scenes name: found by name, and known by their source.
+"""Find, check and import the users' functions that scenes name.
 
-No function is looked for, let alone run, unless the user gives `--trust`. The source whose hash a
-database records is the one that runs: it is compiled here, because Python's own import may take the
-compiled file of an earlier source that was changed within the same second.
+No function is looked for, let alone run, unless the user gives `--trust`. A database records the
+hash of the source of a function, and only a source with this hash is run. It is compiled here,
+because Python's import may take the compiled file of an earlier source, if the source was changed
+within a second.
 """
 
 import functools
@@ -24,22 +25,23 @@ from gen.runtime.farm import Overtime
 
 Function = Callable[..., Any]
 
-LONGEST_REASON = 200  # letters of an error's message that are repeated
+LONGEST_REASON = 200
+"""Largest number of letters of an error's message that a SourceError repeats."""
 
 TRUSTED: ContextVar[bool] = ContextVar("TRUSTED", default=False)
 """Whether the user trusts the functions that scenes and databases name: the option `--trust`."""
 
 _compiled: dict[str, ModuleType] = {}
-"""Modules that were compiled here, by their names."""
+"""Modules that `_imported` has compiled and put into `sys.modules`, by their names."""
 
 
 def source_hash(name: str) -> str:
-    """Compute the SHA-256 of the source of a function's module; nothing is imported.
+    """Compute the SHA-256 of the source of a function's module, without importing it.
 
     Parameters
     ----------
     name : str
-        The function, such as "module:function".
+        Module and function, such as "module:function".
 
     Returns
     -------
@@ -49,7 +51,7 @@ def source_hash(name: str) -> str:
     Raises
     ------
     SourceError
-        If `source_of` finds no source, or it cannot be read.
+        If the user does not trust functions of files, or the source is not found or cannot be read.
     """
     with source_errors(name):
         return hashlib.sha256(source_of(name).read_bytes()).hexdigest()
@@ -57,26 +59,28 @@ def source_hash(name: str) -> str:
 
 @functools.lru_cache(maxsize=16)
 def load_function(name: str, source: str | None) -> Function:
-    """Import a user's function whose source has not changed since its hash was recorded.
+    """Import a user's function if its source has not changed since its hash was recorded.
+
+    The module of the function is run, and stays imported.
 
     Parameters
     ----------
     name : str
-        The function, such as "module:function".
+        Module and function, such as "module:function".
     source : str or None
-        SHA-256 of the module's source, as a database records it. None, from a file that no run has
-        made, is refused.
+        SHA-256 of the module's source, as a database records it. None, from a scene that lacks it,
+        is refused.
 
     Returns
     -------
     callable
-        The function, which is kept for the next call.
+        The function. The next call with equal arguments returns it without checks.
 
     Raises
     ------
     SourceError
-        If the source is not found or has another hash, if its import fails, or if it has no such
-        function.
+        If `source` is None, the user does not trust functions of files, the source is not found or
+        has another hash, its import fails, or it has no such function.
     """
     if source is None:
         raise SourceError(f"{name}: the scene lacks the hash of its source")
@@ -98,14 +102,15 @@ def source_errors(
 ) -> Iterator[None]:
     """Turn an error of a user's code in the block into a SourceError of one line.
 
-    If the code ran out of memory, the message says so, because the contact itself may need little.
+    If memory has run out, the message says that the user's code took it, because otherwise the user
+    would suspect the contact.
 
     Parameters
     ----------
     place : str
-        Function and row that the code belongs to; the message begins with it.
+        Name of the function, and of the row if it is known; the message begins with it.
     passing : tuple of exception types
-        Errors that pass unchanged, besides Overtime, SourceError and KeyboardInterrupt.
+        Errors that are raised unchanged, besides Overtime, SourceError and KeyboardInterrupt.
 
     Yields
     ------
@@ -133,8 +138,12 @@ def source_errors(
 
 
 def _with_reason(fault: str, error: BaseException) -> str:
-    """Return a fault and after a colon the beginning of the error's message, if it has one."""
-    reason = " ".join(str(error).split())[:LONGEST_REASON]
+    """Return "FAULT: MESSAGE" with the beginning of the error's message, or the fault alone.
+
+    An error without a message gives the fault alone.
+    """
+    message = " ".join(str(error).split())
+    reason = message[:LONGEST_REASON]
     if not reason:
         return fault
     return f"{fault}: {reason}"
@@ -143,12 +152,12 @@ def _with_reason(fault: str, error: BaseException) -> str:
 def source_of(name: str) -> Path:
     """Find the file of a function's module without importing anything.
 
-    The current folder is put first on Python's search path, unless it is on it.
+    The current folder is put first on Python's search path, unless it is there already.
 
     Parameters
     ----------
     name : str
-        The function, such as "package.module:function".
+        Module and function, such as "package.module:function".
 
     Returns
     -------
@@ -166,15 +175,17 @@ def source_of(name: str) -> Path:
             " it first"
         )
     module = name.partition(":")[0]
-    first, *inner = module.split(".")
+    # Only the top package is looked up: `importlib.util.find_spec` would import the packages of a
+    # dotted name.
+    package, *inner_names = module.split(".")
     folder = str(Path.cwd())
-    if folder not in sys.path and "" not in sys.path:
+    if folder not in sys.path and "" not in sys.path:  # "" is the current folder
         sys.path.insert(0, folder)
-    importlib.invalidate_caches()
+    importlib.invalidate_caches()  # a file may have been written since the last look-up
     with source_errors(name):
-        spec = _top_spec(first)
+        spec = _top_spec(package)
     if spec is not None:
-        for path in _candidates(spec, inner):
+        for path in _candidates(spec, inner_names):
             if path.suffix == ".py" and path.is_file():
                 return path
     raise SourceError(
@@ -183,9 +194,9 @@ def source_of(name: str) -> Path:
 
 
 def _top_spec(module: str) -> ModuleSpec | None:
-    """Return where Python finds a module without a dot in its name, None if nowhere.
+    """Return Python's spec of a module without a dot in its name, None if there is no such module.
 
-    `importlib.util.find_spec` would import the packages of a dotted name.
+    Nothing is imported.
     """
     for finder in sys.meta_path:
         spec = finder.find_spec(module, None)
@@ -194,36 +205,44 @@ def _top_spec(module: str) -> ModuleSpec | None:
     return None
 
 
-def _candidates(spec: ModuleSpec, inner: list[str]) -> list[Path]:
-    """Return the files that a module may have, from the spec of its package and the inner names."""
-    if not inner:
+def _candidates(spec: ModuleSpec, inner_names: list[str]) -> list[Path]:
+    """Return the paths that the file of a module may have; not all of them exist.
+
+    `spec` is that of the top package, and `inner_names` are the further names of a dotted name. If
+    there are none, the module is the top package itself.
+    """
+    if not inner_names:
         return [Path(spec.origin or "")]
     paths = []
     for root in spec.submodule_search_locations or ():
-        stem = Path(root, *inner)
+        stem = Path(root, *inner_names)
         paths += [stem / "__init__.py", Path(f"{stem}.py")]
     return paths
 
 
 def _imported(name: str, module: str, path: Path, content: bytes) -> ModuleType:
-    """Run a source as a module and return it, or return the module that other code has imported.
+    """Run the source `content` as a module, put it into `sys.modules`, and return it.
 
-    The module is put into `sys.modules`. A SourceError has the function's name if the source fails.
+    If other code has imported the module already, its module is returned, and nothing is run. If
+    the source fails, a SourceError with the name of the function is raised.
     """
-    present = sys.modules.get(module)
-    if present is not None and present is not _compiled.get(module):
-        return present
+    present_module = sys.modules.get(module)
+    # A module that was compiled here is run anew, because its source may have changed.
+    compiled_here = present_module is _compiled.get(module)
+    if present_module is not None and not compiled_here:
+        return present_module
     spec = importlib.util.spec_from_file_location(module, path)
     assert spec is not None
-    new = importlib.util.module_from_spec(spec)
-    sys.modules[module] = new
-    _compiled[module] = new
+    new_module = importlib.util.module_from_spec(spec)
+    sys.modules[module] = new_module
+    _compiled[module] = new_module
     try:
         with source_errors(f"{name}: importing {module} failed", passing=()):
-            if new.__package__ not in {"", module}:
-                importlib.import_module(str(new.__package__))
-            exec(compile(content, str(path), "exec"), new.__dict__)
+            package = str(new_module.__package__)
+            if package not in {"", module}:  # a module inside a package
+                importlib.import_module(package)
+            exec(compile(content, str(path), "exec"), new_module.__dict__)
     except BaseException:
         del sys.modules[module], _compiled[module]
         raise
-    return new
+    return new_module

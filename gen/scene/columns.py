@@ -1,4 +1,4 @@
-"""The columns of a scene's database: common ones, parameters of surfaces, a user's own outputs."""
+"""The columns of a scene's database: common ones, parameters of surfaces, outputs of a user."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -12,33 +12,37 @@ from gen.schema import CHECKSUM, COLUMNS, DRAWN_NAMES, REASON, RUNTIME, Column
 from gen.surface import GeneratedSurface
 
 ARGUMENTS = ("shape", "spacing", "rng")
-"""Arguments of a user's generator, which no parameter of it can be called."""
+"""Arguments of a user's generator. Its parameters cannot have these names."""
 
+# end of a message about a name that a user cannot give
 TAKEN = "is the name of something else; give a name of your own"
 
 
 def columns_of_generators(
     generators: Sequence[type[GeneratedSurface]] = GENERATORS,
 ) -> tuple[Column, ...]:
-    """Return the columns of generators: where surfaces were taken from, then parameters.
+    """Return the columns of generators: places of surfaces in larger ones, then parameters.
 
     Parameters
     ----------
     generators : sequence of type
-        Tables of surfaces; all that exist by default.
+        Subclasses of `GeneratedSurface`; by default all that exist.
 
     Returns
     -------
     tuple of Column
-        A column for each name, with the words of the first generator that has it.
+        One column for each name. Its meaning is in the words of the first generator that has the
+        column, and its condition names all generators that have it.
 
     Raises
     ------
     ValueError
-        If two generators share a name, and state two units for it.
+        If two generators have a column of one name with different units or types.
     """
     columns: dict[str, Column] = {}
-    owners: dict[str, list[str]] = {}  # generators that have a column, by its name
+    owners: dict[
+        str, list[str]
+    ] = {}  # names of the generators that have a column, by its name
     for table in generators:
         for column in _columns_of(table):
             first = columns.setdefault(column.name, column)
@@ -53,27 +57,28 @@ def columns_of_generators(
         replace(column, optional=_condition(owners[name]))
         for name, column in columns.items()
     ]
+    # Indices of places are the only whole numbers.
     places = [column for column in conditional if column.dtype == "i4"]
     parameters = [column for column in conditional if column.dtype != "i4"]
     return (*places, *parameters)
 
 
 def _columns_of(table: type[GeneratedSurface]) -> Iterator[Column]:
-    """Yield the columns of one generator: where its surfaces were taken from, then parameters."""
-    for name, words in table.PLACES.items():
-        yield Column(name, "i4", "1", words)
+    """Yield the columns of one generator: places of its surfaces, then parameters."""
+    for name, meaning in table.PLACES.items():
+        yield Column(name=name, dtype="i4", unit="1", long_name=meaning)
     for name, parameter in table.PARAMETERS.items():
         yield Column(
-            DRAWN_NAMES.get(name, name),
-            "f8",
-            parameter.unit,
-            parameter.long_name,
+            name=DRAWN_NAMES.get(name, name),
+            dtype="f8",
+            unit=parameter.unit,
+            long_name=parameter.long_name,
             paper_range=parameter.paper_range,
         )
 
 
 def _condition(generators: Sequence[str]) -> str:
-    """Say which generators have a column; the names are in Markdown."""
+    """Return "the generator A" or "the generators A, B and C", for names in Markdown."""
     *first_names, last = generators
     if not first_names:
         return f"the generator {last}"
@@ -81,17 +86,18 @@ def _condition(generators: Sequence[str]) -> str:
 
 
 def _all_columns() -> tuple[Column, ...]:
-    """Return the columns of all generators behind the column of the surface's index."""
+    """Return `COLUMNS` with the columns of all generators inserted after the column "surface"."""
     place = [column.name for column in COLUMNS].index("surface") + 1
     return (*COLUMNS[:place], *columns_of_generators(), *COLUMNS[place:])
 
 
 ALL_COLUMNS = _all_columns()
-"""Every column that a database can have, in the order of the file."""
+"""Every column that a database can have in the order of the file, apart from columns that users
+define."""
 
 
 def markdown_of_columns() -> list[str]:
-    """Return the lines of a table of all columns, with their units and meanings, in Markdown."""
+    """Return the lines of a table in Markdown: `ALL_COLUMNS` with their units and meanings."""
     lines = ["| Column | Unit | Meaning | Paper's range |", "|---|---|---|---|"]
     for column in ALL_COLUMNS:
         meaning = column.long_name
@@ -120,11 +126,12 @@ RESERVED = frozenset(
         "area",
     )
 )
-"""Names that outputs of a user's function cannot have: columns, dimensions, groups and targets."""
+"""Names that outputs of a user's function cannot have: those of columns, parameters, the group,
+dimensions of tables, and the target that surrogates call the area."""
 
 
 def columns_for(scene: Scene) -> tuple[Column, ...]:
-    """Return the columns that the rows of a scene are computed with.
+    """Return the columns that computing a row of a scene fills: all but the checksum.
 
     Parameters
     ----------
@@ -134,9 +141,8 @@ def columns_for(scene: Scene) -> tuple[Column, ...]:
     Returns
     -------
     tuple of Column
-        Columns that every database has, those that the scene asks for, and those of a user's
-        functions, in the order of the file. The file has the rows' checksums besides: see
-        `stored_columns`.
+        Columns of every database, optional columns of this scene, and columns of a user's
+        generator and function, in the order of the file. `stored_columns` adds the checksum.
     """
     optional = _optional_names(scene)
     of_generator = {column.name: column for column in _columns_of(type(scene.surface))}
@@ -147,6 +153,7 @@ def columns_for(scene: Scene) -> tuple[Column, ...]:
     ]
     names = [column.name for column in common]
     surface_end = names.index("surface") + 1
+    # Results come first. Columns with a group, which are times, ranks and hosts, close the list.
     results_end = next(index for index, column in enumerate(common) if column.group)
     return (
         *common[:surface_end],
@@ -158,10 +165,13 @@ def columns_for(scene: Scene) -> tuple[Column, ...]:
 
 
 def _optional_names(scene: Scene) -> set[str]:
-    """Return the names of the columns that a scene has besides those of every database."""
+    """Return the names of a scene's columns that not every database has.
+
+    Columns of outputs of a user's function, and the checksum, are not among them.
+    """
     names = set(parameter_columns(scene).values())
     names |= scene.surface.PLACES.keys()
-    names |= {key for key, value in scene.store if value is True}
+    names |= {key for key, value in scene.store if value is True}  # quantities
     if scene.quantity != "delta":
         names.add("load")
     if scene.contact.hardness_limits is not None:
@@ -176,10 +186,11 @@ def _optional_names(scene: Scene) -> set[str]:
 def _in_words_of(
     scene: Scene, column: Column, of_generator: Mapping[str, Column]
 ) -> Column:
-    """Return a column with the unit of a scene's load, or the words of its generator.
+    """Return a column of `ALL_COLUMNS` as a scene has it.
 
-    Generators may share a parameter and describe it in words of their own: `of_generator` has the
-    columns of the scene's generator by their names.
+    The column "load" gets the unit and the name of the scene's quantity. A column of the generator
+    gets the words of this generator, as other generators may describe it differently. All other
+    columns stay as they are. `of_generator` are the columns of the generator by their names.
     """
     if column.name == "load":
         return replace(column, unit=scene.load_unit, long_name=scene.quantity)
@@ -189,17 +200,20 @@ def _in_words_of(
 
 
 def _columns_of_new_parameters(scene: Scene, names: Sequence[str]) -> list[Column]:
-    """Return columns of the parameters of a user's generator, which have none among `names`."""
-    words = f"parameter of {scene.surface.generator}"
+    """Return columns of parameters whose names are not in `names`, the names of known columns.
+
+    Only a user's generator has such parameters.
+    """
+    meaning = f"parameter of {scene.surface.generator}"
     return [
-        Column(name, "f8", "1", words)
+        Column(name=name, dtype="f8", unit="1", long_name=meaning)
         for name in parameter_columns(scene).values()
         if name not in names
     ]
 
 
 def _columns_of_outputs(store: Store) -> list[Column]:
-    """Return the columns of the outputs of a user's function."""
+    """Return the columns of the outputs of a user's function; none if they are not known yet."""
     columns = []
     for name, unit in (store.outputs or {}).items():
         powers = None
@@ -207,10 +221,10 @@ def _columns_of_outputs(store: Store) -> list[Column]:
             powers = Powers(*store.powers[name])
         columns.append(
             Column(
-                name,
-                "f8",
-                unit,
-                f"output of {store.function}",
+                name=name,
+                dtype="f8",
+                unit=unit,
+                long_name=f"output of {store.function}",
                 bounds=store.bounds(name),
                 powers=powers,
                 measured=True,
@@ -220,19 +234,19 @@ def _columns_of_outputs(store: Store) -> list[Column]:
 
 
 def stored_columns(scene: Scene, *, checksums: bool = True) -> tuple[Column, ...]:
-    """Return the columns of a scene's database in the file's order.
+    """Return the columns of a scene's database, in the order of the file.
 
     Parameters
     ----------
     scene : Scene
         Scene of the database.
     checksums : bool
-        Whether the database has a checksum for each row: new ones do, older ones do not.
+        Whether the database has a checksum for each row. New databases do, older ones do not.
 
     Returns
     -------
     tuple of Column
-        Those of `columns_for`, with the checksum behind the reason.
+        The columns of `columns_for`. The checksum comes after the column "reason".
     """
     columns = columns_for(scene)
     if not checksums:
@@ -242,7 +256,7 @@ def stored_columns(scene: Scene, *, checksums: bool = True) -> tuple[Column, ...
 
 
 def parameter_columns(scene: Scene) -> dict[str, str]:
-    """Name the columns of the parameters that a scene draws for its surfaces.
+    """Return the names of the columns of the parameters that a scene draws for its surfaces.
 
     Parameters
     ----------
@@ -252,24 +266,24 @@ def parameter_columns(scene: Scene) -> dict[str, str]:
     Returns
     -------
     dict of str to str
-        Names of columns by those of the parameters.
+        Names of the columns by the names of the parameters.
     """
     return {name: DRAWN_NAMES.get(name, name) for name in scene.surface.drawn()}
 
 
 def require_distinct_names(scene: Scene) -> None:
-    """Refuse a user's parameters and outputs that have the names of other columns.
+    """Refuse names of a user's parameters and outputs that already mean something else.
 
     Parameters
     ----------
     scene : Scene
-        Scene of the database, with the outputs of its function if these are known.
+        Scene of the database. Outputs of its function are checked only if the scene names them.
 
     Raises
     ------
     InputError
-        If a parameter or an output has the name of another column or of an argument, or a bound is
-        that of no output; the message names it.
+        If a parameter or an output has the name of another column or of an argument, or if a bound
+        is given for an output that does not exist. The message has the name.
     """
     common_parameters = {name for table in GENERATORS for name in table.PARAMETERS}
     for name in scene.surface.drawn():
@@ -289,7 +303,7 @@ def require_distinct_names(scene: Scene) -> None:
 
 
 def row_bytes(scene: Scene) -> int:
-    """Compute the size of one row of a scene's new database, all columns together.
+    """Compute the size of one row of a scene's new database, with all columns.
 
     Parameters
     ----------
@@ -301,5 +315,5 @@ def row_bytes(scene: Scene) -> int:
     int
         Size [bytes].
     """
-    grid = scene.grid.shape
-    return sum(column.row_bytes(grid) for column in stored_columns(scene))
+    nodes = scene.grid.shape
+    return sum(column.row_bytes(nodes) for column in stored_columns(scene))

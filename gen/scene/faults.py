@@ -18,21 +18,22 @@ if TYPE_CHECKING:
 Location = tuple[int | str, ...]
 """Keys and indices of nested tables and arrays, from the outermost one to a value."""
 
-LETTERS = 80  # most letters of a value in a message
+LETTERS = 80  # largest number of letters of a value in a message
 
 
 @dataclass(frozen=True)
 class _Fault:
     """One broken rule of a scene."""
 
-    rule: (
-        str  # pydantic's name of the rule, or "conflict", see `gen.distribution.conflict`
+    # pydantic's name of the rule, or "conflict", see `gen.distribution.conflict`
+    rule: str
+    location: Location  # location of the value in the scene; empty for the whole scene
+    value: object  # the wrong value; for a missing key, the value of its whole table
+    generator: (
+        str  # generator of the table [surface] that has the key; "" for other tables
     )
-    location: Location  # place of the value in the scene; empty for the whole scene
-    value: object  # the wrong value; that of the whole table for a missing key
-    generator: str  # generator whose table has the key; "" outside of the table [surface]
-    message: str  # pydantic's message
-    refusal: str  # message of a validator's ValueError; "" for other rules
+    message: str  # pydantic's message; for a conflict, the words of this project
+    refusal: str  # message of the ValueError that a validator raised; "" for other rules
 
     @property
     def key(self) -> str:
@@ -46,15 +47,16 @@ class _Fault:
 
     @classmethod
     def of(cls, details: ErrorDetails) -> _Fault:
-        """Make the record of a fault that pydantic reports, with its location in the scene's file.
+        """Make the record of a fault from pydantic's report.
 
-        Pydantic's locations inside the table `[surface]` contain the name of the generator too.
+        The location becomes that in the scene's file: inside the table `[surface]`, pydantic's
+        locations also contain the name of the generator.
         """
         rule = details["type"]
         location = details["loc"]
         value = details["input"]
         if rule == "union_tag_invalid":
-            # Pydantic gives the location of the whole table.
+            # The generator is unknown. Pydantic gives the location and value of the whole table.
             location = (*location, "generator")
             value = value["generator"]
         generator = ""
@@ -64,16 +66,23 @@ class _Fault:
         refusal = ""
         if rule == "value_error":
             refusal = str(details["ctx"]["error"])
-        return cls(rule, location, value, generator, details["msg"], refusal)
+        return cls(
+            rule=rule,
+            location=location,
+            value=value,
+            generator=generator,
+            message=details["msg"],
+            refusal=refusal,
+        )
 
 
 def dotted(location: Location) -> str:
-    """Write a location as a dotted key.
+    """Write a location as a key with dots.
 
     Parameters
     ----------
     location : tuple of int and str
-        Keys and indices from the outermost table to a value.
+        Keys and indices, from the outermost table to a value.
 
     Returns
     -------
@@ -82,22 +91,26 @@ def dotted(location: Location) -> str:
     """
     key = ""
     for part in location:
-        key += f"[{part}]" if isinstance(part, int) else f".{part}"
+        if isinstance(part, int):
+            key += f"[{part}]"
+        else:
+            key += f".{part}"
     return key.removeprefix(".")
 
 
 def shown(value: object) -> str:
-    """Write a value for a message, in TOML's notation.
+    """Write a value of a scene for a message.
 
     Parameters
     ----------
     value : object
-        A value of a scene; None for a missing one.
+        The value; None if there is none.
 
     Returns
     -------
     str
-        At most `LETTERS` letters; the end of a longer value is left out.
+        "nothing" for None, otherwise the value as TOML writes it, or nearly so. The end is left out
+        if there are more than `LETTERS` letters.
     """
     if value is None:
         return "nothing"
@@ -113,19 +126,21 @@ def shown(value: object) -> str:
 
 
 def first_fault(error: ValidationError, root: type[Table]) -> str:
-    """Describe the first fault of a scene, and count the others.
+    """Describe one fault of a scene, and say how many more there are.
 
     Parameters
     ----------
     error : ValidationError
-        What pydantic reports about the scene.
+        Pydantic's report about the scene.
     root : type of Table
         The class of scenes.
 
     Returns
     -------
     str
-        One line. A fault that is not a conflict of keys names the allowed values.
+        One line about the first unknown key, or about the first fault if no key is unknown. It has
+        the key, its value and the allowed values or a hint; for keys that contradict each other it
+        has the message of the rule.
     """
     faults = [_Fault.of(details) for details in _causes(error)]
     text = _description(_most_telling(faults), root)
@@ -135,20 +150,25 @@ def first_fault(error: ValidationError, root: type[Table]) -> str:
 
 
 def _causes(error: ValidationError) -> list[ErrorDetails]:
-    """Return the reported faults, apart from missing keys of a table with an unknown key."""
+    """Return pydantic's faults, apart from missing keys of tables that have an unknown key.
+
+    The unknown key is probably the missing one, misspelt.
+    """
     faults = error.errors(include_url=False)
-    tables_with_slips = {
+    tables_with_unknown_key = {
         fault["loc"][:-1] for fault in faults if fault["type"] == "extra_forbidden"
     }
-    return [
-        fault
-        for fault in faults
-        if fault["type"] != "missing" or fault["loc"][:-1] not in tables_with_slips
-    ]
+    causes = []
+    for fault in faults:
+        is_missing_key = fault["type"] == "missing"
+        if is_missing_key and fault["loc"][:-1] in tables_with_unknown_key:
+            continue
+        causes.append(fault)
+    return causes
 
 
 def _most_telling(faults: list[_Fault]) -> _Fault:
-    """Return the first unknown key, which tells more than other faults, or else the first fault."""
+    """Return the first unknown key, as it may have caused other faults, or else the first fault."""
     for fault in faults:
         if fault.rule == "extra_forbidden":
             return fault
@@ -159,16 +179,15 @@ def _description(fault: _Fault, root: type[Table]) -> str:
     """Return one line about a fault: its key and value, and a hint or the allowed values."""
     value = shown(fault.value)
     if fault.rule == "conflict":
-        if not fault.key:
+        if not fault.key:  # The keys are in different tables.
             return fault.message
         return f"{fault.key}: {fault.message}"
-    if not fault.key:
+    if not fault.key:  # The scene itself has a wrong type.
         return f"a scene is a table of keys, not {value}"
     scene_keys = keys_of_scene(root, fault.generator)
     if fault.rule == "extra_forbidden":
-        advice = hint(
-            UnknownKey.of(fault.names, fault.value, fault.generator), scene_keys
-        )
+        unknown = UnknownKey.of(fault.names, fault.value, fault.generator)
+        advice = hint(unknown, scene_keys)
         return f"unknown key {fault.key} = {value}; {advice}"
     state = "is missing" if fault.rule == "missing" else f"= {value}"
     text = f"{fault.key} {state}; allowed: {_allowed_values(fault.names, scene_keys)}"
@@ -178,12 +197,13 @@ def _description(fault: _Fault, root: type[Table]) -> str:
 
 
 def _allowed_values(names: list[str], scene_keys: Mapping[str, str]) -> str:
-    """Return in words what is allowed at a location, given by its keys from the outermost one.
+    """Return the allowed values of a key in words.
 
-    A value may lie inside a table that is a single value to scenes, as a distribution is one: then
-    the words are those of the innermost key that scenes know.
+    `names` are the keys of its location, from the outermost one. The innermost ones may be keys of
+    a distribution, which are not in `scene_keys`. Then the words are those of the key that has the
+    distribution as its value.
     """
-    inner = list(names)
-    while ".".join(inner) not in scene_keys:
-        inner.pop()
-    return scene_keys[".".join(inner)]
+    known_names = list(names)
+    while ".".join(known_names) not in scene_keys:
+        known_names.pop()
+    return scene_keys[".".join(known_names)]

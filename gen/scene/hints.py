@@ -1,4 +1,4 @@
-"""Hints for unknown keys of a scene: which key is meant, or which keys the table has."""
+"""Hints for unknown keys of a scene: the key that is probably meant, or all keys of the table."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ if TYPE_CHECKING:
     from pydantic.fields import FieldInfo
 
 TRUTH = "true or false"
-"""Allowed values of a key that switches something on."""
+"""Allowed values of a key that is true or false."""
 
 NEAR = 0.7
-"""Smallest similarity of a misspelt key to the one that is meant, as `difflib` computes it."""
+"""Smallest similarity of a misspelt name and a key, from 0 to 1, as `difflib` computes it."""
 
 WRITTEN_BY_RUNS = frozenset(("source", "found", "against_found"))
-"""Keys that a run writes, not a user."""
+"""Keys that a run writes and a user does not. Hints do not name them."""
 
 RANGED = frozenset(("delta", "load"))
-"""Tables in which `range` stands for one piece."""
+"""Tables with the key `range`, which a scene replaces by `pieces` when it is read."""
 
 SYNONYMS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(
@@ -42,7 +42,8 @@ SYNONYMS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("lambda_r", "lambda_l", "longest_wave"), ("roll_off",)),
     **dict.fromkeys(("lambda_s", "shortest_wave"), ("cut_off",)),
 }
-"""Keys of scenes, in the order of their priority, by other names of the field in lower case."""
+"""Keys of scenes by other names that the field has for them, in lower case. The first key that the
+table has is the one that a hint names."""
 
 EXPLAINED = {
     "contact": dict.fromkeys(
@@ -54,7 +55,7 @@ EXPLAINED = {
         for quantity in ("delta", "pressure", "force")
     },
 }
-"""Hints by tables and names, for names that no single key replaces."""
+"""Hints by table and name, for names that no single key replaces."""
 
 NOT_MODELLED = {
     **dict.fromkeys(
@@ -66,7 +67,7 @@ NOT_MODELLED = {
         "adhesion is not modelled: contacts have none",
     ),
 }
-"""Hints for names of physics that no key switches on."""
+"""Hints by name, for physics that the solver does not model."""
 
 
 @dataclass(frozen=True)
@@ -80,9 +81,9 @@ class UnknownKey:
     name : str
         Name of the key in lower case, with underscores.
     value : object
-        Value that the scene gives to it.
+        Value of the key in the scene.
     generator : str
-        Generator of the scene's surfaces, for a key of `[surface]`.
+        Generator of the scene's surfaces for a key of `[surface]`, otherwise "".
     """
 
     table: str
@@ -97,16 +98,16 @@ class UnknownKey:
         Parameters
         ----------
         names : sequence of str
-            Keys of the tables around it, from the outermost one, and its name as it is written.
+            Keys of the tables around the key, from the outermost one, and then the key itself.
         value : object
-            Its value.
+            Value of the key in the scene.
         generator : str
-            Generator of the scene's surfaces, for a key of `[surface]`.
+            Generator of the scene's surfaces for a key of `[surface]`, otherwise "".
 
         Returns
         -------
         UnknownKey
-            The record, whose name is compared with the keys that scenes know.
+            The record. Its name is in lower case, and dashes have become underscores.
         """
         *tables, name = names
         return cls(
@@ -123,7 +124,7 @@ class UnknownKey:
 
 
 def hint(key: UnknownKey, scene_keys: Mapping[str, str]) -> str:
-    """Say which key is probably meant by an unknown one, or which keys its table has.
+    """Say which key a user probably meant by an unknown key, or which keys its table has.
 
     Parameters
     ----------
@@ -135,9 +136,10 @@ def hint(key: UnknownKey, scene_keys: Mapping[str, str]) -> str:
     Returns
     -------
     str
-        End of a sentence.
+        A sentence without its full stop, which follows the unknown key and a semicolon.
     """
     keys = _keys_of_table(key.table, scene_keys)
+    # The surest hint comes first; each function returns "" if it has none.
     return (
         _explanation(key)
         or _hint_at_synonym(key, keys)
@@ -149,13 +151,16 @@ def hint(key: UnknownKey, scene_keys: Mapping[str, str]) -> str:
 
 
 def _explanation(key: UnknownKey) -> str:
-    """Return why no single key stands for this name, or "" for a name that is not explained."""
-    of_table = EXPLAINED.get(key.table, {})
-    return NOT_MODELLED.get(key.name, "") or of_table.get(key.name, "")
+    """Return the hint of `NOT_MODELLED` or `EXPLAINED` for a name; "" if they have none."""
+    hints_of_table = EXPLAINED.get(key.table, {})
+    return NOT_MODELLED.get(key.name, "") or hints_of_table.get(key.name, "")
 
 
 def _hint_at_synonym(key: UnknownKey, keys: Sequence[str]) -> str:
-    """Say which of the keys of the table the name is a synonym of; "" if it is of none."""
+    """Say which key of its table the name is a synonym of; return "" if it is a synonym of none.
+
+    `keys` are the keys of the table.
+    """
     for synonym in SYNONYMS.get(key.name, ()):
         if synonym in keys:
             return f"it is called {_with_table(key.table, synonym)} here"
@@ -163,22 +168,24 @@ def _hint_at_synonym(key: UnknownKey, keys: Sequence[str]) -> str:
 
 
 def _hint_at_other_generator(key: UnknownKey) -> str:
-    """Say which other generator has a key of `[surface]`, or a synonym of it; "" if none has."""
+    """Say which other generator has a key of `[surface]`, or its synonym; return "" if none has."""
     if key.table != "surface":
         return ""
     for generator, table in TAGS.items():
         for name in key.meanings:
             if name in table.model_fields and name not in WRITTEN_BY_RUNS:
-                present = f"and this scene has '{key.generator}'"
-                return f"{name} is a key of the generator '{generator}', {present}"
+                return (
+                    f"{name} is a key of the generator '{generator}',"
+                    f" and this scene has '{key.generator}'"
+                )
     return ""
 
 
 def _hint_at_other_table(key: UnknownKey, scene_keys: Mapping[str, str]) -> str:
-    """Say which other table has a key of this name, or a synonym of it; "" if none has.
+    """Say which other table has a key of this name, or its synonym; return "" if none has.
 
-    The keys of `[store]` are names of quantities too, so that one of them is meant only by a value
-    of true or false.
+    A key of `[store]` is named only if the unknown key is true or false, because keys of `[store]`
+    are also names of quantities.
     """
     for candidate in scene_keys:
         table, _, name = candidate.rpartition(".")
@@ -190,7 +197,7 @@ def _hint_at_other_table(key: UnknownKey, scene_keys: Mapping[str, str]) -> str:
 
 
 def _list_of_keys(table: str, keys: Sequence[str]) -> str:
-    """List the keys of a table, or of the scene itself if `table` is ""."""
+    """Return a sentence with the keys of a table, or of the scene itself if `table` is ""."""
     owner = "a scene"
     if table:
         owner = f"[{table}]"
@@ -198,11 +205,11 @@ def _list_of_keys(table: str, keys: Sequence[str]) -> str:
 
 
 def _keys_of_table(table: str, scene_keys: Mapping[str, str]) -> list[str]:
-    """Return the names of the keys of a table that a user may write."""
+    """Return the names of the keys of a table, "" for the scene itself, that a user may write."""
     names = []
     for key in scene_keys:
-        home, _, name = key.rpartition(".")
-        if home == table and name not in WRITTEN_BY_RUNS:
+        table_of_key, _, name = key.rpartition(".")
+        if table_of_key == table and name not in WRITTEN_BY_RUNS:
             names.append(name)
     if table in RANGED:
         names.append("range")
@@ -210,18 +217,20 @@ def _keys_of_table(table: str, scene_keys: Mapping[str, str]) -> list[str]:
 
 
 def _with_table(table: str, name: str) -> str:
-    """Write a key with its table; alone for a key of the scene itself, whose table is ""."""
-    return f"{table}.{name}" if table else name
+    """Return the dotted key of a name in a table; the name alone if `table` is ""."""
+    if not table:
+        return name
+    return f"{table}.{name}"
 
 
 def _hint_at_misspelling(key: UnknownKey, keys: Sequence[str]) -> str:
-    """Say which of the keys of the table the name is close to; "" if it is close to none.
+    """Say which key of its table the name is close to; return "" if it is close to none.
 
-    A name is close if most of its letters are those of the key in the same order, or if the words
-    of one are among those of the other, as of hurst and hurst_exponent.
+    `keys` are the keys of the table. A key is close if all words of the name are words of the key
+    or the reverse, as for hurst and hurst_exponent, or else if most letters agree in their order.
     """
     with_common_words = [name for name in keys if _share_all_words(key.name, name)]
-    if with_common_words:
+    if with_common_words:  # Take the most similar one, however similar it is.
         matches = difflib.get_close_matches(key.name, with_common_words, n=1, cutoff=0.0)
     else:
         matches = difflib.get_close_matches(key.name, keys, n=1, cutoff=NEAR)
@@ -231,7 +240,7 @@ def _hint_at_misspelling(key: UnknownKey, keys: Sequence[str]) -> str:
 
 
 def _share_all_words(name: str, key: str) -> bool:
-    """Return whether all words of a name are words of a key, or the reverse."""
+    """Tell whether all words of a name are words of a key, or all words of the key of the name."""
     words = set(name.split("_"))
     words_of_key = set(key.split("_"))
     return words <= words_of_key or words >= words_of_key
@@ -245,43 +254,50 @@ def keys_of_scene(
     Parameters
     ----------
     table : type of Table
-        The class of scenes, or of one of their tables.
+        The class of scenes, or of a table inside a scene.
     generator : str
-        Generator whose table `[surface]` the scene has; "" for the first one, the default.
+        Generator of the scene's table `[surface]`; "" for the first generator, which is the
+        default.
     prefix : str
-        Beginning of the returned keys: the dotted name of a table and a dot; "" for a scene.
+        Beginning of the returned keys: "" for a scene, otherwise the dotted name of the table and a
+        dot.
 
     Returns
     -------
     dict of str to str
-        Allowed values by dotted keys without indices; a table comes before its keys.
+        Allowed values by dotted keys without indices. A table comes before its keys. The keys of
+        distributions and of other generators are left out.
     """
-    surface = TAGS[generator or next(iter(TAGS))]
-    single_values = {*TABLES.values(), *TAGS.values()} - {surface}
+    default_generator = next(iter(TAGS))
+    surface = TAGS[generator or default_generator]
+    left_out = {*TABLES.values(), *TAGS.values()} - {surface}
     keys = {}
     for name, field in table.model_fields.items():
         keys[prefix + name] = _allowed_in_words(name, field)
         for inner in _tables_in(field.annotation):
-            if inner not in single_values:
-                keys |= keys_of_scene(inner, generator, f"{prefix}{name}.")
+            if inner not in left_out:
+                keys |= keys_of_scene(inner, generator, prefix=f"{prefix}{name}.")
     return keys
 
 
 def _allowed_in_words(name: str, field: FieldInfo) -> str:
-    """Return the allowed values of a key: its description, or what its type says."""
+    """Return the allowed values of a key in words: its description, or the choices of its type.
+
+    A key without both is true or false.
+    """
     if field.description is not None:
         return field.description
     values: Sequence[object] = get_args(field.annotation)
-    if name == "generator":
+    if name == "generator":  # The type of the field has only the names of one class.
         values = list(TAGS)
-    names = [repr(value) for value in values if isinstance(value, str)]
-    if not names:
+    choices = [repr(value) for value in values if isinstance(value, str)]
+    if not choices:
         return TRUTH
-    return _enumerated(names, "or")
+    return _enumerated(choices, "or")
 
 
 def _enumerated(words: Sequence[str], conjunction: str) -> str:
-    """Join one word or more by commas, and the last two by a conjunction."""
+    """Join words by commas, and the last two by a conjunction; there is at least one word."""
     *first_words, last = words
     if not first_words:
         return last
@@ -289,7 +305,7 @@ def _enumerated(words: Sequence[str], conjunction: str) -> str:
 
 
 def _tables_in(annotation: Any) -> Iterator[type[Table]]:
-    """Yield the classes of tables that an annotation names, also inside unions and tuples."""
+    """Yield the classes of tables in an annotation, also inside unions and tuples."""
     if isinstance(annotation, type) and issubclass(annotation, Table):
         yield annotation
     for inner in get_args(annotation):

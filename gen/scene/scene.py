@@ -1,4 +1,4 @@
-"""Scenes: the tables of a TOML file that describe a database, and what makes two of them differ."""
+"""Scenes: the tables of a TOML file that describe a database, and differences of two scenes."""
 
 import hashlib
 import json
@@ -29,26 +29,26 @@ from gen.scene.tables import UNITS, Contact, Delta, Load, Piece, Quantity, Store
 from gen.surface import DisplacedSurface, Grid
 
 INERT = {"samples", "title", "creator", "licence"}
-"""Keys of a scene that change no row."""
+"""Keys of a scene that change no row of its database."""
 
 LARGEST_FILE = 200_000
-"""Largest size of a scene's file [bytes]. Without a long title it has some hundreds."""
+"""Largest size of a scene's file [bytes]. Most files have some hundred bytes."""
 
 DEFAULT_GENERATOR = GENERATORS[0].NAMES[0]
 """Generator of a scene that names none."""
 
 SLOW_KEY = re.compile(r"(?:\.[^=.,\n]*+){100}")
-"""Pattern of a key with 100 dots. The parser of TOML takes a time that grows with their square."""
+"""Pattern of a key with 100 dots. The time to parse TOML grows with the square of their number."""
 
 SOURCE_HASHES: set[Location] = {("surface", "source"), ("store", "source")}
-"""Keys with the hash of the source of a user's function. Messages do not show their values."""
+"""Locations of the hashes of a user's source. Messages do not show these values."""
 
 
 class Scene(Table):
-    """Description of a database. Every key but `samples` has the paper's value as its default.
+    """Description of a database: the surfaces, the contact, the loads and the number of rows.
 
-    The keys of `INERT` change no result: row i is the same in every database that is large enough
-    to have it.
+    Only `samples` has no default. The defaults describe the database of the paper. The keys of
+    `INERT` change no result, so that a row is the same in a database with more samples.
     """
 
     title: str = Field(default="", description="text in quotes")
@@ -65,7 +65,7 @@ class Scene(Table):
         default=2025, description="a whole number from 0 to 2^63 - 1"
     )
     surface: Surface = Field(default=DisplacedSurface(), description="a table [surface]")
-    # The loads stand in one of the two tables. The other one is None, and is not written.
+    # One of the two tables has the loads. The other one is None, and is not written.
     delta: Delta | None = Field(default=None, description="a table [delta]")
     load: Load | None = Field(default=None, description="a table [load]")
     contact: Contact = Field(default=Contact(), description="a table [contact]")
@@ -74,8 +74,11 @@ class Scene(Table):
     @model_validator(mode="before")
     @classmethod
     def _complete(cls, content: Any) -> Any:
-        """Return the content of a scene with the defaults that follow from its other keys."""
-        if not isinstance(content, dict):
+        """Return the content of a scene with the defaults that depend on its other keys.
+
+        They are the generator, keys of the contact, and the table `[delta]`.
+        """
+        if not isinstance(content, dict):  # pydantic will refuse it
             return content
         completed = dict(content)
         surface = completed.get("surface")
@@ -86,7 +89,8 @@ class Scene(Table):
         contact = completed.get("contact", {})
         if isinstance(contact, dict):
             completed["contact"] = _completed_contact(contact, windows=windows)
-        if not windows and "delta" not in completed and "load" not in completed:
+        has_loads = "delta" in completed or "load" in completed
+        if not windows and not has_loads:
             completed["delta"] = Delta()
         return completed
 
@@ -94,15 +98,15 @@ class Scene(Table):
     def _require_what_goes_together(self) -> Self:
         """Refuse loads that the contact cannot have, and surfaces that cannot be made."""
         self._require_one_table_of_loads()
-        if self.contact.far_field == "compliant" and not self.quantity.startswith(
-            "delta"
-        ):
+        is_displacement = self.quantity.startswith("delta")
+        if self.contact.far_field == "compliant" and not is_displacement:
             raise conflict(
                 f"load.quantity = '{self.quantity}' needs contact.far_field = 'rigid', not"
                 " 'compliant'"
             )
         if isinstance(self.surface, ScanSurface) and self.surface.found is None:
-            return self  # a run has to find the maps before the grid is known
+            # The grid is known only when a run has found the maps. Then the scene is checked again.
+            return self
         fault = self.surface.fault_on(self.grid)
         if fault:
             raise conflict(f"surface: {fault}")
@@ -122,29 +126,34 @@ class Scene(Table):
             )
 
     def _require_loads_that_yielding_bodies_carry(self) -> None:
-        """Refuse pressures or forces that are all above what the largest hardness carries."""
-        hardness = self.contact.hardness_limits
-        if hardness is None or self.quantity not in {"pressure", "force"}:
+        """Refuse pressures or forces of which no one is small enough for the largest hardness.
+
+        The mean pressure on a patch of bodies that yield is below the hardness.
+        """
+        hardness_limits = self.contact.hardness_limits
+        if hardness_limits is None or self.quantity not in {"pressure", "force"}:
             return
-        carried = hardness[1]
+        _, largest_hardness = hardness_limits
+        bound = largest_hardness  # of the loads, in their unit
         if self.quantity == "force":
-            carried *= math.prod((*self.grid.shape, *self.grid.spacing))
-        smallest = min(limits(piece.range)[0] for piece in self.pieces)
-        if smallest >= carried:
+            area = math.prod((*self.grid.shape, *self.grid.spacing))  # of all nodes [um2]
+            bound *= area
+        smallest = min(limits(piece.range).smallest for piece in self.pieces)
+        if smallest >= bound:
             raise conflict(
                 f"load: every {self.quantity} is {smallest:g} {self.load_unit} or more; the patch"
-                f" with a hardness of up to {hardness[1]:g} MPa carries less than"
-                f" {carried:g} {self.load_unit}"
+                f" with a hardness of up to {largest_hardness:g} MPa carries less than"
+                f" {bound:g} {self.load_unit}"
             )
 
     @model_serializer(mode="wrap")
     def _without_absent_keys(
         self, handler: SerializerFunctionWrapHandler
     ) -> dict[str, Any]:
-        """Return the keys of a scene without absent ones, and without free boundaries.
+        """Return the content of a scene without keys that are None.
 
-        A free boundary is written where it is not the default, which is on pieces of larger
-        surfaces.
+        A free boundary is left out too, unless the surfaces are cut out of larger ones, where it is
+        not the default.
         """
         content: dict[str, Any] = handler(self)
         if self.contact.boundary == "free" and not self.surface.PLACES:
@@ -153,7 +162,7 @@ class Scene(Table):
 
     @property
     def quantity(self) -> Quantity:
-        """The quantity that the loads are given in."""
+        """The quantity in which the loads are given: a displacement, a pressure or a force."""
         return "delta" if self.load is None else self.load.quantity
 
     @property
@@ -165,22 +174,22 @@ class Scene(Table):
     def pieces(self) -> tuple[Piece, ...]:
         """The pieces of the distribution of loads."""
         loads = self.delta if self.load is None else self.load
-        assert loads is not None  # `_require_one_table_of_loads` refuses it
+        assert loads is not None  # `_require_one_table_of_loads` has checked this
         return loads.pieces
 
     @property
     def grid(self) -> Grid:
-        """The grid that surfaces are made on.
+        """The grid on which surfaces are made.
 
-        With the spacing side/n, which all patches without edges have, each node has a cell of its
-        own inside the sides. Otherwise the sides reach from the first node to the last one.
+        With the spacing "side/n", which all patches without edges have, each node has a cell of its
+        own inside the sides. With "side/(n-1)" the sides reach from the first node to the last one.
         """
         boundary = self.contact.boundary
         cells = boundary != "free" or self.contact.spacing == "side/n"
         shape, sides = self.surface.patch(boundary, cells=cells)
         intervals = [nodes if cells else nodes - 1 for nodes in shape]
         spacing = (sides[0] / intervals[0], sides[1] / intervals[1])
-        return Grid(shape, sides, spacing, boundary)
+        return Grid(shape=shape, sides=sides, spacing=spacing, boundary=boundary)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -194,40 +203,42 @@ class Scene(Table):
 
     @property
     def spacing(self) -> tuple[float, float]:
-        """Distances between neighbouring nodes along x and y [um]."""
+        """Distances of neighbouring nodes along x and y [um]."""
         return self.grid.spacing
 
     def resolved(self, home: Path | None = None) -> Self:
-        """Complete a scene by hashes of the files and sources that its surfaces depend on.
+        """Complete a scene by the hashes of the files on which its surfaces depend.
 
-        The files are read, and what is prepared of them is written into `home`.
+        The files are maps or the source of a user's generator. Maps are read, and prepared maps are
+        written into `home`.
 
         Parameters
         ----------
         home : Path, optional
-            Folder of the database, for what is prepared once for all processes; a temporary folder
-            if it is left out.
+            Folder for the prepared maps, which all processes share: that of the database. Without
+            it they are written into a temporary folder.
 
         Returns
         -------
         Scene
-            The scene as a database records it; the same one if everything stands in the scene.
+            The scene as a database records it. It is this scene itself if its surfaces depend on no
+            file.
 
         Raises
         ------
         InputError
-            If something that the scene names is missing, or does not go with the rest of it.
+            If a file is missing or cannot be used, or the completed scene breaks a rule.
         """
         surface = self.surface.resolved(home)
         if surface is self.surface:
             return self
-        # Some rules need what is known only now, as the spacing of maps: check the scene again.
+        # Some rules need properties of the files, as the spacing of maps: check the scene again.
         text = self.model_copy(update={"surface": surface}).text()
         return self.from_text(text, "the scene with its maps")
 
     @property
     def drawn_parameters(self) -> dict[str, Distribution]:
-        """Distributions of the surface's parameters by their names, which are columns."""
+        """Distributions of the surface's parameters by the names of their keys."""
         return self.surface.drawn()
 
     def with_parameters(
@@ -237,30 +248,31 @@ class Scene(Table):
         nodes: int | list[int] | None = None,
         seed: int | None = None,
     ) -> Self:
-        """Return the scene whose surfaces all have the given parameters.
+        """Return a copy of the scene with fixed values of parameters.
 
         Parameters
         ----------
         values : mapping of str to float
-            Parameters by their names in `drawn_parameters`; the others stay as they are.
-        nodes, seed : optional
-            Nodes of the grid and seed; those of this scene if left out.
+            Values by the names in `drawn_parameters`. Parameters without a value stay as they are.
+        nodes : int or list of int, optional
+            Nodes along both axes, or along x and y. By default they stay as they are.
+        seed : int, optional
+            Seed of the copy. By default it stays as it is.
 
         Returns
         -------
         Scene
-            The scene, checked as one that is read from a file.
+            The copy, which has been checked like a scene from a file.
 
         Raises
         ------
         InputError
-            If a value is not allowed; the message names it.
+            If a value is not allowed. The message names its key.
         """
         content = json.loads(self.text())
         surface = content["surface"]
-        parameters = surface.get(
-            "parameters", surface
-        )  # a user's generator has such a table
+        # The parameters of a user's generator are in a table of their own.
+        parameters = surface.get("parameters", surface)
         parameters.update(values)
         if nodes is not None:
             surface["nodes"] = nodes
@@ -269,17 +281,17 @@ class Scene(Table):
         return self.from_text(json.dumps(content), "the values asked for")
 
     def with_powers_of(self, recorded: Self) -> Self:
-        """Return the scene with the powers of outputs that a database of it has recorded.
+        """Return a copy of the scene with the powers of a user's outputs from another scene.
 
         Parameters
         ----------
         recorded : Scene
-            The scene of the database.
+            The scene that a database has recorded, with the powers that were measured for it.
 
         Returns
         -------
         Scene
-            This scene, whose outputs scale as those of the database.
+            The copy, or this scene itself if it has these powers already.
         """
         if self.store.powers == recorded.store.powers:
             return self
@@ -288,8 +300,8 @@ class Scene(Table):
 
     @property
     def surfaces(self) -> int:
-        """Number of surfaces that the samples need; the last one may have fewer samples."""
-        return -(-self.samples // self.samples_per_surface)
+        """Number of surfaces for all samples; the last surface may have fewer samples."""
+        return -(-self.samples // self.samples_per_surface)  # rounded up
 
     @classmethod
     def parse(cls, text: str, source: str, folder: Path | None = None) -> Self:
@@ -302,7 +314,7 @@ class Scene(Table):
         source : str
             Name of the scene in error messages, usually that of the file.
         folder : Path, optional
-            Folder that the files of maps start from; names stay as they are if it is left out.
+            Folder to which the names of maps are relative. By default the names stay as they are.
 
         Returns
         -------
@@ -312,15 +324,15 @@ class Scene(Table):
         Raises
         ------
         InputError
-            If the text is not TOML, is empty or nested too deeply, or has a key or a value that is
-            not allowed.
+            If the text is not TOML or is nested too deeply, if a key is missing, or if a key or a
+            value is not allowed.
         """
         if SLOW_KEY.search(text):
             raise InputError(f"{source}: not TOML of a scene: it has a key of 100 dots")
         try:
             content = tomllib.loads(text)
         except (ValueError, RecursionError) as error:
-            # ValueError is raised for whole numbers of over 4,300 digits too.
+            # A ValueError may be a fault of TOML, or a whole number of over 4,300 digits.
             raise InputError(printable(f"{source}: not TOML: {error}")) from None
         return cls._validated(content, source, folder)
 
@@ -343,7 +355,7 @@ class Scene(Table):
         Raises
         ------
         InputError
-            If the text is not JSON, or has a key or a value that is not allowed.
+            If the text is not JSON, if a key is missing, or if a key or a value is not allowed.
         """
         try:
             content = json.loads(text)
@@ -355,9 +367,10 @@ class Scene(Table):
 
     @classmethod
     def _validated(cls, content: object, source: str, folder: Path | None = None) -> Self:
-        """Make a scene of nested tables; raise InputError with the first fault of wrong ones.
+        """Make a scene from nested tables, or raise InputError with their first fault.
 
-        `source` is the scene's name in messages, `folder` the folder that names of maps start from.
+        `source` is the name of the scene in the message. `folder` is the folder to which names of
+        maps are relative; with None they stay as they are.
         """
         context = None if folder is None else {"folder": folder}
         try:
@@ -366,26 +379,20 @@ class Scene(Table):
             raise InputError(printable(f"{source}: {first_fault(error, cls)}")) from None
 
     def text(self) -> str:
-        """Write the canonical text: JSON in one line, keys with values in alphabetical order.
+        """Return the canonical text of the scene: JSON in one line with sorted keys.
 
-        Keys without a value, which are keys without a default that the scene does not set, are left
-        out.
-
-        Returns
-        -------
-        str
-            The scene as JSON, which `from_text` reads.
+        Keys with default values are written too. Keys that are None and free boundaries are left
+        out as in `_without_absent_keys`. Equal scenes have equal texts, which `from_text` reads.
         """
         return json.dumps(self.model_dump(exclude_none=True), sort_keys=True)
 
     def fingerprint(self) -> str:
-        """Compute the SHA-256 of all keys that change results, see `relevant`.
+        """Compute the SHA-256 of the keys that change results, see `relevant`.
 
-        The keys of [store] count although they change no number: a database gets its columns when
-        it is created, so a scene that stores more cannot continue it. Default values count as if
-        they were written in the file: with a changed default it is another scene. Keys without a
-        default that the scene does not set are left out: a new key of this kind changes no other
-        scene.
+        The keys of `[store]` are included although they change no number: a database gets its
+        columns when it is created, so that a scene with more columns needs a new database. Default
+        values are included, so that a changed default changes the hash. Keys that are None are left
+        out, so that a new key of this kind does not change the hashes of older scenes.
 
         Returns
         -------
@@ -396,13 +403,7 @@ class Scene(Table):
         return hashlib.sha256(text.encode()).hexdigest()
 
     def relevant(self) -> dict[str, Any]:
-        """Return the keys that change results.
-
-        Returns
-        -------
-        dict
-            Tables and keys with their values.
-        """
+        """Return the keys that change results, as nested dictionaries with their values."""
         content = self.model_dump(exclude=INERT, exclude_none=True)
         # Powers are measured, and follow from the other keys.
         content["store"].pop("powers", None)
@@ -411,9 +412,10 @@ class Scene(Table):
 
 
 def _are_windows(surface: object) -> bool:
-    """Return whether the surfaces are windows of scans, which have no edges.
+    """Tell whether surfaces are windows of scans.
 
-    `surface` is a table with its generator, a read surface, or None for the default.
+    `surface` is the content of a table `[surface]` with the key `generator`, a checked table, or
+    None for the default table.
     """
     if isinstance(surface, dict):
         return surface["generator"] in ScanSurface.NAMES
@@ -421,7 +423,10 @@ def _are_windows(surface: object) -> bool:
 
 
 def _completed_contact(contact: dict[str, Any], *, windows: bool) -> dict[str, Any]:
-    """Return the table of the contact with the defaults of windows and of patches without edges."""
+    """Return the content of `[contact]` with defaults for windows and patches without edges.
+
+    Windows are mirrored by default, and patches without edges have the spacing "side/n".
+    """
     completed = dict(contact)
     if windows:
         completed.setdefault("boundary", "mirror")
@@ -431,37 +436,41 @@ def _completed_contact(contact: dict[str, Any], *, windows: bool) -> dict[str, A
 
 
 def preset_names() -> tuple[str, ...]:
-    """Return the names of the scenes that are shipped in `gen/scenes`, in alphabetical order."""
-    names = [entry.name for entry in (files("gen") / "scenes").iterdir()]
-    scenes = [name.removesuffix(".toml") for name in names if name.endswith(".toml")]
-    return tuple(sorted(scenes))
+    """Return the names of the presets, the scenes in `gen/scenes`, in alphabetical order."""
+    file_names = [entry.name for entry in (files("gen") / "scenes").iterdir()]
+    presets = [
+        name.removesuffix(".toml") for name in file_names if name.endswith(".toml")
+    ]
+    return tuple(sorted(presets))
 
 
 def load(name_or_path: str) -> Scene:
-    """Read a shipped scene by its name, or a scene from a TOML file.
+    """Read a preset by its name, or a scene from a TOML file.
 
     Parameters
     ----------
     name_or_path : str
-        One of `preset_names` or the path of a file; the name of a preset takes precedence.
+        One of `preset_names`, or the path of a file. A preset takes precedence over a file of the
+        same name.
 
     Returns
     -------
     Scene
-        The scene.
+        The scene. In a scene from a file, names of maps are relative to the folder of the file.
 
     Raises
     ------
     InputError
         If there is no such scene, the file cannot be read, or the scene is not valid. The message
-        is one line with the file, the key, its value and the values that are allowed.
+        is one line. For a wrong value it names the file, the key, the value and the allowed values.
     """
     preset = files("gen") / "scenes" / f"{name_or_path}.toml"
-    if re.fullmatch(r"[\w-]+", name_or_path) and preset.is_file():
+    is_name = re.fullmatch(r"[\w-]+", name_or_path)
+    if is_name and preset.is_file():
         return Scene.parse(preset.read_text(encoding="utf-8"), f"scene {name_or_path}")
     try:
         path = Path(name_or_path)
-        # Some editors begin a file with a mark, which utf-8-sig leaves out.
+        # The codec utf-8-sig leaves out the byte-order mark with which some editors begin a file.
         text = read_bytes(path, LARGEST_FILE).decode("utf-8-sig")
     except (FileNotFoundError, ValueError) as error:
         presets = ", ".join(preset_names())
@@ -475,10 +484,10 @@ def load(name_or_path: str) -> Scene:
 
 
 def _reason_of(error: Exception) -> str:
-    """Say why the text of a scene's file cannot be read.
+    """Say why a scene's file cannot be read, from a FileNotFoundError or a ValueError.
 
-    A ValueError has the reason in its own words: the path is not that of a regular file, or the
-    file is too large.
+    A ValueError is a UnicodeDecodeError, or its message is the reason: the path is no regular file,
+    or the file is too large.
     """
     if isinstance(error, FileNotFoundError):
         return "neither a file nor a preset"
@@ -493,14 +502,16 @@ def differences(
     asked_for: Scene,
     places: tuple[str, str] = ("in the file", "asked for"),
 ) -> list[str]:
-    """List the keys that change results and differ between two scenes.
+    """List the keys that change results and have different values in two scenes.
 
     Parameters
     ----------
-    in_file, asked_for : Scene
-        The scenes.
+    in_file : Scene
+        The first scene.
+    asked_for : Scene
+        The second scene.
     places : tuple of two str
-        Where the values of the first and of the second scene stand, in words.
+        Words after a value of the first scene and after a value of the second one.
 
     Returns
     -------
@@ -518,13 +529,17 @@ def differences(
         if location in SOURCE_HASHES and first is not None and second is not None:
             change = "the source of the function's module has changed"
         else:
-            change = f"{shown(first)} {places[0]}, {shown(second)} {places[1]}"
+            in_first, in_second = places
+            change = f"{shown(first)} {in_first}, {shown(second)} {in_second}"
         lines.append(f"{dotted(location)}: {change}")
     return lines
 
 
 def _leaves(value: object, location: Location = ()) -> Iterator[tuple[Location, object]]:
-    """Yield the location of every single value of nested tables and arrays, and the value."""
+    """Yield the location and the value of every key or element that is no table and no array.
+
+    `value` is a table, an array or a single value, and `location` is its own location.
+    """
     if isinstance(value, dict):
         for name, inner in value.items():
             yield from _leaves(inner, (*location, name))

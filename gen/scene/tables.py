@@ -1,4 +1,4 @@
-"""The tables of a scene apart from its surfaces: contact, loads, and optional columns."""
+"""The tables of a scene for the contact, the loads and the optional columns."""
 
 import math
 import sys
@@ -33,21 +33,21 @@ UNITS: dict[Quantity, str] = {
     "pressure/(E* slope_rms)": "1",
     "force": "uN",
 }
-"""Units of the quantities that a scene can give as its load."""
+"""Units of the quantities in which a scene can give its loads."""
 
 HARDNESS = (
     "a finite number above 0, or [low, high] with 0 < low <= high [{}], or a distribution"
 )
-"""Allowed hardnesses in words, with a place for their unit."""
+"""Allowed hardnesses in words; the braces are replaced by the unit."""
 
 PIECES = "one or more { share = ..., range = [low, high] }, their shares sum to 1"
 
 Unit = Annotated[str, Field(pattern=r"^[^\p{C}\p{Zl}\p{Zp}]{1,20}$")]
-"""Unit of a user's output, which fits into one line of a table."""
+"""Unit of a user's output: 1 to 20 printable letters, which fit into a line of a table."""
 
 
 class Contact(Table):
-    """The half-space's material, the discretisation of its contact and the solver's accuracy."""
+    """The material, the boundary and the discretisation of the contact, and the accuracy."""
 
     kernel: Literal["uniform-pressure", "concentrated-force"] = "uniform-pressure"
     far_field: Literal["rigid", "compliant"] = "rigid"
@@ -66,7 +66,7 @@ class Contact(Table):
     max_iterations: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
         default=1000, description="a whole number from 1 to 1000000"
     )
-    # None stands for elastic bodies. The text of a scene leaves it out.
+    # Both hardnesses of elastic bodies are None. The text of a scene leaves them out.
     hardness: AboveZero | None = Field(default=None, description=HARDNESS.format("MPa"))
     hardness_ratio: AboveZero | None = Field(
         default=None, description=HARDNESS.format("E*")
@@ -74,7 +74,7 @@ class Contact(Table):
 
     @model_validator(mode="after")
     def _require_what_goes_together(self) -> Self:
-        """Refuse what a patch without edges does not have, and impossible hardnesses."""
+        """Refuse keys that do not go with the boundary, and hardnesses that are impossible."""
         if self.boundary != "free":
             self._require("spacing", "side/n")
             self._require("far_field", "rigid")
@@ -83,7 +83,7 @@ class Contact(Table):
             raise conflict(
                 "hardness [MPa] and hardness_ratio [E*] are both given: give one"
             )
-        if self.hardness_limits is None:
+        if self.hardness_limits is None:  # no hardness is given
             return self
         if self.far_field == "compliant":
             raise conflict("a hardness needs far_field = 'rigid', not 'compliant'")
@@ -93,7 +93,7 @@ class Contact(Table):
         return self
 
     def _require(self, key: str, allowed: str) -> None:
-        """Refuse a key that has not the only value that is allowed on a patch without edges."""
+        """Raise an error unless a key has the only value allowed on a patch without edges."""
         value = getattr(self, key)
         if value != allowed:
             raise conflict(
@@ -107,7 +107,7 @@ class Contact(Table):
 
     @property
     def hardness_unit(self) -> float:
-        """Unit that the scene gives its hardness in: E* for a ratio, otherwise 1 [MPa]."""
+        """Unit in which the scene gives its hardness: E* for a ratio, otherwise 1 MPa [MPa]."""
         if self.hardness_ratio is None:
             return 1.0
         return self.e_star
@@ -123,37 +123,41 @@ class Contact(Table):
 
     @property
     def doubts(self) -> list[str]:
-        """One line about a modulus and a hardness that no solid has together, or none.
+        """Warning in one line about a modulus and a hardness that no solid has together.
 
-        Hardnesses in shares of E* are not doubted.
+        The list is empty without such a warning, and if neither a modulus nor a hardness in MPa is
+        given. Hardnesses in multiples of E* are not checked.
         """
         if self.hardness is None and not self.has_modulus:
             return []
-        ends = (None,) if self.hardness is None else limits(self.hardness)
-        for hardness in ends:
-            doubts = material_doubts(Bodies(self.e_star, hardness, self.has_modulus))
-            if doubts:
+        hardnesses = (None,) if self.hardness is None else limits(self.hardness)
+        for hardness in hardnesses:
+            bodies = Bodies(
+                e_star=self.e_star, hardness=hardness, has_modulus=self.has_modulus
+            )
+            doubts = material_doubts(bodies)
+            if doubts:  # Similar doubts of the other limit are left out.
                 return doubts
         return []
 
     @property
     def has_modulus(self) -> bool:
-        """Whether a modulus other than the default is given.
+        """Whether the modulus differs from the default.
 
-        The scene of a database has all keys, so that it does not tell whether the default was
-        written.
+        This stands in for whether the user gave a modulus, because the scene of a database has all
+        keys.
         """
         return self.modulus != 1.0
 
     @property
     def draws_hardness(self) -> bool:
-        """Whether every sample has a hardness of its own."""
+        """Whether a hardness is drawn for every sample."""
         hardness = self.hardness or self.hardness_ratio
         return hardness is not None and is_drawn(hardness)
 
 
 class Piece(Table):
-    """One piece of a distribution of loads, by default uniform over its range."""
+    """One piece of a distribution of loads: a share of the samples, with loads in one range."""
 
     share: Annotated[Positive, Field(le=1)] = Field(
         description="the share of the samples in this range, a number above 0, at most 1"
@@ -162,7 +166,7 @@ class Piece(Table):
 
 
 def _shares_of_one(pieces: tuple[Piece, ...]) -> tuple[Piece, ...]:
-    """Return the pieces; refuse them if their shares do not sum to 1."""
+    """Return the pieces unchanged; raise ValueError if their shares do not sum to 1."""
     total = sum(piece.share for piece in pieces)
     if abs(total - 1.0) > 1e-9:
         raise ValueError(f"the shares sum to {total:.10g}")
@@ -173,7 +177,10 @@ Pieces = Annotated[tuple[Piece, ...], Strict(False), AfterValidator(_shares_of_o
 
 
 def _with_pieces(content: Any) -> Any:
-    """Return the content of a table of loads with one piece in place of its key `range`."""
+    """Return the content of a table of loads, in which one piece has replaced the key `range`.
+
+    Return content without this key unchanged; raise an error if both keys are given.
+    """
     if not isinstance(content, dict) or "range" not in content:
         return content
     if "pieces" in content:
@@ -200,8 +207,9 @@ class Delta(Table):
 class Load(Table):
     """Distribution of the loads, which are displacements, pressures or forces.
 
-    A relative displacement is divided by the rms height of its surface, a relative pressure by E*
-    times the surface's rms slope.
+    The loads of "delta/height_rms" are displacements divided by the rms height of their surface.
+    The loads of "pressure/(E* slope_rms)" are pressures divided by E* and by the rms slope of their
+    surface.
     """
 
     quantity: Quantity
@@ -211,15 +219,20 @@ class Load(Table):
 
 
 Flag = Annotated[bool | None, AfterValidator(lambda on: on or None)]
-"""Flag of `[store]` that is absent where it is off, so that it changes no scene without it."""
+"""Flag of `[store]` that becomes None if it is false. The text of a scene leaves it out then, so
+that older scenes, which do not have the key, keep their fingerprints."""
 
 
 def _keys_of_quantities() -> type[Table]:
-    """Make a table with a key for each quantity that databases store only if a scene says so."""
-    keys: dict[str, Any] = {}  # type and default of each key
+    """Make a subclass of `Table` with a key for each quantity that scenes have to ask for."""
+    keys: dict[str, Any] = {}  # pairs of the type and the default of each key
     for quantity in stored_quantities():
-        if quantity.stored == "asked":
-            keys[quantity.name] = (bool, False) if quantity.early else (Flag, None)
+        if quantity.stored != "asked":
+            continue
+        if quantity.early:  # The first scenes had these keys, and their texts write them.
+            keys[quantity.name] = (bool, False)
+        else:
+            keys[quantity.name] = (Flag, None)
     return create_model("StoredQuantities", __base__=Table, **keys)
 
 
@@ -230,13 +243,14 @@ else:
 
 
 class Store(StoredQuantities):
-    """Optional columns, which databases have besides the area, the force and the statistics."""
+    """Optional columns of a database: further quantities, and outputs of a user's function."""
 
     function: Function | None = Field(
         default=None,
         description=f"{FUNCTION_WORDS}, whose outputs of each contact become columns",
     )
-    # Without this key the outputs of the first contact count. Every database records them.
+    # Without this key a run takes the outputs that the function returns for the first contact, and
+    # records them in the database.
     outputs: (
         Annotated[dict[str, Unit], Field(min_length=1), AfterValidator(named)] | None
     ) = Field(
@@ -249,7 +263,8 @@ class Store(StoredQuantities):
     most: dict[str, float] | None = Field(
         default=None, description="a table of bounds of outputs, { name = largest value }"
     )
-    # A run writes the powers and the source when it begins. Powers are measured, and change no row.
+    # A run writes the powers and the source when it begins. The powers are measured on the function
+    # and change no row.
     powers: dict[str, Annotated[tuple[int, int, int], Strict(False)]] | None = Field(
         default=None,
         description="a table of powers of heights, lengths and E*, { name = [1, 1, 1] }",
@@ -260,7 +275,7 @@ class Store(StoredQuantities):
 
     @model_validator(mode="after")
     def _require_function(self) -> Self:
-        """Refuse keys about outputs without a function, and bounds that leave no values."""
+        """Refuse keys about outputs without a function, and bounds that allow no value."""
         for name in ("outputs", "powers", "source", "least", "most"):
             if self.function is None and getattr(self, name) is not None:
                 raise conflict(f"{name} needs function, which gives them")
@@ -273,22 +288,22 @@ class Store(StoredQuantities):
         return self
 
     def wants(self, quantity: str) -> bool:
-        """Return whether databases of the scene have the column of an optional quantity.
+        """Tell whether databases of the scene have the column of an optional quantity.
 
         Parameters
         ----------
         quantity : str
-            Name of the quantity, which is a key of the table.
+            Name of the quantity, which is a key of this table.
 
         Returns
         -------
         bool
-            Whether the key is true.
+            True if the key is true; False if it is false or not given.
         """
         return bool(getattr(self, quantity))
 
     def bounds(self, name: str) -> tuple[float, float]:
-        """Return the bounds of an output of the function.
+        """Return the bounds of an output of a user's function.
 
         Parameters
         ----------
@@ -298,7 +313,8 @@ class Store(StoredQuantities):
         Returns
         -------
         tuple of two float
-            Least and largest value, infinite where the scene states none.
+            Least and largest allowed value, in the unit of the output. Without a bound in the scene
+            they are minus infinity and infinity.
         """
         low = (self.least or {}).get(name, -math.inf)
         high = (self.most or {}).get(name, math.inf)

@@ -162,12 +162,12 @@ def _led(
             shown = _write_and_print(output, pictures=False)
             echo(f"pictures: {command_to_type(f'learn show {output}')}")
             for each in shown if work is jobs.tune else ():
-                for row, said in tables.no_better_than_constant(each):
-                    if row["result"] == "tuned" and row["model"] in (
-                        request.models or MODELS
-                    ):
-                        where = each.folder.path
-                        raise InputError(f"{where}: {said}; the tables are still written")
+                for useless in tables.no_better_than_constant(each):
+                    is_tuned = useless.row.kind == "tuned"
+                    if is_tuned and useless.row.model in (request.models or MODELS):
+                        raise InputError(
+                            f"{each.folder.path}: {useless.message}; the tables are still written"
+                        )
     return 0
 
 

@@ -110,10 +110,9 @@ def predict(
 
     from gen.doubts import material_doubts
     from gen.runtime.documents import Row, write_csv
-    from learn.features.scene import SCENE
     from learn.surrogate import Surrogate
     from learn.surrogate.answers import answers, answers_of_parameters
-    from learn.surrogate.interval import level_note, level_of
+    from learn.surrogate.level import level_note, level_of
 
     inputs = inputs or []
     check_outputs([Output(output, "--output")], [file, *inputs])
@@ -124,7 +123,7 @@ def predict(
         name: np.array(loads_from(name, text)) for name, text in texts.items() if text
     }
     rows: list[Row] = []
-    if surrogate.features.name == SCENE:
+    if surrogate.features.of_scene:
         numbers: dict[str, Any] = {**_parameters(at, reading, material), **given}
         rows += answers_of_parameters(surrogate, inputs, numbers, level, mean=mean)
         of = "means over surfaces" if mean else "new surfaces"
@@ -217,9 +216,10 @@ def _parameters(
 def card(file: File) -> None:
     """Print a surrogate's model card: what it was made of, its scores, intervals and ranges."""
     from learn.surrogate.card import show
-    from learn.surrogate.learnt import read
+    from learn.surrogate.learnt import read_file
 
-    show(*read(file)[:3])
+    surrogate = read_file(file)
+    show(surrogate.card, surrogate.low, surrogate.high)
 
 
 @grouped
@@ -256,7 +256,6 @@ def law(
     from gen.law.order import require_also
     from gen.law.surfaces import files_read, scene_of
     from gen.maps.contacts import require_conductivities
-    from learn.features.scene import SCENE
     from learn.surrogate import Surrogate
     from learn.surrogate.law import make, of_parameters
 
@@ -269,7 +268,7 @@ def law(
             f"{first}: --solver solves the law without a surrogate: leave it out"
         )
     surrogate = Surrogate.load(Path(first)) if known else None
-    of_scene = surrogate is not None and surrogate.features.name == SCENE
+    of_scene = surrogate is not None and surrogate.features.of_scene
     if of_scene and (others or boundary):
         raise InputError(
             f"{first}: a law at given parameters: leave out surfaces and --boundary"

@@ -10,12 +10,12 @@ No fit is done twice, whatever interrupts a search: each model and target has on
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
 from pydantic import ConfigDict, Field
@@ -26,7 +26,7 @@ from gen.runtime import documents, files
 from gen.runtime.errors import InputError
 from learn import kernel_ridge
 from learn.comparison.folder import Count, Seconds, require_same
-from learn.comparison.grid import Settings, Task
+from learn.comparison.grid import SettingValues, Task
 from learn.features.sets import Scaling
 from learn.models import (
     EVERY,
@@ -59,21 +59,64 @@ class Training:
     groups: Indices | None = None  # surfaces of the training rows, (n,)
 
     def seen_by(self, model: str) -> Self:
-        """Return the training as a model sees it: targets as they are for means over surfaces."""
+        """Return the training as a model sees it.
+
+        Parameters
+        ----------
+        model : str
+            Name of the model.
+
+        Returns
+        -------
+        Training
+            The mean over surfaces sees unscaled targets, and the surface of each row. All other
+            models see the scaled targets, and no surfaces.
+        """
         if model != POPULATION.name:
             return replace(self, groups=None)
         return replace(self, target=self.scaling.restored(self.target), scaling=Scaling())
 
-    def unfitted(self, model: str, settings: Settings, *, tuned: bool) -> Any:
-        """Return the pipeline of a model; see `learn.models.pipeline`."""
-        scaling, seed = self.normalisation, self.seed
+    def unfitted(self, model: str, settings: SettingValues, *, tuned: bool) -> Any:
+        """Return the unfitted pipeline of a model.
+
+        Parameters
+        ----------
+        model : str
+            Name of the model.
+        settings : dict
+            Values by setting, on top of the baseline's.
+        tuned : bool
+            Whether the settings that all candidates of a search share are added.
+
+        Returns
+        -------
+        Pipeline
+            A pipeline of scikit-learn; see `learn.models.pipeline`.
+        """
         return pipeline(
-            EVERY[model], settings, normalisation=scaling, seed=seed, tuned=tuned
+            EVERY[model],
+            settings,
+            normalisation=self.normalisation,
+            seed=self.seed,
+            tuned=tuned,
         )
 
-    def beside(self, rows: Indices | slice = slice(None)) -> dict[str, Indices]:
-        """Return what the fit of a pipeline takes beside inputs and target of some rows."""
-        return {} if self.groups is None else {f"{STEP}__surfaces": self.groups[rows]}
+    def fit_arguments(self, rows: Indices | slice = slice(None)) -> dict[str, Indices]:
+        """Return the named arguments of a pipeline's `fit` beside inputs and target.
+
+        Parameters
+        ----------
+        rows : ndarray or slice
+            Training rows that are fitted.
+
+        Returns
+        -------
+        dict
+            The surface of each row, shape (k,), if the training has surfaces; else empty.
+        """
+        if self.groups is None:
+            return {}
+        return {f"{STEP}__surfaces": self.groups[rows]}
 
     @property
     def rows(self) -> int:
@@ -81,13 +124,34 @@ class Training:
         return self.target.size
 
     def first(self, rows: int) -> Self:
-        """Return the same with the first training rows only."""
-        some = {
-            name: getattr(self, name)[:rows] for name in ("inputs", "target", "folds")
-        }
+        """Return the same training with its first rows only.
+
+        Parameters
+        ----------
+        rows : int
+            Number of training rows that are kept at most. All test rows are kept.
+
+        Returns
+        -------
+        Training
+            The smaller training.
+        """
+        groups = None if self.groups is None else self.groups[:rows]
         return replace(
-            self, **some, groups=None if self.groups is None else self.groups[:rows]
+            self,
+            inputs=self.inputs[:rows],
+            target=self.target[:rows],
+            folds=self.folds[:rows],
+            groups=groups,
         )
+
+
+class Place(NamedTuple):
+    """Identity of a trial within its file."""
+
+    candidate: str  # name of its canonical settings
+    fold: int  # left out of the training
+    rows: int  # for training at most
 
 
 class Trial(documents.Document):
@@ -98,51 +162,74 @@ class Trial(documents.Document):
     candidate: str  # its canonical settings, as `learn.comparison.grid.key` writes them
     fold: Annotated[int, Field(ge=0, lt=FOLDS)]  # left out of the training
     rows: Count  # for training at most
-    r2: (
-        Annotated[float, Field(ge=LEAST_SCORE, le=1)] | None
-    )  # None if the fit failed or diverged
+    # None if the fit failed or diverged.
+    r2: Annotated[float, Field(ge=LEAST_SCORE, le=1)] | None
     failure: str = ""  # why there is no score
     remark: str = ""  # the fit's warnings
-    seconds: Seconds = (
-        0.0  # of fit and scoring, shared evenly by the candidates of one fit
-    )
+    # Of fit and scoring, shared evenly by the candidates of one fit.
+    seconds: Seconds = 0.0
 
     @property
-    def place(self) -> tuple[str, int, int]:
+    def place(self) -> Place:
         """Candidate, fold and number of rows, which identify the trial."""
-        return self.candidate, self.fold, self.rows
+        return Place(self.candidate, self.fold, self.rows)
 
 
 class Trials(AbstractContextManager["Trials"]):
     """The finished trials of one model and target, in a file that is held open.
 
-    All have data, split, versions and seeds in common, the conditions. InputError is raised if the
-    file holds trials of other conditions, is damaged or cannot be written.
+    The file is made if it does not exist, with its folder. A last line that a kill has cut short is
+    removed from it.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    conditions : dict
+        Data, split, versions and seeds, which all trials have in common, as JSON has them.
+
+    Attributes
+    ----------
+    finished : dict
+        All trials by their place.
+
+    Raises
+    ------
+    InputError
+        If the file holds trials of other conditions, is damaged or cannot be written.
     """
 
     def __init__(self, path: Path, conditions: dict[str, object]) -> None:
         self.path = path
-        self.finished: dict[tuple[str, int, int], Trial] = {}
-        content = files.read_bytes(path) if path.exists() else b""
-        # A kill may have cut the last line short.
-        whole = content[: content.rfind(b"\n") + 1]
-        agreed = json.dumps(conditions, sort_keys=True)
-        first, *lines = whole.split(b"\n")[:-1] or [agreed.encode()]
-        stored = documents.parse(path, first, documents.Document)
-        require_same(path, stored, json.loads(agreed))
-        for number, line in enumerate(lines, start=2):
-            trial = Trial(**documents.parse(f"{path}, line {number}", line, Trial))
+        self.finished: dict[Place, Trial] = {}
+        header = json.dumps(conditions, sort_keys=True)
+        lines = _whole_lines(path) or [header.encode()]
+        stored = documents.parse(path, lines[0], documents.Document)
+        require_same(path, stored.content(), json.loads(header))
+        for number, line in enumerate(lines[1:], start=2):
+            trial = documents.parse(f"{path}, line {number}", line, Trial)
             self.finished[trial.place] = trial
         files.make_folder(path.parent)
-        files.write(path, b"\n".join([first, *lines, b""]))
+        files.write(path, b"\n".join([*lines, b""]))
         self._file = path.open("ab")
 
     def __exit__(self, *_: object) -> None:
         """Close the file."""
         self._file.close()
 
-    def add(self, trials: list[Trial]) -> None:
-        """Write the trials of one fit to the disk; InputError is raised if that is full."""
+    def add(self, trials: Sequence[Trial]) -> None:
+        """Append the trials of one fit to the file, and flush it.
+
+        Parameters
+        ----------
+        trials : sequence of Trial
+            The trials.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written, as on a full disk.
+        """
         lines = [json.dumps(trial.model_dump(), allow_nan=False) for trial in trials]
         try:
             self._file.write("".join(f"{line}\n" for line in lines).encode())
@@ -152,121 +239,235 @@ class Trials(AbstractContextManager["Trials"]):
         self.finished.update((trial.place, trial) for trial in trials)
 
 
-def fit(training: Training, task: Task) -> list[Trial]:
-    """Fit the candidates of a task and score each on the fold that was left out.
+def _whole_lines(path: Path) -> list[bytes]:
+    """Return the lines of a file that a line end follows, none if there is no such file."""
+    if not path.exists():
+        return []
+    *lines, _ = files.read_bytes(path).split(b"\n")
+    return lines
 
-    A fit that fails is a result too: its trials have no score, but the reason. InputError is raised
-    if this machine lacks the memory.
+
+@dataclass(frozen=True)
+class FoldScore:
+    """The score of a candidate on one fold."""
+
+    r2: float | None  # None if the fit failed or diverged
+    failure: str = ""  # why there is no score
+
+
+def fit(training: Training, task: Task) -> list[Trial]:
+    """Fit the candidates of a task, and score each on the fold that was left out.
+
+    Parameters
+    ----------
+    training : Training
+        All training rows.
+    task : Task
+        The candidates, and the fold.
+
+    Returns
+    -------
+    list of Trial
+        One trial for each candidate. A fit that fails is a result too: its trials have the reason
+        instead of a score.
+
+    Raises
+    ------
+    InputError
+        If this machine lacks the memory for the fit.
     """
     training = training.seen_by(task.model)
-    outside, model = training.folds == task.fold, EVERY[task.model]
-    candidates = [*task.candidates.values()]
-    inside = np.flatnonzero(~outside)[: task.rows]
-    data = training.inputs[inside], training.target[inside], training.inputs[outside]
+    inside = np.flatnonzero(training.folds != task.fold)[: task.rows]
     check_memory(task.model, inside.size)
-    shared = "" if task.baseline else model.shared
-    common = {k: v for k, v in candidates[0].items() if k != shared}
-    with remarks() as said:
+    with remarks() as warnings:
         began = perf_counter()
         try:
-            unfitted = training.unfitted(task.model, common, tuned=not task.baseline)
-            if shared in candidates[0]:
-                values = [candidate[shared] for candidate in candidates]
-                found = shared_predictions(model, unfitted, data, shared, values)
-            else:
-                fitted = unfitted.fit(*data[:2], **training.beside(inside))
-                found = [fitted.predict(data[2])]
-            scores = [_score(training.target[outside], each) for each in found]
+            scores = _scores(training, task, inside)
         except (
             Exception
         ) as error:  # whatever a library raises: the candidates have no score
-            if len(candidates) > 1:
-                # A shared fit may fail late, after candidates that are fine: fit them one by one.
-                alone = [
-                    replace(task, candidates={n: c}) for n, c in task.candidates.items()
-                ]
-                return [trial for own in alone for trial in fit(training, own)]
-            scores = [(None, reason(error))]
-        seconds = (perf_counter() - began) / len(candidates)
-    of_all: dict[str, Any] = {"remark": "; ".join(said), "seconds": seconds}
+            if len(task.candidates) > 1:
+                return _fit_one_by_one(training, task)
+            scores = [FoldScore(None, reason(error))]
+        seconds = (perf_counter() - began) / len(task.candidates)
     return [
         Trial(
             candidate=name,
             fold=task.fold,
             rows=task.rows,
-            r2=r2,
-            failure=failure,
-            **of_all,
+            r2=score.r2,
+            failure=score.failure,
+            remark="; ".join(warnings),
+            seconds=seconds,
         )
-        for name, (r2, failure) in zip(task.candidates, scores, strict=True)
+        for name, score in zip(task.candidates, scores, strict=True)
     ]
 
 
+def _fit_one_by_one(training: Training, task: Task) -> list[Trial]:
+    """Fit the candidates of a task alone: a shared fit may fail after candidates that are fine."""
+    trials = []
+    for name, candidate in task.candidates.items():
+        trials += fit(training, replace(task, candidates={name: candidate}))
+    return trials
+
+
+def _scores(training: Training, task: Task, inside: Indices) -> list[FoldScore]:
+    """Fit to some training rows, (k,), and score each candidate on the fold that was left out."""
+    model = EVERY[task.model]
+    candidates = [*task.candidates.values()]
+    outside = training.folds == task.fold
+    rows = FoldRows(
+        training.inputs[inside], training.target[inside], training.inputs[outside]
+    )
+    shared = "" if task.baseline else model.shared
+    common = {name: v for name, v in candidates[0].items() if name != shared}
+    unfitted = training.unfitted(task.model, common, tuned=not task.baseline)
+    if shared in candidates[0]:
+        values = [candidate[shared] for candidate in candidates]
+        predictions = shared_predictions(model, unfitted, rows, shared, values)
+    else:
+        arguments = training.fit_arguments(inside)
+        fitted = unfitted.fit(rows.inputs, rows.target, **arguments)
+        predictions = [fitted.predict(rows.test_inputs)]
+    truth = training.target[outside]
+    return [_score(truth, prediction) for prediction in predictions]
+
+
 def reason(error: Exception) -> str:
-    """Say in one line why a fit has failed."""
+    """Return why a fit has failed.
+
+    Parameters
+    ----------
+    error : Exception
+        What a library has raised.
+
+    Returns
+    -------
+    str
+        The error's text in one line of limited length, or its type if it has no text.
+    """
     return " ".join(str(error).split())[:REMARK_LENGTH] or type(error).__name__
 
 
-def _score(truth: Values, predicted: Values) -> tuple[float | None, str]:
-    """Return R2, or None, and the reason why there is none."""
-    if not np.isfinite(predicted).all():
-        return None, "prediction not finite"
+def _score(truth: Values, prediction: Values) -> FoldScore:
+    """Return R2 of a prediction, both (m,), or why there is none."""
+    if not np.isfinite(prediction).all():
+        return FoldScore(None, "prediction not finite")
     with np.errstate(over="ignore"):  # squares of diverged predictions
-        score = float(r2_score(truth, predicted))
-    return (
-        (score, "") if LEAST_SCORE <= score < math.inf else (None, "prediction diverged")
-    )
+        r2 = float(r2_score(truth, prediction))
+    if LEAST_SCORE <= r2 < math.inf:
+        return FoldScore(r2)
+    return FoldScore(None, "prediction diverged")
+
+
+@dataclass(frozen=True, eq=False)
+class FoldRows:
+    """Rows of one fit: n to train on, and m to predict."""
+
+    inputs: Values  # shape (n, d)
+    target: Values  # shape (n,)
+    test_inputs: Values  # shape (m, d)
 
 
 def shared_predictions(
-    model: Model,
-    pipeline: Any,
-    data: tuple[Values, Values, Values],
-    name: str,
-    values: Sequence[Any],
+    model: Model, unfitted: Any, rows: FoldRows, name: str, values: Sequence[Any]
 ) -> list[Values]:
-    """Predict with every value of the setting, by its name, that one fit serves, (m,) each.
+    """Predict with every value of a setting, all of which one fit serves.
 
-    The pipeline is unfitted, with all other settings; the data are training inputs, (n, d), their
-    target, (n,), and test inputs, (m, d).
+    Parameters
+    ----------
+    model : Model
+        The model.
+    unfitted : Pipeline
+        Unfitted pipeline of scikit-learn with all other settings. Its steps are fitted in place.
+    rows : FoldRows
+        Rows to train on and to predict.
+    name : str
+        Name of the setting: the number of estimators, or alpha of kernel ridge.
+    values : sequence
+        Values of the setting.
+
+    Returns
+    -------
+    list of ndarray, shape (m,)
+        Predictions with each value.
     """
-    train, target, test = data
-    scaling, estimator = pipeline.named_steps["scaling"], pipeline.named_steps[STEP]
+    scaling = unfitted.named_steps["scaling"]
+    estimator = unfitted.named_steps[STEP]
+    inputs = rows.inputs
+    test_inputs = rows.test_inputs
     if scaling != "passthrough":
-        train = scaling.fit_transform(train)
-        test = scaling.transform(test)
+        inputs = scaling.fit_transform(inputs)
+        test_inputs = scaling.transform(test_inputs)
     if model.name == "kernel-ridge":
-        settings = {
-            key: value for key, value in estimator.get_params().items() if key != name
-        }
-        return kernel_ridge.predictions(train, target, test, settings, values)
-    estimator.set_params(**{name: max(values)}).fit(train, target)
-    return _of_first_trees(model.name, estimator, test, values)
+        settings = estimator.get_params()
+        del settings[name]
+        return kernel_ridge.predictions(
+            inputs, rows.target, test_inputs, settings, values
+        )
+    estimator.set_params(**{name: max(values)}).fit(inputs, rows.target)
+    predict_first = FIRST_TREES[model.name]
+    return predict_first(estimator, test_inputs, values)
 
 
-def _of_first_trees(
-    model: str, estimator: Any, test: Values, numbers: Sequence[int]
+def _first_of_xgboost(
+    estimator: Any, inputs: Values, numbers: Sequence[int]
 ) -> list[Values]:
-    """Predict with each number of the first trees of an ensemble, (m,) each."""
-    if model == "xgboost":
-        return [
-            estimator.predict(test, iteration_range=(0, number)) for number in numbers
-        ]
-    if model == "gradient-boost":
-        stages = [predicted.copy() for predicted in estimator.staged_predict(test)]
-        return [stages[number - 1] for number in numbers]
-    single = np.asarray(test, dtype=np.float32)
-    of_trees = [tree.predict(single, check_input=False) for tree in estimator.estimators_]
-    if model == "random-forest":  # running means, added up in the forest's own order
-        sums = np.cumsum(of_trees, axis=0)
-        return [sums[number - 1] / number for number in numbers]
-    # Weighted medians, as `AdaBoostRegressor.predict` takes them; its own `staged_predict` computes
-    # every tree again for every stage. Where boosting ended early larger numbers are one model.
-    found, rows = [], np.arange(len(test))
+    """Predict with each number of the first trees of XGBoost, (m,) each."""
+    return [estimator.predict(inputs, iteration_range=(0, number)) for number in numbers]
+
+
+def _first_of_boosting(
+    estimator: Any, inputs: Values, numbers: Sequence[int]
+) -> list[Values]:
+    """Predict with each number of the first trees of gradient boosting, (m,) each."""
+    stages = [prediction.copy() for prediction in estimator.staged_predict(inputs)]
+    return [stages[number - 1] for number in numbers]
+
+
+def _first_of_forest(
+    estimator: Any, inputs: Values, numbers: Sequence[int]
+) -> list[Values]:
+    """Predict with each number of the first trees of a random forest, (m,) each.
+
+    Predictions are added up in the forest's own order, so that the means are equal to the bit.
+    """
+    sums = np.cumsum(_of_trees(estimator, inputs), axis=0)
+    return [sums[number - 1] / number for number in numbers]
+
+
+def _first_of_adaboost(
+    estimator: Any, inputs: Values, numbers: Sequence[int]
+) -> list[Values]:
+    """Predict with each number of the first trees of AdaBoost, (m,) each.
+
+    Predictions are weighted medians, as `AdaBoostRegressor.predict` takes them. The library's own
+    `staged_predict` computes every tree again for every stage. Where boosting ended early, larger
+    numbers are one model.
+    """
+    of_trees = _of_trees(estimator, inputs)
+    rows = np.arange(len(inputs))
+    predictions = []
     for number in numbers:
         first = np.transpose(of_trees[:number])
         order = np.argsort(first, axis=1)
         share = np.cumsum(estimator.estimator_weights_[order], axis=1)
         middle = (share >= 0.5 * share[:, -1:]).argmax(axis=1)
-        found.append(first[rows, order[rows, middle]])
-    return found
+        predictions.append(first[rows, order[rows, middle]])
+    return predictions
+
+
+def _of_trees(estimator: Any, inputs: Values) -> list[Values]:
+    """Return the predictions of all trees of an ensemble of scikit-learn, (m,) each."""
+    single = np.asarray(inputs, dtype=np.float32)  # precision of the trees' thresholds
+    return [tree.predict(single, check_input=False) for tree in estimator.estimators_]
+
+
+FIRST_TREES: dict[str, Callable[[Any, Values, Sequence[int]], list[Values]]] = {
+    "adaboost": _first_of_adaboost,
+    "gradient-boost": _first_of_boosting,
+    "random-forest": _first_of_forest,
+    "xgboost": _first_of_xgboost,
+}
+"""Functions of the ensembles of which one fit serves all numbers of trees, by model."""

@@ -1,4 +1,4 @@
-"""The worth of each input (the paper's section 3.1), and fits without the weak.
+"""The worth of each input (the paper's section 3.1), and fits without the weak inputs.
 
 The worth of an input is the loss of R2 when its values are shuffled over the test rows. Many of the
 22 statistics are almost the same, and one of two twins can be shuffled without harm. Models are
@@ -7,6 +7,7 @@ unit length, after which a single input is the same number in all rows.
 """
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from statistics import median
@@ -20,133 +21,250 @@ from gen.runtime.errors import InputError
 from gen.runtime.figure import new_figure, save
 from gen.runtime.files import inside
 from learn.comparison.fits import Training
-from learn.comparison.grid import TABLE_2, space_of
-from learn.comparison.jobs import repeated, targets
+from learn.comparison.folder import Folder
+from learn.comparison.grid import TABLE_2, SettingValues, space_of
+from learn.comparison.jobs import Repetitions, open_targets, repeated
 from learn.comparison.tables import DPI
 from learn.dataset import Request
 from learn.executor import Executor
-from learn.metrics import scores
-from learn.models import check_memory, models_named, remarks
+from learn.metrics import Scores, scores
+from learn.models import Model, check_memory, models_named, remarks
 
 SHUFFLES = 5  # times that an input is shuffled: enough for a mean and its scatter
-UNIT_LENGTH = (
-    "l2"  # normalisation of rows to unit length, after which a single input is constant
-)
-SIZES = (
-    30,
-    23,
-    20,
-    16,
-    12,
-    8,
-    6,
-    4,
-    3,
-    2,
-    1,
-)  # inputs that are kept, the strongest first
+UNIT_LENGTH = "l2"  # normalisation after which a single input is constant
+SIZES = (30, 23, 20, 16, 12, 8, 6, 4, 3, 2, 1)  # numbers of inputs that are kept
+REPETITIONS = Repetitions(3, 3)  # of each fit, and of each prediction of the test set
+
+
+@dataclass(frozen=True)
+class Worth:
+    """Loss of R2 on the test rows when an input is shuffled [%]."""
+
+    name: str  # of the input
+    mean: float
+    deviation: float  # over the shuffles
+
+
+@dataclass(frozen=True)
+class Selection:
+    """A fit to some of the inputs."""
+
+    inputs: int  # number of inputs that are kept, the strongest first
+    scores: Scores  # on the test rows
+    fit_seconds: float  # median time of the fit [s]
+    predict_seconds: float  # median time of predicting the whole test set [s]
+    dropped: list[str]  # inputs of the selection before that are not kept
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """Worth of all inputs of a model, and fits to the strongest of them."""
+
+    model: Model
+    worths: list[Worth]  # the largest first
+    selections: list[Selection]  # the most inputs first
+    remarks: list[str]  # warnings of the fits
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Settings that a model is ranked with."""
+
+    origin: str  # in words
+    settings: SettingValues
 
 
 def write_report(request: Request, say: Callable[[str], None]) -> Iterator[Path]:
-    """Rank the inputs, fit the model to fewer of them; yield the tables and the picture written.
+    """Rank the inputs of a model for each target, and write and print the ranking.
 
-    The settings are those of the folder's search, or untuned ones.
-    InputError is raised for input that cannot be used, or too little memory.
+    The settings are those of the folder's search; without one, the paper's optimum or those built
+    in.
+
+    Parameters
+    ----------
+    request : Request
+        Database, output folder, one model and choices.
+    say : callable
+        Called with lines for the user.
+
+    Yields
+    ------
+    Path
+        importance.csv, selection.csv and importance.png of each target, once they are written.
+
+    Raises
+    ------
+    InputError
+        If the database cannot be used, a single input is a constant, or this machine lacks the
+        memory.
     """
     (model,) = models_named(list(request.models), request.features)
-    for folder, whole in targets(request, [model], Executor()):
-        check_memory(model.name, whole.rows)
-        training, names = (
-            whole.seen_by(model.name),
-            folder.record()["conditions"]["inputs"],
-        )
-        result, tuned = folder.result("tuned", model.name), folder.winner(model.name)
+    for target in open_targets(request, [model], Executor()):
+        check_memory(model.name, target.training.rows)
+        training = target.training.seen_by(model.name)
+        names = target.folder.record().conditions.inputs
         if training.normalisation == UNIT_LENGTH and len(names) == 1:
             raise InputError(
                 f"{names[0]} is the only input, and the same number in all rows of unit length:"
                 " give --normalise standard"
             )
-        source, _, settings = space_of(model.name, request.features)
-        origin = "the paper's optimum" if source == TABLE_2 else "built in"
-        if tuned and tuned.tuned and result and result.get("test"):
-            origin, settings = "tuned here", tuned.values
-        say(f"{model.title}, {origin}: {settings}")
-        unfitted = training.unfitted(model.name, settings, tuned=True)
-        with remarks() as said:
-            losses = permutation_importance(
-                unfitted.fit(training.inputs, training.target, **training.beside()),
-                *(training.test_inputs, training.scaling.scaled(training.test_target)),
-                scoring="r2",
-                n_repeats=SHUFFLES,
-                random_state=training.seed,
-            )
-            means, deviations = (
-                100 * losses.importances_mean,
-                100 * losses.importances_std,
-            )
-            ranked = np.argsort(-means, kind="stable")
-            kept = _selections(unfitted, training, names, ranked)
-        worths = [
-            (names[each], float(means[each]), float(deviations[each])) for each in ranked
-        ]
-        for name, mean, deviation in worths:
-            say(f"  {name:38} {mean:9.4f} +- {deviation:.4f} % of R2")
-        for each in kept:
-            say(
-                f"  {each['inputs']:2} inputs: R2 {each['r2']:.3f} %, nMAE {each['nmae']:.2f} %,"
-                f" fit {each['fit_s']:.3g} s, prediction {each['predict_test_s']:.3g} s; without"
-                f" {', '.join(each['dropped'].split()) or '-'}"
-            )
-        if training.normalisation == UNIT_LENGTH:
-            say(
-                "   1 input: left out, because in rows of unit length a single input is the same in"
-                " all rows; --normalise standard has it"
-            )
-        for remark in said:
-            say(f"  warning: {remark}")
-        header = ["input", "r2_loss_percent", "deviation"]
-        yield folder.write_table("importance.csv", header, worths)
-        lines = [[model.name, *each.values()] for each in kept]
-        yield folder.write_table("selection.csv", ["model", *kept[0]], lines)
-        yield _draw(worths, kept, model.title, inside(folder.path, "importance.png"))
+        choice = _choice(target.folder, model, request.features)
+        say(f"{model.title}, {choice.origin}: {choice.settings}")
+        ranking = _rank(training, model, choice.settings, names)
+        for line in _lines(ranking, training.normalisation):
+            say(line)
+        yield from _write(target.folder, ranking)
+
+
+def _choice(folder: Folder, model: Model, features: str) -> Choice:
+    """Return the settings of a folder's search if it has a scored winner, else the default ones."""
+    result = folder.result("tuned", model.name)
+    winner = folder.winner(model.name)
+    if result is not None and result.test and winner is not None and winner.tuned:
+        return Choice("tuned here", winner.values)
+    space = space_of(model.name, features)
+    origin = "the paper's optimum" if space.name == TABLE_2 else "built in"
+    return Choice(origin, space.default)
+
+
+def _rank(
+    training: Training, model: Model, settings: SettingValues, names: list[str]
+) -> Ranking:
+    """Rank the inputs of a model by shuffling them, and fit it to fewer of them."""
+    unfitted = training.unfitted(model.name, settings, tuned=True)
+    with remarks() as warnings:
+        fitted = unfitted.fit(
+            training.inputs, training.target, **training.fit_arguments()
+        )
+        losses = permutation_importance(
+            fitted,
+            training.test_inputs,
+            training.scaling.scaled(training.test_target),
+            scoring="r2",
+            n_repeats=SHUFFLES,
+            random_state=training.seed,
+        )
+        means = 100 * losses.importances_mean
+        deviations = 100 * losses.importances_std
+        order = np.argsort(-means, kind="stable")
+        selections = _selections(unfitted, training, names, order)
+    worths = [
+        Worth(names[place], float(means[place]), float(deviations[place]))
+        for place in order
+    ]
+    return Ranking(model, worths, selections, warnings)
 
 
 def _selections(
-    model: Any, training: Training, names: list[str], ranked: Indices
-) -> list[dict[str, Any]]:
-    """Fit a model to fewer and fewer of its inputs, by their rank; return rows of selection.csv.
+    unfitted: Any, training: Training, names: list[str], order: Indices
+) -> list[Selection]:
+    """Fit a pipeline to fewer and fewer of its inputs, by their places, (d,), strongest first.
 
     Two inputs are the fewest where rows are scaled to unit length.
     """
     fewest = 2 if training.normalisation == UNIT_LENGTH else 1
-    selections, before, beside = [], [*ranked], training.beside()
-    for size in (size for size in SIZES if fewest <= size <= len(ranked)):
-        kept = sorted(ranked[:size])
-        own = training.inputs[:, kept], training.target
-        fit = repeated(partial(model.fit, *own, **beside), (3, 3))
-        answer = partial(model.predict, training.test_inputs[:, kept])
-        predict = repeated(answer, (3, 3))
-        found = vars(scores(training.test_target, training.scaling.restored(answer())))
-        times = {"fit_s": median(fit), "predict_test_s": median(predict)}
-        dropped = " ".join(names[each] for each in before if each not in kept)
-        selections.append({"inputs": size, **found, **times, "dropped": dropped})
+    selections = []
+    before = [*order]
+    for size in SIZES:
+        if not fewest <= size <= len(order):
+            continue
+        kept = sorted(order[:size])
+        dropped = [names[place] for place in before if place not in kept]
+        selections.append(_fit_to(unfitted, training, kept, dropped))
         before = kept
     return selections
 
 
-def _draw(worths: Any, kept: list[dict[str, Any]], title: str, path: Path) -> Path:
-    """Draw the worth of the inputs, and errors and times over the number of inputs."""
+def _fit_to(
+    unfitted: Any, training: Training, kept: list[int], dropped: list[str]
+) -> Selection:
+    """Fit a pipeline to the inputs at some places, score it on the test rows, and time it."""
+    fit = partial(
+        unfitted.fit,
+        training.inputs[:, kept],
+        training.target,
+        **training.fit_arguments(),
+    )
+    predict = partial(unfitted.predict, training.test_inputs[:, kept])
+    fit_seconds = median(repeated(fit, REPETITIONS))
+    predict_seconds = median(repeated(predict, REPETITIONS))
+    prediction = training.scaling.restored(predict())
+    return Selection(
+        len(kept),
+        scores(training.test_target, prediction),
+        fit_seconds,
+        predict_seconds,
+        dropped,
+    )
+
+
+def _lines(ranking: Ranking, normalisation: str) -> Iterator[str]:
+    """Yield the lines that tell the user the worth of the inputs, and the fits to fewer of them."""
+    for worth in ranking.worths:
+        yield f"  {worth.name:38} {worth.mean:9.4f} +- {worth.deviation:.4f} % of R2"
+    for selection in ranking.selections:
+        yield (
+            f"  {selection.inputs:2} inputs: R2 {selection.scores.r2:.3f} %, nMAE"
+            f" {selection.scores.nmae:.2f} %, fit {selection.fit_seconds:.3g} s, prediction"
+            f" {selection.predict_seconds:.3g} s; without {', '.join(selection.dropped) or '-'}"
+        )
+    if normalisation == UNIT_LENGTH:
+        yield (
+            "   1 input: left out, because in rows of unit length a single input is the same in all"
+            " rows; --normalise standard has it"
+        )
+    for remark in ranking.remarks:
+        yield f"  warning: {remark}"
+
+
+def _write(folder: Folder, ranking: Ranking) -> Iterator[Path]:
+    """Write importance.csv, selection.csv and importance.png, and yield each once it is written."""
+    worths = [(worth.name, worth.mean, worth.deviation) for worth in ranking.worths]
+    header = ["input", "r2_loss_percent", "deviation"]
+    yield folder.write_table("importance.csv", header, worths)
+    header = [
+        "model",
+        "inputs",
+        *vars(ranking.selections[0].scores),
+        "fit_s",
+        "predict_test_s",
+        "dropped",
+    ]
+    lines = [
+        (
+            ranking.model.name,
+            selection.inputs,
+            *vars(selection.scores).values(),
+            selection.fit_seconds,
+            selection.predict_seconds,
+            " ".join(selection.dropped),
+        )
+        for selection in ranking.selections
+    ]
+    yield folder.write_table("selection.csv", header, lines)
+    yield _draw(ranking, inside(folder.path, "importance.png"))
+
+
+def _draw(ranking: Ranking, path: Path) -> Path:
+    """Draw the worth of the inputs, and errors and times over their number; return the picture."""
     figure = new_figure(12, 5.5)
     left, right = figure.subplots(1, 2)
-    names, means, deviations = zip(*worths, strict=True)
-    places = np.arange(len(worths))[::-1]
+    names = [worth.name for worth in ranking.worths]
+    means = [worth.mean for worth in ranking.worths]
+    deviations = [worth.deviation for worth in ranking.worths]
+    places = np.arange(len(names))[::-1]
     left.barh(places, np.maximum(means, 1e-6), xerr=deviations, color="tab:blue")
     left.set_yticks(places, names, fontsize=8)
+    title = ranking.model.title
     left.set(xscale="log", xlabel="loss of R2 when shuffled [%]", title=title)
-    sizes = [each["inputs"] for each in kept]
-    right.plot(sizes, [100 - each["r2"] for each in kept], "o-", label="100 - R2 [%]")
-    right.plot(sizes, [each["nmae"] for each in kept], "s-", label="nMAE [%]")
-    right.plot(sizes, [each["fit_s"] for each in kept], "k:", label="fit [s]")
+    selections = ranking.selections
+    sizes = [selection.inputs for selection in selections]
+    unexplained = [100 - selection.scores.r2 for selection in selections]
+    right.plot(sizes, unexplained, "o-", label="100 - R2 [%]")
+    errors = [selection.scores.nmae for selection in selections]
+    right.plot(sizes, errors, "s-", label="nMAE [%]")
+    seconds = [selection.fit_seconds for selection in selections]
+    right.plot(sizes, seconds, "k:", label="fit [s]")
     right.set(
         yscale="log", xlabel="inputs kept, the strongest first", title="fitted anew"
     )

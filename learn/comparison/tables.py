@@ -1,65 +1,89 @@
 """The tables and pictures of a comparison, beside the paper's: written, printed and drawn.
 
-Scores and times go into separate files (CSV): the scores are the same for the same seeds whatever
-the number of processes, the times are not.
+| file              | like the paper's | its numbers are made by              |
+|-------------------|------------------|--------------------------------------|
+| scores.csv        | Table 4          | `jobs.fit_and_time`, `metrics.scores` |
+| times.csv         | Table 4          | `jobs.fit_and_time`                  |
+| tuning.csv        | Table 3          | `search.GridSearch.report`           |
+| tuning-times.csv  | Table 3          | `search.GridSearch.seconds`          |
+
+Intervals of the scores are those of `learn.metrics.bootstrap`; the paper's numbers stand in
+`learn.comparison.paper`. Scores and times go into separate files: the scores are the same for the
+same seeds whatever the number of processes, the times are not.
 """
 
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from gen.arrays import Values
 from gen.runtime.errors import InputError
 from gen.runtime.figure import draw_parity, new_figure, parity_axes, save
 from gen.runtime.files import inside
 from gen.runtime.terminal import command_to_type, echo, print_columns
 from learn.comparison import paper
-from learn.comparison.folder import Folder
-from learn.comparison.grid import LEAST_JUDGED, LIBRARY, LIBRARY_ROWS, TABLE_2, space_of
-from learn.metrics import BOOTSTRAP, LEVEL, bootstrap, no_better, spread
+from learn.comparison.folder import (
+    Comparison,
+    Folder,
+    Predictions,
+    Result,
+    SearchReport,
+    StoredResult,
+)
+from learn.comparison.grid import LEAST_JUDGED, LIBRARY, LIBRARY_ROWS, space_of
+from learn.metrics import BOOTSTRAP, LEVEL, Scores, bootstrap, no_better, spread
 from learn.models import EVERY, MODELS, default_model
 
-SCORES = {
-    "nmse": "nMSE",
-    "nmae": "nMAE",
-    "nmaxe": "nMaxE",
-    "r2": "R2",
-}  # [%], in the paper
-OUR_AREA = "area_percent"  # target of the paper's tables, whose numbers would mislead beside others
-NOT_SEARCHED = (
-    "not searched"  # name of the winner of a search that judged too few candidates
-)
+SCORES = {"nmse": "nMSE", "nmae": "nMAE", "nmaxe": "nMaxE", "r2": "R2"}
+"""Names of the scores in the paper, by their field of `learn.metrics.Scores` [%]."""
+
+WITHOUT_INTERVAL = "nmaxe"  # the largest error: a resample cannot exceed it
+
+OUR_AREA = "area_percent"
+"""Target of the paper's tables, whose numbers would mislead beside those of other targets."""
+
+NOT_SEARCHED = "not searched"
+"""Name of the winner of a search that judged too few candidates."""
 
 WHY_BASELINE = "the baseline wins, no candidate is better over five folds of all rows"
-"""What is said of a search that no candidate has won."""
+"""What the user is told about a search that no candidate has won."""
 
 WINNERS = {"optimum": "the paper's optimum", "baseline": "the baseline"}
-"""Names of the winners' places for people, where they are others."""
+"""Names of the winners' places for people, where they differ from those of files."""
 
-DECIDED = {
+DECIDING = {
     "winner_r2": "r2_folds",
     "grid_r2": "grid_r2_folds",
     "optimum_r2": "optimum_r2_folds",
     "baseline_r2": "baseline_r2_folds",
 }
-"""Columns of tuning.csv, and the R2 over the folds of a result whose means [%] they are."""
+"""Fields of a `SearchReport` with the R2 on folds, by the column of tuning.csv with their mean."""
 
 TIMES = {"fit_s": "fit", "fits": "fits", "predict_test_s": "test", "predict_row_s": "row"}
-"""Columns of times.csv after model and result, and the times of a result that they have."""
+"""Fields of the `Times` of a result, by the column of times.csv."""
 
 TUNING = (
-    *("model", "grid", "searched", "rows", "candidates", "candidates_differing"),
-    *("candidates_scored", "fits_nominal", "fits", "winner", *DECIDED, "settings"),
+    "model",
+    "grid",
+    "searched",
+    "rows",
+    "candidates",
+    "candidates_differing",
+    "candidates_scored",
+    "fits_nominal",
+    "fits",
+    "winner",
+    *DECIDING,
+    "settings",
 )
 """Columns of tuning.csv."""
 
-COLOURS = {
-    "baseline": "tab:blue",
-    "tuned": "tab:orange",
-}  # colours of the kinds of results
+COLOURS = {"baseline": "tab:blue", "tuned": "tab:orange"}
+"""Colours of the kinds of results that are drawn."""
 
 DOTS: dict[str, dict[str, Any]] = {
     "baseline": {
@@ -76,324 +100,614 @@ DOTS: dict[str, dict[str, Any]] = {
 
 DPI = 120  # dots per inch: pictures are about 1,400 wide then
 
-Row = dict[str, Any]
+PANELS = {
+    "nmse": "nMSE [%]",
+    "nmae": "nMAE [%]",
+    "nmaxe": "nMaxE [%]",
+    "r2": "1 - R2 [%]",
+    "fit_s": "fit [s]",
+    "predict_test_s": "prediction of the test set [s]",
+    "predict_row_s": "of one row [s]",
+}
+"""Titles of the panels of bars, by their column."""
+
+LINEAR = ("nmse", "nmae", "nmaxe")  # panels that are not on a scale of decades
+SHIFTS = {"baseline": -0.2, "tuned": 0.2}  # of the bars from the place of their model
+
+Cells = dict[str, object]
+"""Cells of one row of a file, by column; "" for a cell without a value."""
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Interval of a score [%]."""
+
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Intervals:
+    """Intervals of the scores of a result, by a bootstrap over its test rows."""
+
+    by_score: dict[str, Interval]  # by field of `learn.metrics.Scores`
+    drawn: str  # number and kind of what was drawn, as "12 surfaces"
+
+
+@dataclass(frozen=True, eq=False)
+class TableRow:
+    """A result with what the tables have beside it."""
+
+    model: str
+    kind: str  # one of `learn.comparison.folder.KINDS`
+    result: Result
+    published: Scores | None  # the paper's; None for other targets, or a kind it has not
+    intervals: Intervals | None  # None without scores, or for one group of rows
+    variance_over_mean: float | None  # of the test rows' truth, in the target's unit
+
+    @property
+    def title(self) -> str:
+        """Name of the model for people."""
+        return EVERY[self.model].title
+
+    @property
+    def search(self) -> SearchReport | None:
+        """Report of the search that the result has won, None for a baseline."""
+        return self.result.search
+
+    @property
+    def is_baseline_that_won(self) -> bool:
+        """Whether the result is of a search that the baseline has won."""
+        return self.search is not None and self.search.winner == "baseline"
 
 
 @dataclass(frozen=True, eq=False)
 class Tables:
-    """The tables of a target: a row for each result, by the columns of its files.
-
-    Beside the cells of scores.csv, which are "" without a value, a row has those of times.csv if
-    there are times, and "settings" and "search" of the result.
-    """
+    """The tables of a target."""
 
     folder: Folder
-    record: dict[str, Any]  # the folder's description
-    target: str  # its column
-    rows: list[Row]
+    comparison: Comparison  # the folder's description
+    rows: list[TableRow]  # one for each result, in the order of Table 4
+
+    @property
+    def target(self) -> str:
+        """Column of the target."""
+        return self.comparison.conditions.target
+
+    @property
+    def scored(self) -> list[TableRow]:
+        """Rows of the results that have scores."""
+        return [row for row in self.rows if row.result.test is not None]
 
 
-def names(target: str) -> list[str]:
-    """Return the scores that are free of units for a target's column: nMSE is for areas only."""
+def score_names(target: str) -> list[str]:
+    """Return the scores that tables show.
+
+    Parameters
+    ----------
+    target : str
+        Column of the target.
+
+    Returns
+    -------
+    list of str
+        Fields of `learn.metrics.Scores`. The nMSE has the target's unit, and is shown for areas
+        only.
+    """
     return [name for name in SCORES if name != "nmse" or target == OUR_AREA]
 
 
-def columns(target: str) -> list[str]:
-    """Return the columns of scores.csv; the largest error has no interval."""
-    own = names(target)
-    published = [f"paper_{name}" for name in own if target == OUR_AREA]
-    ends = [f"{name}_{end}" for name in own if name != "nmaxe" for end in ("low", "high")]
-    return [
-        *("model", "result", *own, *(f"train_{name}" for name in own), *published),
-        *(
-            "failure",
-            "winner",
-            *ends,
-            "level",
-            "resamples",
-            "drawn",
-            "variance_over_mean",
-        ),
-    ]
+def score_columns(target: str) -> list[str]:
+    """Return the columns of scores.csv.
+
+    Parameters
+    ----------
+    target : str
+        Column of the target.
+
+    Returns
+    -------
+    list of str
+        Names of the columns, in their order. The largest error has no interval.
+    """
+    names = score_names(target)
+    columns = ["model", "result", *names]
+    columns += [f"train_{name}" for name in names]
+    if target == OUR_AREA:
+        columns += [f"paper_{name}" for name in names]
+    columns += ["failure", "winner"]
+    for name in names:
+        if name != WITHOUT_INTERVAL:
+            columns += [f"{name}_low", f"{name}_high"]
+    return [*columns, "level", "resamples", "drawn", "variance_over_mean"]
 
 
 def read(folder: Folder) -> Tables:
-    """Make the tables of a folder; InputError is raised if predictions or groups are damaged."""
-    record = folder.record()
-    target, rows = record["conditions"]["target"], []
-    for model, kind, result in folder.results():
-        search = result.get("search") or {}
-        row: Row = dict.fromkeys(columns(target), "")
-        row |= {"model": model, "result": kind, "failure": result.get("failure", "")}
-        row |= {"winner": search.get("winner") or "", **(result.get("test") or {})}
-        row |= {
-            f"train_{name}": value for name, value in (result.get("train") or {}).items()
-        }
-        theirs = paper.TEST.get(kind, {}).get(model)
-        if theirs is not None and target == OUR_AREA:
-            row |= {f"paper_{name}": value for name, value in vars(theirs).items()}
-        if result.get("test"):
-            truth, prediction = folder.prediction(kind, model)
-            groups = folder.numbers("rows.csv", "group", part="test")[:, 0]
-            path = folder.path / kind / f"{model}.csv"
-            if truth.size != groups.size:
-                given = f"{truth.size} rows, rows.csv has {groups.size} test rows"
-                raise InputError(f"{path} has {given}: move it away")
-            if truth.size < 2 or np.ptp(truth) == 0:
-                raise InputError(
-                    f"{path} cannot be read: the truth does not vary: move it away"
-                )
-            row["variance_over_mean"] = spread(truth)
-            if ends := bootstrap(truth, prediction, LEVEL, groups):
-                by = "surface" if record.get("split_by_surface", True) else "row"
-                drawn = f"{np.unique(groups).size} {'tile' if record.get('split_by_tile') else by}s"
-                row |= {"level": LEVEL, "resamples": BOOTSTRAP, "drawn": drawn}
-                for name, (low, high) in ends.items():
-                    row |= {f"{name}_low": low, f"{name}_high": high}
-        if own := result.get("times"):
-            row |= {column: own[name] for column, name in TIMES.items()}
-            row["fit_seconds"] = own["search"]
-        rows.append(row | {"settings": result.get("settings", {}), "search": search})
-    return Tables(folder, record, target, rows)
+    """Read the results of a folder, and compute the intervals of their scores.
+
+    Parameters
+    ----------
+    folder : Folder
+        Folder of one target.
+
+    Returns
+    -------
+    Tables
+        The tables of the target.
+
+    Raises
+    ------
+    InputError
+        If a file is damaged, or rows.csv does not belong to the predictions.
+    """
+    comparison = folder.record()
+    rows = [_row(folder, comparison, stored) for stored in folder.results()]
+    return Tables(folder, comparison, rows)
 
 
-def winner_of(search: Row) -> str:
-    """Return the place of a search's winner; earlier versions named one of too few candidates."""
-    few = search["candidates_scored"] < min(LEAST_JUDGED, search["candidates_differing"])
-    return NOT_SEARCHED if few and not search["failures"] else search.get("winner") or ""
+def _row(folder: Folder, comparison: Comparison, stored: StoredResult) -> TableRow:
+    """Return the row of a result, with the paper's scores if the target is the paper's."""
+    published = None
+    if comparison.conditions.target == OUR_AREA:
+        published = paper.TEST.get(stored.kind, {}).get(stored.model)
+    intervals = None
+    variance_over_mean = None
+    if stored.result.test:
+        predictions = folder.prediction(stored.kind, stored.model)
+        groups = folder.numbers("rows.csv", "group", part="test")[:, 0]
+        path = folder.path / stored.kind / f"{stored.model}.csv"
+        _check(path, predictions.truth, groups)
+        variance_over_mean = spread(predictions.truth)
+        intervals = _intervals(comparison, predictions, groups)
+    return TableRow(
+        stored.model,
+        stored.kind,
+        stored.result,
+        published,
+        intervals,
+        variance_over_mean,
+    )
+
+
+def _check(path: Path, truth: Values, groups: Values) -> None:
+    """Refuse predictions whose truth, (m,), does not vary, or does not fit to the groups, (m,)."""
+    if truth.size != groups.size:
+        raise InputError(
+            f"{path} has {truth.size} rows, rows.csv has {groups.size} test rows: move it away"
+        )
+    if truth.size < 2 or np.ptp(truth) == 0:
+        raise InputError(f"{path} cannot be read: the truth does not vary: move it away")
+
+
+def _intervals(
+    comparison: Comparison, predictions: Predictions, groups: Values
+) -> Intervals | None:
+    """Return intervals by resamples of groups of test rows, (m,); None for a single group."""
+    ends = bootstrap(predictions.truth, predictions.prediction, LEVEL, groups)
+    if not ends:
+        return None
+    kind = "row"
+    if comparison.split_by_tile:
+        kind = "tile"
+    elif comparison.split_by_surface:
+        kind = "surface"
+    by_score = {name: Interval(low, high) for name, (low, high) in ends.items()}
+    return Intervals(by_score, f"{np.unique(groups).size} {kind}s")
+
+
+def winner_of(search: SearchReport) -> str:
+    """Return the place of a search's winner.
+
+    Parameters
+    ----------
+    search : SearchReport
+        Report of the search.
+
+    Returns
+    -------
+    str
+        "grid", "optimum", "baseline" or `NOT_SEARCHED`. Earlier versions named a winner of too few
+        candidates; an older report of failures may have none, "".
+    """
+    least = min(LEAST_JUDGED, search.candidates_differing)
+    if search.candidates_scored < least and not search.failures:
+        return NOT_SEARCHED
+    return search.winner or ""
 
 
 def write(tables: Tables) -> None:
-    """Write scores.csv, times.csv, tuning.csv and tuning-times.csv."""
-    searches = [_searched(row) for row in tables.rows if row["search"]]
-    timed = [row for row in tables.rows if "fits" in row]
-    files = {
-        "scores.csv": (columns(tables.target), tables.rows),
-        "times.csv": (("model", "result", *TIMES), timed),
-        "tuning.csv": (TUNING, searches),
-        "tuning-times.csv": (("model", "fit_seconds", "paper_s"), searches),
+    """Write scores.csv, times.csv, tuning.csv and tuning-times.csv into the target's folder.
+
+    Parameters
+    ----------
+    tables : Tables
+        The tables.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be written.
+    """
+    scores = [_score_cells(row, tables.target) for row in tables.rows]
+    _write(tables.folder, "scores.csv", score_columns(tables.target), scores)
+    times = [_time_cells(row) for row in tables.rows if row.result.times is not None]
+    _write(tables.folder, "times.csv", ("model", "result", *TIMES), times)
+    searches = [
+        _search_cells(row, row.search) for row in tables.rows if row.search is not None
+    ]
+    _write(tables.folder, "tuning.csv", TUNING, searches)
+    columns = ("model", "fit_seconds", "paper_s")
+    _write(tables.folder, "tuning-times.csv", columns, searches)
+
+
+def _write(folder: Folder, name: str, columns: Sequence[str], rows: list[Cells]) -> None:
+    """Write some columns of rows as a table of a folder."""
+    folder.write_table(
+        name, columns, [[row.get(column, "") for column in columns] for row in rows]
+    )
+
+
+def _score_cells(row: TableRow, target: str) -> Cells:
+    """Return the cells of a row of scores.csv."""
+    cells: Cells = {
+        "model": row.model,
+        "result": row.kind,
+        "failure": row.result.failure,
     }
-    for name, (header, rows) in files.items():
-        tables.folder.write_table(
-            name, header, ([row[key] for key in header] for row in rows)
-        )
+    if row.search is not None:
+        cells["winner"] = row.search.winner or ""
+    for name in score_names(target):
+        if row.result.test:
+            cells[name] = getattr(row.result.test, name)
+        if row.result.train:
+            cells[f"train_{name}"] = getattr(row.result.train, name)
+        if row.published is not None:
+            cells[f"paper_{name}"] = getattr(row.published, name)
+    if row.variance_over_mean is not None:
+        cells["variance_over_mean"] = row.variance_over_mean
+    if row.intervals is not None:
+        for name, interval in row.intervals.by_score.items():
+            cells[f"{name}_low"] = interval.low
+            cells[f"{name}_high"] = interval.high
+        cells["level"] = LEVEL
+        cells["resamples"] = BOOTSTRAP
+        cells["drawn"] = row.intervals.drawn
+    return cells
 
 
-def _searched(row: Row) -> Row:
-    """Return the row of tuning.csv of a search's result, with the columns of tuning-times.csv."""
-    search = row["search"]
-    folds = {column: search.get(name) or [] for column, name in DECIDED.items()}
-    settings = (f"{name}={value}" for name, value in sorted(row["settings"].items()))
-    return {
-        **row,
-        **search,
-        "grid": search.get("grid", TABLE_2),
-        "searched": search["how"],
+def _time_cells(row: TableRow) -> Cells:
+    """Return the cells of a row of times.csv."""
+    cells: Cells = {"model": row.model, "result": row.kind}
+    for column, name in TIMES.items():
+        cells[column] = getattr(row.result.times, name)
+    return cells
+
+
+def _search_cells(row: TableRow, search: SearchReport) -> Cells:
+    """Return the cells of a row of tuning.csv and of tuning-times.csv."""
+    cells: Cells = {
+        "model": row.model,
+        "grid": search.grid,
+        "searched": search.how,
+        "rows": search.rows,
+        "candidates": search.candidates,
+        "candidates_differing": search.candidates_differing,
+        "candidates_scored": search.candidates_scored,
+        "fits_nominal": search.fits_nominal,
+        "fits": search.fits,
         "winner": winner_of(search),
-        **{column: sum(own) / len(own) if own else "" for column, own in folds.items()},
-        "settings": ", ".join(settings) or "those of the library",
-        "paper_s": paper.TUNING_SECONDS.get(row["model"], ""),
+        "settings": _settings_in_words(row.result),
+        "paper_s": paper.TUNING_SECONDS.get(row.model, ""),
     }
+    for column, name in DECIDING.items():
+        folds: list[float] = getattr(search, name)
+        if folds:
+            cells[column] = sum(folds) / len(folds)
+    if row.result.times is not None:
+        cells["fit_seconds"] = row.result.times.search
+    return cells
+
+
+def _settings_in_words(result: Result) -> str:
+    """Return the settings of a result as text, in alphabetical order."""
+    settings = sorted(result.settings.items())
+    return ", ".join(f"{name}={value}" for name, value in settings) or (
+        "those of the library"
+    )
 
 
 def show(tables: Tables) -> None:
-    """Print the tables of a folder, and what there is to say of them."""
-    conditions, area_max = (
-        tables.record["conditions"],
-        tables.record["conditions"]["area_max"],
-    )
-    limited = "" if area_max is None else f", areas to {area_max:g} %"
+    """Print the tables of a folder, and remarks about them.
+
+    Parameters
+    ----------
+    tables : Tables
+        The tables.
+    """
+    conditions = tables.comparison.conditions
+    limit = ""
+    if conditions.area_max is not None:
+        limit = f", areas to {conditions.area_max:g} %"
     echo(
-        f"{tables.folder.path}: {tables.target}, {conditions['train_rows']} training rows,"
-        f" {conditions['test_rows']} test rows{limited}; {tables.record['threads']} thread"
+        f"{tables.folder.path}: {tables.target}, {conditions.train_rows} training rows,"
+        f" {conditions.test_rows} test rows{limit}; {tables.comparison.threads} thread"
     )
     echo(
         "Scores on the test rows [%] with their intervals, times [s]; the paper's in brackets:"
     )
-    numbers = (
-        *(SCORES[name] for name in names(tables.target)),
-        "fit",
-        "test set",
-        "one row",
+    scores = [SCORES[name] for name in score_names(tables.target)]
+    numbers = (*scores, "fit", "test set", "one row")
+    lines = [_line_of_scores(row, tables.target) for row in tables.rows]
+    print_columns(lines, ("Model", "", *numbers), right=numbers)
+    for note in _notes(tables):
+        echo(note)
+    _show_searches(tables)
+    for remark in _remarks(tables):
+        echo(remark)
+
+
+def _show_searches(tables: Tables) -> None:
+    """Print a table like Table 3, if there are tuned models."""
+    tuned = [row for row in tables.rows if row.kind == "tuned"]
+    if not tuned:
+        return
+    echo(
+        "Searches: means of R2 over the five folds of all rows [%], which decide; sum of the fits'"
+        " times [s], the paper's tuning time in brackets:"
     )
-    print_columns(_scored(tables), ("Model", "", *numbers), right=numbers)
-    for line in _notes(tables):
-        echo(line)
-    if any(row["result"] == "tuned" for row in tables.rows):
-        echo(
-            "Searches: means of R2 over the five folds of all rows [%], which decide; sum of the"
-            " fits' times [s], the paper's tuning time in brackets:"
-        )
-        numbers = ("R2", "baseline", "candidates", "differ", "fits", "of", "time")
-        texts = ("Model", "Grid", "Searched", "Winner", "Best settings")
-        print_columns(_searches(tables), (*texts, *numbers), right=numbers)
-    for line in _remarks(tables):
-        echo(line)
+    texts = ("Model", "Grid", "Searched", "Winner", "Best settings")
+    numbers = ("R2", "baseline", "candidates", "differ", "fits", "of", "time")
+    lines = [_line_of_search(row, tables.target) for row in tuned]
+    print_columns(lines, (*texts, *numbers), right=numbers)
 
 
 def _notes(tables: Tables) -> Iterator[str]:
     """Yield how the intervals were made, and what the nMSE is, for tables and pictures."""
-    for drawn in {row["drawn"] for row in tables.rows} - {""}:
+    drawn = [row.intervals.drawn for row in tables.rows if row.intervals is not None]
+    for text in dict.fromkeys(drawn):
         yield (
             f"{100 * LEVEL:g} % intervals of the scores on the test rows [%]: bootstrap,"
-            f" {BOOTSTRAP:,} resamples of {drawn}; nMaxE has none"
+            f" {BOOTSTRAP:,} resamples of {text}; nMaxE has none"
         )
-    middle = max(
-        (float(row["variance_over_mean"] or 0) for row in tables.rows), default=0.0
-    )
-    if middle and tables.target == OUR_AREA:
+    spreads = [row.variance_over_mean or 0.0 for row in tables.rows]
+    largest = max(spreads, default=0.0)
+    if largest and tables.target == OUR_AREA:
         yield (
             "nMSE has the target's unit: it is (1 - R2) times the variance of the test rows' areas"
-            f" over their mean, {middle:.2g} % of area here and {paper.SPREAD:.2g} % in the paper."
-            f" At the same R2 the nMSE is {middle / paper.SPREAD:.2g} times the paper's: compare"
+            f" over their mean, {largest:.2g} % of area here and {paper.SPREAD:.2g} % in the paper."
+            f" At the same R2 the nMSE is {largest / paper.SPREAD:.2g} times the paper's: compare"
             " R2."
         )
 
 
 def _remarks(tables: Tables) -> Iterator[str]:
-    """Yield the lines below the tables: useless models, failures, what is odd, and the best."""
-    features = tables.record["conditions"]["features"]
-    for _, said in no_better_than_constant(tables):
-        yield f"warning: {said}"
+    """Yield the lines below the tables: useless models, failures, odd searches, and the best."""
+    features = tables.comparison.conditions.features
+    for useless in no_better_than_constant(tables):
+        yield f"warning: {useless.message}"
     for row in tables.rows:
-        model, kind, search = row["model"], row["result"], row["search"]
-        title = EVERY[model].title
-        if row["failure"]:
-            yield f"{title}, {label(model, kind)}: {row['failure']}"
-        elif kind == "library":
-            yield (
-                f"Its library fits amplitude and length of a Gaussian process ({LIBRARY_ROWS:,}"
-                " rows at most here); the paper's, and ours, has a fixed kernel."
-            )
-        elif search and winner_of(search) == NOT_SEARCHED:
-            judged = f"{search['candidates_scored']} candidates were judged"
-            yield f"{title}: {NOT_SEARCHED}: {judged}, of {LEAST_JUDGED} at least"
-        elif search.get("winner") == "baseline":
-            yield f"{title}: {WHY_BASELINE}"
-        elif search:
-            yield from (
-                f"{title}: {odd}" for odd in _at_ends(row, space_of(model, features)[1])
-            )
-    known = [row for row in tables.rows if row["nmae"] != ""]
-    if len({row["model"] for row in known}) > 1:
-        best = min(known, key=lambda row: float(row["nmae"]))
-        name = f"{EVERY[best['model']].title}, {label(best['model'], best['result'])}"
+        yield from _remarks_on_result(row, features)
+    if len({row.model for row in tables.scored}) > 1:
+        best = min(tables.scored, key=_nmae)
         usual = EVERY[default_model(features)].title
         fit = command_to_type("learn fit")
-        yield f"smallest nMAE: {name}; {fit} takes {usual} unless told otherwise"
+        yield (
+            f"smallest nMAE: {best.title}, {label(best.model, best.kind)}; {fit} takes {usual}"
+            " unless told otherwise"
+        )
 
 
-def _at_ends(row: Row, space: paper.Space) -> Iterator[str]:
-    """Say which settings of a search's winner lie beyond the grid, or at an end of all values."""
-    for name, value in row["settings"].items():
-        if isinstance(value, int | float) and value not in space.get(name, [value]):
+def _nmae(row: TableRow) -> float:
+    """Return the nMAE of a row on the test rows [%], infinite without scores."""
+    return np.inf if row.result.test is None else row.result.test.nmae
+
+
+def _remarks_on_result(row: TableRow, features: str) -> Iterator[str]:
+    """Yield why a result has failed, or what is odd about it or its search."""
+    if row.result.failure:
+        yield f"{row.title}, {label(row.model, row.kind)}: {row.result.failure}"
+    elif row.kind == "library":
+        yield (
+            f"Its library fits amplitude and length of a Gaussian process ({LIBRARY_ROWS:,} rows at"
+            " most here); the paper's, and ours, has a fixed kernel."
+        )
+    elif row.search is None:
+        return
+    elif winner_of(row.search) == NOT_SEARCHED:
+        judged = f"{row.search.candidates_scored} candidates were judged"
+        yield f"{row.title}: {NOT_SEARCHED}: {judged}, of {LEAST_JUDGED} at least"
+    elif row.is_baseline_that_won:
+        yield f"{row.title}: {WHY_BASELINE}"
+    else:
+        for remark in _remarks_on_ends(row, row.search, features):
+            yield f"{row.title}: {remark}"
+
+
+def _remarks_on_ends(row: TableRow, search: SearchReport, features: str) -> Iterator[str]:
+    """Yield which settings of a winner lie beyond the grid, or at an end of all values tried."""
+    values = space_of(row.model, features).values
+    for name, value in row.result.settings.items():
+        is_number = isinstance(value, int | float)
+        if is_number and value not in values.get(name, [value]):
             yield f"{name} = {value} lies beyond the grid, where the search went on"
-        if name in row["search"].get("ends", ()):
+        if name in search.ends:
             yield f"{name} = {value} at an end of what was tried: a better one may lie beyond"
 
 
 def label(model: str, kind: str) -> str:
-    """Return the name of a kind of result for people."""
+    """Return the name of a kind of result for people.
+
+    Parameters
+    ----------
+    model : str
+        Name of the model.
+    kind : str
+        One of `learn.comparison.folder.KINDS`.
+
+    Returns
+    -------
+    str
+        The name. A model whose baseline is not its library's own has two of its kinds renamed.
+    """
     if kind == "library":
         return "its library's own"
-    return "baseline: the paper's" if kind == "baseline" and model in LIBRARY else kind
+    if kind == "baseline" and model in LIBRARY:
+        return "baseline: the paper's"
+    return kind
 
 
-def no_better_than_constant(tables: Tables) -> Iterator[tuple[Row, str]]:
-    """Yield the rows of models that a constant predicts as well, and say so."""
+@dataclass(frozen=True, eq=False)
+class UselessModel:
+    """A model that a constant predicts as well as."""
+
+    row: TableRow
+    message: str  # for the user
+
+
+def no_better_than_constant(tables: Tables) -> list[UselessModel]:
+    """Return the results that are no better than predicting a constant.
+
+    Parameters
+    ----------
+    tables : Tables
+        The tables.
+
+    Returns
+    -------
+    list of UselessModel
+        The results whose R2 on the test rows is not above 0, in the order of the rows.
+    """
+    useless = []
     for row in tables.rows:
-        if row["r2"] != "" and (said := no_better(row["r2"])):
-            yield row, f"{EVERY[row['model']].title}, {row['result']}: {said}"
+        fault = no_better(row.result.test.r2) if row.result.test else ""
+        if fault:
+            useless.append(UselessModel(row, f"{row.title}, {row.kind}: {fault}"))
+    return useless
 
 
-def _scored(tables: Tables) -> Iterator[list[str]]:
-    """Yield the lines of a table like Table 4, with the paper's numbers in brackets."""
-    for row in tables.rows:
-        model, kind = row["model"], row["result"]
-        won = row["winner"] == "baseline"
-        cells = [EVERY[model].title, f"{kind}: baseline" if won else label(model, kind)]
-        if row["r2"] == "":
-            yield [*cells, "failed"]
-            continue
-        theirs = row.get("paper_r2", "") != ""
-        for name in names(tables.target):
-            published = f" ({row[f'paper_{name}']:.2f})" if theirs else ""
-            ends = row.get(f"{name}_low", ""), row.get(f"{name}_high", "")
-            below = "" if "" in ends else "\n{:.2f} to {:.2f}".format(*ends)
-            cells.append(f"{row[name]:.2f}{published}{below}")
-        for place, name in enumerate(("fit_s", "predict_test_s")):
-            published = f" ({paper.TIMES[kind][model][place]:.3g})" if theirs else ""
-            cells.append(f"{_seconds(row[name])}{published}")
-        yield [*cells, _seconds(row["predict_row_s"])]
+def _line_of_scores(row: TableRow, target: str) -> list[str]:
+    """Return a line of the printed Table 4, with the paper's numbers in brackets."""
+    kind = label(row.model, row.kind)
+    if row.is_baseline_that_won:
+        kind = f"{row.kind}: baseline"
+    line = [row.title, kind]
+    if row.result.test is None or row.result.times is None:
+        return [*line, "failed"]
+    for name in score_names(target):
+        text = f"{getattr(row.result.test, name):.2f}"
+        if row.published is not None:
+            text += f" ({getattr(row.published, name):.2f})"
+        if row.intervals is not None and name in row.intervals.by_score:
+            interval = row.intervals.by_score[name]
+            text += f"\n{interval.low:.2f} to {interval.high:.2f}"
+        line.append(text)
+    fit = _seconds(row.result.times.fit)
+    test = _seconds(row.result.times.test)
+    if row.published is not None:
+        published = paper.TIMES[row.kind][row.model]
+        fit += f" ({published[0]:.3g})"
+        test += f" ({published[1]:.3g})"
+    return [*line, fit, test, _seconds(row.result.times.row)]
 
 
-def _searches(tables: Tables) -> Iterator[list[str]]:
-    """Yield the lines of a table like Table 3: extent and winners of the searches."""
-    for row in (row for row in tables.rows if row["result"] == "tuned"):
-        if not row["search"]:
-            yield [EVERY[row["model"]].title, "", row["failure"].partition(":")[0]]
-            continue
-        search = _searched(row)
-        published = tables.target == OUR_AREA and search["paper_s"] != ""
-        theirs = f" ({search['paper_s']:.0f})" if published else ""
-        means = (search[name] for name in ("winner_r2", "baseline_r2"))
-        extent = ("candidates", "candidates_differing", "fits", "fits_nominal")
-        yield [
-            *(EVERY[row["model"]].title, search["grid"], search["searched"]),
-            *(str(WINNERS.get(search["winner"], search["winner"])), search["settings"]),
-            *("" if mean == "" else f"{mean:.2f}" for mean in means),
-            *(str(search[name]) for name in extent),
-            f"{_seconds(search['fit_seconds'])}{theirs}",
-        ]
+def _line_of_search(row: TableRow, target: str) -> list[str]:
+    """Return a line of the printed Table 3: extent and winner of a search."""
+    if row.search is None:
+        return [row.title, "", row.result.failure.partition(":")[0]]
+    cells = _search_cells(row, row.search)
+    seconds = _seconds(row.result.times.search if row.result.times else None)
+    if target == OUR_AREA and row.model in paper.TUNING_SECONDS:
+        seconds += f" ({paper.TUNING_SECONDS[row.model]:.0f})"
+    winner = winner_of(row.search)
+    return [
+        row.title,
+        row.search.grid,
+        row.search.how,
+        WINNERS.get(winner, winner),
+        _settings_in_words(row.result),
+        _two_digits(cells.get("winner_r2")),
+        _two_digits(cells.get("baseline_r2")),
+        str(row.search.candidates),
+        str(row.search.candidates_differing),
+        str(row.search.fits),
+        str(row.search.fits_nominal),
+        seconds,
+    ]
 
 
-def _seconds(value: float) -> str:
-    """Return a time [s] as text."""
+def _two_digits(value: object) -> str:
+    """Return a number with two digits behind the point, "" for anything else."""
+    return f"{value:.2f}" if isinstance(value, int | float) else ""
+
+
+def _seconds(value: float | None) -> str:
+    """Return a time [s] as text, "" if it is not known."""
+    if value is None:
+        return ""
     return f"{value:.0f}" if value >= 1000 else f"{value:.3g}"
 
 
 def draw(tables: Tables) -> list[Path]:
     """Draw parity.png (like figures 8 and 10), scores.png and times.png (like figure 9).
 
-    Nothing is drawn if the folder of the target has no results.
+    Parameters
+    ----------
+    tables : Tables
+        The tables.
+
+    Returns
+    -------
+    list of Path
+        The pictures in the folder of the target. None is drawn without a result that has scores.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be written.
     """
-    folder = tables.folder
-    shown = [row for row in tables.rows if row["r2"] != "" and row["result"] in COLOURS]
-    if not shown:
+    rows = [row for row in tables.scored if row.kind in COLOURS]
+    if not rows:
         return []
-    quantity = f"{tables.target.replace('_percent', '')} [{tables.record['unit']}]"
-    places = [(row["model"], row["result"]) for row in shown]
+    times = [name for name in TIMES if name != "fits"]
     figures = {
-        "parity.png": _parity(folder, places, quantity),
-        "scores.png": _bars(shown, names(tables.target)),
-        "times.png": _bars(shown, [name for name in TIMES if name != "fits"]),
+        "parity.png": _parity(tables, rows),
+        "scores.png": _bars(rows, score_names(tables.target)),
+        "times.png": _bars(rows, times),
     }
-    said, won = [*_notes(tables)], [row for row in shown if row["winner"] == "baseline"]
-    if won:
-        titles = ", ".join(EVERY[row["model"]].title for row in won)
-        said.insert(0, f"tuned is the baseline, which won the search: {titles}")
-    text = "\n".join(textwrap.fill(line, 150) for line in said)
+    notes = [*_notes(tables)]
+    baselines = [row.title for row in rows if row.is_baseline_that_won]
+    if baselines:
+        notes.insert(
+            0, f"tuned is the baseline, which won the search: {', '.join(baselines)}"
+        )
+    text = "\n".join(textwrap.fill(line, 150) for line in notes)
     figures["scores.png"].axes[0].set_title(text, fontsize=8, loc="left")
     return [
-        save(figure, inside(folder.path, name), dpi=DPI)
+        save(figure, inside(tables.folder.path, name), dpi=DPI)
         for name, figure in figures.items()
     ]
 
 
-def _parity(folder: Folder, places: list[tuple[str, str]], quantity: str) -> Any:
+def _parity(tables: Tables, rows: list[TableRow]) -> Any:
     """Draw predictions over the truth, baseline and tuned, and the line of equality."""
-    models = list(dict.fromkeys(model for model, _ in places))
+    quantity = f"{tables.target.replace('_percent', '')} [{tables.comparison.unit}]"
+    models = list(dict.fromkeys(row.model for row in rows))
     columns = min(3, len(models))
-    rows = -(-len(models) // columns)
-    figure = new_figure(3.6 * columns, 3.5 * rows)
-    axes = np.atleast_1d(figure.subplots(rows, columns)).ravel()
+    lines = -(-len(models) // columns)
+    figure = new_figure(3.6 * columns, 3.5 * lines)
+    axes = np.atleast_1d(figure.subplots(lines, columns)).ravel()
     for model, axis in zip(models, axes, strict=False):
-        kinds = [kind for name, kind in places if name == model]
-        parity_axes(axis, folder.prediction(kinds[0], model)[0])
+        kinds = [row.kind for row in rows if row.model == model]
+        parity_axes(axis, tables.folder.prediction(kinds[0], model).truth)
         for kind in kinds:
-            truth, prediction = folder.prediction(kind, model)
+            shown = tables.folder.prediction(kind, model)
             draw_parity(
-                axis, truth, prediction, label=kind, color=COLOURS[kind], **DOTS[kind]
+                axis,
+                shown.truth,
+                shown.prediction,
+                label=kind,
+                color=COLOURS[kind],
+                **DOTS[kind],
             )
         axis.set(
             title=EVERY[model].title, xlabel=f"solved {quantity}", ylabel="predicted"
@@ -404,53 +718,66 @@ def _parity(folder: Folder, places: list[tuple[str, str]], quantity: str) -> Any
     return figure
 
 
-PANELS = {name: f"{title} [%]" for name, title in SCORES.items()} | {
-    "r2": "1 - R2 [%]",
-    "fit_s": "fit [s]",
-    "predict_test_s": "prediction of the test set [s]",
-    "predict_row_s": "of one row [s]",
-}
-"""Titles of the panels of bars, by their column; all but errors are on a scale of decades."""
-
-
-def _left(row: Row, column: str, end: str) -> float:
-    """Return the height of a bar, or an end of its interval if it has one, as "_low".
-
-    Of R2 it is what is left of it, since R2 of good models look alike.
-    """
-    value = row.get(f"{column}{end}", "")
-    value = float(row[column] if value == "" else value)
-    return 100 - value if column == "r2" else value
-
-
-def _bars(rows: list[Row], columns: list[str]) -> Any:
-    """Draw a pair of bars for each model, baseline and tuned, in panels, with their intervals."""
+def _bars(rows: list[TableRow], columns: list[str]) -> Any:
+    """Draw a pair of bars for each model, baseline and tuned, in one panel for each column."""
     figure = new_figure(1.6 + 1.15 * len(MODELS), 2.3 * len(columns))
     axes = figure.subplots(len(columns), 1, sharex=True, squeeze=False)[:, 0]
-    models = list(dict.fromkeys(row["model"] for row in rows))
+    models = list(dict.fromkeys(row.model for row in rows))
+    titles = [EVERY[model].title.replace(" ", "\n") for model in models]
     for axis, column in zip(axes, columns, strict=True):
-        for kind, shift in zip(COLOURS, (-0.2, 0.2), strict=True):
-            own = [row for row in rows if row["result"] == kind]
-            if not own:
-                continue
-            places = np.array([models.index(row["model"]) for row in own]) + shift
-            ends = [
-                [_left(row, column, end) for row in own] for end in ("", "_low", "_high")
-            ]
-            reach = np.array(
-                [ends[0] - np.min(ends, axis=0), np.max(ends, axis=0) - ends[0]]
-            )
-            look = {"color": COLOURS[kind], "label": kind, "ecolor": "0.2", "capsize": 2}
-            within = (
-                reach.tolist() if np.any(reach) else None
-            )  # of arrays NumPy 2.1 warns
-            bars = axis.bar(places, ends[0], 0.38, yerr=within, **look)
-            axis.bar_label(bars, fmt="{:.3g}", fontsize=7)
-        axis.set_xticks(
-            range(len(models)), [EVERY[m].title.replace(" ", "\n") for m in models]
-        )
+        for kind in COLOURS:
+            of_kind = [row for row in rows if row.kind == kind]
+            if of_kind:
+                places = [models.index(row.model) + SHIFTS[kind] for row in of_kind]
+                _draw_bars(axis, places, of_kind, column)
+        axis.set_xticks(range(len(models)), titles)
         axis.margins(y=0.2)
-        errors = column in SCORES and column != "r2"
-        axis.set(ylabel=PANELS[column], yscale="linear" if errors else "log")
+        scale = "linear" if column in LINEAR else "log"
+        axis.set(ylabel=PANELS[column], yscale=scale)
     axes[0].legend(ncols=2, loc="lower right", bbox_to_anchor=(1, 1))
     return figure
+
+
+def _draw_bars(axis: Any, places: list[float], rows: list[TableRow], column: str) -> None:
+    """Draw the bars of one kind of results at some places, with their intervals."""
+    bars = [_bar(row, column) for row in rows]
+    heights = np.array([bar.height for bar in bars])
+    ends = np.array([[bar.height, bar.low, bar.high] for bar in bars])
+    reach = np.array([heights - ends.min(axis=1), ends.max(axis=1) - heights])
+    drawn = axis.bar(
+        places,
+        heights,
+        0.38,
+        yerr=reach.tolist() if np.any(reach) else None,  # of arrays NumPy 2.1 warns
+        color=COLOURS[rows[0].kind],
+        label=rows[0].kind,
+        ecolor="0.2",
+        capsize=2,
+    )
+    axis.bar_label(drawn, fmt="{:.3g}", fontsize=7)
+
+
+@dataclass(frozen=True)
+class Bar:
+    """Height of a bar, and the ends of its interval, which are the height without one."""
+
+    height: float
+    low: float
+    high: float
+
+
+def _bar(row: TableRow, column: str) -> Bar:
+    """Return the bar of a result that has scores, for a score [%] or a time [s].
+
+    For R2 it is the distance to 100 %, since R2 of good models look alike.
+    """
+    if column in TIMES:
+        seconds = float(getattr(row.result.times, TIMES[column]))
+        return Bar(seconds, seconds, seconds)
+    value = float(getattr(row.result.test, column))
+    interval = Interval(value, value)
+    if row.intervals is not None:
+        interval = row.intervals.by_score.get(column, interval)
+    if column == "r2":
+        return Bar(100 - value, 100 - interval.low, 100 - interval.high)
+    return Bar(value, interval.low, interval.high)

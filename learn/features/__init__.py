@@ -4,7 +4,7 @@
 - `dimensionless`: the same without units. Scaling heights and Delta together, or the scan length L,
   changes neither the contact area nor these features.
 - `hybrid`: in addition, bearing area and interference, and a loose contact solve on 33 x 33 blocks.
-- `scene`: what the scene draws for a row, and its load (`learn.features.scene`).
+- `scene`: the numbers that the scene draws for a row, and its load (`learn.features.scene`).
 
 Surrogates see more: square roots with both sets without units, and more of the coarse solve with
 `hybrid` (`learn.features.sets.chosen`).

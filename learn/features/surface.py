@@ -3,19 +3,21 @@
 Bearing area and bearing interference are those of a surface that does not deform. A contact solve
 on 33 x 33 blocks (or 65 x 65), each with the mean height of its nodes, gives area, force and a
 smooth displacement. The displacement is interpolated to the nodes; the `refined` features count the
-nodes that stand above it, so that the highest nodes are not lost in the means of their blocks
-(there are none where every node is a block). Delta is measured from the highest node throughout.
+nodes that stand above it, so that the highest nodes are not lost in the means of their blocks.
+No node stands above it where every node is a block. Delta is measured from the highest node
+throughout.
 
-Surrogates see more of the same solve (`learn.features.sets.LOCAL`): the area in contact inside the
-blocks by Persson's theory, the nodes that stand above shifted displacements, and how far. The
-blocks are pressed as if each were smooth. What their means do not resolve is described by its rms
-height and, for each block, by the rms slope inside it; from this slope and the pressure on a block
-follows the share of it that is in contact.
+Surrogates see more of the same solve (`learn.features.columns.LOCAL`): the area in contact inside
+the blocks by Persson's theory, the share of the nodes above shifted displacements, and their
+interference. The blocks are pressed as if each were smooth. The heights that their means do not
+resolve are described by their rms and, for each block, by their rms slope inside it; this slope and
+the pressure on a block decide the share of it that is in contact.
 """
 
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,31 +27,42 @@ from bem.problem import Boundary
 from gen.arrays import Values
 from gen.runtime.errors import InputError
 from gen.statistics import Description, describe
-from learn.features.sets import (
-    BLOCKS,
-    FACTORS,
-    HYBRID,
-    POWERS,
-    SHIFTS,
-    FeatureSet,
-    Rows,
-    Sides,
-    by_pressure,
-)
+from learn.features.columns import BLOCKS, FACTORS, HYBRID, POWERS, SHIFTS
+from learn.features.rows import Grid, Rows, by_pressure
+from learn.features.sets import FeatureSet
 
-# largest displacement of a coarse solve without edges, over that of full contact: elastic bodies
-# have no equilibrium from full contact on, and blocks of unequal sizes come to it early
+Sides = tuple[float, float]
+
+# Largest displacement of a coarse solve without edges, over that of full contact. Elastic bodies
+# have no equilibrium from full contact on, and blocks of unequal sizes reach it early.
 NEARLY_FULL = 0.999
-LOOSE = 1e-3  # residual of the coarse solve, over Delta: features need be reproducible, not exact
-ROUNDING = 1e-12  # least rms of the heights that the blocks do not resolve, over the range of all
+# residual of the coarse solve, over Delta: features need be reproducible, not exact
+LOOSE = 1e-3
+# smallest rms of the heights that the blocks do not resolve, over the range of all heights
+ROUNDING = 1e-12
 # Persson's share of the area in contact is erf(sqrt(2) p / (E* h')), with the pressure p and the
 # rms slope h'
 PERSSON = math.sqrt(2.0)
 
 
 @dataclass(frozen=True, eq=False)
+class BlockEdges:
+    """The blocks along one axis."""
+
+    first: NDArray[np.int64]  # (b,), first node of each block
+    sizes: NDArray[np.int64]  # (b,), nodes of each block
+
+    def weights(self) -> Values:
+        """Return the weights that interpolate from the blocks' centres to the nodes, (n, b)."""
+        nodes = np.arange(self.sizes.sum())
+        centres = self.first + (self.sizes - 1) / 2
+        columns = [np.interp(nodes, centres, unit) for unit in np.eye(centres.size)]
+        return np.stack(columns, axis=1)
+
+
+@dataclass(frozen=True, eq=False)
 class Blocks:
-    """The blocks of a surface."""
+    """The blocks of a surface, each with the mean height of its nodes."""
 
     heights: Values  # (nx, ny) [um]
     steps: tuple[float, float]  # spacing of the nodes along x and y [um]
@@ -67,41 +80,64 @@ class Blocks:
 
     @cached_property
     def skewness(self) -> float:
-        """Skewness of these heights; 0 where there are none [1]."""
+        """Skewness of the heights that the means do not resolve; 0 if there are none [1]."""
         if self.roughness <= ROUNDING * float(np.ptp(self.heights)):
             return 0.0
-        rest = self._unresolved - self._unresolved.mean()
-        return float(np.mean((rest / self.roughness) ** 3))
+        from_mean = self._unresolved - self._unresolved.mean()
+        return float(np.mean((from_mean / self.roughness) ** 3))
 
     @cached_property
     def slopes(self) -> Values:
-        """Rms slope of these heights inside each block, (bx, by); 0 where it is one node [1]."""
-        rest, (step_x, step_y) = self._unresolved, self.steps
-        squares = _squares(rest, step_x) + _squares(rest.T, step_y).T
-        return np.asarray(np.sqrt(self._over_blocks(squares)))
+        """Rms slope of the unresolved heights inside each block, (bx, by) [1].
+
+        It is 0 where a block is one node.
+        """
+        step_x, step_y = self.steps
+        along_x = _squared_slopes(self._unresolved, step_x)
+        along_y = _squared_slopes(self._unresolved.T, step_y).T
+        return np.asarray(np.sqrt(self._over_blocks(along_x + along_y)))
 
     def interpolated(self, values: Values) -> Values:
-        """Interpolate from the blocks' centres to the nodes, (nx, ny), constant outside."""
-        across, along = self._weights
-        return np.asarray(across @ values @ along.T)
+        """Interpolate from the blocks' centres to the nodes, constant outside the outer centres.
+
+        Parameters
+        ----------
+        values : ndarray, shape (bx, by)
+            Values of the blocks.
+
+        Returns
+        -------
+        ndarray, shape (nx, ny)
+            Values at the nodes.
+        """
+        weights_x, weights_y = self._weights
+        return np.asarray(weights_x @ values @ weights_y.T)
 
     def local_area(self, pressure: Values, factor: float) -> float:
         """Return the share of the nodes in contact by Persson's theory, inside each block.
 
-        The pressure on each block is over E*, and multiplied by the factor. Blocks without slopes
-        count in full where they are pressed. Source: B. N. J. Persson (2001), J. Chem. Phys. 115,
-        3840.
+        Pressed blocks without slopes count in full. Source: B. N. J. Persson (2001), J. Chem. Phys.
+        115, 3840.
+
+        Parameters
+        ----------
+        pressure : ndarray, shape (bx, by)
+            Mean pressure on each block over E*.
+        factor : float
+            Factor on the pressures.
+
+        Returns
+        -------
+        float
+            Share of the nodes of the surface, 0 to 1.
         """
         from scipy.special import erf
 
         pressed = pressure > 0
         with np.errstate(divide="ignore", over="ignore"):
             shares = erf(factor * PERSSON * pressure[pressed] / self.slopes[pressed])
-        (_, sizes_x), (_, sizes_y) = self._along
-        return (
-            float((np.outer(sizes_x, sizes_y)[pressed] * shares).sum())
-            / self.heights.size
-        )
+        touching = (self._sizes[pressed] * shares).sum()
+        return float(touching) / self.heights.size
 
     @cached_property
     def _unresolved(self) -> Values:
@@ -109,41 +145,52 @@ class Blocks:
         return np.asarray(self.heights - self.interpolated(self.means))
 
     def _over_blocks(self, values: Values) -> Values:
-        """Return means of nodes over each block, (bx, by)."""
-        (rows, sizes_x), (columns, sizes_y) = self._along
-        sums = np.add.reduceat(np.add.reduceat(values, rows, axis=0), columns, axis=1)
-        return np.asarray(sums / np.outer(sizes_x, sizes_y))
+        """Return means of nodes, (nx, ny), over each block, (bx, by)."""
+        along_x, along_y = self._edges
+        sums_x = np.add.reduceat(values, along_x.first, axis=0)
+        sums = np.add.reduceat(sums_x, along_y.first, axis=1)
+        return np.asarray(sums / self._sizes)
 
     @cached_property
-    def _along(self) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:
-        """First node and size of each block, along x and along y."""
-        numbers = [min(nodes, self.most) for nodes in self.heights.shape]
-        edges = [
-            np.arange(n + 1) * nodes // n
-            for n, nodes in zip(numbers, self.heights.shape, strict=True)
-        ]
-        return [(each[:-1], np.diff(each)) for each in edges]
+    def _sizes(self) -> NDArray[np.int64]:
+        """Nodes of each block, (bx, by)."""
+        along_x, along_y = self._edges
+        return np.outer(along_x.sizes, along_y.sizes)
+
+    @cached_property
+    def _edges(self) -> list[BlockEdges]:
+        """The blocks along x and along y."""
+        edges = []
+        for nodes in self.heights.shape:
+            number = min(nodes, self.most)
+            borders = np.arange(number + 1) * nodes // number
+            edges.append(BlockEdges(borders[:-1], np.diff(borders)))
+        return edges
 
     @cached_property
     def _weights(self) -> list[Values]:
-        """Weights of this interpolation, (nx, bx) and (ny, by)."""
-        weights = []
-        for first, sizes in self._along:
-            nodes, centres = np.arange(sizes.sum()), first + (sizes - 1) / 2
-            unit = [np.interp(nodes, centres, each) for each in np.eye(centres.size)]
-            weights.append(np.stack(unit, axis=1))
-        return weights
+        """Weights of the interpolation to the nodes, (nx, bx) and (ny, by)."""
+        return [along.weights() for along in self._edges]
 
 
-def _squares(heights: Values, step: float) -> Values:
-    """Return the squared slope along the first axis at each node, the mean of both sides of it."""
+def _squared_slopes(heights: Values, step: float) -> Values:
+    """Return the squared slope along the first axis at each node, the mean of both its sides."""
     between = (np.diff(heights, axis=0) / step) ** 2
-    ends = np.concatenate([between[:1], between, between[-1:]])
-    return np.asarray((ends[1:] + ends[:-1]) / 2)
+    extended = np.concatenate([between[:1], between, between[-1:]])
+    return np.asarray((extended[1:] + extended[:-1]) / 2)
 
 
 class Undefined(InputError):
     """Features that need statistics which the surface does not define."""
+
+
+class CoarseMeans(NamedTuple):
+    """Means over the patch of a coarse contact."""
+
+    compliance: float  # mean displacement over F / (E* L), 0 without edges [1]
+    yielded_depth: (
+        float  # mean depth by which nodes have yielded, 0 for elastic bodies [um]
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,76 +221,178 @@ class SurfaceFeatures:
         hardness_ratio: Values | float | None = None,
         e_star: float = 1.0,
     ) -> Rows:
-        """Return the numbers that features of a set are computed from, at k loads.
+        """Return the numbers that features of a set are computed from, one row a load.
 
-        Loads are displacements [um], or pressures [MPa] on bodies of an E* [MPa] if the set is for
-        these. The hardness over E* is one number, or (k,). `Undefined` is raised if a statistic is
-        missing, InputError if a load is not above 0.
+        Parameters
+        ----------
+        features : FeatureSet
+            A set of features of surfaces.
+        loads : ndarray, shape (k,)
+            Displacements Delta [um]; nominal pressures [MPa] if the set is for these.
+        hardness_ratio : float or ndarray, shape (k,), optional
+            Hardness over E*; elastic bodies if left out.
+        e_star : float
+            E* of pressures [MPa].
+
+        Returns
+        -------
+        Rows
+            k rows, with the columns of the coarse solve if the set needs them.
+
+        Raises
+        ------
+        Undefined
+            If the surface does not define a statistic.
+        InputError
+            If a load is not finite and above 0, or a coarse solve fails.
         """
-        pressed, length = features.load == "pressure", math.sqrt(math.prod(self.sides))
-        deltas = by_pressure(loads, length, e_star) if pressed else loads
+        deltas = loads
+        if features.by_pressure:
+            deltas = by_pressure(loads, self.length, e_star)
+        self._require_usable(deltas)
+        notes: tuple[str, ...] = ()
+        if not features.by_pressure and hardness_ratio is None:
+            notes = self._notes_on_full_contact(deltas)
+        hybrid: Values | None = None
+        if features.needs_surface:
+            ratios: list[float | None] = [None] * deltas.size
+            if hardness_ratio is not None:
+                ratios = np.broadcast_to(hardness_ratio, deltas.shape).tolist()
+            if features.by_pressure:
+                deltas = self._reached_deltas(deltas, ratios, features)
+            hybrid = self._hybrid_rows(deltas, ratios, features)
+        statistics = list(self.description.values.values())
+        return Rows(
+            statistics=np.tile(statistics, (deltas.size, 1)),
+            delta=deltas,
+            length=self.length,
+            hardness_ratio=hardness_ratio,
+            nodes=math.sqrt(self.heights.size),
+            hybrid=hybrid,
+            notes=notes,
+            scene_numbers={"pressure": loads} if features.by_pressure else {},
+            grids=(Grid(self.heights.shape, self.sides),),
+        )
+
+    def _require_usable(self, deltas: Values) -> None:
+        """Refuse displacements that are not finite and above 0, and undefined statistics."""
         wrong = deltas[~((deltas > 0) & (deltas < np.inf))]
         if wrong.size:
             raise InputError(
                 f"{self.name}: Delta {wrong[0]:g} um: give finite numbers above 0"
             )
-        described, notes, hybrid = self.description, tuple[str, ...](), None
-        if described.reason:
-            raise Undefined(f"{self.name}: statistics undefined: {described.reason}")
-        if self.boundary != "free" and hardness_ratio is None and not pressed:
-            limit = float((self.heights.max() - self.heights).mean())
-            full = f"no equilibrium: the contact is full at delta = {limit:.6g} um"
-            notes = tuple(full * bool(each >= limit) for each in deltas)
-        if features.needs_surface:
-            blocks = features.blocks or BLOCKS
-            ratios = [None] * deltas.size
-            if hardness_ratio is not None:
-                ratios = np.broadcast_to(hardness_ratio, deltas.shape).tolist()
-            if pressed:
-                pairs = zip(deltas, ratios, strict=True)
-                deltas = np.array(
-                    [self.reached(delta, ratio, blocks) for delta, ratio in pairs]
-                )
-            pairs = zip(deltas.tolist(), ratios, strict=True)
-            every = [self.hybrid(delta, ratio, blocks) for delta, ratio in pairs]
-            hybrid = np.array(every).reshape(-1, len(HYBRID))
-        statistics = np.tile(list(described.values.values()), (deltas.size, 1))
-        own = length, hardness_ratio, math.sqrt(self.heights.size), hybrid, notes
-        grid = self.heights.shape, self.sides
-        return Rows(
-            statistics, deltas, *own, {"pressure": loads} if pressed else {}, (grid,)
-        )
+        if self.description.reason:
+            raise Undefined(
+                f"{self.name}: statistics undefined: {self.description.reason}"
+            )
+
+    def _notes_on_full_contact(self, deltas: Values) -> tuple[str, ...]:
+        """Return a note for each Delta at which elastic bodies without edges touch everywhere.
+
+        The other notes are empty. There are no notes for a patch with edges.
+        """
+        if self.boundary == "free":
+            return ()
+        limit = float((self.heights.max() - self.heights).mean())
+        full = f"no equilibrium: the contact is full at delta = {limit:.6g} um"
+        return tuple(full if delta >= limit else "" for delta in deltas)
+
+    def _reached_deltas(
+        self, loads: Values, ratios: list[float | None], features: FeatureSet
+    ) -> Values:
+        """Return the Deltas, (k,) [um], at which coarse solves carry pressures times L / E*."""
+        blocks = features.blocks or BLOCKS
+        pairs = zip(loads, ratios, strict=True)
+        return np.array([self.reached(load, ratio, blocks) for load, ratio in pairs])
+
+    def _hybrid_rows(
+        self, deltas: Values, ratios: list[float | None], features: FeatureSet
+    ) -> Values:
+        """Return the columns of `HYBRID` at each Delta, (k, 18)."""
+        blocks = features.blocks or BLOCKS
+        pairs = zip(deltas.tolist(), ratios, strict=True)
+        rows = [self.hybrid(delta, ratio, blocks) for delta, ratio in pairs]
+        return np.array(rows).reshape(-1, len(HYBRID))
 
     def reached(self, load: float, hardness_ratio: float | None, blocks: int) -> float:
-        """Return the Delta at which the coarse solve carries a pressure times L / E* [um]."""
-        contact = self._pressed(
-            self._blocks(blocks), None, hardness_ratio, load / self.length
-        )
-        return contact.delta - self._depth(self._blocks(blocks), 0.0)
+        """Return the Delta at which the coarse solve carries a pressure.
+
+        Parameters
+        ----------
+        load : float
+            Nominal pressure times L / E* [um].
+        hardness_ratio : float or None
+            Hardness over E*; None for elastic bodies.
+        blocks : int
+            Blocks per side of the coarse solve.
+
+        Returns
+        -------
+        float
+            Delta from the highest node [um].
+
+        Raises
+        ------
+        InputError
+            If the coarse solve fails.
+        """
+        coarse = self._blocks(blocks)
+        contact = self._pressed(coarse, None, hardness_ratio, pressure=load / self.length)
+        return contact.delta - self._depth(coarse, 0.0)
 
     def hybrid(
         self, delta: float, hardness_ratio: float | None = None, blocks: int = BLOCKS
     ) -> tuple[float, ...]:
-        """Return the columns of `HYBRID`, which the hybrid set adds, at one Delta above 0 [um]."""
+        """Return the columns that the hybrid set adds, at one Delta.
+
+        Parameters
+        ----------
+        delta : float
+            Displacement Delta, above 0 [um].
+        hardness_ratio : float, optional
+            Hardness over E*; elastic bodies if left out.
+        blocks : int
+            Blocks per side of the coarse solve.
+
+        Returns
+        -------
+        tuple of float
+            The 18 columns of `HYBRID` in their order.
+
+        Raises
+        ------
+        InputError
+            If the coarse solve fails.
+        """
         interference = self.heights - (float(self.heights.max()) - delta)
-        bearing, coarse = _above(interference, delta), self._blocks(blocks)
+        bearing = _above(interference, delta)
+        coarse = self._blocks(blocks)
         depth = self._depth(coarse, delta)
-        if depth <= 0:  # not one block's mean is reached
-            counted = *bearing, 0.0, 0.0, 0.0, *bearing
-            shares = (0.0,) * len(FACTORS)
-            shifted = _shifted(interference, delta, coarse.roughness)
-            return *counted, *shares, *shifted, 0.0, coarse.skewness
+        if depth <= 0:  # Delta does not reach the mean of any block
+            area = force = mean_displacement = perimeter = 0.0
+            return (
+                *bearing,
+                area,
+                force,
+                mean_displacement,
+                *bearing,
+                *(0.0 for _ in FACTORS),
+                *_above_shifted(interference, delta, coarse.roughness),
+                perimeter,
+                coarse.skewness,
+            )
         contact = self._pressed(coarse, depth, hardness_ratio)
-        # Only nodes that stand above it by more than the residual of the coarse solve.
-        stands = interference - coarse.interpolated(contact.displacement) - LOOSE * delta
+        # Only nodes count that stand above the displacement by more than the solve's residual.
+        displacement = coarse.interpolated(contact.displacement)
+        standing = interference - displacement - LOOSE * delta
         return (
             *bearing,
             contact.area_percent,
             contact.force / (self.length * delta),
             self._mean_displacement(contact) / delta,
-            *_above(stands, delta),
+            *_above(standing, delta),
             *(coarse.local_area(contact.pressure, factor) for factor in FACTORS),
-            *_shifted(stands, delta, coarse.roughness),
+            *_above_shifted(standing, delta, coarse.roughness),
             contact.perimeter / self.length,
             coarse.skewness,
         )
@@ -255,10 +404,15 @@ class SurfaceFeatures:
         hardness_ratio: float | None,
         pressure: float | None = None,
     ) -> bem.Contact:
-        """Solve the contact of the block means with E* = 1 MPa."""
-        means, (step_x, step_y), (nx, ny) = coarse.means, self.spacing, self.heights.shape
+        """Solve the contact of the block means with E* = 1 MPa.
+
+        The load is either a depth below the highest block [um] or a nominal pressure [MPa].
+        """
+        means = coarse.means
+        step_x, step_y = self.spacing
+        nodes_x, nodes_y = self.heights.shape
         blocks_x, blocks_y = means.shape
-        steps = step_x * nx / blocks_x, step_y * ny / blocks_y
+        steps = (step_x * nodes_x / blocks_x, step_y * nodes_y / blocks_y)
         if self.boundary != "free" and hardness_ratio is None and depth is not None:
             full = float(means.max()) - float(means.mean())
             depth = min(depth, NEARLY_FULL * full)
@@ -276,35 +430,55 @@ class SurfaceFeatures:
         except (bem.NotConverged, ArithmeticError, ValueError) as error:
             raise InputError(f"{self.name}: coarse contact: {error}") from None
 
-    def means(
-        self, delta: float, hardness_ratio: float | None = None
-    ) -> tuple[float, float]:
-        """Return the coarse solve's mean displacement over F / (E* L) and mean yielded depth [um].
+    def means(self, delta: float, hardness_ratio: float | None = None) -> CoarseMeans:
+        """Return means of the coarse solve that belong to the patch as a whole.
 
-        Multiplied by F / (E* L) with the force of a finer solve, the first gives the mean
+        The compliance times F / (E* L), with the force of a finer solve, gives the mean
         displacement of that solve: it depends on the distribution of the load over the patch, and
-        hardly on its distribution over single nodes. Without edges the mean displacement is 0.
+        hardly on its distribution over single nodes.
+
+        Parameters
+        ----------
+        delta : float
+            Displacement Delta, above 0 [um].
+        hardness_ratio : float, optional
+            Hardness over E*; elastic bodies if left out.
+
+        Returns
+        -------
+        CoarseMeans
+            Both means; they are 0 for elastic bodies without edges.
+
+        Raises
+        ------
+        InputError
+            If the coarse solve fails.
         """
         if self.boundary != "free" and hardness_ratio is None:
-            return 0.0, 0.0
+            return CoarseMeans(0.0, 0.0)
         coarse = self._blocks(BLOCKS)
         depth = max(self._depth(coarse, delta), 1e-3 * delta)
         contact = self._pressed(coarse, depth, hardness_ratio)
         compliance = self._mean_displacement(contact) * self.length / contact.force
         if hardness_ratio is None:
-            return compliance, 0.0
-        return compliance, float(contact.yielded_depth.mean())
+            return CoarseMeans(compliance, 0.0)
+        return CoarseMeans(compliance, float(contact.yielded_depth.mean()))
 
     def _mean_displacement(self, contact: bem.Contact) -> float:
         """Return the mean displacement of a coarse contact, which is 0 without edges [um]."""
-        return float(contact.displacement.mean()) if self.boundary == "free" else 0.0
+        if self.boundary != "free":
+            return 0.0
+        return float(contact.displacement.mean())
 
     def _depth(self, coarse: Blocks, delta: float) -> float:
         """Return how far Delta reaches below the highest block [um]."""
         return delta - (float(self.heights.max()) - float(coarse.means.max()))
 
     def _blocks(self, number: int) -> Blocks:
-        """Return the surface in a number of blocks per side, one less without edges."""
+        """Return the surface in a number of blocks per side, one less without edges.
+
+        The blocks are kept for the next call.
+        """
         if number not in self._in_blocks:
             most = number if self.boundary == "free" else number - 1
             self._in_blocks[number] = Blocks(self.heights, self.spacing, most)
@@ -314,16 +488,22 @@ class SurfaceFeatures:
 def _above(interference: Values, delta: float) -> tuple[float, float]:
     """Return the share of nodes above 0, and the mean of the positive part over Delta."""
     above = np.maximum(interference, 0.0)
-    return np.count_nonzero(above) / above.size, float(above.mean()) / delta
+    share = np.count_nonzero(above) / above.size
+    return share, float(above.mean()) / delta
 
 
-def _shifted(interference: Values, delta: float, roughness: float) -> tuple[float, ...]:
+def _above_shifted(
+    interference: Values, delta: float, roughness: float
+) -> tuple[float, ...]:
     """Return the shares of nodes above shifted displacements, and norms of the positive part.
 
     The interference is that of the heights above the displacement [um], the roughness the rms of
-    the heights that the blocks do not resolve [um].
+    the heights that the blocks do not resolve [um]; the norms are over Delta.
     """
-    shares = [np.count_nonzero(interference > shift * roughness) for shift in SHIFTS]
+    shares = []
+    for shift in SHIFTS:
+        number = np.count_nonzero(interference > shift * roughness)
+        shares.append(number / interference.size)
     above = np.maximum(interference, 0.0) / delta
     norms = [float((above**power).mean()) ** (1 / power) for power in POWERS]
-    return *(share / interference.size for share in shares), *norms
+    return (*shares, *norms)

@@ -20,8 +20,7 @@ from gen.arrays import Indices, Values
 from gen.database import Reader
 from gen.generators.scans import ScanSurface
 from gen.runtime.errors import InputError
-from learn.dataset import Dataset
-from learn.features.scene import SCENE
+from learn.database_rows import Dataset
 from learn.metrics import LEVEL, no_better
 from learn.split import FOLDS, TILE, Split
 from learn.surrogate.learnt import Learnt
@@ -194,7 +193,7 @@ def judge(learnt: Learnt, rows: Dataset) -> Judged:
     low, high = (np.clip(each * rows.scale, *learnt.bounds) for each in ends)
     predicted = np.clip(raw * rows.scale, *learnt.bounds)
     truth = rows.target * rows.scale
-    of_mean = rows.features.name == SCENE
+    of_mean = rows.features.of_scene
     errors = np.abs(predicted - truth)
     found = (
         accuracy_of_mean(learnt, rows)

@@ -26,7 +26,8 @@ from gen.runtime.terminal import RunProgress, command_to_type, echo, print_colum
 from gen.scene import Scene, differences
 from gen.schema import Status
 from learn import dataset
-from learn.dataset import TARGETS, Dataset, Request, results, short_name
+from learn.database_rows import Dataset
+from learn.dataset import TARGETS, Request, results, short_name
 from learn.executor import Ended, Executor, within
 from learn.features.scene import SCENE
 from learn.grow.accuracy import (

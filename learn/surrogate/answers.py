@@ -18,8 +18,9 @@ from gen.runtime.errors import InputError
 from gen.runtime.files import require_file
 from gen.runtime.terminal import command_to_type, echo
 from learn.features import SurfaceFeatures, Undefined
+from learn.features.columns import STATISTICS
+from learn.features.rows import Grid, Rows
 from learn.features.scene import LOADS, unit_of
-from learn.features.sets import STATISTICS, Rows
 from learn.surrogate.model import Prediction, Surrogate
 
 
@@ -195,7 +196,7 @@ def rows_of_table(
     shapes = np.where(nodes.all(axis=1, keepdims=True), nodes, usual["nodes"]).astype(int)
     patches = np.where(unknown, usual["side"], sides)
     grids = [
-        (tuple(a), tuple(b))
+        Grid(tuple(a), tuple(b))
         for a, b in zip(shapes.tolist(), patches.tolist(), strict=True)
     ]
     notes = ["statistics undefined: nan in the table" * lacks for lacks in undefined]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,17 +14,16 @@ from gen.arrays import Indices, Values
 from gen.runtime import VERSION
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import echo, print_columns, printable
-from learn.dataset import Dataset, Request
+from learn.database_rows import Dataset
+from learn.dataset import Request
 from learn.features.scene import SCENE, plain, shown
 from learn.features.sets import limits_of
 from learn.metrics import magnitude, no_better, scores
 from learn.models import EVERY, versions
 from learn.surrogate.calibration import FEWEST
-from learn.surrogate.interval import USUAL_LEVEL, between, calibrated_by
-from learn.surrogate.learnt import Learnt
-
-if TYPE_CHECKING:
-    from learn.surrogate.fitting import Fit
+from learn.surrogate.interval import USUAL_LEVEL, calibrated_by
+from learn.surrogate.learnt import Fit, Learnt
+from learn.surrogate.training import between
 
 # title, headings of columns of names and of columns of numbers, and rows
 Table = tuple[str, list[str], list[str], Sequence[Sequence[object]]]
@@ -73,9 +72,7 @@ def make(
         "boundary": boundary if boundary != "free" else "",
         "hardness_ratio": None if limits is None else list(limits),
         "elastic": features.elastic,
-        "load": features.load
-        if features.name == SCENE or features.load != "delta"
-        else "",
+        "load": features.load if features.of_scene or features.load != "delta" else "",
         "databases": databases if len(databases) > 1 else [],
     }
     return {

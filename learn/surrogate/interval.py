@@ -1,41 +1,42 @@
-"""Intervals of predictions, and the flag of rows where they do not hold.
+"""Intervals of predictions, and distances from the training.
 
 Intervals are conformal: as wide as the errors of models that have not seen a row's surface, map or
-database (`learn.surrogate.calibration`). An error over the size that is usual at its place is a
-score; a quantile of the scores times the usual size is half the width of an interval. The usual
-size is the product of two (normalised conformal prediction: J. Lei et al. (2018), J. Am. Stat.
-Assoc. 113, 1094, section 5.2):
+database (`learn.surrogate.calibration`). An error over the error that is usual at its place is a
+score. A quantile of the scores times the usual error is half the width of an interval. The usual
+error is the product of two factors (normalised conformal prediction: J. Lei et al. (2018), J. Am.
+Stat. Assoc. 113, 1094, section 5.2):
 
 - an `ErrorScale` of the features: errors on windows of turned surfaces are two to three times as
   large as on isotropic ones;
 - a growth with the distance from the training, the same for all fits (`GROWTH`). Kinds of surfaces
-  that a training lacks lie further out, within the limit of the flag, where errors are larger; by
-  how much no row of the training tells.
+  that a training lacks lie further out, within the limit of the flag. Errors are larger there, but
+  no row of the training tells how much larger.
 
-What is exchangeable are surfaces, not rows: all rows of one together weigh as much as another
-surface, and so does the new one, whose errors may be of any size. Of K surfaces, the largest level
-is K / (K + 1). Where rows come from a few maps or databases, each has scores of its own surfaces,
-and those of the nearest one count. Of nine maps or databases or more, each weighs as much as
-another, and intervals hold for a row of a further one. (R. Dunn, L. Wasserman, A. Ramdas (2022), J.
-Am. Stat. Assoc. 118, 2491, "pooling CDFs"; Y. Lee, R. F. Barber, R. Willett (2023),
-arXiv:2306.06342, hierarchical conformal prediction.) The level is that of all new ones together: a
-single one may be covered less.
+Surfaces are exchangeable, rows are not. All rows of one surface together therefore weigh as much as
+those of another one. The surface of a prediction counts as one more, with an error of any size, so
+that K surfaces reach a level of K / (K + 1) at most. Where rows come from a few maps or databases,
+each of these has scores of its own surfaces, and a prediction takes the scores of the nearest one.
+With nine maps or databases or more, each weighs as much as another, and intervals hold for rows of
+a further one. (R. Dunn, L. Wasserman, A. Ramdas (2022), J. Am. Stat. Assoc. 118, 2491, "pooling
+CDFs"; Y. Lee, R. F. Barber, R. Willett (2023), arXiv:2306.06342, hierarchical conformal
+prediction.) The level is the mean over all new surfaces or maps. A single one may be covered less.
 
-Their guarantee is that for a model of half the surfaces, calibrated on the other half; predictions
-come from one model of all: this is the jackknife, not the jackknife+ (R. F. Barber et al. (2021),
-Ann. Stat. 49, 486). `bench coverage` and `bench scans` measure the coverage.
+The theory guarantees the level for a model of half the surfaces, calibrated on the other half. Here
+predictions come from one model of all surfaces: this is the jackknife, not the jackknife+ (R. F.
+Barber et al. (2021), Ann. Stat. 49, 486). `bench coverage` and `bench scans` measure the coverage.
 
-The flag names rows that are unlike the training: their features, distance, grid or hardness. Each
-feature may lie within its range, and all of them together far from any surface of the training. The
-distance is Mahalanobis's, over the root of the number of features. Its limit is the distance that
-97 % of the training rows keep, each measured from rows of other surfaces. Where there are many maps
-or databases, each is left out in turn, and a new row of one like these lies beyond the limit with a
+Rows far from the training are flagged (`learn.surrogate.training`). Each feature may lie within its
+range while all of them together are far from any surface of the training. The distance is the
+Mahalanobis distance over the root of the number of features. Its limit is the distance that 97 % of
+the training rows keep, each measured from rows of other surfaces. Where there are many maps or
+databases, each is left out in turn, and a row of a similar new one lies beyond the limit with a
 probability of 10 % at most.
 
 A few databases are a few clouds of features with nothing between them: elastic bodies of one kind
-of surface, bodies that yield of another. Distances are then measured from the nearest of them. Its
-covariance is drawn towards the mean of all, as a database may have fewer rows than features (J. H.
-Friedman (1989), J. Am. Stat. Assoc. 84, 165, regularised discriminant analysis).
+of surface, bodies that yield of another. Distances are then measured from the nearest cloud. The
+covariance of a cloud is drawn towards the mean of all clouds, as a database may have fewer rows
+than features (J. H. Friedman (1989), J. Am. Stat. Assoc. 84, 165, regularised discriminant
+analysis).
 """
 
 from __future__ import annotations
@@ -43,49 +44,51 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from bem.problem import node_spacing
 from gen.arrays import Indices, Values
 from gen.runtime.errors import InputError
-from learn.features.scene import SCENE, shown
-from learn.features.sets import NODES, Rows
 
-if TYPE_CHECKING:
-    from learn.surrogate.model import Surrogate
+# level of intervals where the user names none, and the calibration reaches it
+USUAL_LEVEL = 0.9
+# slack of largest levels, in thousandths: the weights that they follow from are sums of fractions
+ROUNDING = 1e-6
+# share of the rows of a new map or database that lie within the limit, at least
+SHARE = 0.9
+# share of the training rows within the limit, unless maps or databases decide it
+INSIDE = 0.97
 
-USUAL_LEVEL = 0.9  # of intervals, where nobody asks for another one and it is reached
-ROUNDING = 1e-6  # of levels in thousandths, whose weights are sums of fractions
-SHARE = (
-    0.9  # share of the rows of a new map or database that lie within the limit, or more
-)
-INSIDE = 0.97  # share of the training rows within the limit, unless maps or databases decide it
-
-# added to the variances of features of deviation 1: some repeat others, as roots do
+# Added to the variances of features of deviation 1, because some features repeat others: roots do.
 RIDGE = 1e-4
-RIDGE_OF_MAPS = (
-    0.01  # the same where maps are one cloud: few directions tell one from another
-)
-SAME = 1e-6  # relative distance from the training's hardness within which two are equal
+# The same where maps are one cloud: few directions tell one map from another.
+RIDGE_OF_MAPS = 0.01
 
 
 class Growth(NamedTuple):
     """How errors grow with the distance from the training."""
 
-    most: (
-        float  # errors at the limit of the flag, over those in the middle of the training
-    )
+    at_limit: float  # errors at the limit of the flag, over those in the middle
     power: float  # of the distance, in which the logarithm of the errors is linear
 
-    def at(self, far: Values, limit: float) -> Values:
-        """Return the size of errors, (n,), at distances, over that in the middle of the training.
+    def at(self, distance: Values, limit: float) -> Values:
+        """Return the size of errors at distances from the training.
 
-        Beyond the limit of the flag errors are taken for no larger than at the limit.
+        Parameters
+        ----------
+        distance : ndarray, shape (n,)
+            Distances from the training; NaN counts as the limit.
+        limit : float
+            Limit of the flag. Beyond it errors are taken to be no larger than at the limit.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Size of errors over that in the middle of the training.
         """
-        inside = np.fmin(far, limit) / max(limit, np.finfo(float).tiny)
-        return np.asarray(self.most**inside**self.power)
+        share = np.fmin(distance, limit) / max(limit, np.finfo(float).tiny)
+        return np.asarray(self.at_limit**share**self.power)
 
 
 # Chosen with 18 kinds of surfaces that were changed in ways of their own (peaks cut, skewed, waves
@@ -96,11 +99,12 @@ GROWTH = Growth(40.0, 4.0)
 # weight of the penalty on the slopes of usual errors, for features of deviation 1 and a mean
 # squared error; on the made maps of `bench scans`, 0.3 to 3 give the same widths within 3 %
 SHRINKAGE = 1.0
-SMALLEST = (
-    1e-3  # least error that counts, over the median: logarithms near 0 would weigh most
-)
-ENDS = (0.02, 0.98)  # quantiles of the usual errors beyond which none is extrapolated
-CONSTANT = 1e-9  # deviation of a constant feature over its largest size, at most
+# Least error that counts, over the median: otherwise logarithms near 0 would weigh most.
+SMALLEST = 1e-3
+# quantiles of the usual errors beyond which none is extrapolated
+ENDS = (0.02, 0.98)
+# largest deviation of a constant feature, over its largest size
+CONSTANT = 1e-9
 
 
 class Scores(NamedTuple):
@@ -111,46 +115,122 @@ class Scores(NamedTuple):
 
     @classmethod
     def of(cls, errors: Values, groups: Indices) -> Scores:
-        """Sort the errors, (n,), of rows whose surfaces, maps or databases are numbered, (n,)."""
-        _, place, sizes = np.unique(groups, return_inverse=True, return_counts=True)
+        """Sort and weight errors.
+
+        Parameters
+        ----------
+        errors : ndarray, shape (n,)
+            Absolute errors over their usual size.
+        groups : ndarray, shape (n,)
+            Number of the surface, map or database of each row.
+
+        Returns
+        -------
+        Scores
+            The errors, ascending, with their weights.
+        """
         order = np.argsort(errors, kind="stable")
-        return cls(errors[order], 1.0 / sizes[place][order])
+        weights = 1.0 / _sizes_of_groups(groups)
+        return cls(errors[order], weights[order])
 
     def quantile(self, level: float) -> float:
         """Return the score that a row of a new surface does not exceed with a probability.
 
-        It is the quantile of all scores of K surfaces, each of which weighs 1 / (K + 1) over its
-        rows, and of an infinite one of weight 1 / (K + 1) (Lee, Barber, Willett (2023), section 3).
+        Each of K surfaces weighs 1 / (K + 1), shared by its rows. An infinite score weighs
+        1 / (K + 1) too (Lee, Barber, Willett (2023), section 3).
+
+        Parameters
+        ----------
+        level : float
+            The probability, between 0 and 1.
+
+        Returns
+        -------
+        float
+            Score; infinite if the level is above K / (K + 1).
+
+        Raises
+        ------
+        InputError
+            If the level is not between 0 and 1.
         """
-        if not 0 < level < 1:
-            raise InputError(
-                f"--interval {level:g}: give a coverage between 0 and 1, as 0.9"
-            )
+        require_probability(level)
         reached = np.cumsum(self.weights) / (self.weights.sum() + 1)
         place = int(np.searchsorted(reached, level - 1e-9))
-        return float(self.errors[place]) if place < self.errors.size else np.inf
+        if place == self.errors.size:
+            return np.inf
+        return float(self.errors[place])
+
+
+def require_probability(level: float) -> None:
+    """Refuse a level of intervals that is not between 0 and 1.
+
+    Parameters
+    ----------
+    level : float
+        Coverage of intervals.
+
+    Raises
+    ------
+    InputError
+        If it is not between 0 and 1.
+    """
+    if not 0 < level < 1:
+        raise InputError(f"--interval {level:g}: give a coverage between 0 and 1, as 0.9")
+
+
+def _sizes_of_groups(groups: Indices) -> Indices:
+    """Return the number of rows of each row's group, (n,)."""
+    _, place, sizes = np.unique(groups, return_inverse=True, return_counts=True)
+    return np.asarray(sizes[place])
 
 
 @dataclass(frozen=True, eq=False)
 class ErrorScale:
-    """Usual errors, whose logarithm is linear in the d features, or quadratic."""
+    """Usual errors, whose logarithm is a linear or quadratic function of the d features."""
 
-    slopes: Values  # (d,), change of the logarithm with each feature; and with products of two
+    # change of the logarithm with each feature, (d,); of a quadratic one, with each term of
+    # `quadratic`
+    slopes: Values
     offset: float  # logarithm where all features are 0
     low: float  # least value of the logarithm
-    high: float  # and largest one
+    high: float  # largest value of the logarithm
 
     def at(self, inputs: Values) -> Values:
-        """Return the usual errors, (n,), at the features, (n, d)."""
+        """Return the usual errors of rows.
+
+        Parameters
+        ----------
+        inputs : ndarray, shape (n, d)
+            Features; the largest usual error is returned where one is NaN.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Usual errors, in the unit of the errors that were fitted.
+        """
         with np.errstate(over="ignore", invalid="ignore"):
-            terms = inputs if self.slopes.size == inputs.shape[1] else quadratic(inputs)
+            terms = inputs
+            if self.slopes.size != inputs.shape[1]:
+                terms = quadratic(inputs)
             logarithm = terms @ self.slopes + self.offset
         logarithm[np.isnan(logarithm)] = self.high
         return np.asarray(np.exp(np.clip(logarithm, self.low, self.high)))
 
 
 def quadratic(inputs: Values) -> Values:
-    """Return the features, (n, d), and their products of two, (n, d (d + 3) / 2)."""
+    """Append the products of two features to the features.
+
+    Parameters
+    ----------
+    inputs : ndarray, shape (n, d)
+        Features.
+
+    Returns
+    -------
+    ndarray, shape (n, d (d + 3) / 2)
+        Features, their squares and their products.
+    """
     first, second = np.triu_indices(inputs.shape[1])
     return np.column_stack([inputs, inputs[:, first] * inputs[:, second]])
 
@@ -158,108 +238,209 @@ def quadratic(inputs: Values) -> Values:
 def fit_scale(
     inputs: Values, errors: Values, groups: Indices, shrinkage: float = SHRINKAGE
 ) -> ErrorScale:
-    """Fit usual errors by ridge regression of the logarithm of errors, (n,); groups weigh alike."""
-    _, place, sizes = np.unique(groups, return_inverse=True, return_counts=True)
-    weights = 1.0 / (sizes[place] * sizes.size)
+    """Fit usual errors by ridge regression of the logarithm of errors.
+
+    Parameters
+    ----------
+    inputs : ndarray, shape (n, d)
+        Features, or the terms of `quadratic`.
+    errors : ndarray, shape (n,)
+        Absolute errors.
+    groups : ndarray, shape (n,)
+        Number of the surface, map or database of each row. All groups weigh the same.
+    shrinkage : float
+        Weight of the penalty on the slopes, for features of deviation 1 and a mean squared error.
+
+    Returns
+    -------
+    ErrorScale
+        Usual errors, in the unit of the errors.
+    """
+    weights = 1.0 / (_sizes_of_groups(groups) * np.unique(groups).size)
     least = max(SMALLEST * float(np.median(errors)), np.finfo(float).tiny)
     logarithms = np.log(np.maximum(errors, least))
-    centre, mean = weights @ inputs, float(weights @ logarithms)
-    offset = inputs - centre
-    deviation = np.sqrt(weights @ offset**2)
+    centre = weights @ inputs
+    mean = float(weights @ logarithms)
+    differences = inputs - centre
+    deviation = np.sqrt(weights @ differences**2)
     varying = deviation > CONSTANT * np.abs(inputs).max(axis=0)
-    unit = offset[:, varying] / deviation[varying]
+    unit = differences[:, varying] / deviation[varying]
     weighted = unit * weights[:, None]
     matrix = weighted.T @ unit + shrinkage * np.eye(unit.shape[1])
-    found = np.linalg.solve(matrix, weighted.T @ (logarithms - mean))
+    coefficients = np.linalg.solve(matrix, weighted.T @ (logarithms - mean))
     slopes = np.zeros(inputs.shape[1])
-    slopes[varying] = found / deviation[varying]
-    low, high = np.quantile(mean + unit @ found, ENDS)
+    slopes[varying] = coefficients / deviation[varying]
+    low, high = np.quantile(mean + unit @ coefficients, ENDS)
     return ErrorScale(slopes, mean - float(centre @ slopes), float(low), float(high))
+
+
+class Nearest(NamedTuple):
+    """The nearest cloud of each of n rows."""
+
+    distance: Values  # (n,), distance from the mean of this cloud
+    cloud: Indices  # (n,), number of this cloud
 
 
 @dataclass(frozen=True, eq=False)
 class Distance:
-    """Distances from the training of d features, or from the nearest of its k databases or maps."""
+    """Distances from k clouds of training rows: all rows, or those of each database or map."""
 
-    centres: Values  # (k, d), mean features
-    whitenings: (
-        Values  # (k, d, d), after which differences from the mean are uncorrelated
-    )
+    centres: Values  # (k, d), mean features of the clouds
+    # (k, d, d), matrices after which differences from the mean are uncorrelated
+    whitenings: Values
     limit: float  # largest distance that is not flagged
 
-    def measured(self, inputs: Values) -> tuple[Values, Indices]:
-        """Return the distance of rows from the nearest mean and its number, (n,), by (n, d)."""
-        squares = np.full((len(self.centres), len(inputs)), np.inf)
+    def nearest(self, inputs: Values) -> Nearest:
+        """Find the nearest cloud of each row.
+
+        Parameters
+        ----------
+        inputs : ndarray, shape (n, d)
+            Features.
+
+        Returns
+        -------
+        Nearest
+            Distance from the nearest mean, NaN where a feature is NaN, and number of its cloud.
+        """
+        squares = np.empty((len(self.centres), len(inputs)))
         with np.errstate(over="ignore", invalid="ignore"):
-            for own, centre, whitening in zip(
-                squares, self.centres, self.whitenings, strict=True
-            ):
-                own[:] = np.mean(((inputs - centre) @ whitening) ** 2, axis=1)
-        return np.sqrt(squares.min(axis=0)), squares.argmin(axis=0)
+            for cloud, centre in enumerate(self.centres):
+                differences = (inputs - centre) @ self.whitenings[cloud]
+                squares[cloud] = np.mean(differences**2, axis=1)
+        return Nearest(np.sqrt(squares.min(axis=0)), squares.argmin(axis=0))
 
     def of(self, inputs: Values) -> Values:
-        """Return the distance of each row, (n,), from the nearest mean, by its features, (n, d)."""
-        return self.measured(inputs)[0]
+        """Return the distance of each row from the nearest mean.
+
+        Parameters
+        ----------
+        inputs : ndarray, shape (n, d)
+            Features.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Distances; NaN where a feature is NaN.
+        """
+        return self.nearest(inputs).distance
 
 
-def from_maps(inputs: Values, groups: Indices, others: Values | None = None) -> Distance:
-    """Measure distances from rows, (n, d), with the limit that a new map or database keeps.
+class MeasuredRows(NamedTuple):
+    """Rows, and where they lie seen from the training."""
 
-    Each of the groups of the rows, (n,), is left out in turn, or they are those of other rows,
-    (m, d), from the training.
+    training: Distance  # distances from the training, with the limit of the flag
+    nearest: (
+        Nearest  # of each row; of training rows, measured without the part they are in
+    )
+
+
+def from_maps(inputs: Values, groups: Indices) -> Distance:
+    """Measure distances from training rows, with the limit that rows of a new map keep.
+
+    To find the limit, each map or database is left out in turn.
+
+    Parameters
+    ----------
+    inputs : ndarray, shape (n, d)
+        Features of the training rows.
+    groups : ndarray, shape (n,)
+        Number of the map or database of each row.
+
+    Returns
+    -------
+    Distance
+        Distances from the one cloud of all rows.
     """
-    whole = _unlimited(inputs, ridge=RIDGE_OF_MAPS)
-    if others is not None:
-        found = whole.of(others)
-    else:
-        found = np.empty(len(inputs))
-        for group in np.unique(groups):
-            own = groups == group
-            found[own] = _unlimited(inputs[~own], ridge=RIDGE_OF_MAPS).of(inputs[own])
-    return replace(whole, limit=Scores.of(found, groups).quantile(SHARE))
+    distances = np.empty(len(inputs))
+    for group in np.unique(groups):
+        inside = groups == group
+        without = _from_one_cloud(inputs[~inside])
+        distances[inside] = without.of(inputs[inside])
+    limit = Scores.of(distances, groups).quantile(SHARE)
+    return replace(_from_one_cloud(inputs), limit=limit)
 
 
-def from_surfaces(
-    inputs: Values, clouds: Indices, parts: Indices
-) -> tuple[Distance, Values, Indices]:
-    """Measure distances from the nearest cloud of rows, (n, d), with a limit that most rows keep.
+def from_training(inputs: Values, other_inputs: Values, groups: Indices) -> Distance:
+    """Measure distances from training rows, with the limit that rows of further maps keep.
 
-    Clouds, (n,), are numbered from 0 on. Also return the distance of each row from the rows of
-    other parts, (n,), and the number of the nearest cloud.
+    Parameters
+    ----------
+    inputs : ndarray, shape (n, d)
+        Features of the training rows.
+    other_inputs : ndarray, shape (m, d)
+        Features of rows of maps or databases that are not in the training.
+    groups : ndarray, shape (m,)
+        Number of the map or database of each of these other rows.
+
+    Returns
+    -------
+    Distance
+        Distances from the one cloud of the training rows.
     """
-    far, nearest = np.empty(len(inputs)), np.empty(len(inputs), dtype=np.int64)
+    training = _from_one_cloud(inputs)
+    limit = Scores.of(training.of(other_inputs), groups).quantile(SHARE)
+    return replace(training, limit=limit)
+
+
+def _from_one_cloud(inputs: Values) -> Distance:
+    """Return the distances from rows of many maps or databases, without a limit."""
+    return _unlimited(inputs, np.zeros(len(inputs), dtype=np.int64), ridge=RIDGE_OF_MAPS)
+
+
+def from_surfaces(inputs: Values, clouds: Indices, parts: Indices) -> MeasuredRows:
+    """Measure distances from the nearest cloud of training rows, with a limit that most rows keep.
+
+    Parameters
+    ----------
+    inputs : ndarray, shape (n, d)
+        Features of the training rows.
+    clouds : ndarray, shape (n,)
+        Number of the cloud of each row, from 0 on.
+    parts : ndarray, shape (n,)
+        Number of the part of each row; rows of one surface are in the same part.
+
+    Returns
+    -------
+    MeasuredRows
+        Distances from the clouds, and the nearest cloud of each row among the rows of other parts.
+    """
+    distances = np.empty(len(inputs))
+    nearest = np.empty(len(inputs), dtype=np.int64)
     known = np.zeros(len(inputs), dtype=np.bool_)
     for part in np.unique(parts):
-        own = parts == part
-        seen = np.unique(clouds[~own])
-        far[own], places = _unlimited(inputs[~own], clouds[~own]).measured(inputs[own])
-        nearest[own] = seen[places]
-        known[own] = np.isin(clouds[own], seen)
-    # A cloud of which no other part has rows says nothing about the distance from its own.
-    limit = float(
-        np.quantile(far[known] if known.any() else far, INSIDE, method="higher")
-    )
-    return replace(_unlimited(inputs, clouds), limit=limit), far, nearest
+        inside = parts == part
+        remaining = np.unique(clouds[~inside])
+        without = _unlimited(inputs[~inside], clouds[~inside]).nearest(inputs[inside])
+        distances[inside] = without.distance
+        nearest[inside] = remaining[without.cloud]
+        known[inside] = np.isin(clouds[inside], remaining)
+    # Rows of a cloud that no other part has cannot be measured from their own cloud.
+    if not known.any():
+        known[:] = True
+    limit = float(np.quantile(distances[known], INSIDE, method="higher"))
+    training = replace(_unlimited(inputs, clouds), limit=limit)
+    return MeasuredRows(training, Nearest(distances, nearest))
 
 
-def _unlimited(
-    inputs: Values, labels: Indices | None = None, ridge: float = RIDGE
-) -> Distance:
-    """Return the distances from some rows, or from the nearest of their groups, without a limit."""
-    labels = np.zeros(len(inputs), dtype=np.int64) if labels is None else labels
-    features, deviation = inputs.shape[1], inputs.std(axis=0)
-    groups = [inputs[labels == label] for label in np.unique(labels)]
-    # A new value of a feature that is constant, in every group, is flagged by its range.
+def _unlimited(inputs: Values, labels: Indices, ridge: float = RIDGE) -> Distance:
+    """Return the distances from the nearest cloud, without a limit.
+
+    The clouds are the rows, (n, d), of each label, (n,).
+    """
+    features = inputs.shape[1]
+    clouds = [inputs[labels == label] for label in np.unique(labels)]
+    # A feature that is constant in every cloud does not count; its range flags a new value.
     least = CONSTANT * np.abs(inputs).max(axis=0)
-    varying = np.any([own.std(axis=0) > least for own in groups], axis=0)
-    scale = np.where(varying, deviation, np.inf)
-    means = [own.mean(axis=0) for own in groups]
-    units = [(own - mean) / scale for own, mean in zip(groups, means, strict=True)]
+    varying = np.any([cloud.std(axis=0) > least for cloud in clouds], axis=0)
+    scale = np.where(varying, inputs.std(axis=0), np.inf)
+    means = [cloud.mean(axis=0) for cloud in clouds]
+    units = [(cloud - mean) / scale for cloud, mean in zip(clouds, means, strict=True)]
     squares = [unit.T @ unit for unit in units]
     shared = np.sum(squares, axis=0) / len(inputs)
     whitenings = []
-    for own, products in zip(groups, squares, strict=True):
-        covariance = (products + features * shared) / (len(own) + features)
+    for cloud, products in zip(clouds, squares, strict=True):
+        covariance = (products + features * shared) / (len(cloud) + features)
         inverse = np.linalg.inv(covariance + ridge * np.eye(features))
         whitenings.append(np.linalg.cholesky(inverse) / scale[:, None])
     return Distance(np.array(means), np.array(whitenings), np.inf)
@@ -267,185 +448,79 @@ def _unlimited(
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Scores that intervals of one target over its scale are computed from."""
+    """What intervals of one target are computed from. The target is over its scale."""
 
-    scores: tuple[
-        Scores, ...
-    ]  # of each of the distance's clouds; or of all maps together
-    usual: ErrorScale  # size of the errors by the features; scores are over it and over the growth
-    distance: Distance | None = (
-        None  # with which errors grow; None for intervals by whole maps
-    )
+    scores: tuple[Scores, ...]  # of each cloud of `distance`; or of all maps together
+    # usual errors by the features; scores are over these and over the growth
+    usual: ErrorScale
+    # distance that errors grow with; None for intervals by whole maps
+    distance: Distance | None = None
     root: bool = False  # True for errors of the square root of the target
     growth: Growth = GROWTH
 
     @property
     def largest_level(self) -> float:
-        """Largest level, rounded down to three digits, that the fewest surfaces or maps reach."""
-        fewest = min((float(each.weights.sum()) for each in self.scores), default=0.0)
+        """Largest level that the fewest surfaces or maps reach, rounded down to three digits."""
+        fewest = min((float(scores.weights.sum()) for scores in self.scores), default=0.0)
         return math.floor(1000 * fewest / (fewest + 1) + ROUNDING) / 1000
 
     def ends(
         self, prediction: Values, level: float, inputs: Values
     ) -> tuple[Values, Values]:
-        """Return both ends of the interval at each prediction, each (n,), at the features, (n, d).
+        """Return the intervals about predictions.
 
-        They are infinite where there are too few surfaces for the level.
+        Parameters
+        ----------
+        prediction : ndarray, shape (n,)
+            Predictions, over the scale of the target.
+        level : float
+            Coverage of the intervals, between 0 and 1.
+        inputs : ndarray, shape (n, d)
+            Features.
+
+        Returns
+        -------
+        (ndarray, ndarray), each of shape (n,)
+            Lower and upper ends, over the scale of the target. They are infinite if too few
+            surfaces or maps were calibrated for the level.
+
+        Raises
+        ------
+        InputError
+            If the level is not between 0 and 1.
         """
-        widths = np.array([each.quantile(level) for each in self.scores])
-        half = self.usual.at(inputs)
-        if self.distance is None:
-            half *= widths[0]
-        else:
-            far, nearest = self.distance.measured(inputs)
-            half *= widths[nearest] * self.growth.at(far, self.distance.limit)
+        half = self._half_widths(level, inputs)
         if not self.root:
             return prediction - half, prediction + half
         root = np.sqrt(np.maximum(prediction, 0.0))
         return np.maximum(root - half, 0.0) ** 2, (root + half) ** 2
 
+    def _half_widths(self, level: float, inputs: Values) -> Values:
+        """Return half the width of each interval, (n,), over the target's scale or its root."""
+        quantiles = np.array([scores.quantile(level) for scores in self.scores])
+        usual = self.usual.at(inputs)
+        if self.distance is None:
+            return np.asarray(usual * quantiles[0])
+        distance, cloud = self.distance.nearest(inputs)
+        growth = self.growth.at(distance, self.distance.limit)
+        return np.asarray(usual * (quantiles[cloud] * growth))
+
 
 def calibrated_by(card: Mapping[str, Any]) -> str:
-    """Say by how many surfaces, maps or databases intervals are calibrated: "17 maps"."""
-    entry = card["calibration"]
-    many = f"{entry['groups']} {entry['kind']}s"
-    return f"the surfaces of {many}" if entry["scheme"] == "each" else many
-
-
-def require_level(surrogate: Surrogate, level: float) -> None:
-    """Refuse a level of intervals that has too few surfaces or maps to be calibrated."""
-    for name, each in surrogate.learnt.items():
-        if all(np.isfinite(scores.quantile(level)) for scores in each.calibration.scores):
-            continue
-        raise InputError(
-            f"--interval {level:g}: intervals of {name} are calibrated by"
-            f" {calibrated_by(surrogate.card)}, which reach {each.calibration.largest_level:g} at"
-            " most: give less, or fit to more of them"
-        )
-
-
-def level_of(surrogate: Surrogate, asked: float | None, *, mean: bool = False) -> float:
-    """Return the level of the intervals that a question gets.
+    """Name the number of surfaces, maps or databases that calibrate a surrogate's intervals.
 
     Parameters
     ----------
-    surrogate : Surrogate
-        The surrogate that is asked.
-    asked : float or None
-        The level that the user wants; None for `USUAL_LEVEL`, or the largest that holds below.
-    mean : bool
-        True for intervals of the mean over surfaces, which no rows calibrate: any level holds.
+    card : mapping of str to object
+        Card of the surrogate.
 
     Returns
     -------
-    float
-        A level that holds, between 0 and 1.
-
-    Raises
-    ------
-    InputError
-        If the level is not between 0 and 1, or too few surfaces or maps calibrate it.
+    str
+        As "17 maps", or "the surfaces of 4 databases".
     """
-    level = asked
-    if level is None:
-        level = USUAL_LEVEL if mean else min(USUAL_LEVEL, surrogate.largest_level)
-    if mean and not 0 < level < 1:
-        raise InputError(f"--interval {level:g}: give a coverage between 0 and 1, as 0.9")
-    if not mean:
-        require_level(surrogate, level)
-    return level
-
-
-def level_note(surrogate: Surrogate, level: float, asked: float | None) -> str:
-    """Tell the level of intervals where it is below the usual one and nobody asked for it."""
-    if asked is not None or level >= USUAL_LEVEL:
-        return ""
-    return (
-        f"intervals of {100 * level:g} %: {calibrated_by(surrogate.card)} calibrate them and reach"
-        f" no more; for {100 * USUAL_LEVEL:g} % fit to more of them"
-    )
-
-
-def reasons_of(surrogate: Surrogate, rows: Rows, inputs: Values) -> list[str]:
-    """Return why each row, with features (n, d), is outside the training; "" if it is inside.
-
-    The rows' own notes stand first, then the grid, the hardness, the distance and the features.
-    """
-    features, number, found = (
-        surrogate.features,
-        len(inputs),
-        [list[str]() for _ in inputs],
-    )
-    grids = {grid: grid_note(surrogate, *grid) for grid in set(rows.grids)}
-    for notes in (rows.notes, [grids[grid] for grid in rows.grids]):
-        for said, note in zip(
-            found, [*notes] * number if len(notes) == 1 else notes, strict=False
-        ):
-            said.append(note)
-    if surrogate.hardness_limits is not None and rows.hardness_ratio is not None:
-        low, high = surrogate.hardness_limits
-        high = np.inf if features.elastic else high  # elastic bodies are very hard ones
-        for row, ratio in enumerate(
-            np.broadcast_to(rows.hardness_ratio, number).tolist()
-        ):
-            if not low * (1 - SAME) <= ratio <= high * (1 + SAME):
-                found[row].append(
-                    f"hardness/E* {ratio:.4g} outside {low:.4g} to {high:.4g}"
-                )
-    far, limit = surrogate.distance.measured(inputs)[0], surrogate.distance.limit
-    outside = (inputs < surrogate.low) | (inputs > surrogate.high)
-    told, names = [inputs, surrogate.low, surrogate.high], features.names
-    if features.name == SCENE:  # without logarithms
-        told = [shown(features.columns, each) for each in told]
-    values, least, most = told
-    for row in np.flatnonzero(outside.any(axis=1) | (far > limit)).tolist():
-        if far[row] > limit:
-            text = f"distance from the training {far[row]:.4g} outside 0 to {limit:.4g}"
-            found[row].append(text)
-        found[row] += [
-            f"{names[place]} {values[row, place]:.4g} outside {least[place]:.4g} to"
-            f" {most[place]:.4g}"
-            for place in np.flatnonzero(outside[row])
-        ]
-    return ["; ".join(filter(None, each)) for each in found]
-
-
-def grid_note(
-    surrogate: Surrogate, shape: tuple[int, ...], sides: tuple[float, ...]
-) -> str:
-    """Return how a grid differs from the training's; "" if it does not.
-
-    It has nodes along both axes and sides [um]. Features with units bind the surrogate to its side
-    and spacing.
-    """
-    said, card, features = [], surrogate.card, surrogate.features
-    grids = list(
-        dict.fromkeys(tuple(each["nodes"]) for each in card.get("databases", [card]))
-    )
-    if shape not in grids and NODES not in features.columns:
-        trained = ", ".join(f"{nodes[0]:g} x {nodes[1]:g}" for nodes in grids)
-        said.append(f"{shape[0]} x {shape[1]} nodes, trained on {trained}")
-    own = card["side"]
-    if not np.isclose(sides[0] * own[1], sides[1] * own[0], rtol=1e-3):
-        trained = (
-            "square patches" if own[0] == own[1] else f"{own[0]:.6g} x {own[1]:.6g} um"
-        )
-        said.append(f"{sides[0]:.6g} x {sides[1]:.6g} um, trained on {trained}")
-    elif not features.scaled and not np.isclose(sides[0], own[0], rtol=1e-3):
-        said.append(f"side {sides[0]:.6g} um, trained on {own[0]:.6g} um")
-    if (
-        features.scaled or NODES in features.columns
-    ):  # whose nodes are in their range or not
-        return "; ".join(said)
-    for nodes, side, usual in zip(shape, sides, card["spacing"], strict=True):
-        spacing = node_spacing(max(nodes, 2), side, surrogate.boundary)
-        if not np.isclose(spacing, usual, rtol=0.02):
-            said.append(f"spacing {spacing:.4g} um, trained on {usual:.4g} um")
-            break
-    return "; ".join(said)
-
-
-def between(limits: tuple[float, float]) -> str:
-    """Describe a range of the hardness over E*: "0.003 to 0.1", or "0.01" for a fixed one."""
-    low, high = limits
-    return f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
+    entry = card["calibration"]
+    groups = f"{entry['groups']} {entry['kind']}s"
+    if entry["scheme"] == "each":
+        return f"the surfaces of {groups}"
+    return groups

@@ -65,8 +65,8 @@ from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress
 from gen.scene import Scene
 from learn.features import SurfaceFeatures, Undefined
-from learn.features.scene import SCENE, shown
-from learn.surrogate.interval import level_note, level_of
+from learn.features.scene import shown
+from learn.surrogate.level import level_note, level_of
 from learn.surrogate.model import OnSurface, Prediction, Surrogate
 
 BEYOND = (
@@ -204,7 +204,7 @@ def _asked(surrogate: Surrogate, order: Order) -> tuple[Load, Values | None]:
             raise InputError(
                 f"--also {name}: was not learnt: fit one with --target {targets}"
             )
-    inverted = kind == "delta" and surrogate.features.name != SCENE
+    inverted = kind == "delta" and not surrogate.features.of_scene
     if loads.keys() - {kind} and not inverted:
         raise InputError(
             f"the surrogate has learnt what a {load} leads to: give --{kind} instead"

@@ -3,7 +3,7 @@
 from __future__ import annotations  # short signatures in help()
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
@@ -14,13 +14,15 @@ from bem.checks import LARGEST, Range, real_array, real_number
 from bem.problem import Boundary, checked, node_spacing
 from gen.arrays import Values
 from gen.material import Bodies
+from gen.quantities import Powers
 from gen.runtime.errors import InputError, input_errors
-from learn.features import SETS, FeatureSet, SurfaceFeatures
-from learn.features.scene import SCENE, checked_numbers, plain
-from learn.features.sets import Rows
-from learn.surrogate.interval import Distance, between, reasons_of
-from learn.surrogate.learnt import Learnt, load_parts, write_parts
-from learn.surrogate.scale import scale_notes
+from learn.features import FeatureSet, SurfaceFeatures
+from learn.features.rows import Rows
+from learn.features.scene import checked_numbers
+from learn.surrogate.interval import Distance
+from learn.surrogate.learnt import Contents, Learnt, read_contents, write_contents
+from learn.surrogate.scale import keeps_its_scale, scale_notes
+from learn.surrogate.training import Training, between
 
 MODULUS = Range(0, np.inf, "a modulus above 0 MPa")
 HARDNESS = Range(0, np.inf, "a hardness above 0 MPa")
@@ -38,13 +40,13 @@ class Prediction:
     values : dict of str to ndarray, shape (n,)
         Predictions by target: "area" [%], "force" [uN], "mean_gap" [um] ...
     low, high : dict of str to ndarray, shape (n,)
-        Ends of the intervals by target; empty if no level was given. They only hold for rows
-        inside the training; tables leave them out for the other rows.
+        Lower and upper ends of the intervals by target; empty if no intervals were asked for. They
+        hold for rows inside the training only; tables leave them out for other rows.
     reasons : tuple of str
-        For each row, the features outside the training; "" if there is none.
+        For each row, what is outside the training; "" if nothing is.
     given : dict of str to ndarray, shape (n,)
-        The pressure of each row, or a scene's parameters and load, for a surrogate that has learnt
-        these. There `delta` is NaN unless it is the load.
+        The pressure of each row [MPa], or the parameters and the load of a scene by their names, if
+        the surrogate has learnt these; otherwise empty. `delta` is then NaN unless it is the load.
     """
 
     delta: Values
@@ -66,7 +68,7 @@ class Prediction:
 
     @property
     def inside(self) -> NDArray[np.bool_]:
-        """Rows inside the training ranges, True or False, shape (n,)."""
+        """True for rows inside the training, shape (n,)."""
         return np.array([not reason for reason in self.reasons], dtype=np.bool_)
 
 
@@ -84,14 +86,8 @@ class Surrogate:
         Training ranges of the features.
     distance : Distance
         Distances from the training.
-    features : FeatureSet
-        The feature set that the models were trained on.
-    modulus : float
-        E* of the training [MPa].
-    boundary : str
-        Boundary of the training's patches: that of every prediction too.
-    hardness_limits : tuple of float or None
-        Smallest and largest hardness over E* of the training; None if no bodies yield.
+    training : Training
+        What predictions need of the training: features, E*, hardness, boundary, grids.
     """
 
     card: dict[str, Any]
@@ -99,33 +95,36 @@ class Surrogate:
     low: Values
     high: Values
     distance: Distance
-    features: FeatureSet = field(init=False)
-    modulus: float = field(init=False)
-    boundary: Boundary = field(init=False)
-    hardness_limits: tuple[float, float] | None = field(init=False)
+    training: Training = field(init=False)
 
     def __post_init__(self) -> None:
-        """Read of the card what predictions need."""
-        card, limits = self.card, self.card.get("hardness_ratio")
-        columns = tuple(name for name, _ in card["columns"])
-        of_scene = card["features"] == SCENE
-        features = replace(
-            SETS[card["features"]],
-            columns=columns,
-            blocks=int(card.get("blocks", 0)),
-            load=plain(columns[-1]) if of_scene else str(card.get("load") or "delta"),
-            elastic=bool(card.get("elastic")),
-        )
-        vars(self).update(
-            features=features,
-            modulus=float(card["modulus"]),
-            boundary=card.get("boundary", "free"),
-            hardness_limits=None if limits is None else tuple(map(float, limits)),
-        )
+        """Read the training from the card."""
+        training = Training.of(self.card, self.low, self.high, self.distance)
+        object.__setattr__(self, "training", training)
+
+    @property
+    def features(self) -> FeatureSet:
+        """The feature set that the models were trained on."""
+        return self.training.features
+
+    @property
+    def modulus(self) -> float:
+        """E* of the training [MPa]."""
+        return self.training.modulus
+
+    @property
+    def boundary(self) -> Boundary:
+        """Boundary of the training's patches, and of the patches of every prediction."""
+        return self.training.boundary
+
+    @property
+    def hardness_limits(self) -> tuple[float, float] | None:
+        """Smallest and largest hardness over E* of the training; None if no bodies yield."""
+        return self.training.hardness_limits
 
     @classmethod
     def load(cls, path: Path | str) -> Self:
-        """Read a surrogate's file; no code that it names is imported or runs.
+        """Read the file of a surrogate. No code that the file names is imported or run.
 
         Parameters
         ----------
@@ -140,10 +139,17 @@ class Surrogate:
         Raises
         ------
         InputError
-            If the file is no surrogate, is damaged or of another format, or does not fit the
+            If the file is no surrogate, is damaged, has another format, or cannot be used with the
             libraries installed here.
         """
-        return cls(*load_parts(Path(path)))
+        contents = read_contents(Path(path))
+        return cls(
+            card=contents.card,
+            learnt=contents.learnt,
+            low=contents.low,
+            high=contents.high,
+            distance=contents.distance,
+        )
 
     def save(self, path: Path | str) -> None:
         """Write the file that `load` reads, whole or not at all.
@@ -151,16 +157,23 @@ class Surrogate:
         Parameters
         ----------
         path : Path or str
-            File to write.
+            The file to write.
 
         Raises
         ------
         InputError
-            If it cannot be written.
+            If the file cannot be written.
         ValueError
             If a model has settings that `learn fit` never gives.
         """
-        write_parts(Path(path), self)
+        contents = Contents(
+            card=self.card,
+            learnt=self.learnt,
+            low=self.low,
+            high=self.high,
+            distance=self.distance,
+        )
+        write_contents(Path(path), contents)
 
     def predict(
         self,
@@ -172,13 +185,13 @@ class Surrogate:
         hardness: ArrayLike | None = None,
         level: float | None = 0.9,
         mean: bool = False,
-        **given: ArrayLike,
+        **numbers: ArrayLike,
     ) -> Prediction:
         """Predict contacts of one surface, or of a scene's surfaces by their parameters.
 
-        A surrogate of a scene's own features takes its parameters and its load by their names, as
-        `predict(hurst=0.7, rms_height=1.2, pressure=[10.0, 20.0])`, arrays of one length or
-        numbers, and no surface.
+        A surrogate of a scene's own features takes no surface, but the scene's parameters and load
+        by their names, as `predict(hurst=0.7, rms_height=1.2, pressure=[10.0, 20.0])`. Each is a
+        number or an array, and arrays have one length.
 
         Parameters
         ----------
@@ -194,65 +207,73 @@ class Surrogate:
             Hardness of the softer body, for a surrogate of bodies that yield; by default that of
             the training, if it has only one [MPa].
         level : float or None
-            Coverage of the intervals; None for no intervals. It is taken as it is: above
+            Coverage of the intervals; None for no intervals. It is never reduced: above
             `largest_level` the ends of intervals are infinite, or the bounds of the target. Give
-            `min(0.9, surrogate.largest_level)` for what `learn predict` takes by default.
+            `min(0.9, surrogate.largest_level)` for the level that `learn predict` takes by default.
         mean : bool
             True for intervals of the mean over all surfaces of the parameters, not of a new one.
-        **given : ArrayLike
+        **numbers : ArrayLike
             Parameters and load of a surrogate of a scene's own features, in the scene's units; or
-            `pressure`, of one of surfaces that was fitted with --load pressure [MPa].
+            `pressure` for a surrogate of surfaces that was fitted with --load pressure [MPa].
 
         Returns
         -------
         Prediction
-            Predictions of all targets, one row for each displacement, or set of numbers.
+            Predictions of all targets, one row for each load or set of numbers.
 
         Raises
         ------
         InputError
-            If heights, lengths, displacements, `e_star` or `hardness` are impossible, or the
-            training asks for a hardness, a parameter or a load that is not given.
+            If heights, lengths, loads, `e_star`, `hardness` or `level` are impossible, or if a
+            surface, hardness, parameter or load is missing or unknown.
         """
         load = self.features.load
-        if self.features.name == SCENE:
+        if self.features.of_scene:
             if surface is not None or side is not None or e_star is not None:
-                asks = ", ".join(self.features.names)
+                names = ", ".join(self.features.names)
                 raise InputError(
-                    f"the surrogate asks for {asks}, not for a surface or E*"
+                    f"the surrogate asks for {names}, not for a surface or E*"
                 )
-            named = {"delta": delta, "hardness": hardness} | given
-            rows = self.of_numbers({k: v for k, v in named.items() if v is not None})
+            by_name = {"delta": delta, "hardness": hardness, **numbers}
+            rows = self.of_numbers(
+                {name: value for name, value in by_name.items() if value is not None}
+            )
             return self.predict_rows(rows, level=level, mean=mean)
-        loads = given.pop("pressure", None) if load == "pressure" else delta
-        if surface is None or side is None or loads is None or given or mean:
+        loads = delta
+        if load == "pressure":
+            loads = numbers.pop("pressure", None)
+        if surface is None or side is None or loads is None or numbers or mean:
             raise InputError(
                 f"the surrogate asks for a surface, its side and {load}: parameters of a scene and"
                 " means over its surfaces need one fitted with --features scene"
             )
         on_surface = self.for_surface(surface, side)
-        with input_errors():
-            one = (
-                None if hardness is None else real_number("hardness", hardness, HARDNESS)
-            )
-        return on_surface.predict(loads, e_star=e_star, hardness=one, level=level)
+        checked_hardness = None
+        if hardness is not None:
+            with input_errors():
+                checked_hardness = real_number("hardness", hardness, HARDNESS)
+        return on_surface.predict(
+            loads, e_star=e_star, hardness=checked_hardness, level=level
+        )
 
     @property
     def largest_level(self) -> float:
         """Largest level of intervals that holds for all targets, rounded down to three digits.
 
-        It is K / (K + 1) for intervals that are calibrated by K surfaces, maps or databases.
+        Intervals that K surfaces, maps or databases calibrate reach K / (K + 1).
         """
         return min(learnt.calibration.largest_level for learnt in self.learnt.values())
 
     def bodies(self, e_star: float | None, hardness: float | None) -> Bodies:
-        """Return the bodies of a prediction, which are those of the training unless given.
+        """Return the bodies of a prediction, which by default are those of the training.
 
         Parameters
         ----------
-        e_star, hardness : float or None
-            E* and hardness [MPa]. Without a hardness bodies are elastic if the training has some,
-            otherwise they have the only hardness of the training.
+        e_star : float or None
+            E* [MPa]; None for that of the training.
+        hardness : float or None
+            Hardness [MPa]. None stands for elastic bodies if the training has some, otherwise for
+            the only hardness of the training.
 
         Returns
         -------
@@ -262,9 +283,11 @@ class Surrogate:
         Raises
         ------
         InputError
-            If the training has no hardness, or several and none is given.
+            If a number is not above 0, if there is a hardness and the training has none, or if
+            there is none and the training has several.
         """
-        limits, modulus = self.hardness_limits, self.modulus
+        limits = self.hardness_limits
+        modulus = self.modulus
         with input_errors():
             if e_star is not None:
                 modulus = real_number("e_star", e_star, MODULUS)
@@ -284,13 +307,14 @@ class Surrogate:
             hardness = limits[0] * modulus
         return Bodies(modulus, hardness, has_modulus=e_star is not None)
 
-    def of_numbers(self, given: Mapping[str, ArrayLike]) -> Rows:
-        """Turn parameters and loads into rows for `predict_rows`.
+    def of_numbers(self, numbers: Mapping[str, ArrayLike]) -> Rows:
+        """Turn parameters and loads of a scene into rows for `predict_rows`.
 
         Parameters
         ----------
-        given : mapping of str to ArrayLike
-            Numbers or arrays of one length, (n,), by the names of `features.names`.
+        numbers : mapping of str to ArrayLike
+            Numbers or arrays of one length, (n,), by the names of `features.names`, in the scene's
+            units.
 
         Returns
         -------
@@ -300,17 +324,17 @@ class Surrogate:
         Raises
         ------
         InputError
-            If a name is missing or unknown, lengths differ, or a number is not finite, or not above
-            0 where its logarithm is learnt.
+            If the surrogate is one of surfaces, a name is missing or unknown, lengths differ, or a
+            number is not finite, or not above 0 where its logarithm is learnt.
         """
-        if self.features.name != SCENE:
+        if not self.features.of_scene:
             raise InputError(
                 "the surrogate asks for surfaces: numbers need --features scene"
             )
-        numbers = checked_numbers(self.features.columns, given)
-        ones = np.ones(next(iter(numbers.values())).size)
-        delta = numbers.get("delta", np.nan * ones)
-        return Rows(np.empty((ones.size, 0)), delta, 1.0, given=numbers)
+        columns = checked_numbers(self.features.columns, numbers)
+        size = next(iter(columns.values())).size
+        delta = columns.get("delta", np.full(size, np.nan))
+        return Rows(np.empty((size, 0)), delta, 1.0, scene_numbers=columns)
 
     def for_surface(
         self,
@@ -318,12 +342,14 @@ class Surrogate:
         side: float | tuple[float, float],
         name: str = "the surface",
     ) -> OnSurface:
-        """Apply the surrogate to a surface; its statistics are computed once.
+        """Apply the surrogate to a surface, whose statistics are computed once.
 
         Parameters
         ----------
-        surface, side : ArrayLike
-            See `predict`, which also tells what is raised; the boundary is that of the training.
+        surface : ArrayLike
+            Heights, shape (nx, ny) [um]; the patch has the boundary of the training.
+        side : float or tuple of float
+            Scan length; one number, or one for each axis [um].
         name : str
             Name of the surface in messages.
 
@@ -331,24 +357,26 @@ class Surrogate:
         -------
         OnSurface
             The surrogate with the features of this surface.
+
+        Raises
+        ------
+        InputError
+            If heights or lengths are impossible, or the surrogate is of a scene's own features.
         """
-        if self.features.name == SCENE:
-            asks = ", ".join(self.features.names)
-            raise InputError(f"{name}: the surrogate asks for {asks}, not for a surface")
+        if self.features.of_scene:
+            names = ", ".join(self.features.names)
+            raise InputError(f"{name}: the surrogate asks for {names}, not for a surface")
         with input_errors(name):
             heights = real_array("heights", surface)
-            lengths: Any = (
-                [side, side] if isinstance(side, str) or np.ndim(side) == 0 else side
-            )
-            if len(lengths) != 2:
-                raise InputError(f"side {side!r}: give one length or one for each axis")
-            sides = checked("side", lengths[0]), checked("side", lengths[1])
+            sides = _checked_sides(side)
         if heights.ndim != 2 or min(heights.shape) < 2 or not np.isfinite(heights).all():
             raise InputError(f"{name}: give 2-D heights, 2 x 2 or more, all finite")
-        dx, dy = map(node_spacing, heights.shape, sides, [self.boundary] * 2)
-        return OnSurface(
-            self, SurfaceFeatures(heights, sides, (dx, dy), name, self.boundary)
+        spacing = (
+            node_spacing(heights.shape[0], sides[0], self.boundary),
+            node_spacing(heights.shape[1], sides[1], self.boundary),
         )
+        features = SurfaceFeatures(heights, sides, spacing, name, self.boundary)
+        return OnSurface(self, features)
 
     def of_statistics(
         self,
@@ -362,8 +390,10 @@ class Surrogate:
 
         Parameters
         ----------
-        statistics, delta : ndarray, shape (n, 22) and (n,)
-            Statistics in the order and units of Table 1, and far-field displacement [um].
+        statistics : ndarray, shape (n, 22)
+            Statistics in the order and units of the paper's Table 1.
+        delta : ndarray, shape (n,)
+            Far-field displacements [um].
         length : ndarray, shape (n,), or float
             Scan length L, the geometric mean of both sides [um].
         hardness_ratio : float, optional
@@ -402,9 +432,11 @@ class Surrogate:
         Parameters
         ----------
         rows : Rows
-            Rows from `of_statistics` or `OnSurface.rows`.
-        e_star, level : float, optional
-            See `predict`.
+            n rows from `of_statistics`, `of_numbers` or `OnSurface.rows`.
+        e_star : float, optional
+            E* of forces and pressures; that of the training by default [MPa].
+        level : float or None
+            Coverage of the intervals; None for no intervals. See `predict`.
         mean : bool
             True for intervals of the mean over surfaces, of a surrogate of a scene's own features.
 
@@ -416,51 +448,134 @@ class Surrogate:
         Raises
         ------
         InputError
-            If E* or a Delta is not above 0, features are beyond numbers, or they need the heights
-            of the surface, or its nodes, which the rows lack.
+            If E*, the level or a Delta is out of range, a feature is too large, or the rows lack
+            the heights of the surface, its nodes or a parameter that the features need.
         """
         with input_errors():
             if e_star is not None:
                 e_star = real_number("e_star", e_star, MODULUS)
             if level is not None:
                 level = real_number("level", level, LEVEL)
-        features, number = self.features, len(rows.delta)
-        inputs = features.of(rows)
-        known = ~np.isnan(inputs).any(axis=1)
-        if features.name != SCENE:  # whose numbers `of_numbers` has checked
-            defined = ~np.isnan(rows.statistics).any(axis=1)
-            wrong = defined & ~(np.abs(inputs) <= LARGEST).all(axis=1)
-            bad = np.flatnonzero(wrong | ~(rows.delta > 0))
-            if bad.size:
-                raise InputError(
-                    f"row {bad[0] + 1} of {number}: statistics and Delta must be finite, densities,"
-                    f" curvatures and Delta above 0, and no feature beyond {LARGEST:.0e}"
-                )
-        said = reasons_of(self, rows, inputs)
-        for place, note in enumerate(scale_notes(self, rows, e_star)):
-            said[place] = "; ".join(filter(None, (said[place], note)))
-        delta = rows.delta.copy() if "pressure" not in rows.given else np.nan * rows.delta
-        found = Prediction(delta, {}, given=dict(rows.given))
+        inputs = self.features.of(rows)
+        if not self.features.of_scene:  # `of_numbers` has checked the numbers of a scene
+            _require_numbers(rows, inputs)
+        values: dict[str, Values] = {}
+        lows: dict[str, Values] = {}
+        highs: dict[str, Values] = {}
         for name, learnt in self.learnt.items():
-            scale = features.scale(learnt.powers, rows, self.modulus)
-            if e_star is not None and learnt.powers is not None and learnt.powers.modulus:
-                scale = scale * (e_star / self.modulus) ** learnt.powers.modulus
-            raw = learnt.raw(inputs)
-            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                raw[~np.isfinite(raw * scale)] = np.nan
-                answer = np.clip(raw * scale, *learnt.bounds)
-                # About what is answered, so that bounds leave no interval without width.
-                centre = np.where(answer == raw * scale, raw, answer / scale)
-            for row in np.flatnonzero(np.isnan(raw) & known):
-                fault = f"the surrogate has no finite {name}"
-                said[row] = f"{fault}; {said[row]}" if said[row] else fault
-            found.values[name] = answer
+            answer = self._answer(learnt, rows, inputs, e_star)
+            values[name] = answer.values
             if level is not None:
-                ends = learnt.mean_ends if mean else learnt.calibration.ends
-                low, high = ends(centre, level, inputs)
-                found.low[name] = np.clip(low * scale, *learnt.bounds)
-                found.high[name] = np.clip(high * scale, *learnt.bounds)
-        return replace(found, reasons=tuple(said))
+                interval = answer.mean_interval if mean else answer.interval
+                lows[name], highs[name] = interval(level, inputs)
+        delta = rows.delta.copy()
+        if "pressure" in rows.scene_numbers:
+            delta = np.full(delta.shape, np.nan)
+        return Prediction(
+            delta=delta,
+            values=values,
+            low=lows,
+            high=highs,
+            reasons=self._reasons(rows, inputs, values, e_star),
+            given=dict(rows.scene_numbers),
+        )
+
+    def _answer(
+        self, learnt: Learnt, rows: Rows, inputs: Values, e_star: float | None
+    ) -> _Answer:
+        """Predict one target of n rows with features (n, d), at an E* [MPa]."""
+        scale = self._scale(learnt.powers, rows, e_star)
+        raw = learnt.raw(inputs)
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            raw[~np.isfinite(raw * scale)] = np.nan
+            values = np.clip(raw * scale, *learnt.bounds)
+            # Intervals are about the value within the bounds, so that bounds leave each a width.
+            centre = np.where(values == raw * scale, raw, values / scale)
+        return _Answer(learnt, values, centre, scale)
+
+    def _scale(self, powers: Powers | None, rows: Rows, e_star: float | None) -> Values:
+        """Return what a target is over, (n,), in its unit, at an E* [MPa]."""
+        scale = self.features.scale(powers, rows, self.modulus)
+        if e_star is None or powers is None or not powers.modulus:
+            return scale
+        return scale * (e_star / self.modulus) ** powers.modulus
+
+    def _reasons(
+        self,
+        rows: Rows,
+        inputs: Values,
+        values: Mapping[str, Values],
+        e_star: float | None,
+    ) -> tuple[str, ...]:
+        """Return for each row the targets without a finite value, and what is outside."""
+        one_scale = [
+            name
+            for name, learnt in self.learnt.items()
+            if not keeps_its_scale(learnt.powers, self.features)
+        ]
+        notes = zip(
+            self.training.reasons(rows, inputs),
+            scale_notes(self.training, one_scale, rows, e_star),
+            strict=True,
+        )
+        reasons = ["; ".join(filter(None, pair)) for pair in notes]
+        defined = ~np.isnan(inputs).any(axis=1)
+        for name, predicted in values.items():
+            for row in np.flatnonzero(np.isnan(predicted) & defined):
+                fault = f"the surrogate has no finite {name}"
+                reasons[row] = f"{fault}; {reasons[row]}" if reasons[row] else fault
+        return tuple(reasons)
+
+
+@dataclass(frozen=True, eq=False)
+class _Answer:
+    """Predictions of one target for n rows."""
+
+    learnt: Learnt  # the model of the target
+    values: Values  # (n,), in the unit of the target, within its bounds
+    centre: Values  # (n,), the middle of the interval, over the scale
+    scale: Values  # (n,), divisor of the target, in its unit
+
+    def interval(self, level: float, inputs: Values) -> tuple[Values, Values]:
+        """Return both ends of the intervals of a new surface, each (n,), in the target's unit."""
+        low, high = self.learnt.calibration.ends(self.centre, level, inputs)
+        return self._restored(low), self._restored(high)
+
+    def mean_interval(self, level: float, inputs: Values) -> tuple[Values, Values]:
+        """Return both ends of the intervals of the mean, each (n,), in the target's unit."""
+        low, high = self.learnt.mean_ends(self.centre, level, inputs)
+        return self._restored(low), self._restored(high)
+
+    def _restored(self, end: Values) -> Values:
+        """Return an end in the unit of the target, within its bounds, (n,)."""
+        return np.asarray(np.clip(end * self.scale, *self.learnt.bounds))
+
+
+def _checked_sides(side: float | tuple[float, float]) -> tuple[float, float]:
+    """Return the lengths of a patch along x and y [um], of one number or two."""
+    if isinstance(side, str) or np.ndim(side) == 0:
+        length = checked("side", side)
+        return length, length
+    lengths: Any = side
+    if len(lengths) != 2:
+        raise InputError(f"side {side!r}: give one length or one for each axis")
+    return checked("side", lengths[0]), checked("side", lengths[1])
+
+
+def _require_numbers(rows: Rows, inputs: Values) -> None:
+    """Refuse rows whose Delta is not above 0, or whose features (n, d) are too large or infinite.
+
+    Undefined statistics are allowed: predictions of these rows are NaN.
+    """
+    defined = ~np.isnan(rows.statistics).any(axis=1)
+    too_large = defined & ~(np.abs(inputs) <= LARGEST).all(axis=1)
+    faulty = np.flatnonzero(too_large | ~(rows.delta > 0))
+    if faulty.size:
+        raise InputError(
+            f"row {faulty[0] + 1} of {len(rows.delta)}: statistics and Delta must be finite,"
+            " densities, curvatures and Delta above 0, and no feature beyond"
+            f" {LARGEST:.0e}"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -491,7 +606,7 @@ class OnSurface:
         delta : ArrayLike
             One displacement above 0, or n of them [um]; pressures [MPa] if these were learnt.
         bodies : Bodies, optional
-            Bodies from `Surrogate.bodies`; those of the training if left out.
+            Bodies from `Surrogate.bodies`; those of the training by default.
         hardness : ndarray, shape (n,), optional
             Hardness at each load instead of the bodies' [MPa].
 
@@ -507,9 +622,11 @@ class OnSurface:
         """
         features = self.surrogate.features
         if bodies is None:
-            one = None if hardness is None else float(hardness[0])
-            bodies = self.surrogate.bodies(None, one)
-        ratio = bodies.hardness_ratio if hardness is None else hardness / bodies.e_star
+            first = None if hardness is None else float(hardness[0])
+            bodies = self.surrogate.bodies(None, first)
+        ratio: Values | float | None = bodies.hardness_ratio
+        if hardness is not None:
+            ratio = hardness / bodies.e_star
         with input_errors(self.surface.name):
             loads = real_array(features.load, delta).reshape(-1)
         return self.surface.rows(features, loads, ratio, bodies.e_star)
@@ -522,19 +639,29 @@ class OnSurface:
         hardness: float | None = None,
         level: float | None = 0.9,
     ) -> Prediction:
-        """Predict contacts at one or more loads above 0.
+        """Predict contacts at one or more loads.
 
         Parameters
         ----------
         delta : ArrayLike
-            One displacement, or n of them; see `rows`.
-        e_star, hardness, level : float, optional
-            See `Surrogate.predict`, which also tells what is raised.
+            One displacement above 0, or n of them [um]; pressures [MPa] if these were learnt.
+        e_star : float, optional
+            E* of forces and pressures; that of the training by default [MPa].
+        hardness : float, optional
+            Hardness of the softer body; by default that of the training, if it has only one [MPa].
+        level : float or None
+            Coverage of the intervals; None for no intervals. See `Surrogate.predict`.
 
         Returns
         -------
         Prediction
             Predictions of all targets, one row for each load.
+
+        Raises
+        ------
+        InputError
+            If a load, `e_star`, `hardness` or `level` is impossible, the hardness is missing, or a
+            statistic that the features need is undefined.
         """
         rows = self.rows(delta, self.surrogate.bodies(e_star, hardness))
         return self.surrogate.predict_rows(rows, e_star=e_star, level=level)

@@ -9,7 +9,7 @@ import bem
 from gen import statistics, surface
 from gen.runtime.errors import InputError
 from learn import Surrogate
-from learn.features.sets import STATISTICS
+from learn.features.columns import STATISTICS
 
 HEIGHTS = surface.generate("diamond-square", 33, 0.7, 12.0, np.random.default_rng(5))
 DESCRIBED = np.array(

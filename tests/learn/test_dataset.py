@@ -10,7 +10,8 @@ from gen.database import Reader
 from gen.runtime.errors import InputError
 from learn import dataset
 from learn.dataset import Request, results
-from learn.features.sets import NODES, SETS
+from learn.features.columns import NODES
+from learn.features.sets import SETS
 
 
 def test_rows_are_left_out_and_counted_by_reason(database, change):

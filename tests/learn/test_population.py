@@ -12,7 +12,7 @@ from gen.runtime.errors import InputError
 from learn import Surrogate
 from learn import cli as learn_cli
 from learn.comparison.folder import Folder
-from learn.population import Alike, Population, Whitened, _larger
+from learn.population import Population, ScatterCorrelation, Whitened, _error_factor
 
 
 def test_the_mean_is_found_within_its_error_and_surfaces_scatter_about_it():
@@ -39,7 +39,9 @@ def test_the_evidence_has_the_slopes_of_its_differences():
     random = np.random.default_rng(0)
     X, reach = random.normal(size=(60, 2)), 1 + random.random(60)
     blocks = [np.arange(60).reshape(20, 3)]
-    rows = Whitened(X, random.normal(size=60), reach, blocks, Alike(0.2, 1.5))
+    rows = Whitened(
+        X, random.normal(size=60), reach, blocks, ScatterCorrelation(0.2, 1.5)
+    )
     at, step = np.log([1.0, 2.0, 0.5]), 1e-5 * np.eye(3)
     ends = [
         [rows.evidence(at + sign * each, X[:20])[0] for sign in (1, -1)] for each in step
@@ -67,7 +69,7 @@ def test_halves_that_disagree_make_errors_of_means_larger(apart, least, most):
     seen, half = random.normal(size=(400, 20)), np.arange(400) < 200
     own = apart * random.normal(size=(2, 20))
     unit = np.where(half, seen @ own[0], seen @ own[1]) + random.normal(size=400)
-    assert least <= _larger(seen, unit, np.eye(20), half) <= most
+    assert least <= _error_factor(seen, unit, np.eye(20), half) <= most
 
 
 SCENE = """
@@ -234,7 +236,7 @@ def test_compare_and_tune_know_it_and_say_what_fit_takes(tmp_path, capsys):
     asked = [database, "-o", str(folder), "--features", "scene", "--model", "population"]
     assert learn_cli.main(["compare", *asked, "--model", "decision-tree"]) == 0
     found = Folder(folder / "area").results()
-    r2 = {model: result["test"]["r2"] for model, kind, result in found}
+    r2 = {stored.model: stored.result.test.r2 for stored in found}
     assert r2["population"] > r2["decision-tree"]
     assert "takes Population Mean unless told otherwise" in capsys.readouterr().out
     assert learn_cli.main(["tune", *asked]) == 0

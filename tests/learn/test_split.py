@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from gen.runtime.errors import InputError
 from gen.scene import load
 from learn import split
-from learn.dataset import Dataset, Origin
-from learn.features import FeatureSet
+from learn.database_rows import Dataset, Origin
+from learn.features.sets import OfSurface
 
 
 def rows_of(sizes, seed=0):
@@ -27,7 +27,7 @@ def rows_of(sizes, seed=0):
         groups=groups,
         database=np.zeros(size, dtype=np.int64),
         population=np.zeros(size, dtype=np.int64),
-        features=FeatureSet("three", ("a", "b", "c"), "none", scaled=False),
+        features=OfSurface("three", ("a", "b", "c"), "none"),
         target_name="area_percent",
         unit="%",
         dropped={},
@@ -107,8 +107,8 @@ def test_every_target_varies_in_every_part(number, surfaces, seed):
     rows = rows_of([2] * surfaces)
     rare = few(rows, number)
     for drawn in (
-        split.draw(rows, seed, others=[rare]),
-        split.draw(rare, seed, others=[rows]),
+        split.draw(rows, seed, further_targets=[rare]),
+        split.draw(rare, seed, further_targets=[rows]),
     ):
         for part in (drawn.train, drawn.test):
             assert np.ptp(rare.target[part]) > 0
@@ -119,7 +119,7 @@ def test_a_target_that_no_split_can_have_in_both_parts_is_named():
     rows = rows_of([2] * 30)
     rare = replace(few(rows, 1), target_name="yielded_percent")
     with pytest.raises(InputError, match="yielded_percent does not vary over the"):
-        split.draw(rows, 0, others=[rare])
+        split.draw(rows, 0, further_targets=[rare])
     drawn = split.draw(rows)
     with pytest.raises(
         InputError, match=r"yielded_percent is 0 in all \d+ rows of a fold"

@@ -279,13 +279,11 @@ def search_counts(database: Path) -> dict[Key, int]:
     counts = {}
     for name in SEARCHED:
         result = Folder(output / "area").result("tuned", name)
-        if result is None:
+        if result is None or result.search is None:
             raise RuntimeError(f"the search of {name} has left no result in {output}")
         item = f"comparison on the quick scene, {name}"
-        counts[Key(item, "candidates scored")] = int(
-            result["search"]["candidates_scored"]
-        )
-        counts[Key(item, "fits")] = int(result["search"]["fits"])
+        counts[Key(item, "candidates scored")] = result.search.candidates_scored
+        counts[Key(item, "fits")] = result.search.fits
     return counts
 
 
@@ -293,7 +291,7 @@ def grid_counts() -> dict[Key, int]:
     """Count candidates and fits of the whole grid of every model, without fitting any."""
     counts = {}
     for model in MODELS.values():
-        _, space, _ = grids.space_of(model.name, "paper")
+        space = grids.space_of(model.name, "paper").values
         grid = grids.Grid(model, space, INPUTS)
         item = f"grid of Table 2, {model.name}"
         counts[Key(item, "candidates")] = len(grid.candidates)

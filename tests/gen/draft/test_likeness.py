@@ -60,8 +60,8 @@ def test_the_scene_has_the_spacing_of_the_map_and_mirrors_it(isotropic, tmp_path
 
 def test_generated_surfaces_are_as_rough_as_the_map(isotropic):
     like, _ = isotropic
-    assert like.height == pytest.approx(like.windows.rms_height, rel=0.25)
-    assert like.slope == pytest.approx(0.1, rel=0.05)
+    assert like.rms_height == pytest.approx(like.windows.rms_height, rel=0.25)
+    assert like.rms_slope == pytest.approx(0.1, rel=0.05)
     assert not like.doubt
 
 
@@ -70,7 +70,7 @@ def test_a_lay_becomes_a_stretch(tmp_path):
     assert like.spectrum.stretch == pytest.approx(0.25, rel=0.15)
     assert like.spectrum.hurst == pytest.approx(0.7, abs=0.1)
     assert like.spectrum.roll_off == pytest.approx(60.0, rel=0.3)
-    assert like.height == pytest.approx(like.windows.rms_height, rel=0.25)
+    assert like.rms_height == pytest.approx(like.windows.rms_height, rel=0.25)
     assert written(like, tmp_path).surface.stretch == like.spectrum.stretch
 
 

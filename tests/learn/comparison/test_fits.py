@@ -5,7 +5,7 @@ import pytest
 
 from gen.runtime.errors import InputError
 from learn import models
-from learn.comparison.fits import Trials, shared_predictions
+from learn.comparison.fits import FoldRows, Trials, shared_predictions
 from learn.models import MODELS, pipeline
 
 KINDS = [
@@ -22,15 +22,15 @@ def test_first_trees_predict_what_a_fit_of_so_many_trees_predicts(
     model, settings, samples
 ):
     inputs, target = samples
-    data = inputs[:60], target[:60], inputs[60:]
+    rows = FoldRows(inputs[:60], target[:60], inputs[60:])
     numbers = [3, 11, 40]
     unfitted = pipeline(MODELS[model], settings, seed=4, tuned=True)
-    together = shared_predictions(MODELS[model], unfitted, data, "n_estimators", numbers)
+    together = shared_predictions(MODELS[model], unfitted, rows, "n_estimators", numbers)
     for number, found in zip(numbers, together, strict=True):
         alone = pipeline(
             MODELS[model], {**settings, "n_estimators": number}, seed=4, tuned=True
         )
-        expected = alone.fit(*data[:2]).predict(data[2])
+        expected = alone.fit(rows.inputs, rows.target).predict(rows.test_inputs)
         np.testing.assert_array_equal(found, expected)
 
 
@@ -48,7 +48,7 @@ def test_a_staged_fit_that_fails_late_keeps_its_good_beginnings(searching, monke
     search = searching("gradient-boost", {"n_estimators": [2, 5, 9]})
     search.fit_all()
     assert [*search.means(search.grid.differing)] == ["n_estimators=2", "n_estimators=5"]
-    assert search.counted("failure") == {"diverged": 5}
+    assert search.failures == {"diverged": 5}
     assert search.winner == "n_estimators=5"
 
 
@@ -58,7 +58,7 @@ def test_a_fit_that_diverges_is_a_failure_that_the_next_run_can_read(searching, 
     space = {"learning_rate": [0.1, 50.0], "n_estimators": [2, 60]}
     search = searching("gradient-boost", space)
     search.fit_all()
-    assert search.counted("failure") == {"prediction diverged": 5}
+    assert search.failures == {"prediction diverged": 5}
     assert len(search.means(search.grid.differing)) == len(search.grid.differing) - 1
     trials.__exit__(None, None, None)
     with Trials(trials.path, {}) as again:

@@ -28,7 +28,7 @@ def test_databases_whose_names_are_no_text_leave_folders_that_can_be_read(work):
     (work / "database.h5").rename(name)
     for _ in range(2):
         assert run("compare", name, "-o", "out", "--model", "decision-tree") == 0
-    assert folders.Folder(work / "out/area").record()["database"].endswith("data?.h5")
+    assert folders.Folder(work / "out/area").record().database.endswith("data?.h5")
 
 
 @pytest.fixture(scope="module")

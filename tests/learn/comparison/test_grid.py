@@ -49,7 +49,8 @@ def test_grids_are_those_of_scikit_learn_without_what_cannot_matter(model):
 @pytest.mark.parametrize("features", ["paper", "hybrid"])
 @pytest.mark.parametrize("model", MODELS)
 def test_kernels_have_grids_of_their_own_for_features_without_units(model, features):
-    source, space, settings = grids.space_of(model, features)
+    chosen = grids.space_of(model, features)
+    source, space, settings = chosen.name, chosen.values, chosen.default
     if features == "paper" or model not in {"kernel-ridge", "svm", "gaussian-process"}:
         assert (source, space, settings) == ("Table 2", SPACES[model], OPTIMA[model])
         assert grids.baseline(model, features) == {}

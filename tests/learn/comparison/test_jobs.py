@@ -112,7 +112,7 @@ def spoilt(file):
     ],
 )
 def test_all_nine_models_survive_odd_data(work, change, words, capsys, monkeypatch):
-    monkeypatch.setattr(jobs, "FITS", (1, 1))
+    monkeypatch.setattr(jobs, "FITS", jobs.Repetitions(1, 1))
     with h5py.File("database.h5", "r+") as file:
         change(file)
     assert run("compare", "database.h5", "-o", "out") == 0
@@ -248,8 +248,8 @@ def test_where_the_baseline_wins_every_table_and_picture_names_it(
     for name in ("nmse", "nmae", "nmaxe", "r2"):
         assert tuned[name] == baseline[name], "the same model, fitted to the same rows"
     result = Folder(work / "out/area").result("tuned", "decision-tree")
-    assert result["settings"] == {}
-    assert len(result["search"]["baseline_r2_folds"]) == 5
+    assert result.settings == {}
+    assert len(result.search.baseline_r2_folds) == 5
     assert run("show", "out") == 0
 
 
@@ -285,7 +285,7 @@ def test_perceptrons_are_scored_as_they_are_fitted_in_the_end(work, monkeypatch)
         return fit(self, inputs, target)
 
     monkeypatch.setattr(MLPRegressor, "fit", watched)
-    monkeypatch.setattr(jobs, "FITS", (1, 1))
+    monkeypatch.setattr(jobs, "FITS", jobs.Repetitions(1, 1))
     space = {"hidden_layer_sizes": [(5,)], "solver": ["lbfgs"], "tol": [1e-2]}
     monkeypatch.setitem(paper.SPACES, "mlp", space)
     assert run("tune", "database.h5", "-o", "out", "--model", "mlp", "--seed", "3") == 0

@@ -119,7 +119,7 @@ def test_scores_and_winner_are_those_of_scikit_learns_grid_search(
     assert grid.first[search.winner] == {
         key.partition("__")[2]: best[key] for key in best
     }
-    assert report["fits"] == 5 * len(grid.families)
+    assert report.fits == 5 * len(grid.families)
     if space is REDUCED[model] and model != "gaussian-process":
         assert len(grid.families) < len(grid.candidates)
 
@@ -217,7 +217,7 @@ def test_a_search_without_time_says_how_long_a_fit_takes_and_which_budget_would_
     space = {"max_depth": [1, 2, 3, 4, 30], "min_samples_leaf": [1, 40, 80]}
     search = replace(searching("decision-tree", space), baseline={}, searches=2)
     assert search.advice == "give a larger --budget", "nothing was begun"
-    (name,) = search.own
+    (name,) = search.baseline_family
     trials.add([Trial(candidate=name, fold=0, rows=80, r2=0.5, seconds=30.0)])
     needed = 2 * 5 * (10 + 1) * 30.0 / searches.JUDGED
     wanted = f"--budget {budget_of(needed)}"

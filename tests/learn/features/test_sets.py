@@ -12,7 +12,8 @@ from gen.scene import Scene
 from gen.schema import TABLE_1
 from gen.surface import generate
 from learn.features import OF_SURFACES, SETS, SurfaceFeatures, chosen
-from learn.features.sets import BLOCK_COUNTS, HARDNESS, PLASTIC, SCALED_HARDNESS, Rows
+from learn.features.columns import BLOCK_COUNTS, HARDNESS, PLASTIC, SCALED_HARDNESS
+from learn.features.rows import Rows
 from learn.features.surface import LOOSE
 
 
@@ -79,7 +80,7 @@ def test_every_quantity_over_its_scale_has_no_unit():
 
 def test_the_height_unit_neither_overflows_nor_vanishes():
     statistics = np.zeros((3, 22))
-    unit = Rows(statistics, np.array([1e-200, 3.0, 1e200]), 1000.0).unit
+    unit = Rows(statistics, np.array([1e-200, 3.0, 1e200]), 1000.0).height_unit
     np.testing.assert_allclose(unit, [1e-200, 3.0, 1e200], rtol=1e-15)
 
 

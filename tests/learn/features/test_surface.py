@@ -9,7 +9,7 @@ from bem.problem import node_spacing
 from gen.scene import Scene
 from gen.surface import generate
 from learn.features import SETS, SurfaceFeatures, chosen
-from learn.features.sets import BLOCK_COUNTS, COARSE, HYBRID, LOCAL, SKEWNESS
+from learn.features.columns import BLOCK_COUNTS, COARSE, HYBRID, LOCAL, SKEWNESS
 from learn.features.surface import Blocks
 
 

@@ -14,10 +14,10 @@ from learn import Surrogate, cli, dataset, split
 from learn.comparison.folder import Settings
 from learn.dataset import Request
 from learn.executor import Executor
-from learn.features.sets import SKEWNESS
+from learn.features.columns import SKEWNESS
 from learn.surrogate import calibration, fitting
 from learn.surrogate.fitting import fit_target
-from learn.surrogate.interval import require_level
+from learn.surrogate.level import require_level
 
 
 def of_maps(rows, number):
@@ -53,10 +53,8 @@ def test_scheme_and_kind_follow_the_number_of_maps(rows):
 
 def fit_to(request, rows, values):
     """A fit of given settings to all rows."""
-    plan, folds = (
-        calibration.planned(request.models[0], rows, None),
-        np.zeros(rows.size, np.int8),
-    )
+    plan = calibration.plan_calibration(request.models[0], rows)
+    folds = np.zeros(rows.size, np.int8)
     return fit_target(
         request, rows, plan, folds, settings=Settings(values, False, "given")
     )
@@ -77,16 +75,17 @@ def test_no_row_is_predicted_by_a_model_that_has_seen_its_map(
     )
     fit = fit_to(request_of(solved, model), train, values)
     groups = calibration.groups_of(train)
-    part, unseen = next(calibration.holdouts(train, groups.left_out(train)))
+    holdout = next(calibration.holdouts(train, groups.left_out(train)))
+    part, unseen = holdout.rows, holdout.unseen
     if number == 10:
         assert np.unique(groups.labels[part]).size == 1
     # Other targets in the part change nothing about its own predictions, but for the scaling.
     spoilt = train.target.copy()
     spoilt[unseen] = np.roll(spoilt[unseen], 1)
     again = fit_to(request_of(solved, model), replace(train, target=spoilt), values)
-    np.testing.assert_allclose(again.crossed[part], fit.crossed[part], rtol=1e-6)
+    np.testing.assert_allclose(again.left_out[part], fit.left_out[part], rtol=1e-6)
     others = np.setdiff1d(np.arange(train.size), part)
-    assert not np.allclose(again.crossed[others], fit.crossed[others], rtol=1e-3)
+    assert not np.allclose(again.left_out[others], fit.left_out[others], rtol=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -98,11 +97,11 @@ def test_further_fits_are_as_few_as_have_surfaces_enough(
     """Parts of 18 surfaces: two have 30, and kernel ridge tells the errors of all of them."""
     monkeypatch.setattr(calibration, "ENOUGH", 30)
     fit = fit_to(request_of(solved, model), rows, {})
-    assert np.isfinite(fit.crossed).sum() == number
+    assert np.isfinite(fit.left_out).sum() == number
     assert [
         each.weights.sum() for each in fit.learnt.calibration.scores
     ] == pytest.approx([number])
-    assert calibration.planned(model, rows, None).groups.number == number
+    assert calibration.plan_calibration(model, rows).groups.number == number
 
 
 def test_flags_and_intervals_see_the_skewness_and_models_do_not(solved):
@@ -117,10 +116,10 @@ def test_flags_and_intervals_see_the_skewness_and_models_do_not(solved):
     np.testing.assert_array_equal(
         seeing.learnt.raw(inputs), plain.learnt.raw(rows.inputs)
     )
-    np.testing.assert_array_equal(seeing.crossed, plain.crossed)
+    np.testing.assert_array_equal(seeing.left_out, plain.left_out)
     odd = inputs[:1].copy()
     odd[:, place] = 3.0
-    distance = calibration.planned("svm", replace(rows, inputs=inputs), None).distance
+    distance = calibration.plan_calibration("svm", replace(rows, inputs=inputs)).distance
     assert distance.of(odd) > distance.limit
     raw = seeing.learnt.raw(odd)
     (_, usual), (_, wider) = (

@@ -1,7 +1,6 @@
 """Conformal intervals, of surfaces or maps, and the flag of rows that no feature's range flags."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from learn.features import SETS
-from learn.features.sets import Rows
+from learn.features.rows import Rows
 from learn.surrogate.interval import (
     GROWTH,
     INSIDE,
@@ -20,8 +19,8 @@ from learn.surrogate.interval import (
     fit_scale,
     from_maps,
     from_surfaces,
-    reasons_of,
 )
+from learn.surrogate.training import Training
 
 
 @pytest.mark.parametrize("groups", [9, 19])
@@ -80,13 +79,13 @@ def test_intervals_widen_up_to_the_limit_of_the_flag_and_have_scores_of_the_near
     scores = tuple(Scores.of(size * np.ones(99), np.arange(99)) for size in (1.0, 5.0))
     low, high = Calibration(scores, PLAIN, distance).ends(np.zeros(5), 0.9, far)
     np.testing.assert_allclose(
-        high, [1.0, GROWTH.most ** (1 / 16), GROWTH.most, GROWTH.most, 5.0]
+        high, [1.0, GROWTH.at_limit ** (1 / 16), GROWTH.at_limit, GROWTH.at_limit, 5.0]
     )
     np.testing.assert_array_equal(low, -high)
     lost = Calibration(scores, PLAIN, distance).ends(
         np.zeros(1), 0.9, np.array([[np.nan]])
     )
-    assert lost[1] == GROWTH.most
+    assert lost[1] == GROWTH.at_limit
 
 
 def test_usual_errors_follow_the_features():
@@ -112,9 +111,8 @@ def correlated(rows, seed, size=3):
 
 def from_rows(inputs):
     """Distances from rows of one cloud, each of a surface of its own."""
-    return from_surfaces(inputs, np.zeros(len(inputs), int), np.arange(len(inputs)) % 5)[
-        0
-    ]
+    parts = np.arange(len(inputs)) % 5
+    return from_surfaces(inputs, np.zeros(len(inputs), int), parts).training
 
 
 def test_rows_against_the_correlation_are_outside_though_in_every_range():
@@ -129,13 +127,15 @@ def test_rows_against_the_correlation_are_outside_though_in_every_range():
 
 def test_the_limit_is_a_distance_of_each_row_from_other_parts():
     inputs, parts = correlated(200, 0), np.arange(200) % 5
-    found, far, nearest = from_surfaces(inputs, np.zeros(200, int), parts)
-    assert found.limit == np.quantile(far, INSIDE, method="higher")
-    assert (nearest == 0).all()
+    measured = from_surfaces(inputs, np.zeros(200, int), parts)
+    distances = measured.nearest.distance
+    assert measured.training.limit == np.quantile(distances, INSIDE, method="higher")
+    assert (measured.nearest.cloud == 0).all()
     moved = inputs + np.where(parts == 2, 5.0, 0.0)[:, None]
-    _, others, _ = from_surfaces(moved, np.zeros(200, int), parts)
-    alone = from_surfaces(inputs[parts != 2], np.zeros(160, int), parts[parts != 2])[0]
-    np.testing.assert_allclose(others[parts == 2], alone.of(moved[parts == 2]))
+    moved_distances = from_surfaces(moved, np.zeros(200, int), parts).nearest.distance
+    seen = parts != 2
+    without = from_surfaces(inputs[seen], np.zeros(160, int), parts[seen]).training
+    np.testing.assert_allclose(moved_distances[~seen], without.of(moved[~seen]))
 
 
 @given(st.floats(1e-6, 1e6), st.floats(-1e3, 1e3))
@@ -164,7 +164,7 @@ def test_rows_between_two_databases_are_far_from_both():
         None
     ] / 2
     parts = np.random.default_rng(1).integers(0, 5, 1000)
-    nearest, _, _ = from_surfaces(inputs, kinds, parts)
+    nearest = from_surfaces(inputs, kinds, parts).training
     assert nearest.of(between)[0] > 2 * nearest.limit
     assert from_rows(inputs).of(between)[0] < from_rows(inputs).limit
     fresh, _ = clouds(4000, 2)
@@ -185,14 +185,18 @@ def test_rows_of_another_kind_are_far_away():
     assert (np.abs(odd) < np.abs(inputs).max(axis=0) + 1e-12).all(), (
         "in the range of each feature"
     )
-    named = replace(SETS["paper"], columns=("a", "b", "c"))
-    known = SimpleNamespace(
-        features=named, distance=found, low=np.full(3, -9.0), high=np.full(3, 9.0)
+    training = Training(
+        card={},
+        features=replace(SETS["paper"], columns=("a", "b", "c")),
+        low=np.full(3, -9.0),
+        high=np.full(3, 9.0),
+        distance=found,
+        modulus=1.0,
+        boundary="free",
     )
-    known.hardness_limits = None
     both = np.concatenate([odd, np.zeros((1, 3)), np.full((1, 3), 10.0)])
     rows = Rows(np.empty((3, 0)), np.ones(3), 1.0, notes=("a note", "", ""))
-    first, inside, beyond = reasons_of(known, rows, both)
+    first, inside, beyond = training.reasons(rows, both)
     assert first.startswith("a note; distance from the training")
     assert inside == ""
     assert beyond.endswith(

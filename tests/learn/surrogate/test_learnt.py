@@ -20,9 +20,8 @@ from skops import io
 
 from gen.runtime.errors import InputError
 from learn import Surrogate, cli
-from learn.features.sets import Rows
+from learn.features.rows import Rows
 from learn.models import MODELS, pipeline
-from learn.surrogate.interval import reasons_of
 from learn.surrogate.learnt import FORMAT, HEAD
 
 
@@ -321,5 +320,5 @@ def test_a_moment_beyond_the_training_is_that_at_the_end_of_its_range(surrogate,
     )
     assert found[0] == found[1]
     assert found[2] != found[3], "the other end is another place"
-    reasons = reasons_of(surrogate, rows, inputs)
+    reasons = surrogate.training.reasons(rows, inputs)
     assert [name in reason for reason in reasons] == [False, True, True, False]

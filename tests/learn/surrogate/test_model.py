@@ -17,11 +17,10 @@ from gen.surface import generate
 from learn import Surrogate, split
 from learn import cli as learn_cli
 from learn.comparison.paper import OPTIMA
-from learn.features.sets import ROOTED_LOCAL
+from learn.features.columns import ROOTED_LOCAL
 from learn.models import MODELS
 from learn.surrogate import fitting, law
 from learn.surrogate.card import lines
-from learn.surrogate.interval import grid_note
 from learn.surrogate.learnt import Learnt
 
 
@@ -340,11 +339,11 @@ def test_a_surrogate_of_oblong_patches_knows_their_shape(populations, tmp_path):
     assert loaded.card["side"] == [700.0, 1200.0]
     assert loaded.card["spacing"] == pytest.approx([700 / 17, 1200 / 32])
     assert "18 x 33 nodes, sides 700 x 1200 um" in " ".join(lines(loaded.card))
-    assert grid_note(loaded, (18, 33), (700.0, 1200.0)) == ""
-    assert grid_note(loaded, (18, 33), (7.0, 12.0)) == "", (
+    assert loaded.training.grid_note((18, 33), (700.0, 1200.0)) == ""
+    assert loaded.training.grid_note((18, 33), (7.0, 12.0)) == "", (
         "without units any size is alike"
     )
-    assert grid_note(loaded, (33, 18), (1200.0, 700.0)) == (
+    assert loaded.training.grid_note((33, 18), (1200.0, 700.0)) == (
         "33 x 18 nodes, trained on 18 x 33; 1200 x 700 um, trained on 700 x 1200 um"
     )
     heights = np.random.default_rng(0).normal(size=(18, 33))
@@ -354,8 +353,10 @@ def test_a_surrogate_of_oblong_patches_knows_their_shape(populations, tmp_path):
     np.testing.assert_allclose(large.force, 1e6 * small.force, rtol=1e-6)
     # One with units knows the spacing along both axes.
     paper = fitted(populations / "spectral.h5", features="paper")
-    assert grid_note(paper, (18, 33), (700.0, 1200.0)) == ""
-    assert "side 7 um, trained on 700 um" in grid_note(paper, (18, 33), (7.0, 12.0))
-    assert "spacing 19.05 um, trained on 37.5 um" in grid_note(
-        paper, (18, 64), (700.0, 1200.0)
+    assert paper.training.grid_note((18, 33), (700.0, 1200.0)) == ""
+    assert "side 7 um, trained on 700 um" in paper.training.grid_note(
+        (18, 33), (7.0, 12.0)
+    )
+    assert "spacing 19.05 um, trained on 37.5 um" in paper.training.grid_note(
+        (18, 64), (700.0, 1200.0)
     )

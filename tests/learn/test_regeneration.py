@@ -13,11 +13,12 @@ from gen.database import Reader
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
 from gen.runtime.errors import InputError
-from learn import dataset
+from learn import dataset, regeneration
 from learn.dataset import Request
 from learn.executor import Executor
-from learn.features import SurfaceFeatures, regeneration
-from learn.features.sets import BLOCK_COUNTS, BLOCKS, HYBRID, SETS
+from learn.features import SurfaceFeatures
+from learn.features.columns import BLOCK_COUNTS, BLOCKS, HYBRID
+from learn.features.sets import SETS
 
 
 def never():
@@ -27,7 +28,7 @@ def never():
 def hybrid_rows(database, executor, stopping, blocks=BLOCKS):
     features = replace(SETS["hybrid"], blocks=blocks)
     part = dataset.stored(database, Request((database,)), "delta")
-    return regeneration.hybrid_rows(part, executor, stopping, features)[1]
+    return regeneration.hybrid_rows(part, executor, stopping, features).columns
 
 
 @pytest.mark.parametrize(
