@@ -342,9 +342,8 @@ def _refusal_of(key: str, error: ValidationError) -> Exception:
     `key` is a key of `_READERS`. Only the first fault that pydantic reports is used.
     """
     fault = error.errors(include_url=False)[0]
-    if (
-        fault["type"] == "value_error"
-    ):  # raised by a validator of this module, in its words
+    # A validator of this module has raised the error, in its own words.
+    if fault["type"] == "value_error":
         return ValueError(str(fault["ctx"]["error"]))
     if key not in TABLES:
         return PydanticCustomError("distribution", "not a finite number or a range")
@@ -397,9 +396,8 @@ def is_drawn(distribution: Distribution) -> bool:
     bool
         True for a range or a table, even if its two ends are equal.
     """
-    return not isinstance(
-        distribution, float
-    )  # fixed numbers are floats, also whole ones
+    # Fixed numbers are floats, also whole ones.
+    return not isinstance(distribution, float)
 
 
 def quantiles(distribution: Distribution, uniform: Values) -> Values:

@@ -18,9 +18,11 @@ if TYPE_CHECKING:
 
 SMALLEST = 1e-38
 LARGEST = 1e38
-"""Bounds of lengths [um], loads, moduli, hardnesses [MPa] and conductivities [W/(m K)]: those of
-single precision, in which the solver takes its steps and models see their inputs. The upper bound
-is `bem.checks.LARGEST`, which is not imported here so that --help does not wait for NumPy."""
+"""Bounds of lengths [um], loads, moduli, hardnesses [MPa] and conductivities [W/(m K)].
+
+They are the bounds of single precision, in which the solver takes its steps and models see their
+inputs. The upper bound is `bem.checks.LARGEST`, which is not imported here so that --help does not
+wait for NumPy."""
 
 MOST_VALUES = 100_000
 """Largest number of values of one option."""
@@ -29,21 +31,21 @@ DIGITS = 18
 """Largest number of digits of a whole number: enough for 2^59, and few enough for 64 bits."""
 
 SERIES = re.compile(rf"([^:]+):([^:]+):\s*([0-9]{{1,{DIGITS}}})\s*(:\s*log\s*)?")
-"""Start, stop and count of a series, and perhaps the mark of an even ratio."""
+"""Pattern of start:stop:count, with groups for these and for an optional ":log"."""
 
 LOADS = {
     "delta": f"give numbers from {SMALLEST:g} to {LARGEST:g} um, as 2, 1,2,5 or 5:45:9",
     "pressure": f"give pressures from 0 to {LARGEST:g} MPa, not all 0, as 0:100:20",
 }
-"""Advice for the loads of a law and of predictions."""
+"""What to give for the loads of a law and of predictions, by the name of the option."""
 
 
 class Gas(NamedTuple):
     """A gas that fills the gap and conducts heat."""
 
     conductivity: float  # [W/(m K)]
-    # Jump distance [um], by which the gap conducts as if it were wider: molecules of the gas fly
-    # about as far between two collisions as the gap is wide.
+    # Jump distance [um]: the gap conducts as if it were wider by this, because molecules of the gas
+    # fly about as far between two collisions as the gap is wide.
     jump_distance: float
 
     @classmethod
@@ -65,7 +67,7 @@ class Gas(NamedTuple):
         Raises
         ------
         InputError
-            If an option is left out, or its number is beyond `SMALLEST` and `LARGEST`.
+            If an option is left out, or its number is not between `SMALLEST` and `LARGEST`.
         """
         return cls(
             _required_of_gas("--gas-conductivity", conductivity, "W/(m K)"),
@@ -74,7 +76,7 @@ class Gas(NamedTuple):
 
     @property
     def by_keys(self) -> dict[str, float]:
-        """Both numbers by the keys that documents have for them, with units."""
+        """Both numbers by their keys in documents, which end with the unit."""
         return {
             "gas_conductivity_W_per_m_K": self.conductivity,
             "gas_jump_distance_um": self.jump_distance,
@@ -102,7 +104,10 @@ class Gas(NamedTuple):
 
 
 def _required_of_gas(option: str, value: float | None, unit: str) -> float:
-    """Return the number of an option of a gas, or refuse one that is missing or too large."""
+    """Return the number of an option of a gas.
+
+    Raises InputError if it is None, or not between `SMALLEST` and `LARGEST`.
+    """
     if value is None:
         raise InputError(
             f"a gas needs --gas-conductivity and --jump-distance: {option} is missing"
@@ -131,15 +136,21 @@ class Series:
         Returns
         -------
         Series or None
-            The series; None if the text is none, or its ends do not allow its steps.
+            The series, which has the count 1 for a single number. None if the text is no number and
+            no series, or if a series has fewer than 2 numbers, an end that is not finite, or ":log"
+            with an end that is not above 0. A single number is not checked: it may be nan or inf.
         """
         match = SERIES.fullmatch(text)
         try:
             if match is None:
-                return cls(float(text), float(text), 1, even_ratio=False)
+                number = float(text)
+                return cls(start=number, stop=number, count=1, even_ratio=False)
             start, stop, count, log = match.groups()
             series = cls(
-                float(start), float(stop), int(count), even_ratio=log is not None
+                start=float(start),
+                stop=float(stop),
+                count=int(count),
+                even_ratio=log is not None,
             )
         except ValueError:
             return None
@@ -148,7 +159,10 @@ class Series:
         return series
 
     def _has_steps(self) -> bool:
-        """Return whether there are two numbers or more between finite ends that allow a ratio."""
+        """Return whether a series has 2 numbers or more and possible ends.
+
+        Ends are finite, and above 0 if neighbours have an even ratio.
+        """
         if not (math.isfinite(self.start) and math.isfinite(self.stop)):
             return False
         if self.even_ratio and min(self.start, self.stop) <= 0:
@@ -156,7 +170,7 @@ class Series:
         return self.count > 1
 
     def numbers(self) -> list[float]:
-        """Return the numbers from start to stop."""
+        """Return the `count` numbers from start to stop, both included."""
         if self.count == 1:
             return [self.start]
         import numpy as np  # here, so that --help does not wait for it
@@ -174,13 +188,14 @@ def loads_from(load: str, text: str, advice: str = "") -> list[float]:
     Parameters
     ----------
     load : {"delta", "pressure", "force"}
-        Kind of the loads, the name of the option that gives them.
+        Kind of the loads, which is the name of the option that gives them.
     text : str
         The loads.
     advice : str
-        What a message tells the user to give. With advice, numbers of either sign are parsed, and
-        the caller decides which loads are allowed. Without it, displacements have to be above 0,
-        and pressures 0 or more and not all 0.
+        Advice of an error's message, as "give numbers". With it, numbers below `LARGEST` in size
+        and those that are not finite are accepted, and the caller has to check them. If it is "",
+        the message has the advice of `LOADS`; displacements have to be above 0, and pressures 0 or
+        more and not all 0.
 
     Returns
     -------
@@ -190,8 +205,8 @@ def loads_from(load: str, text: str, advice: str = "") -> list[float]:
     Raises
     ------
     InputError
-        If the text is no such list, has more than `MOST_VALUES` numbers or numbers beyond
-        `LARGEST`, or has loads that are not allowed.
+        If the text is no list of loads, has more than `MOST_VALUES` numbers, a finite number of
+        `LARGEST` or more in size, or a load that is not allowed.
     """
     allowed = advice or LOADS[load]
     refusal = f"--{load} {quoted(text)}: {allowed}"
@@ -213,20 +228,27 @@ def loads_from(load: str, text: str, advice: str = "") -> list[float]:
 
 
 def _refuse_beyond_largest(load: str, values: Sequence[float]) -> None:
-    """Refuse finite numbers beyond `LARGEST`; the solver names those that are not finite."""
+    """Raise InputError for a finite number that is `LARGEST` or more in size.
+
+    Numbers that are not finite pass: the solver refuses them with a message of its own.
+    """
     for value in values:
         if LARGEST <= abs(value) < math.inf:
             raise InputError(f"--{load} {value:g}: must be below {LARGEST:g}")
 
 
 def _are_loads(load: str, values: Sequence[float]) -> bool:
-    """Return whether numbers are loads of a law: above 0, or pressures of 0 and others above."""
+    """Return whether numbers are loads of a law.
+
+    They have to be between `SMALLEST` and `LARGEST`. Some pressures may be 0, too, but not all.
+    """
     if not any(values):
         return False
-    positive = [value for value in values if value != 0]
-    if len(positive) < len(values) and load != "pressure":
+    nonzero = [value for value in values if value != 0]
+    has_zeros = len(nonzero) < len(values)
+    if has_zeros and load != "pressure":
         return False
-    return all(SMALLEST < value < LARGEST for value in positive)
+    return all(SMALLEST < value < LARGEST for value in nonzero)
 
 
 def require_within(option: str, value: float, unit: str, what: str = "") -> float:
@@ -241,12 +263,12 @@ def require_within(option: str, value: float, unit: str, what: str = "") -> floa
     unit : str
         Its unit.
     what : str
-        Name of the quantity, as "the hardness", if the option does not say it; else "".
+        Name of the quantity for the message, as "the hardness"; "" if the option names it.
 
     Returns
     -------
     float
-        The same number.
+        `value`, unchanged.
 
     Raises
     ------
@@ -273,9 +295,9 @@ class Bodies(NamedTuple):
 
     e_star: float
     hardness: float | None = None  # None for elastic bodies
-    # Whether the user gave E*, so that warnings about pressures apply.
+    # True if the user gave E* or Young's modulus, so that warnings about pressures apply.
     has_modulus: bool = False
-    # The elastic body if the user gave one Young's modulus; None otherwise.
+    # The elastic body, if the user gave exactly one Young's modulus; None otherwise.
     only: ElasticBody | None = None
 
     @classmethod
@@ -323,8 +345,9 @@ class Bodies(NamedTuple):
             modulus = 1.0
         only: ElasticBody | None = None
         if young and len(young) == 1:
-            only = ElasticBody(young[0], poisson[0] if poisson else 0.0)
-        return cls(modulus, hardness, has_modulus, only)
+            ratio = poisson[0] if poisson else 0.0
+            only = ElasticBody(young=young[0], poisson=ratio)
+        return cls(e_star=modulus, hardness=hardness, has_modulus=has_modulus, only=only)
 
     @property
     def hardness_ratio(self) -> float | None:
@@ -333,7 +356,7 @@ class Bodies(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Description for titles and records."""
+        """E* and, if there is one, the hardness in words, for titles and records."""
         modulus = f"E* = {self.e_star:.6g} MPa"
         if self.hardness is None:
             return modulus

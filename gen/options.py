@@ -1,4 +1,9 @@
-"""Arguments and options of the commands of `python -m gen`, and groups that commands share."""
+"""Arguments and options of the commands of `python -m gen`, and groups that commands share.
+
+An alias such as `Delta` annotates one argument of a command's function: it has the type, and the
+description for Typer. A NamedTuple is a group of options, each a field, which
+`gen.runtime.command_line.grouped` hands to Typer one by one.
+"""
 
 import math
 import shlex
@@ -224,7 +229,11 @@ Like = Annotated[
 
 
 class Material(NamedTuple):
-    """Elastic constants of one body on a rigid plane, or of two bodies, and their hardness."""
+    """The options about the material: elastic constants of one or two bodies, and the hardness.
+
+    A single body is pressed on a rigid plane. The fields have the order of the parameters of
+    `gen.material.Bodies.of`.
+    """
 
     young: Annotated[
         list[float] | None,
@@ -444,8 +453,9 @@ class LawOutputs(NamedTuple):
     def refined_tables(self) -> tuple[Literal["delta", "pressure"], ...]:
         """Tables for which contacts are solved between the loads too.
 
-        "delta" is the law over Delta, "pressure" the law over the nominal pressure. The tables are
-        those of the files whose programs join the points.
+        "delta" is the table over Delta, "pressure" the table over the nominal pressure. A table is
+        refined if a program joins the points of a file made from it: both tables for a C header,
+        the one over pressure for CalculiX, Abaqus and 4C. There is none with --no-check.
         """
         if not self.check:
             return ()

@@ -92,8 +92,8 @@ class SelfAffineSpectrum:
         """
         # Squared wavenumbers relative to the roll-off's square. A square root is not taken, as it
         # would take as long as the power.
-        length = self.roll_off / (2 * math.pi)
-        squares = (self.stretch * length * qx) ** 2 + (length * qy) ** 2
+        inverse = self.roll_off / (2 * math.pi)  # of the roll-off's wavenumber [um]
+        squares = (self.stretch * inverse * qx) ** 2 + (inverse * qy) ** 2
         square_at_cut_off = (self.roll_off / self.cut_off * (1 + ROUNDING)) ** 2
         law = np.maximum(squares, 1.0) ** (-1 - self.hurst)
         return np.where(squares <= square_at_cut_off, law, 0.0)
@@ -197,10 +197,12 @@ def _refuse_grid(
     for length in sides:
         if not 0.0 < length < math.inf:
             raise InputError(f"side {length}: give a length above 0 um")
-    finest = max(2 * sides[0] / nx / spectrum.stretch, 2 * sides[1] / ny)
-    if spectrum.cut_off * (1 + ROUNDING) < finest:
+    # Shortest cut-off with two nodes a wavelength along both axes. The cut-off is a wavelength
+    # along y; waves along x are longer by the stretch.
+    shortest = max(2 * sides[0] / nx / spectrum.stretch, 2 * sides[1] / ny)
+    if spectrum.cut_off * (1 + ROUNDING) < shortest:
         raise InputError(
-            f"cut-off {spectrum.cut_off:g}: give at least {finest:.6g} um,"
+            f"cut-off {spectrum.cut_off:g}: give at least {shortest:.6g} um,"
             " two nodes a wavelength along both axes, or a finer grid"
         )
 
@@ -393,7 +395,7 @@ class SpectralSurface(GridSurface):
         """Say why the cut-off may be too short for the grid; return "" if it cannot be."""
         dx, dy = grid.spacing
         shortest = limits(self.cut_off).smallest
-        # A wave along either axis needs two nodes.
+        # A wave along either axis needs two nodes. Waves along x are longer by the stretch.
         finest = max(2 * dx / limits(self.stretch).smallest, 2 * dy)
         if shortest * (1 + ROUNDING) >= finest:
             return ""

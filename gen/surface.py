@@ -30,9 +30,8 @@ from gen.statistics import refuse_masked
 T = TypeVar("T", int, float)
 
 MOST_NODES = 4097  # largest number of nodes along an axis
-ANOTHER = (
-    "another"  # value of the key `against` for a second rough body of the same population
-)
+# value of the key `against` for a second rough body of the same population
+ANOTHER = "another"
 
 
 def one_or_two(

@@ -51,16 +51,14 @@ class Dataset:
     rows: Indices  # (n,), numbers of the rows in their databases
     groups: Indices  # (n,), of rows that no split divides: of a surface, or of a tile of a map
     database: Indices  # (n,), number in `origins`
-    population: (
-        Indices  # (n,), number of the map, or of the database for surfaces from no map
-    )
+    # (n,), number of the map, or of the database for surfaces from no map
+    population: Indices
     features: FeatureSet  # what the d inputs are
     target_name: str  # the column of the target
     unit: str  # of the target, "1" if it was made free of units
     dropped: dict[str, int]  # number of rows left out, by reason
-    described: (
-        Values  # (n, 23), Delta and the 22 statistics, NaN if undefined and not needed
-    )
+    # (n, 23), Delta and the 22 statistics, NaN if undefined and not needed
+    described: Values
     scale: Values  # (n,), divisor of the target
     origins: tuple[Origin, ...]
     name: str  # the databases' paths

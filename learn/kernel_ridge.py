@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -28,62 +29,95 @@ class IllConditioned(UserWarning):
 class SafeKernelRidge(KernelRidge):  # type: ignore[misc]
     """scikit-learn's kernel ridge, solved with a shift of the diagonal where it is singular.
 
-    Where the matrix is not singular to working precision the coefficients are scikit-learn's, to
-    rounding. Where it is, alpha is raised until it is not, and a warning (`IllConditioned`) gives
-    the estimate of the condition and the alpha that was used instead, also in `alpha_used_`.
+    Where the matrix is not singular to working precision, the coefficients are scikit-learn's, to
+    rounding. Where it is singular, alpha is raised until it is not. A warning (`IllConditioned`)
+    then gives an estimate of the condition and the alpha that was used, which is also in
+    `alpha_used_`.
     """
 
     def fit(self, X: Any, y: Any) -> "SafeKernelRidge":
-        """Fit the model to inputs, (n, d), and one target, (n,).
+        """Fit the model: solve (K + alpha I) a = y by Cholesky, with a larger alpha if needed.
 
-        (K + alpha I) a = y is solved by Cholesky, with a larger alpha where that is singular.
-        ValueError is raised if the kernel matrix is not finite.
+        Parameters
+        ----------
+        X : ArrayLike, shape (n, d)
+            Scaled features; the kernel matrix, shape (n, n), with kernel="precomputed".
+        y : ArrayLike, shape (n,)
+            Targets.
+
+        Returns
+        -------
+        SafeKernelRidge
+            This model, with its coefficients.
+
+        Raises
+        ------
+        ValueError
+            If the kernel matrix is not finite.
         """
-        inputs, target, alpha = (
-            np.asarray(X, float),
-            np.asarray(y, float),
-            float(self.alpha),
-        )
-        self.X_fit_, self.n_features_in_ = inputs, inputs.shape[1]
-        kernel = np.asarray(self._get_kernel(inputs))
-        diagonal = kernel.diagonal().copy()
-        kernel[np.abs(kernel) < NEGLIGIBLE * np.abs(diagonal).max()] = 0.0
-        rounding = (
-            EPSILON * max(float(diagonal.max()), np.finfo(float).tiny) * len(kernel)
-        )
-        shift, estimate = alpha, 0.0
-        while True:
-            factor = np.array(
-                kernel.T, order="F"
-            )  # symmetric; the transpose is Fortran's order
-            np.fill_diagonal(factor, diagonal + shift)
-            norm = float(matrix_norm(factor, 1, check_finite=False))
-            if not np.isfinite(norm):
-                raise ValueError(
-                    "the kernel matrix is not finite: the inputs are too large"
-                )
-            factor, failed = dpotrf(factor, overwrite_a=1, clean=0)
-            reciprocal = 0.0 if failed else float(dpocon(factor, anorm=norm)[0])
-            if reciprocal > EPSILON:
-                break
-            # A failed factorisation gives no estimate: take the norm over alpha or the rounding.
-            estimate = estimate or (
-                1 / reciprocal if reciprocal else norm / max(alpha, rounding)
-            )
-            shift = max(SHIFT * rounding, 10 * shift)
-        if shift > alpha:
+        inputs = np.asarray(X, float)
+        target = np.asarray(y, float)
+        alpha = float(self.alpha)
+        self.X_fit_ = inputs
+        self.n_features_in_ = inputs.shape[1]
+        factor = _factorise(np.asarray(self._get_kernel(inputs)), alpha)
+        if factor.alpha > alpha:
+            condition = max(factor.condition, 1 / EPSILON)
             warnings.warn(
                 f"kernel ridge with alpha = {alpha:g} is singular to working precision (condition"
-                f" about {max(estimate, 1 / EPSILON):.0e}): solved with alpha = {shift:.1e}",
+                f" about {condition:.0e}): solved with alpha = {factor.alpha:.1e}",
                 IllConditioned,
                 stacklevel=2,
             )
-        solution, _ = dpotrs(factor, target)
-        self.dual_coef_, self.alpha_used_ = (
-            np.asarray(solution).reshape(target.shape),
-            shift,
-        )
+        solution, _ = dpotrs(factor.matrix, target)
+        self.dual_coef_ = np.asarray(solution).reshape(target.shape)
+        self.alpha_used_ = factor.alpha
         return self
+
+
+@dataclass(frozen=True, eq=False)
+class _Factor:
+    """The Cholesky factor of a kernel matrix with alpha on its diagonal."""
+
+    matrix: Values  # (n, n), of which the upper triangle counts
+    alpha: float  # the alpha that was used
+    condition: float  # estimated with the alpha that was wanted; 0 if this was used
+
+
+def _factorise(kernel: Values, alpha: float) -> _Factor:
+    """Factorise a kernel matrix, whose negligible entries are set to 0, with a sufficient alpha.
+
+    ValueError is raised if the matrix is not finite.
+    """
+    diagonal = kernel.diagonal().copy()
+    _clear_negligible(kernel)
+    rounding = EPSILON * max(float(diagonal.max()), np.finfo(float).tiny) * len(kernel)
+    shift = alpha
+    condition = 0.0
+    while True:
+        # The matrix is symmetric, and its transpose has the order of Fortran.
+        factor = np.array(kernel.T, order="F")
+        np.fill_diagonal(factor, diagonal + shift)
+        norm = float(matrix_norm(factor, 1, check_finite=False))
+        if not np.isfinite(norm):
+            raise ValueError("the kernel matrix is not finite: the inputs are too large")
+        factor, failed = dpotrf(factor, overwrite_a=1, clean=0)
+        reciprocal = 0.0
+        if not failed:
+            reciprocal = float(dpocon(factor, anorm=norm)[0])
+        if reciprocal > EPSILON:
+            return _Factor(factor, shift, condition)
+        if condition == 0 and reciprocal > 0:
+            condition = 1 / reciprocal
+        elif condition == 0:  # without a factor, estimate by the norm
+            condition = norm / max(alpha, rounding)
+        shift = max(SHIFT * rounding, 10 * shift)
+
+
+def _clear_negligible(kernel: Values) -> None:
+    """Set entries of a kernel matrix to 0, in place, that are far below rounding."""
+    largest = np.abs(kernel.diagonal()).max()
+    kernel[np.abs(kernel) < NEGLIGIBLE * largest] = 0.0
 
 
 def predictions(
@@ -95,63 +129,119 @@ def predictions(
 ) -> list[Values]:
     """Predict with several alphas from kernel matrices that are built once.
 
-    Training and test rows have scaled inputs, (n, d) and (m, d), and a target, (n,); `settings` are
-    those of kernel ridge other than alpha. There is a prediction, (m,), for each alpha, equal to
-    that of `SafeKernelRidge` to rounding.
+    A warning (`IllConditioned`) is given for each alpha with which the matrix is singular.
+
+    Parameters
+    ----------
+    train : ndarray, shape (n, d)
+        Scaled features of the training rows.
+    target : ndarray, shape (n,)
+        Their targets.
+    test : ndarray, shape (m, d)
+        Scaled features of the rows to predict.
+    settings : dict of str to object
+        Settings of kernel ridge other than alpha.
+    alphas : sequence of float
+        The alphas.
+
+    Returns
+    -------
+    list of ndarray, shape (m,)
+        Predictions with each alpha, equal to those of `SafeKernelRidge` to rounding.
     """
     if settings.get("kernel", "linear") == "linear" and train.shape[1] < train.shape[0]:
-        # Ridge regression in the basis of the few eigenvectors.
-        left, singular, basis = np.linalg.svd(train, full_matrices=False)
-        for alpha in alphas:
-            if singular[0] ** 2 * EPSILON > alpha:
-                condition = singular[0] ** 2 / max(alpha, EPSILON**2 * singular[0] ** 2)
-                warnings.warn(
-                    f"kernel ridge with a linear kernel and alpha = {alpha:g} is singular to"
-                    f" working precision (condition about {condition:.0e}): solved by singular"
-                    " values",
-                    IllConditioned,
-                    stacklevel=2,
-                )
-        kept = singular > EPSILON * len(train) * singular[0]
-        singular, basis = singular[kept], basis[kept]
-        weights, projected = left[:, kept].T @ target, test @ basis.T
-        return [
-            projected @ (singular / (singular**2 + alpha) * weights) for alpha in alphas
-        ]
+        return _linear_predictions(train, target, test, alphas)
     model = SafeKernelRidge(**settings)
     kernel = np.asarray(model._get_kernel(train))
-    given = [SafeKernelRidge(alpha, kernel="precomputed") for alpha in alphas]
-    coefficients = [each.fit(kernel, target).dual_coef_ for each in given]
-    del kernel, given
-    between = np.asarray(model._get_kernel(test, train))
-    return [between @ dual for dual in coefficients]
+    coefficients = [
+        SafeKernelRidge(alpha, kernel="precomputed").fit(kernel, target).dual_coef_
+        for alpha in alphas
+    ]
+    del kernel  # before another large matrix is built
+    test_kernel = np.asarray(model._get_kernel(test, train))
+    return [test_kernel @ weights for weights in coefficients]
+
+
+def _linear_predictions(
+    train: Values, target: Values, test: Values, alphas: Sequence[float]
+) -> list[Values]:
+    """Return the predictions with a linear kernel, by ridge regression in its few directions."""
+    row_directions, singular, directions = np.linalg.svd(train, full_matrices=False)
+    largest = singular[0]
+    for alpha in alphas:
+        if largest**2 * EPSILON > alpha:
+            condition = largest**2 / max(alpha, EPSILON**2 * largest**2)
+            warnings.warn(
+                f"kernel ridge with a linear kernel and alpha = {alpha:g} is singular to"
+                f" working precision (condition about {condition:.0e}): solved by singular"
+                " values",
+                IllConditioned,
+                stacklevel=3,
+            )
+    kept = singular > EPSILON * len(train) * largest
+    singular = singular[kept]
+    weights = row_directions[:, kept].T @ target
+    projected = test @ directions[kept].T
+    return [projected @ (singular / (singular**2 + alpha) * weights) for alpha in alphas]
 
 
 def left_out_errors(model: Any, parts: Sequence[Indices]) -> list[Values]:
-    """Return the errors at rows that are left out together, part by part, from one fit to all rows.
+    """Return the errors at rows that are left out together, from one fit to all rows.
 
-    The model is kernel ridge or a Gaussian process, of which the kernel stays. Of the inverse of
-    the matrix K + alpha I, the rows and columns S of those left out give their errors e, target
-    less prediction: inverse_SS e = coefficients_S. One inverse replaces a fit for each part, whose
-    positions rise. Source: S. An, W. Liu, S. Venkatesh (2007), Pattern Recognit. 40, 2154, equation
-    21.
+    If rows S are left out and the kernel stays, their errors e, target less prediction, follow from
+    the inverse of K + alpha I and the coefficients of all rows: inverse_SS e = coefficients_S. One
+    inverse replaces a fit for each part. Source: S. An, W. Liu, S. Venkatesh (2007), Pattern
+    Recognit. 40, 2154, equation 21.
+
+    Parameters
+    ----------
+    model : KernelRidge or GaussianProcessRegressor
+        The model, fitted to all rows.
+    parts : sequence of ndarray, shape (k,)
+        Positions of the rows of each part, in ascending order.
+
+    Returns
+    -------
+    list of ndarray, shape (k,)
+        Errors at the rows of each part, in the unit of the model's target.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If a matrix is singular.
     """
-    if isinstance(model, KernelRidge):
-        kernel = np.asarray(model._get_kernel(model.X_fit_), dtype=float)
-        kernel[np.abs(kernel) < NEGLIGIBLE * np.abs(kernel.diagonal()).max()] = 0.0
-        alpha, coefficients = getattr(model, "alpha_used_", model.alpha), model.dual_coef_
-    else:
-        kernel = np.asarray(model.kernel_(model.X_train_))
-        alpha, coefficients = model.alpha, model.alpha_
-    kernel[np.diag_indices_from(kernel)] += float(alpha)
-    factor, fault = dpotrf(kernel, lower=1, overwrite_a=1)
-    if fault:
+    equations = _equations_of(model)
+    factor, failed = dpotrf(equations.matrix, lower=1, overwrite_a=1)
+    if failed:
         raise np.linalg.LinAlgError("the kernel matrix is not positive definite")
     inverse, _ = dpotri(factor, lower=1, overwrite_c=1)
-    coefficients = np.asarray(coefficients, dtype=float).reshape(-1)
-    found = []
+    errors = []
     for part in parts:
-        lower = np.tril(inverse[np.ix_(part, part)])  # the indices rise
+        # LAPACK fills the lower triangle only; that of the block is in it, as positions ascend.
+        lower = np.tril(inverse[np.ix_(part, part)])
         block = lower + np.tril(lower, -1).T
-        found.append(np.linalg.solve(block, coefficients[part]))
-    return found
+        errors.append(np.linalg.solve(block, equations.coefficients[part]))
+    return errors
+
+
+@dataclass(frozen=True, eq=False)
+class _Equations:
+    """The equations that a fitted model solves for its coefficients."""
+
+    matrix: Values  # (n, n), kernel matrix with alpha on its diagonal
+    coefficients: Values  # (n,)
+
+
+def _equations_of(model: Any) -> _Equations:
+    """Return the equations of fitted kernel ridge or of a fitted Gaussian process."""
+    if isinstance(model, KernelRidge):
+        kernel = np.asarray(model._get_kernel(model.X_fit_), dtype=float)
+        _clear_negligible(kernel)
+        alpha = getattr(model, "alpha_used_", model.alpha)
+        coefficients = model.dual_coef_
+    else:
+        kernel = np.asarray(model.kernel_(model.X_train_))
+        alpha = model.alpha
+        coefficients = model.alpha_
+    kernel[np.diag_indices_from(kernel)] += float(alpha)
+    return _Equations(kernel, np.asarray(coefficients, dtype=float).reshape(-1))

@@ -58,15 +58,15 @@ def scores(truth: ArrayLike, prediction: ArrayLike) -> Scores:
         r2_score,
     )
 
-    known = np.asarray(truth, dtype=float)
+    true = np.asarray(truth, dtype=float)
     predicted = np.asarray(prediction, dtype=float)
-    if known.ndim != 1 or known.size < 2 or np.ptp(known) == 0:
+    if true.ndim != 1 or true.size < 2 or np.ptp(true) == 0:
         raise ValueError("truth must be a vector that varies")
     return Scores(
-        nmse=100 * float(mean_squared_error(known, predicted)) / magnitude(known),
-        nmae=100 * float(mean_absolute_error(known, predicted)) / magnitude(known),
-        nmaxe=100 * float(max_error(known, predicted)) / float(np.abs(known).max()),
-        r2=100 * float(r2_score(known, predicted)),
+        nmse=100 * float(mean_squared_error(true, predicted)) / magnitude(true),
+        nmae=100 * float(mean_absolute_error(true, predicted)) / magnitude(true),
+        nmaxe=100 * float(max_error(true, predicted)) / float(np.abs(true).max()),
+        r2=100 * float(r2_score(true, predicted)),
     )
 
 
@@ -85,7 +85,8 @@ def magnitude(truth: ArrayLike) -> float:
     float
         Mean of their absolute values, in their unit.
     """
-    return float(np.abs(np.asarray(truth, dtype=float)).mean())
+    values = np.asarray(truth, dtype=float)
+    return float(np.abs(values).mean())
 
 
 def no_better(r2: float) -> str:
@@ -122,7 +123,8 @@ def spread(truth: ArrayLike) -> float:
     float
         The spread in the unit of the truth.
     """
-    return float(np.asarray(truth, dtype=float).var()) / magnitude(truth)
+    variance = float(np.asarray(truth, dtype=float).var())
+    return variance / magnitude(truth)
 
 
 def bootstrap(
@@ -161,17 +163,17 @@ def bootstrap(
         If the scores of all rows are undefined; see `scores`.
     """
     scores(truth, prediction)  # refuses vectors whose scores are undefined
-    known = np.asarray(truth, dtype=float)
-    error = np.abs(np.asarray(prediction, dtype=float) - known)
-    numbers = np.arange(known.size)
+    true = np.asarray(truth, dtype=float)
+    error = np.abs(np.asarray(prediction, dtype=float) - true)
+    numbers = np.arange(true.size)
     if groups is not None:
         numbers = np.unique(groups, return_inverse=True)[1]
     if numbers.max() < 1:
         return {}
-    means = _resampled_means(known, error, numbers)
+    means = _resampled_means(true, error, numbers)
     # A resample of one group, drawn again and again, has no variance.
     usable = means.magnitude > 0
-    usable &= means.variance > ROUNDING * known.var()
+    usable &= means.variance > ROUNDING * true.var()
     squared_error = means.squared_error[usable]
     absolute_error = means.absolute_error[usable]
     return {
@@ -191,19 +193,19 @@ class ResampledMeans:
     absolute_error: Values
 
 
-def _resampled_means(known: Values, error: Values, numbers: Indices) -> ResampledMeans:
+def _resampled_means(true: Values, error: Values, numbers: Indices) -> ResampledMeans:
     """Draw groups with replacement, and return means over the rows of each draw.
 
     Takes the truth, the absolute errors and the number of the group of each row, (n,). Magnitudes
     and variances are computed from distances to those of all rows, without cancellation.
     """
-    size = magnitude(known)
-    from_mean = known - float(known.mean())
+    size = magnitude(true)
+    from_mean = true - float(true.mean())
     quantities = (
-        np.ones_like(known),
+        np.ones_like(true),
         error**2,
         error,
-        np.abs(known) - size,
+        np.abs(true) - size,
         from_mean,
         from_mean**2,
     )

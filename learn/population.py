@@ -203,7 +203,8 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
 
     def _restored(self, X: Values, unit: Values) -> Values:
         """Return means in the unit of the target, (n,), from those that equations give, (n,)."""
-        return np.asarray((self.mean_ + self._reach(X) * unit) * self._trend(X))
+        ratio = self.mean_ + self._reach(X) * unit
+        return np.asarray(ratio * self._trend(X))
 
     def _reach(self, X: Values) -> Values:
         """Return the deviation of the process over the power law, (n,)."""
@@ -211,15 +212,20 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
 
     def _scatter(self, X: Values) -> Values:
         """Return the size of the scatter over the power law, (n,)."""
-        return np.asarray(np.exp(np.clip(_terms(X, 2) @ self.sizes_, *self.ends_)))
+        logarithm = _terms(X, 2) @ self.sizes_
+        low, high = self.ends_
+        return np.asarray(np.exp(np.clip(logarithm, low, high)))
 
     def _trend(self, X: Values) -> Values:
         """Return the power law, (n,); 1 for a target that is not above 0."""
-        return np.asarray(np.exp(X @ self.trend_[1:] + self.trend_[0]))
+        exponents = self.trend_[1:]
+        logarithm = X @ exponents + self.trend_[0]
+        return np.asarray(np.exp(logarithm))
 
     def _functions(self, X: Values) -> Values:
         """Return the functions about the centres, and those of the plane, (n, m + 1 + d)."""
-        return np.hstack([_near(X / self.lengths_, self.places_).values, _plane(X)])
+        kernel = _near(X / self.lengths_, self.places_)
+        return np.hstack([kernel.values, _plane(X)])
 
     def predict(self, X: Values) -> Values:
         """Predict the mean.
@@ -249,8 +255,9 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         ndarray, shape (n,)
             Standard errors in the unit of the target.
         """
-        variance = np.square(self._functions(X) @ self.spread_).sum(axis=1)
-        return np.asarray(np.sqrt(variance) * self._reach(X) * self._trend(X))
+        errors = self._functions(X) @ self.spread_
+        deviation = np.sqrt(np.square(errors).sum(axis=1))
+        return np.asarray(deviation * self._reach(X) * self._trend(X))
 
     def drawn_errors(self, X: Values, number: int) -> Values:
         """Draw functions that the process might be, and return the distances of the mean from them.
@@ -271,7 +278,8 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         """
         random = np.random.default_rng(self.random_state)
         draws = self.spread_ @ random.standard_normal((self.spread_.shape[1], number))
-        distances = (self._functions(X) @ draws).T * self._reach(X) * self._trend(X)
+        functions = self._functions(X) @ draws
+        distances = functions.T * self._reach(X) * self._trend(X)
         return np.asarray(distances).T
 
 
@@ -328,7 +336,8 @@ class Equations:
         inverse = solve_triangular(root.T, np.eye(len(self.matrix)))
         weighted = functions.T @ functions
         shares, directions = eigh(inverse.T @ weighted @ inverse)
-        kept = np.cumsum(shares) > (1 - KEPT) * shares.sum()
+        negligible = (1 - KEPT) * shares.sum()
+        kept = np.cumsum(shares) > negligible
         return np.asarray(factor * inverse @ directions[:, kept])
 
 
@@ -338,9 +347,8 @@ class ScatterCorrelation(NamedTuple):
     separate: float  # share of the scatter that is each row's alone
     length: float  # distance over which the correlation falls to 1 / e
     power: float = 1.0  # of the distance, in which its logarithm is linear
-    size: float = (
-        1.0  # most likely size of the scatter, over the size that it was fitted to
-    )
+    # most likely size of the scatter, over the size that it was fitted to
+    size: float = 1.0
 
     def roots(self, X: Values, blocks: Sequence[Indices]) -> list[Values]:
         """Return the triangular roots of the correlations of rows in blocks.
@@ -381,15 +389,19 @@ class EvidenceTerms:
     among: Kernel  # among the centres
     seen: Values  # (n, m + 1 + d), whitened functions at the rows
     unit: Values  # (n,), whitened targets
-    whole: Any  # Cholesky factor of the equations, as `cho_factor` returns it
-    prior: Any  # Cholesky factor of the functions among the centres
+    factor: Any  # Cholesky factor of the equations, as `cho_factor` returns it
+    prior_factor: Any  # Cholesky factor of the functions among the centres
     solution: Values  # (m + 1 + d,), coefficients
 
     def minus_logarithm(self) -> float:
         """Return minus the logarithm of the evidence."""
-        determinants = np.log(np.diag(self.whole[0])).sum()
-        determinants = determinants - np.log(np.diag(self.prior[0])).sum()
-        squares = self.unit @ self.unit - self.solution @ (self.seen.T @ self.unit)
+        matrix = self.factor[0]
+        prior = self.prior_factor[0]
+        of_matrix = np.log(np.diag(matrix)).sum()
+        of_prior = np.log(np.diag(prior)).sum()
+        determinants = of_matrix - of_prior
+        explained = self.solution @ (self.seen.T @ self.unit)
+        squares = self.unit @ self.unit - explained
         count = len(self.about)
         return float(determinants + (count * self.logarithm + squares) / 2)
 
@@ -499,7 +511,7 @@ class Whitened:
         matrix = seen.T @ seen
         matrix += np.eye(len(matrix)) * (1 + ROUNDING * np.trace(matrix))
         matrix[:count, :count] += among.values / variance - np.eye(count)
-        whole = cho_factor(matrix)
+        factor = cho_factor(matrix)
         return EvidenceTerms(
             logarithm=logarithms[-1],
             variance=variance,
@@ -509,9 +521,9 @@ class Whitened:
             among=among,
             seen=seen,
             unit=unit,
-            whole=whole,
-            prior=cho_factor(among.values),
-            solution=cho_solve(whole, seen.T @ unit),
+            factor=factor,
+            prior_factor=cho_factor(among.values),
+            solution=cho_solve(factor, seen.T @ unit),
         )
 
     def _evidence_slopes(self, terms: EvidenceTerms) -> Values:
@@ -521,13 +533,13 @@ class Whitened:
         """
         count = len(terms.about)
         solution = terms.solution[:count]
-        inverse = cho_solve(terms.whole, np.eye(len(terms.solution)))
+        inverse = cho_solve(terms.factor, np.eye(len(terms.solution)))
         errors = terms.unit - terms.seen @ terms.solution
         by_seen = np.outer(errors, solution) - terms.seen @ inverse[:, :count]
         by_near = self.white(by_seen, back=True) * self.reach[:, None]
         moments = inverse[:count, :count] + np.outer(solution, solution)
         moments = moments / terms.variance
-        by_among = (cho_solve(terms.prior, np.eye(count)) - moments) / 2
+        by_among = (cho_solve(terms.prior_factor, np.eye(count)) - moments) / 2
         slopes = np.empty(terms.about.shape[1] + 1)
         slopes[:-1] = _by_lengths(by_near * terms.near.slopes, terms.places, terms.about)
         slopes[:-1] += _by_lengths(
@@ -680,7 +692,9 @@ def _among(centres: Values) -> Kernel:
 
 def _by_lengths(slopes: Values, places: Values, centres: Values) -> Values:
     """Return slopes by logarithms of lengths, (d,), of those by squared distances, (n, m)."""
-    squares = slopes.sum(axis=1) @ places**2 + slopes.sum(axis=0) @ centres**2
+    of_places = slopes.sum(axis=1) @ places**2
+    of_centres = slopes.sum(axis=0) @ centres**2
+    squares = of_places + of_centres
     products = np.einsum("jk,jk->k", slopes.T @ places, centres)
     return np.asarray(-2 * (squares - 2 * products))
 
@@ -712,5 +726,6 @@ def _polynomial(
 
 def _floored_logarithm(values: Values) -> Values:
     """Return logarithms of values of 0 and more, of which small ones count as `FLOOR` medians."""
-    smallest = max(FLOOR * float(np.median(values)), np.finfo(float).tiny)
+    floor = FLOOR * float(np.median(values))
+    smallest = max(floor, np.finfo(float).tiny)
     return np.asarray(np.log(np.maximum(values, smallest)))

@@ -241,7 +241,7 @@ class Regeneration:
 
             def keep(block: Block, features: BlockFeatures) -> None:
                 self._keep(block, features)
-                progress.advance(block.end - block.first, 0)
+                progress.advance(block.end - block.first)
                 if time.monotonic() > self.saved + SAVE_SECONDS:
                     self.saved = time.monotonic()
                     self.cache.save()

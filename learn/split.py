@@ -118,8 +118,10 @@ def _test_size(groups: Indices) -> int:
     They are whole groups, a fifth of the rows at most, but one group at least.
     """
     ends = np.flatnonzero(np.diff(groups, append=-1)) + 1
-    last = np.searchsorted(ends, int(TEST_SHARE * groups.size), side="right") - 1
-    return int(ends[max(int(last), 0)])
+    limit = int(TEST_SHARE * groups.size)
+    inside = int(np.searchsorted(ends, limit, side="right"))
+    last = max(inside - 1, 0)
+    return int(ends[last])
 
 
 def _constant_part(datasets: Sequence[Dataset], train: Indices, test: Indices) -> str:
@@ -141,8 +143,9 @@ def _folds(groups: Indices) -> Folds:
     """Return folds of about the same size that share no group, of rows sorted by group, (m,)."""
     starts = np.flatnonzero(np.diff(groups, prepend=-1))
     sizes = np.diff(starts, append=groups.size)
-    places = FOLDS * (starts + sizes / 2) / groups.size
-    return np.minimum(places, FOLDS - 1).astype(np.int8).repeat(sizes)
+    middles = starts + sizes / 2
+    folds = np.minimum(FOLDS * middles / groups.size, FOLDS - 1)
+    return folds.astype(np.int8).repeat(sizes)
 
 
 def require_tiles(dataset: Dataset, required: int = TILES) -> None:

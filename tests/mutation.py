@@ -144,7 +144,7 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
         ("np.random.default_rng(seed)", "np.random.default_rng(0)"),
     ),
     "learn/metrics.py": (
-        ("/ float(np.abs(known).max())", "/ magnitude(known)"),
+        ("/ float(np.abs(true).max())", "/ magnitude(true)"),
         ("np.quantile(values, (1 + level) / 2)", "np.quantile(values, level)"),
     ),
     "learn/kernel_ridge.py": (("if reciprocal > EPSILON:", "if reciprocal > 0:"),),

@@ -217,7 +217,7 @@ def describe_one(order: DescriptionOrder, surface: Path, files: DescriptionFiles
     from gen.commands import printer
     from gen.maps import pictures, texture
 
-    figure = figure_for(files.picture, 10.5, 8.6)
+    figure = figure_for(files.picture, width=10.5, height=8.6)
     described = order.describe(surface)
     printer.print_preparation(described.topography, described.warnings)
     printer.print_statistics(described.topography, described.statistics, described.areal)

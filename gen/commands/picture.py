@@ -44,8 +44,8 @@ class _PlottedDatabase:
 def plot_database(file: Path, picture: Path) -> None:
     """Draw surface and pressure of the done row with the median area, and areas and solve times.
 
-    The surface of the row is generated again, and its contact is solved again. Areas and times are
-    those of all done rows.
+    The surface of the row is generated again, and its contact is solved again. The areas and the
+    solve times of all done rows are drawn.
 
     Parameters
     ----------
@@ -59,7 +59,8 @@ def plot_database(file: Path, picture: Path) -> None:
     InputError
         If the database has no row that is done, or the picture cannot be written.
     """
-    figure = figure_for(picture, WIDTH, WIDTH)
+    # The height is a placeholder: it depends on the database, which is read after this check.
+    figure = figure_for(picture, width=WIDTH, height=WIDTH)
     database = _read(file)
     upper_height = _height_of_maps(database.scene)
     lower_height = 3.8
@@ -147,7 +148,7 @@ def _title_of_surface(scene: Scene, row: int, values: Mapping[str, float]) -> st
 def _title_of_contact(scene: Scene, contact: Contact) -> str:
     """Return the title of the map of pressures: the load, the bodies, the boundary, the area."""
     problem = contact.problem
-    bodies = Bodies(problem.modulus, problem.hardness)
+    bodies = Bodies(e_star=problem.modulus, hardness=problem.hardness)
     boundary = ""
     if problem.boundary != "free":
         boundary = f", {problem.boundary} boundary"

@@ -190,7 +190,7 @@ class PressingOrder:
                 else:
                     faults.append(f"not solved, left out: {solution.fault}")
                 counted += 1
-                progress.advance(rows=1, failed=0 if is_solved else 1)
+                progress.advance(1, failed=0 if is_solved else 1)
         except InputError:
             # The progress counts the loads that this map does not reach as failed.
             remaining = len(self.values) - counted
@@ -258,7 +258,7 @@ def press_one(order: PressingOrder, surface: Path, files: ContactFiles) -> None:
     surface : Path
         File of the map.
     files : ContactFiles
-        Files to write. The picture and the flattened heights are those of the last load.
+        Files to write. The picture and the flattened heights show the contact under the last load.
 
     Raises
     ------
@@ -270,7 +270,7 @@ def press_one(order: PressingOrder, surface: Path, files: ContactFiles) -> None:
     from gen.doubts import material_doubts
     from gen.maps import contacts
 
-    figure = figure_for(files.picture, 11, 8.2)
+    figure = figure_for(files.picture, width=11, height=8.2)
     topography, warnings = order.read(surface)
     solutions = order.solutions(topography)
     solved = contacts.solve_all(solutions, len(order.values), order.options)

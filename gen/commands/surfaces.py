@@ -167,8 +167,8 @@ def contact(
 def _conductivities(values: Sequence[float] | None) -> tuple[float, float] | None:
     """Return the conductivities of both bodies [W/(m K)], None if the option is left out.
 
-    `values` are those of the option --conductivity: one for equal bodies, or two. Raises InputError
-    for other numbers.
+    `values` has the values of the option --conductivity: one for equal bodies, or two. Raises
+    InputError if there are more values, or one is outside the range of physical numbers.
     """
     from gen.maps.contacts import require_conductivities
 
@@ -241,7 +241,7 @@ def law(
     files = files.resolved(output, _input_files(files_read(inputs), facing))
     if not 0 < band < 1:
         raise InputError(f"--band {band:g}: give a share between 0 and 1, as 0.9")
-    figure = figure_for(files.picture, 12.0, 7.0)
+    figure = figure_for(files.picture, width=12.0, height=7.0)
     bodies = Bodies.of(*material)
     # Poisson's ratio alone states a material too, with a modulus of 1 MPa.
     states_modulus = bodies.has_modulus or material.poisson

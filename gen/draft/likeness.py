@@ -67,8 +67,8 @@ def propose_like(path: Path, reading: Reading) -> Likeness:
     path : Path
         File of the map.
     reading : Reading
-        Settings for a file that lacks a unit or lengths. The steps of the preparation are chosen
-        for the map, whatever `reading` holds.
+        Unit, lengths and channel, if the file does not determine them. The steps of the preparation
+        are chosen for the map, whatever `reading` holds.
 
     Returns
     -------

@@ -78,8 +78,8 @@ def propose(
     paths : sequence of Path
         Files of the maps, at least one.
     reading : Reading
-        Settings for files that lack a unit or lengths. The steps of the preparation are chosen
-        for the maps, whatever `reading` holds.
+        Unit, lengths and channel for files that do not determine them. The steps of the
+        preparation are chosen for the maps, whatever `reading` holds.
     advance : callable
         Function without arguments that is called twice for each file, after each reading, to
         display the progress.

@@ -59,10 +59,8 @@ class MapSurvey:
     fault: str = ""  # why the file cannot be used; "" if it can
     # nodes along x and y in the file; (0, 0) if it cannot be read
     shape: tuple[int, int] = (0, 0)
-    spacing: Sides = (
-        math.nan,
-        math.nan,
-    )  # distance of the nodes along x and y in the file [um]
+    # distance of the nodes along x and y in the file [um]
+    spacing: Sides = (math.nan, math.nan)
     unit: str = ""  # unit of the heights in the file; "" if the file names none
     missing: int = 0  # number of nodes without a height
     spikes: Spikes | None = None  # None if the file cannot be used
@@ -103,7 +101,7 @@ def survey_maps(
     paths : sequence of Path
         The files.
     reading : Reading
-        Settings for files that lack a unit or lengths.
+        Unit, lengths and channel for files that do not determine them.
     advance : callable
         Function without arguments that is called after each file, to display the progress.
 

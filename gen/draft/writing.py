@@ -176,9 +176,9 @@ def filled(template: str, texts: Mapping[str, str]) -> str:
     """
     lines = []
     for line in template.splitlines(keepends=True):
-        # None for a line that is more than a placeholder, as it names no text
-        text_of_whole_line = texts.get(line.strip().removeprefix("$"))
-        if line.startswith("$") and text_of_whole_line == "":
+        # the text for a line that is only a placeholder; None for any other line
+        text_of_line = texts.get(line.strip().removeprefix("$"))
+        if line.startswith("$") and text_of_line == "":
             continue
         lines.append(Template(line).substitute(texts))
     return re.sub(r"\n{3,}", "\n\n", "".join(lines))
@@ -226,8 +226,8 @@ def _beside(output: Path, suffix: str) -> str:
 def _list_of_files(proposal: Proposal, inputs: Sequence[str], folder: Path) -> str:
     """Return the lines of the list `files`: one for each map, a comment if the map is left out.
 
-    If more maps are used than the list may hold, the lines are the names that the user gave,
-    `inputs`. `folder` is the folder of the scene.
+    The list may hold at most `MOST_PATTERNS` names. If more maps are used, the lines are the names
+    that the user gave, `inputs`. `folder` is the folder of the scene.
     """
     if len(proposal.used) > MOST_PATTERNS:
         paths = [Path(name).expanduser().absolute() for name in inputs]
@@ -241,9 +241,8 @@ def _line_of_file(survey: MapSurvey, folder: Path) -> str:
     name = str(survey.path)
     if survey.path.is_relative_to(folder):
         name = str(survey.path.relative_to(folder))
-        if name.startswith(
-            "~"
-        ):  # readers of the scene take a leading ~ for a home folder
+        # Without "./" a scene takes a leading ~ for a home folder.
+        if name.startswith("~"):
             name = f"./{name}"
     if survey.fault:
         return f"    # {quoted(name)} is left out: {printable(survey.fault)}"

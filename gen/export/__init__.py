@@ -1,7 +1,7 @@
 """Export of databases to open formats, which anybody can read without this program.
 
-The columns become files of Parquet (`gen.export.rows`). A card in Markdown and Croissant's JSON-LD
-for catalogues say what the dataset is (`gen.export.description`).
+The columns become Parquet files (`gen.export.rows`). A card in Markdown for readers and Croissant's
+JSON-LD for catalogues describe the dataset (`gen.export.description`).
 """
 
 from dataclasses import dataclass
@@ -23,32 +23,34 @@ from gen.runtime.errors import InputError
 from gen.runtime.files import inside, lock_folder, make_folder, write
 from gen.runtime.terminal import RunProgress
 
-CARD_NAME = "README.md"  # name of the card in the folder of an export
-SCENE_NAME = "scene.toml"  # name of the scene
-CROISSANT_NAME = "croissant.json"  # name of Croissant's description
+# names of files in the folder of an export
+CARD_NAME = "README.md"
+SCENE_NAME = "scene.toml"
+CROISSANT_NAME = "croissant.json"
 
 
 @dataclass(frozen=True)
 class Exported:
-    """What an export has written."""
+    """Numbers about an export that has been written."""
 
-    rows: int  # number of rows in it
-    left_out: int  # number of rows of the database that are failed or pending
-    size: int  # of all files in the folder [bytes]
+    rows: int  # number of exported rows
+    left_out: int  # number of other rows of the database, which are failed or pending
+    size: int  # size of all files in the folder, without hidden ones [bytes]
 
 
 def export(reader: Reader, folder: Path, about: About) -> Exported:
-    """Write the done rows of a database as Parquet, with a card and Croissant's description.
+    """Write the done rows of a database as Parquet, with its scene, a card and a Croissant file.
 
-    An export of the same database is continued, or renewed if the database has grown; its whole
-    files are kept. The folder is locked meanwhile, and a line on standard error shows the progress.
+    If the folder holds an export of this database, only Parquet files that are missing, incomplete
+    or out of date are written. The folder is locked meanwhile, and a line on standard error shows
+    the progress.
 
     Parameters
     ----------
     reader : Reader
-        The database, which a run may be writing.
+        The database. A run may be adding rows to it.
     folder : Path
-        A new or empty folder, or one with an export of this database.
+        A new or empty folder, or a folder with an export of this database.
     about : About
         Bibliographic data.
 
@@ -60,8 +62,8 @@ def export(reader: Reader, folder: Path, about: About) -> Exported:
     Raises
     ------
     InputError
-        If the folder holds something else or is at work, there are no done rows, or a file cannot
-        be written.
+        If the folder holds other files, another process has locked it, the database has no done
+        rows, or a file cannot be written.
     """
     with lock_folder(folder):
         _refuse_foreign(folder, reader)
@@ -69,7 +71,7 @@ def export(reader: Reader, folder: Path, about: About) -> Exported:
         if done.number == 0:
             raise InputError(f"{reader.path} has no done rows to export")
         files = pieces(reader)
-        if len(files) > 1:
+        if len(files) > 1:  # There are fields, besides the table of all rows.
             make_folder(inside(folder, FIELDS))
         with RunProgress(sum(len(piece.rows) for piece in files), "rows") as progress:
             for piece in files:
@@ -85,9 +87,9 @@ def export(reader: Reader, folder: Path, about: About) -> Exported:
 
 
 def _refuse_foreign(folder: Path, reader: Reader) -> None:
-    """Refuse a folder with files unless they are an export of this database."""
+    """Raise InputError unless a folder is empty or holds an export of this database."""
     if all(path.name.startswith(".asperity") for path in folder.iterdir()):
-        return
+        return  # The folder is empty apart from its lock.
     origin = origin_of(folder / ROWS)
     if not origin:
         raise InputError(f"{folder} is not empty and no export: give a new folder")
@@ -98,6 +100,6 @@ def _refuse_foreign(folder: Path, reader: Reader) -> None:
 
 
 def _size_of(folder: Path) -> int:
-    """Return the size of all files in a folder but hidden ones [bytes]."""
+    """Return the size of all files in a folder and its folders, without hidden ones [bytes]."""
     files = [path for path in folder.rglob("[!.]*") if path.is_file()]
     return sum(path.stat().st_size for path in files)

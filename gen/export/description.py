@@ -25,14 +25,20 @@ from gen.runtime.files import digest
 from gen.runtime.terminal import printable
 from gen.schema import REASONS, Status
 
-DOI = re.compile(r"10\.\d{4,9}/\S+")  # without the address of its resolver (ISO 26324)
-# what people put in front of an identifier
+DOI = re.compile(
+    r"10\.\d{4,9}/\S+"
+)  # digital object identifier (ISO 26324), without a resolver
+# beginnings with which an identifier is often written
 RESOLVER = re.compile(r"(https?://doi\.org/|doi:)", re.IGNORECASE)
 
 LICENCE = re.compile(r"https?://\S+|[\w.+-]+( (AND|OR|WITH) [\w.+-]+)*", re.ASCII)
 """An address, or an SPDX expression without brackets (SPDX 2.3, annex D)."""
 
-TEXTS = {"title", "creator", "licence"}  # keys of a scene with texts of anybody's
+TEXTS = {
+    "title",
+    "creator",
+    "licence",
+}  # keys of a scene whose values are free texts of its author
 
 PATCHES = {
     "free": "a patch with free edges",
@@ -41,41 +47,47 @@ PATCHES = {
 }
 """Words for the boundaries of a patch."""
 
-# media type of Parquet files, as Croissant's loader knows it
+# media type of Parquet files that Croissant's loader recognises
 PARQUET = "application/x-parquet"
 
 
 @dataclass(frozen=True)
 class About:
-    """Bibliographic data of a dataset; an empty text stands for what is not known."""
+    """Bibliographic data of a dataset. A text that is not known is empty."""
 
     title: str
     creator: str = ""
-    licence: str = ""  # an SPDX identifier as "CC-BY-4.0", or an address
-    doi: str = ""  # without the address of its resolver
+    licence: str = ""  # an SPDX identifier, for example "CC-BY-4.0", or an address
+    doi: str = ""  # digital object identifier, without the address of a resolver
 
     @classmethod
     def of(cls, reader: Reader, title: str, creator: str, licence: str, doi: str) -> Self:
-        """Check the options of a command, and complete them by the attributes of the database.
+        """Check the options of a command, and take empty ones from the database.
 
         Parameters
         ----------
         reader : Reader
             The database.
-        title, creator, licence : str
-            Options; in place of an empty text stands what the scene of the database has.
+        title : str
+            Option with the title; if "", the title of the database.
+        creator : str
+            Option with the creator; if "", the creator in the scene of the database.
+        licence : str
+            Option with an SPDX identifier or an address; if "", the licence in the scene.
         doi : str
-            Identifier of the dataset, perhaps with the address of its resolver, or an empty text.
+            Option with the digital object identifier, with or without the address of its resolver;
+            "" if there is none.
 
         Returns
         -------
         About
-            The data, all in printable letters.
+            The data, in printable characters.
 
         Raises
         ------
         InputError
-            If an option has several lines, or is no licence or no identifier.
+            If a text has a character that is not printable, as a line break, or the licence or the
+            identifier has a wrong form.
         """
         identifier = RESOLVER.sub("", doi.strip(), count=1)
         if doi and not DOI.fullmatch(identifier):
@@ -102,21 +114,23 @@ class About:
 
     @property
     def address(self) -> str:
-        """Address that the identifier resolves to, or an empty text."""
-        return f"https://doi.org/{self.doi}" if self.doi else ""
+        """Address of the identifier's resolver with the identifier; "" without an identifier."""
+        if not self.doi:
+            return ""
+        return f"https://doi.org/{self.doi}"
 
     def citation(self, year: str) -> str:
-        """Return how the dataset wants to be cited.
+        """Return the citation of the dataset.
 
         Parameters
         ----------
         year : str
-            Year of the dataset.
+            Year in which the dataset was made.
 
         Returns
         -------
         str
-            The citation, or an empty text without a creator.
+            The citation in one line; "" without a creator.
         """
         if not self.creator:
             return ""
@@ -127,7 +141,7 @@ class About:
 
 
 def summary(reader: Reader) -> str:
-    """Describe surfaces, contact and loads of a database in a few sentences.
+    """Describe the surfaces, the contact and the loads of a database in a few sentences.
 
     Parameters
     ----------
@@ -164,11 +178,12 @@ def scene_text(reader: Reader) -> str:
     Returns
     -------
     str
-        The scene, with texts of anybody's in printable letters.
+        The scene. In the values of `TEXTS`, characters that are not printable become "?".
     """
     content = json.loads(reader.scene.text())
     for name in TEXTS & content.keys():
         content[name] = printable(content[name])
+    # In TOML, keys of the scene itself have to come before its tables.
     keys = {key: value for key, value in content.items() if not isinstance(value, dict)}
     tables = {key: value for key, value in content.items() if isinstance(value, dict)}
     return tomli_w.dumps(keys | tables)
@@ -184,12 +199,12 @@ def card(reader: Reader, about: About, done: DoneRows) -> str:
     about : About
         Bibliographic data.
     done : DoneRows
-        The rows that are in the export, at least one.
+        The exported rows, at least one.
 
     Returns
     -------
     str
-        The card. Texts of the database are shown as they are, and mark nothing up.
+        The card. Markup in texts of the database is escaped, so that readers see the letters.
     """
     attributes = reader.attributes
     columns = exported_columns(reader)
@@ -218,11 +233,15 @@ def card(reader: Reader, about: About, done: DoneRows) -> str:
         scene=Markup(scene_text(reader)),
         citation=about.citation(str(attributes["created"])[:4]),
     )
+    # In the template, a backslash at the end of a line joins it to the next line.
     return text.replace("\\\n", "")
 
 
 def _environment() -> Environment:
-    """Return Jinja's settings for the card, with filters for YAML's texts and for numbers."""
+    """Return Jinja's environment for the card, with the filters `json` and `number`.
+
+    `_plain` is applied to every value that the template inserts.
+    """
     environment = Environment(
         loader=PackageLoader("gen.export", "."),
         autoescape=False,
@@ -238,19 +257,21 @@ def _environment() -> Environment:
 
 
 def _json(text: str) -> Markup:
-    """Quote a text as JSON and YAML have it; < is escaped, which might begin a tag of HTML."""
+    """Quote a text as JSON, which is YAML too; escape <, which may begin a tag of HTML."""
     return Markup(json.dumps(text).replace("<", "\\u003c"))
 
 
 def _number(value: float) -> str:
-    """Write a number in any unit; nothing for NaN."""
-    return "" if math.isnan(value) else f"{value:.6g}"
+    """Write a number with at most 6 significant digits; return "" for NaN."""
+    if math.isnan(value):
+        return ""
+    return f"{value:.6g}"
 
 
 def _plain(value: object) -> object:
-    """Write a text of a database in one line so that Markdown shows its letters.
+    """Write a text in one line, and escape it so that Markdown shows its letters as they are.
 
-    Markup and what is no text stay as they are.
+    Return `Markup`, and values that are no text, unchanged.
     """
     if not isinstance(value, str) or isinstance(value, Markup):
         return value
@@ -267,18 +288,20 @@ def croissant(reader: Reader, about: About, folder: Path, pieces: Sequence[Piece
     about : About
         Bibliographic data.
     folder : Path
-        Folder of the export, in which all files of rows are.
+        Folder of the export. The file of the table of all rows exists already.
     pieces : sequence of Piece
-        The files of rows, the table of all rows first.
+        The Parquet files of the export: the table of all rows, then the files of the fields.
 
     Returns
     -------
     str
-        The description, with the size and the SHA-256 of the table of all rows.
+        The description. It has the size and the SHA-256 of the table of all rows, but not of the
+        files of the fields.
     """
     table = pieces[0]
     distribution: list[mlc.FileObject | mlc.FileSet] = [_table_file(folder / table.name)]
     records = [_record_set("rows", table.schema, file_object=table.name)]
+    # A file of a field has the columns `sample` and the field. The files of a field share a schema.
     field_schemas = {piece.schema.names[-1]: piece.schema for piece in pieces[1:]}
     for name, schema in field_schemas.items():
         file_set = mlc.FileSet(
@@ -317,26 +340,32 @@ def _table_file(path: Path) -> mlc.FileObject:
 
 
 def _record_set(name: str, schema: pa.Schema, **source: str) -> mlc.RecordSet:
-    """Describe the rows of files with the same columns; `source` names a file or a set of files."""
+    """Describe the rows of one file, or of a set of files with one schema.
+
+    `source` is one keyword of `mlcroissant.Source`: `file_object` or `file_set`, with the
+    identifier of the file or of the set.
+    """
     fields = [_field(name, column, source) for column in schema]
     return mlc.RecordSet(id=name, name=name, key=[f"{name}/sample"], fields=fields)
 
 
 def _field(record_set: str, column: pa.Field, source: dict[str, str]) -> mlc.Field:
-    """Describe a column of the rows in a file or in a set of files."""
-    words = {key.decode(): value.decode() for key, value in column.metadata.items()}
-    unit = "" if words["unit"] in {"1", ""} else f" [{words['unit']}]"
-    kind = column.type
-    array: dict[str, Any] = {}
-    if "shape" in words:
-        kind = column.type.value_type
-        shape = json.loads(words["shape"])
+    """Describe a column of a record set; `source` is that of `_record_set`."""
+    metadata = {key.decode(): text.decode() for key, text in column.metadata.items()}
+    description = metadata["long_name"]
+    if metadata["unit"] not in {"1", ""}:
+        description += f" [{metadata['unit']}]"
+    type_of_number = column.type
+    array: dict[str, Any] = {}  # keywords for a column of fields
+    if "shape" in metadata:
+        type_of_number = column.type.value_type
+        shape = json.loads(metadata["shape"])
         array = {"is_array": True, "array_shape": ",".join(map(str, shape))}
-    is_whole = pa.types.is_integer(kind)
+    is_whole = pa.types.is_integer(type_of_number)
     return mlc.Field(
         id=f"{record_set}/{column.name}",
         name=column.name,
-        description=f"{words['long_name']}{unit}",
+        description=description,
         data_types=[mlc.DataType.INTEGER if is_whole else mlc.DataType.FLOAT],
         source=mlc.Source(**source, extract=mlc.Extract(column=column.name)),
         **array,

@@ -1,4 +1,4 @@
-"""Files of the rows of a database: Parquet, each written whole or not at all, in chunks of rows."""
+"""Parquet files with the rows of a database. Each file is written completely or not at all."""
 
 import json
 from contextlib import suppress
@@ -18,57 +18,62 @@ from gen.runtime.terminal import RunProgress
 from gen.schema import Column, Status
 
 KEPT_BACK = frozenset(("status", "checksum", "rank", "host"))
-"""Columns that are not exported: the status, since all exported rows are done, the checksum, which
-is that of a row of the database, and the machine that computed a row, which is private.
+"""Columns that are not exported: the status, because all exported rows are done; the checksum,
+because it belongs to a row of the database's file; the rank and the host, which are private.
 """
 
-ROWS = "rows.parquet"  # file of all columns with one value a row
-FIELDS = "fields"  # folder of the files of columns with one field a row
+ROWS = "rows.parquet"  # file with all columns that have one value a row
+FIELDS = "fields"  # folder of the files with columns that have one field of nodes a row
 
-# largest number of rows that are in memory at once, and in one row group of a file
+# largest number of rows in memory at once, and in one row group of a file
 TABLE_ROWS = 50_000
-# most bytes of a field's file before compression: what an interruption loses
+# Largest size of a field's file before compression [bytes]. An interruption loses one such file.
 FILE_BYTES = 2**28
-KEY = b"asperity"  # key of a file's metadata under which its origin stands
+KEY = b"asperity"  # key of a file's metadata for the file's origin
 
 
 class Piece(NamedTuple):
-    """A file of an export."""
+    """A Parquet file of an export."""
 
-    name: str  # in the folder of the export
-    schema: pa.Schema  # its columns, the first of which is `sample`
-    rows: range  # rows of the database that may be in it
+    name: str  # path of the file in the folder of the export
+    schema: pa.Schema  # columns of the file, the first of which is `sample`
+    rows: range  # rows of the database from which the done ones are in the file
 
 
 class ExportedColumns(NamedTuple):
-    """The columns of a database that are exported."""
+    """The exported columns of a database, by the shape of their values."""
 
-    scalars: list[Column]  # those with one value a row
-    fields: list[Column]  # those with one field of nx x ny nodes a row
+    scalars: list[Column]  # columns with one value a row
+    fields: list[Column]  # columns with one field of nx x ny nodes a row
 
 
 @dataclass(frozen=True, eq=False)
 class DoneRows:
-    """The rows of a database that are done, and are exported, as they were at one moment."""
+    """The done rows of a database at one moment, which are the rows that are exported.
 
-    first: int  # first row of the database, in the plan of its scene
+    Numbers of rows are those in the plan of the scene. The first row of a part of a database is
+    not 0.
+    """
+
+    first: int  # number of the database's first row
     is_done: NDArray[np.bool_]  # whether each row is done, shape (rows of the database,)
 
     @classmethod
     def of(cls, reader: Reader) -> "DoneRows":
-        """Return the done rows of a database to which a run may go on adding.
+        """Read which rows of a database are done at this moment.
 
         Parameters
         ----------
         reader : Reader
-            The database.
+            The database. Rows that a run completes later are not in the result.
 
         Returns
         -------
         DoneRows
-            Its rows as they are now.
+            The done rows.
         """
-        return cls(reader.rows.start, np.asarray(reader.column("status") == Status.DONE))
+        is_done = np.asarray(reader.column("status") == Status.DONE)
+        return cls(first=reader.rows.start, is_done=is_done)
 
     @property
     def number(self) -> int:
@@ -77,27 +82,29 @@ class DoneRows:
 
     @property
     def first_done(self) -> int:
-        """First row that is done, of which there has to be one."""
+        """Number of the first done row; at least one row has to be done."""
         return self.first + int(self.is_done.argmax())
 
     def within(self, start: int, stop: int) -> NDArray[np.bool_]:
-        """Return whether the rows from start to stop - 1 are done.
+        """Tell which of the rows from `start` to `stop` - 1 are done.
 
         Parameters
         ----------
-        start, stop : int
-            First row, and the row behind the last one, in the plan of the scene.
+        start : int
+            Number of the first row.
+        stop : int
+            Number of the last row plus 1.
 
         Returns
         -------
         ndarray of bool, shape (stop - start,)
-            True for the rows that are done.
+            True for rows that are done.
         """
         return self.is_done[start - self.first : stop - self.first]
 
 
 def exported_columns(reader: Reader) -> ExportedColumns:
-    """Return the columns of a database that are exported.
+    """Return the exported columns of a database.
 
     Parameters
     ----------
@@ -107,7 +114,7 @@ def exported_columns(reader: Reader) -> ExportedColumns:
     Returns
     -------
     ExportedColumns
-        Those with one value a row, and those with one field, in the schema's order.
+        Columns with one value a row, and columns with one field a row, in the order of the file.
     """
     columns = [column for column in reader.columns() if column.name not in KEPT_BACK]
     return ExportedColumns(
@@ -117,7 +124,7 @@ def exported_columns(reader: Reader) -> ExportedColumns:
 
 
 def pieces(reader: Reader) -> list[Piece]:
-    """List the files of an export.
+    """List the Parquet files of an export.
 
     Parameters
     ----------
@@ -127,43 +134,53 @@ def pieces(reader: Reader) -> list[Piece]:
     Returns
     -------
     list of Piece
-        The table of all rows, and behind it the files of each field, with `FILE_BYTES` at most.
+        The table of all rows, followed by the files of the fields. Each of these has a part of the
+        rows of one field, with at most `FILE_BYTES` before compression but at least one row.
     """
     columns = exported_columns(reader)
-    files = [Piece(ROWS, _schema(reader, columns.scalars), reader.rows)]
+    schema_of_table = _schema(reader, columns.scalars)
+    files = [Piece(name=ROWS, schema=schema_of_table, rows=reader.rows)]
     for field in columns.fields:
         schema = _schema(reader, [field])
-        step = max(1, FILE_BYTES // field.row_bytes(reader.scene.grid.shape))
-        for start in reader.rows[::step]:
-            rows = range(start, min(start + step, reader.rows.stop))
+        rows_of_file = max(1, FILE_BYTES // field.row_bytes(reader.scene.grid.shape))
+        for start in reader.rows[::rows_of_file]:
+            stop = min(start + rows_of_file, reader.rows.stop)
             name = f"{FIELDS}/{field.name}-{start:010d}.parquet"
-            files.append(Piece(name, schema, rows))
+            files.append(Piece(name=name, schema=schema, rows=range(start, stop)))
     return files
 
 
 def _schema(reader: Reader, columns: list[Column]) -> pa.Schema:
-    """Return Arrow's schema of columns behind `sample`, with their units and meanings."""
-    words = {"unit": "1", "long_name": "index of the row in the scene"}
-    fields = [pa.field("sample", pa.int64(), nullable=False, metadata=words)]
-    fields += [_arrow_field(column, reader.scene.grid.shape) for column in columns]
-    return pa.schema(fields)
+    """Return Arrow's schema of a file: the column `sample`, then the given columns.
+
+    The metadata of each column are its unit and its meaning.
+    """
+    metadata = {"unit": "1", "long_name": "index of the row in the scene"}
+    sample = pa.field("sample", pa.int64(), nullable=False, metadata=metadata)
+    fields = [_arrow_field(column, reader.scene.grid.shape) for column in columns]
+    return pa.schema([sample, *fields])
 
 
 def _arrow_field(column: Column, nodes: tuple[int, int]) -> pa.Field:
-    """Return Arrow's description of a column; a field of nodes is a list with a shape beside it."""
+    """Return Arrow's description of a column of a database on a grid of nodes (nx, ny).
+
+    A column of fields has lists of nx ny numbers as its values, and the shape in its metadata.
+    """
     nx, ny = nodes
-    kind = pa.from_numpy_dtype(np.dtype(column.dtype))
-    words = {"unit": column.unit, "long_name": column.long_name}
+    arrow_type = pa.from_numpy_dtype(np.dtype(column.dtype))
+    metadata = {"unit": column.unit, "long_name": column.long_name}
     if column.shape_of:
-        kind = pa.list_(kind, nx * ny)
-        words["shape"] = json.dumps([nx, ny])
-    return pa.field(column.name, kind, nullable=False, metadata=words)
+        arrow_type = pa.list_(arrow_type, nx * ny)
+        metadata["shape"] = json.dumps([nx, ny])
+    return pa.field(column.name, arrow_type, nullable=False, metadata=metadata)
 
 
 def write_piece(
     piece: Piece, folder: Path, reader: Reader, done: DoneRows, progress: RunProgress
 ) -> None:
-    """Write a file of an export with the rows that are done, unless it is there already.
+    """Write a file of an export with the done rows, unless the folder has it already.
+
+    A file that has another origin, for example fewer done rows, is replaced.
 
     Parameters
     ----------
@@ -174,9 +191,9 @@ def write_piece(
     reader : Reader
         The database.
     done : DoneRows
-        The rows that are done.
+        The done rows of the database.
     progress : RunProgress
-        Display that the rows of the file are added to.
+        Display of the progress. The rows of the file are added to it.
 
     Raises
     ------
@@ -188,27 +205,30 @@ def write_piece(
     number = int(done.within(rows.start, rows.stop).sum())
     origin = identity(reader) | {"rows": [rows.start, rows.stop], "done": number}
     if origin_of(path) == origin:
-        progress.advance(len(rows), 0)
+        progress.advance(rows=len(rows))
         return
     schema = piece.schema.with_metadata({KEY: json.dumps(origin)})
-    step = _rows_at_once(piece, reader)
+    rows_at_once = _rows_at_once(piece, reader)
     with (
         atomic(path, "parquet") as file,
         parquet.ParquetWriter(file, schema, compression="zstd") as writer,
     ):
-        for start in rows[::step]:
-            stop = min(start + step, rows.stop)
+        for start in rows[::rows_at_once]:
+            stop = min(start + rows_at_once, rows.stop)
             table = _table(schema, reader, done, start, stop)
             writer.write_table(table)
-            progress.advance(len(table), 0)
+            progress.advance(rows=len(table))
 
 
 def _rows_at_once(piece: Piece, reader: Reader) -> int:
-    """Return the number of rows of a file in memory at once: a few megabytes of each column."""
+    """Return how many rows of a file are held in memory at once.
+
+    Each column then takes at most `CHUNK_BYTES`, unless one row is larger.
+    """
     widest = max(
         column.row_bytes(reader.scene.grid.shape)
         for column in reader.columns()
-        if column.name in piece.schema.names[1:]
+        if column.name in piece.schema.names[1:]  # without `sample`
     )
     return min(TABLE_ROWS, max(1, CHUNK_BYTES // widest))
 
@@ -216,12 +236,14 @@ def _rows_at_once(piece: Piece, reader: Reader) -> int:
 def _table(
     schema: pa.Schema, reader: Reader, done: DoneRows, start: int, stop: int
 ) -> pa.Table:
-    """Return the rows from start to stop - 1 that are done, with the columns of a schema."""
+    """Return the done rows from `start` to `stop` - 1 as a table with the columns of a schema."""
     is_done = done.within(start, stop)
-    arrays = [pa.array(start + np.flatnonzero(is_done), type=pa.int64())]
+    samples = start + np.flatnonzero(is_done)
+    arrays = [pa.array(samples, type=pa.int64())]
     for field in list(schema)[1:]:
         values = reader.column(field.name, start, stop)[is_done]
         array = pa.array(np.ascontiguousarray(values).reshape(-1))
+        # The numbers of all fields, one after the other, become a list for each row.
         if pa.types.is_fixed_size_list(field.type):
             array = pa.FixedSizeListArray.from_arrays(array, field.type.list_size)
         arrays.append(array)
@@ -229,7 +251,7 @@ def _table(
 
 
 def identity(reader: Reader) -> dict[str, object]:
-    """Return what tells a database from others.
+    """Return the attributes that distinguish a database from all other databases.
 
     Parameters
     ----------
@@ -239,25 +261,27 @@ def identity(reader: Reader) -> dict[str, object]:
     Returns
     -------
     dict of str to object
-        The hash of its scene, the moment of its creation, and the number of its physics.
+        The values of the attributes `scene_hash`, `created` (when the database was made) and
+        `physics`, by their names.
     """
     attributes = reader.attributes
     return {name: attributes[name] for name in ("scene_hash", "created", "physics")}
 
 
 def origin_of(path: Path) -> dict[str, object]:
-    """Return the origin that a Parquet file states.
+    """Return the origin that a Parquet file of an export has in its metadata.
 
     Parameters
     ----------
     path : Path
-        Any file, or none.
+        Path of any file, which need not exist.
 
     Returns
     -------
     dict of str to object
-        The identity of the database, the range of its rows, and the number of those that are done;
-        empty if the file is no whole file of an export.
+        The attributes of `identity`; "rows", the first row and the last row plus 1 of the database
+        that the file covers; and "done", the number of done rows in the file. The dictionary is
+        empty if there is no complete file of an export at the path.
     """
     with suppress(OSError, KeyError, ValueError, pa.ArrowException):
         if path.is_file() and kind_of(path) == "parquet":

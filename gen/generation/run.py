@@ -126,7 +126,7 @@ class _Receiver:
         pending = int(np.count_nonzero(rows["status"] == Status.PENDING))
         failed = int(np.count_nonzero(rows["status"] == Status.FAILED))
         self.overdue += pending
-        self._progress.advance(len(block) - pending, failed)
+        self._progress.advance(len(block) - pending, failed=failed)
 
 
 def generate_database(

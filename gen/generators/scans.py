@@ -59,16 +59,15 @@ _OPEN: dict[ScanSurface, library.Library] = {}
 
 MOST_PATTERNS = 1000  # largest number of names in the list of files
 LONGEST_TEXT = 200  # largest number of letters of a text in a table
-LONGEST_SIDE = (
-    1e300  # largest scan length that a table accepts; `parse_sides` allows less [um]
-)
+# largest scan length that a table accepts [um]; `parse_sides` allows less when a map is read
+LONGEST_SIDE = 1e300
 
 
 def _files(value: object, info: ValidationInfo) -> tuple[str, ...]:
     """Validate the key `files`: return the paths and patterns from a text or a list of texts.
 
-    Relative ones start from the folder of the scene's file, if pydantic's context gives it.
-    PydanticCustomError for anything else, and for too long or empty a list.
+    Relative paths start from the folder of the scene's file, if the context of the validation has
+    the key "folder". PydanticCustomError for any other value, and for an empty or too long list.
     """
     names = (value,) if isinstance(value, str) else value
     if not isinstance(names, list | tuple) or not 1 <= len(names) <= MOST_PATTERNS:
@@ -121,6 +120,7 @@ def _table(name: str) -> type[Table]:
     Its keys are the fields of `Reading` that belong to this table. Each is optional: None is the
     default.
     """
+    # Scenes also accept numbers for the side, which is a text in commands.
     types: dict[str, Any] = get_type_hints(Reading) | {"side": Lengths}
     fields: dict[str, Any] = {}
     for key_name, key in keys(name).items():
@@ -147,6 +147,7 @@ def _check_of(key: Key) -> Callable[[Any], Any]:
     return check
 
 
+# Type checkers cannot use classes that are made when the program runs.
 if TYPE_CHECKING:
     ReadingTable: TypeAlias = Table
     PreparationTable: TypeAlias = Table
@@ -194,8 +195,8 @@ class RecordedMaps(Table):
 class ScanSurface(GeneratedSurface):
     """Windows of measured maps, as one rough body or as two.
 
-    A table of one body has `against` and `against_found` of None. Its maps are recorded if `found`
-    is set. Methods whose names begin with "_" work on the first body, unless they say otherwise.
+    If there is one rough body, `against` and `against_found` are None. The maps are recorded when
+    `found` is set. Private methods work on the first body unless they say otherwise.
     """
 
     PLACES: ClassVar[Mapping[str, str]] = {

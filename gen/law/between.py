@@ -20,50 +20,55 @@ from gen.law.lines import LEVEL, Column, curve_through
 from gen.quantities import AREA, CLOSURE, PRESSURE
 
 Solve = Callable[[Values], Curves]
-"""Solves contacts at ascending loads, (m,) [um or MPa], and returns those that were solved."""
+"""Solver of contacts at ascending loads, (m,) [um or MPa]. It returns the table of the contacts
+that were solved, which may be fewer, or none."""
 
 ENOUGH = 30
-"""Nodes in contact from which on points are laid closely: with fewer, each node is a step."""
+"""Fewest nodes in contact where points are laid closely: with fewer, each node is a step."""
 
 MOST_AREA = 90.0
-"""Share of the nodes in contact up to which points are laid closely [%]."""
+"""Largest share of the nodes in contact where points are laid closely [%]."""
 
 FORESEEN = 0.01
-"""Relative distance of a solved contact from the curve below which no more are solved beside it."""
+"""Largest relative distance of a solved contact from the curve at which it is foreseen. No contacts
+are solved beside a foreseen one."""
 
 ROUNDS = 5
-"""Number of times that an interval between two loads is halved at most."""
+"""Largest number of times that an interval between two loads is halved."""
 
 LINE_ROUNDS = 2
-"""The same number where straight lines are improved afterwards."""
+"""Largest number of times that it is halved if contacts for straight lines are solved next."""
 
 NEAR = 1.5
-"""Ratio of neighbouring loads above which an interval is halved although its middle is foreseen."""
+"""Ratio of the middle to the lower load above which an interval is halved even if its middle is
+foreseen."""
 
 CALCULIX_POINTS = 20
 """Number of points that a table has room for in CalculiX."""
 
 POSSIBLE = 0.05
-"""Relative distance of lines that may lie between two contacts without a further contact."""
+"""Largest relative distance that lines may have from the conductance between two contacts before a
+further contact is solved between them."""
 
 IMPROVEMENTS = 6
-"""Number of times that contacts are solved beside lines, which are laid anew each time."""
+"""Largest number of rounds in which lines are laid, and contacts solved where they may be off."""
 
 MOST_CONTACTS = 500
-"""Number of contacts between the loads of a law up to which lines are improved."""
+"""Number of contacts between the loads of a law at which the improvement of lines ends."""
 
 CLOSEST = 1.003
 """Ratio of neighbouring loads below which a jump of the conductance is not resolved further."""
 
 CHECKS = 20
-"""Number of contacts at most that judge the lines of a table and had no part in laying them."""
+"""Largest number of contacts with which lines are compared and which had no part in laying them."""
 
 CHECK_AT = (5**0.5 - 1) / 2
-"""Place of these between two loads, which no halving meets: the golden section."""
+"""Place of these contacts in the interval between two loads, as a share of it on a logarithmic
+scale: the golden section, which no halving meets."""
 
 
 def in_range(curves: Curves, nodes: int) -> NDArray[np.bool_]:
-    """Return where the lines of a law are to follow it closely.
+    """Find where the lines of a law have to follow it closely.
 
     Parameters
     ----------
@@ -83,8 +88,8 @@ def in_range(curves: Curves, nodes: int) -> NDArray[np.bool_]:
 def _touching(
     curves: Curves, nodes: int, enough: float, most_area: float
 ) -> NDArray[np.bool_]:
-    """Return where at least so many nodes and at most such a share [%] touch, (k,)."""
-    area = curves.curves[AREA.in_laws].value
+    """Return True where at least `enough` nodes and at most `most_area` per cent touch, (k,)."""
+    area = curves.curves[AREA.in_laws].value  # in percent
     return np.asarray((area * nodes >= 100 * enough) & (area <= most_area))
 
 
@@ -102,7 +107,7 @@ def solve_between(
     solve : callable
         Solver of further contacts, see `Solve`.
     rounds : int
-        Number of times that an interval is halved at most; 1 solves one contact in each.
+        Largest number of times that an interval is halved; 1 solves one contact in each.
 
     Returns
     -------
@@ -120,19 +125,20 @@ def solve_between(
         contacts = solve(middles)
         if not contacts.at.size:
             break
-        # A little beyond the ends, so that the intervals there are foreseen too.
+        # A wider range than `in_range`, so that the intervals at its ends are foreseen too.
         near = _touching(contacts, nodes, ENOUGH / 2, (MOST_AREA + 100) / 2)
         unforeseen = contacts.at[near & (_missed(solved, contacts) > FORESEEN)]
         solved = merged(solved, contacts)
         between = contacts if between is None else merged(between, contacts)
-        answered = np.isin(middles, contacts.at)
-        halved = answered & (np.isin(middles, unforeseen) | (middles > NEAR * low))
+        was_solved = np.isin(middles, contacts.at)
+        wide = middles > NEAR * low
+        halved = was_solved & (wide | np.isin(middles, unforeseen))
         low, high = _halves(low[halved], middles[halved], high[halved])
     return between
 
 
 def _halves(low: Values, middles: Values, high: Values) -> tuple[Values, Values]:
-    """Return the lower and the upper ends of both halves of intervals, ascending."""
+    """Return the lower and the upper ends of both halves of k intervals, (2 k,) each, ascending."""
     lower = np.append(low, middles)
     upper = np.append(middles, high)
     return np.sort(lower), np.sort(upper)
@@ -141,9 +147,10 @@ def _halves(low: Values, middles: Values, high: Values) -> tuple[Values, Values]
 def solve_for_lines(table: Curves, nodes: int, solve: Solve) -> Curves | None:
     """Solve contacts between the loads of a table whose points are joined by straight lines.
 
-    Between two contacts the conductance lies between its values there. Where lines with the room of
-    CalculiX may thus be further off than `POSSIBLE`, the interval is halved, and lines are laid
-    anew. A table without a conductance is solved by `solve_between` alone.
+    Between two contacts the conductance lies between its values there. So the two values bound how
+    far lines with the room of CalculiX are off. Where the bound exceeds `POSSIBLE`, a contact is
+    solved in the middle, and lines are laid anew. A table without a conductance is solved by
+    `solve_between` alone.
 
     Parameters
     ----------
@@ -179,37 +186,41 @@ def solve_for_lines(table: Curves, nodes: int, solve: Solve) -> Curves | None:
 
 
 def _doubtful(solved: Curves, at_loads: NDArray[np.bool_], nodes: int) -> Values:
-    """Return pressures between contacts where lines may be too far off, the furthest first [MPa].
+    """Return the middles of intervals between contacts in which lines may be too far off [MPa].
 
-    `at_loads` is where the contacts are at loads of the law.
+    The interval with the largest possible distance comes first. `at_loads` is True at the contacts
+    at loads of the law, (k,).
     """
     pressures = solved.at
     conductances = solved.curves[solved.conducting].value
     close = in_range(solved, nodes)
     at_rest = solved.at_rest.get(solved.conducting, 0.0)
-    line = Column.through(
-        np.append(0.0, pressures),
-        np.append(at_rest, conductances),
-        np.append(True, at_loads),
-        np.append(False, close),
+    column = Column.through(
+        at=np.append(0.0, pressures),
+        values=np.append(at_rest, conductances),
+        at_loads=np.append(True, at_loads),
+        inside=np.append(False, close),
         powers=True,
-    ).laid(CALCULIX_POINTS)
+    )
+    line = column.laid(CALCULIX_POINTS)
     lines = np.interp(pressures, line.at, line.values)
+    # Values at both ends of each interval, (2, k - 1).
     ends = np.stack([conductances[:-1], conductances[1:]])
     line_ends = np.stack([lines[:-1], lines[1:]])
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):  # conductances may be 0
         above = line_ends.max(axis=0) / ends.min(axis=0) - 1
         below = 1 - line_ends.min(axis=0) / ends.max(axis=0)
     possible = np.fmax(above, below)
-    doubtful = (close[:-1] | close[1:]) & (possible > POSSIBLE)
-    doubtful &= pressures[1:] > CLOSEST * pressures[:-1]
+    close_at_an_end = close[:-1] | close[1:]
+    wide = pressures[1:] > CLOSEST * pressures[:-1]
+    doubtful = close_at_an_end & wide & (possible > POSSIBLE)
     middles = np.sqrt(pressures[:-1] * pressures[1:])[doubtful]
     furthest_first = np.argsort(-possible[doubtful], kind="stable")
     return np.asarray(middles[furthest_first])
 
 
 def check_loads(table: Curves) -> Values:
-    """Return loads at which the lines of a table are judged.
+    """Choose loads at which the lines of a table are compared with contacts.
 
     Parameters
     ----------
@@ -219,7 +230,8 @@ def check_loads(table: Curves) -> Values:
     Returns
     -------
     ndarray, shape (m,)
-        At most `CHECKS` loads between those of the table [um or MPa].
+        At most `CHECKS` loads between loads of the table [um or MPa]; none if it has fewer than two
+        above 0.
     """
     at = _usable(table).at
     if at.size < 2:
@@ -235,7 +247,11 @@ def _usable(table: Curves) -> Curves:
 
 
 def _missed(solved: Curves, contacts: Curves) -> Values:
-    """Return by which share the curve through a table misses contacts between its points, (k,)."""
+    """Return the relative distances of contacts from the curves through a table, (m,).
+
+    Each is the larger distance of pressure over closure and, if there is one, of the conductance
+    over the pressure. All are 0 for a table over Delta, whose intervals are halved by width alone.
+    """
     missed = np.zeros(contacts.at.size)
     if solved.against != PRESSURE.in_laws:
         return missed
@@ -254,17 +270,20 @@ def _missed(solved: Curves, contacts: Curves) -> Values:
 
 
 def merged(first: Curves, second: Curves) -> Curves:
-    """Join two tables of the same law at different arguments.
+    """Join two tables of one law, sorted by argument.
+
+    Values that turn back are held monotone, and slopes are computed anew.
 
     Parameters
     ----------
     first, second : Curves
-        Tables against the same quantity.
+        Tables against the same quantity, without common arguments.
 
     Returns
     -------
     Curves
-        The table at all arguments, ascending, of the quantities that both have.
+        The table at the arguments of both, with the quantities that both have. Values of single
+        surfaces and `grid` are dropped.
     """
     at = np.append(first.at, second.at)
     order = np.argsort(at, kind="stable")
@@ -293,11 +312,15 @@ def _joined(
     order: NDArray[np.int64],
     at_rest: float,
 ) -> Curve:
-    """Join two curves of a quantity, whose arguments `at` ascend in an order."""
+    """Join two curves of a quantity, without the values of single surfaces.
+
+    `at` has the arguments of the first curve, then those of the second. `order` are the indices
+    that sort it. `at_rest` is the value at first touch.
+    """
     parts: dict[str, Values] = {}
     for part in ("value", "low", "high"):
         values = np.append(getattr(first, part), getattr(second, part))[order]
-        if np.isfinite(values).all():
+        if np.isfinite(values).all():  # NaN would spread to all later values
             values = held(name, values)
         parts[part] = values
     return Curve(**parts, slope=slopes(at[order], parts["value"], at_rest))

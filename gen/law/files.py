@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Values
-from gen.law import finite_elements
+from gen.law import cubics, finite_elements
 from gen.law.contact_law import Law
 from gen.law.curves import Curve, Curves
 from gen.law.surfaces import Source
@@ -346,12 +346,12 @@ def _finite(values: Values) -> list[float | None]:
 WRITERS: dict[str, Callable[[Path, Law, Units], list[Path]]] = {
     "table": lambda path, law, _: write_table(path, law),
     "json": lambda path, law, _: write_json(path, law),
-    "header": lambda path, law, _: finite_elements.write_header(path, law),
+    "header": lambda path, law, _: cubics.write_header(path, law),
     "calculix": lambda path, law, units: finite_elements.write(
         path, law, "calculix", units
     ),
     "abaqus": lambda path, law, units: finite_elements.write(path, law, "abaqus", units),
-    "for_4c": finite_elements.write_for_4c,
+    "for_4c": cubics.write_for_4c,
 }
 """Function that writes the file of a field of `gen.options.LawOutputs`, and returns the paths of
 all files that it wrote. For a new format, add a field there with the end of its files' names, and a

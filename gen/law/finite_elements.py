@@ -1,29 +1,26 @@
-"""A contact law for finite elements: for CalculiX, Abaqus, 4C, and contact elements in C.
+"""A contact law as tables: the surface interactions of CalculiX and Abaqus.
 
-The C header has all curves as monotone cubics with consistent tangents. Its names come from the
-file's, so that one program can include several laws.
+Both programs take the pressure over the closure as a table that begins at first touch, and join its
+points by straight lines. A conductance is a second table, over the pressure. A line of it has
+conductance, pressure and temperature in CalculiX. Abaqus needs the parameter PRESSURE, without
+which it reads the second column as a clearance.
 
-CalculiX and Abaqus take the pressure over the closure as a table, from first touch on. Of the gap's
-conductance CalculiX takes conductance, pressure and temperature a line; Abaqus needs the parameter
-PRESSURE, without which it takes the second column for a clearance.
+CalculiX 2.20, and its newest source (commit 3593817 of August 2026), have three limits:
 
-CalculiX 2.20, like its newest source (commit 3593817 of August 2026), has room for 20 points where
-it presses surface to surface (springforc_f2f.f), takes their number from where the 41st overclosure
-stands (plconloc(81), instead of plconloc(801)), and holds the pressure constant behind the last.
-So 19 points belong to the law, the 20th is far away on the last slope, and so are 21 more, which
-bring the number 20 to its place. What follows 20 conductances overwrites other numbers.
+- For contact from surface to surface, there is room for 20 points (springforc_f2f.f), and the
+  pressure is constant beyond the last one. So 19 points follow the law, and the 20th is far away on
+  the last slope.
+- The number of points is read from the place of the 41st overclosure (plconloc(81), instead of
+  plconloc(801)). So 21 more points follow on the last slope, and the last overclosure is 20.5.
+- There is room for 20 conductances: further ones overwrite other numbers.
 
-4C imports a Python file and calls its functions with the gap at a node, which is negative where the
-bodies overlap, and the offset of its input, by which they have to overlap before they touch. It
-does so where gap + offset <= 0, and takes pressures as negative, so that derivatives are positive.
+`gen.law.cubics` writes laws as smooth curves, with some of the texts of this module.
 """
 
 import re
 import textwrap
-import zlib
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
-from datetime import UTC, datetime
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -33,10 +30,10 @@ from numpy.typing import NDArray
 from gen.arrays import Values
 from gen.law.between import CALCULIX_POINTS, ENOUGH, MOST_AREA, in_range, merged
 from gen.law.contact_law import Law
-from gen.law.curves import APART, Curves, risen, slopes, trend
+from gen.law.curves import risen, trend
 from gen.law.lines import LEVEL, Column, Deviation, Line
 from gen.options import BAND_SIDES, Units
-from gen.quantities import ALSO, CLOSURE, IN_LAWS
+from gen.quantities import CLOSURE
 from gen.runtime import VERSION, files
 from gen.runtime.errors import InputError
 from gen.runtime.installation import git_commit
@@ -45,70 +42,89 @@ from gen.runtime.terminal import echo
 Program = Literal["calculix", "abaqus", "4c"]
 
 FAR = np.linspace(10, CALCULIX_POINTS + 0.5, CALCULIX_POINTS + 2)
-"""Overclosures of the 20th to the 41st point, of which the last has the number of points in it
-[unit of length]."""
+"""Overclosures of the 20th to the 41st point [unit of length of the file]. CalculiX takes the whole
+number in the last one, 20.5, for the number of points."""
 
 ROUNDING = 1e-4
-"""Distance of a cubic from a contact below which it is rounding or the solver's tolerance [%]."""
+"""Largest distance from the law that is written as 0, because rounding and the solver's tolerance
+may cause it [%]."""
 
 LONGEST_NAME = 60
+"""Largest number of letters of the name of a surface interaction, which has to fit into 80."""
+
 TEMPERATURE = 293.15
-"""Temperature beside conductances that do not depend on it, which CalculiX asks for [K]."""
+"""Temperature in the table of conductances, which do not depend on it; CalculiX wants one [K]."""
 
 
 class UnitSystem(NamedTuple):
-    """A consistent system of units: its description, and what the units of laws are in it."""
+    """A consistent system of units, with factors that convert the units of laws into its units."""
 
-    text: str
-    pressure: float  # 1 MPa
-    length: float  # 1 um
-    conductance: float  # 1 W/(mm2 K)
+    text: str  # the units in words
+    pressure: float  # value of 1 MPa
+    length: float  # value of 1 um
+    conductance: float  # value of 1 W/(mm2 K)
 
 
 UNITS: dict[Units, UnitSystem] = {
-    "mm": UnitSystem("mm, N, s, MPa; conductance in mW/(mm2 K)", 1.0, 1e-3, 1e3),
-    "si": UnitSystem("m, N, s, Pa; conductance in W/(m2 K)", 1e6, 1e-6, 1e6),
-    "um": UnitSystem("um, uN, s, MPa; conductance in pW/(um2 K)", 1.0, 1.0, 1e6),
+    "mm": UnitSystem(
+        text="mm, N, s, MPa; conductance in mW/(mm2 K)",
+        pressure=1.0,
+        length=1e-3,
+        conductance=1e3,
+    ),
+    "si": UnitSystem(
+        text="m, N, s, Pa; conductance in W/(m2 K)",
+        pressure=1e6,
+        length=1e-6,
+        conductance=1e6,
+    ),
+    "um": UnitSystem(
+        text="um, uN, s, MPa; conductance in pW/(um2 K)",
+        pressure=1.0,
+        length=1.0,
+        conductance=1e6,
+    ),
 }
-
-FUNCTIONS = Path(__file__).parent
-"""Folder of the functions that the files in C and for 4C hold: law.h.in and law_4c.py.in."""
 
 GAS_IN_WORDS = (
     "Gas in the gap: conductivity {:g} W/(m K), jump distance {:g} um; its part counts."
 )
+"""Template of the paragraph about a gas, for both numbers of `gen.material.Gas`."""
 
 BEYOND = (
     "beyond, the pressure follows the last slope. No contact was computed there. Give larger"
     " pressures, up to full contact, if your model gets there."
 )
+"""What files say about pressures above the last one of the law, after "The law ends at ...:"."""
 
 
 class BandEnds(NamedTuple):
-    """Parts of the curves of closure and conductance that one file takes."""
+    """Names of the attributes of a `Curve` that one file has: "value", "low" or "high"."""
 
-    closure: str  # "value", "low" or "high"
+    closure: str
     conductance: str
 
 
 SIDES = {
-    "": BandEnds("value", "value"),
-    "soft": BandEnds("high", "low"),
-    "stiff": BandEnds("low", "high"),
+    "": BandEnds(closure="value", conductance="value"),
+    "soft": BandEnds(closure="high", conductance="low"),
+    "stiff": BandEnds(closure="low", conductance="high"),
 }
-"""What the law and each side of its band take of the curves of closure and conductance."""
+"""Parts of the curves by the side of the band: "" is the law itself. A soft interface closes
+further under a pressure, and conducts less."""
 
 
 def write(path: Path, law: Law, program: Program, units: Units) -> list[Path]:
-    """Write the surface interaction of a law, and those of both sides of a band of its closure.
+    """Write a law as a surface interaction for CalculiX or Abaqus.
 
-    A side that the program cannot take, because the band of few unlike surfaces is wide, is left
-    out with a warning.
+    If the closure has a band, each side of the band gets a file of its own. A side that the program
+    cannot take is left out with a warning: that happens where the band of few unlike surfaces is
+    wide.
 
     Parameters
     ----------
     path : Path
-        File of the law. The sides of the band stand beside it.
+        File of the law. The files of the sides have "-soft" and "-stiff" after its stem.
     law : Law
         The law, which closes somewhere.
     program : {"calculix", "abaqus"}
@@ -120,6 +136,11 @@ def write(path: Path, law: Law, program: Program, units: Units) -> list[Path]:
     -------
     list of Path
         The files that were written.
+
+    Raises
+    ------
+    InputError
+        If the program cannot take the law itself.
     """
     system = UNITS[units]
     texts = {path: "\n".join(_lines(path, law, program, system, ""))}
@@ -136,53 +157,21 @@ def write(path: Path, law: Law, program: Program, units: Units) -> list[Path]:
     return list(texts)
 
 
-def write_for_4c(path: Path, law: Law, units: Units) -> list[Path]:
-    """Write a law's monotone cubic as the Python file of a contact constitutive law of 4C.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    law : Law
-        The law, which closes somewhere.
-    units : {"mm", "si", "um"}
-        System of units of the file.
-
-    Returns
-    -------
-    list of Path
-        The file.
-    """
-    joint = rising(law)
-    system = UNITS[units]
-    loads = joint.pressures * system.pressure
-    overclosures = joint.closures * system.length
-    columns = {
-        "CLOSURES": overclosures,
-        "PRESSURES": loads,
-        "SLOPES": _slopes_that_go_on(overclosures, loads),
-    }
-    lines = list(_comment(_description(law, "4c", system, joint.pressures, ""), "# "))
-    lines += _comment([_cubics_in_words(law, [_pressure_at_closure(law)])], "# ")
-    lines.append("")
-    lines += (FUNCTIONS / "law_4c.py.in").read_text(encoding="ascii").splitlines()
-    for name, values in columns.items():
-        lines += ["", f"{name} = ("]
-        lines += [f"    {value!r}," for value in values.tolist()]
-        lines.append(")")
-    files.write(path, "\n".join(lines) + "\n")
-    return [path]
-
-
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """Points inside the training at which closure and pressure rise, from first touch, (k + 1,)."""
+    """The points of a law that tables over the closure have: first touch, then k contacts.
+
+    Closure and pressure rise from each point to the next. All arrays have shape (k + 1,). Contacts
+    outside a surrogate's training are left out.
+    """
 
     pressures: Values  # [MPa]
     closures: Values  # [um]
     conductances: Values | None  # [W/(mm2 K)]; None if the law has none
-    at_loads: NDArray[np.bool_]  # where the points are at loads of the law, not between
-    inside: NDArray[np.bool_]  # where neither few nor nearly all nodes touch
+    at_loads: NDArray[
+        np.bool_
+    ]  # True at first touch and the loads of the law, not between
+    inside: NDArray[np.bool_]  # True where neither few nor nearly all nodes touch
 
 
 def rising(law: Law, side: str = "", *, between: bool = False) -> Joint:
@@ -195,7 +184,7 @@ def rising(law: Law, side: str = "", *, between: bool = False) -> Joint:
     side : {"", "soft", "stiff"}
         The law itself, or a side of its band.
     between : bool
-        True to have contacts that were solved between its points, too.
+        True to add the contacts that were solved between the loads of the law.
 
     Returns
     -------
@@ -212,7 +201,8 @@ def rising(law: Law, side: str = "", *, between: bool = False) -> Joint:
         table = merged(table, law.between_pressures)
     ends = SIDES[side]
     all_closures = getattr(table.curves[CLOSURE.in_laws], ends.closure)
-    usable = (table.at > 0) & np.isfinite(all_closures) & ~table.flagged
+    loaded = table.at > 0
+    usable = loaded & np.isfinite(all_closures) & ~table.flagged
     if table.conducting:
         all_conductances = getattr(table.curves[table.conducting], ends.conductance)
         usable &= np.isfinite(all_conductances)
@@ -230,14 +220,16 @@ def rising(law: Law, side: str = "", *, between: bool = False) -> Joint:
         )
     conductances: Values | None = None
     if table.conducting:
+        # The curves over Delta begin at first touch, where only a gas conducts.
         gas_alone = law.over_delta.curves[table.conducting].value[0]
         conductances = all_conductances[usable_places]
-        # A gas conducts less where contact has taken its place, so that it may fall.
+        # The conductance of the gas alone may fall: contact takes the place of the gap.
         if trend(table.conducting) == "rises":
             conductances = outwards(conductances, ends.conductance)
         conductances = np.append(gas_alone, conductances[kept])
     places = usable_places[kept]
     inside = in_range(table, law.nodes)[places]
+    # First touch is taken to be as the first contact.
     return Joint(
         pressures=np.append(0.0, table.at[places]),
         closures=np.append(0.0, closures[kept]),
@@ -248,23 +240,23 @@ def rising(law: Law, side: str = "", *, between: bool = False) -> Joint:
 
 
 def outwards(ends: Values, part: str) -> Values:
-    """Make an end of a band rise with the load, without drawing it into the band.
+    """Make an end of a band rise with the load by moving it outwards, away from the law.
 
-    Every surface rises, but the ends of a band of two or three surfaces are so far from them that
-    they may fall: a high end then stays at its largest value before, and a low one is at its
-    smallest value behind.
+    The curve of each surface rises. The ends of a band of two or three surfaces may fall, because
+    they are far from these curves. Each value of a high end becomes the largest of the values up to
+    its load; each value of a low end becomes the smallest of the values from its load to the last.
 
     Parameters
     ----------
     ends : ndarray, shape (k,)
         The end at ascending loads.
     part : {"value", "low", "high"}
-        Which end it is; "value" for the law itself, which is left as it is.
+        Which end it is. Values of the law itself, "value", are returned as they are.
 
     Returns
     -------
     ndarray, shape (k,)
-        The end, nowhere inside the one that was given.
+        The end that rises, or stays level.
     """
     if part == "high":
         return np.asarray(np.maximum.accumulate(ends))
@@ -274,10 +266,10 @@ def outwards(ends: Values, part: str) -> Values:
 
 
 def _apart(closures: Values, side: str) -> NDArray[np.bool_]:
-    """Return where the closure rises, of which the table of a program is made, (k,).
+    """Return True at the points that a table keeps, so that its closures rise, (k,).
 
-    Of points with one closure the first is kept, and for the stiff side the last: straight lines
-    to the next point are then on the outer side of the points between.
+    Of neighbouring points with the same closure one is kept: the last on the stiff side of a band,
+    else the first. Then the straight line to the next point has no dropped point outside it.
     """
     if side != "stiff":
         return risen(closures, LEVEL)
@@ -287,23 +279,29 @@ def _apart(closures: Values, side: str) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True, eq=False)
 class Tables:
-    """The tables of an input file, which are straight between their points."""
+    """The tables of an input file, whose points straight lines join."""
 
-    behaviour: Line  # pressure over closure [MPa, um]
-    conducting: Line | None  # conductance over pressure [W/(mm2 K), MPa]; None without
-    pressures: Values  # of all contacts, from 0 on [MPa], (k,)
-    deviations: dict[str, Deviation]  # of the lines from the law, by columns
+    behaviour: Line  # pressure [MPa] over closure [um]
+    conducting: (
+        Line | None
+    )  # conductance [W/(mm2 K)] over pressure [MPa]; None if there is none
+    pressures: (
+        Values  # 0 and the pressures of all contacts behind the tables [MPa], (k + 1,)
+    )
+    # Distances of the lines from the law, of "pressure" and, if there is one, "conductance".
+    deviations: dict[str, Deviation]
 
 
 def _tables(law: Law, side: str, *, calculix: bool) -> Tables:
     """Lay the points of both tables for a law, or for a side of its band.
 
-    A side has the loads of the law alone: it is drawn outwards from its ends there.
+    For a side, contacts between the loads of the law are not used: `outwards` moves the ends of the
+    band at the loads.
     """
     joint = rising(law, side, between=not side)
     pressure = _pressure_column(joint)
     behaviour = pressure.laid()
-    if calculix:
+    if calculix:  # one of its points is the first of `FAR`
         behaviour = pressure.laid(CALCULIX_POINTS - 1, filled=True)
     deviations = {"pressure": pressure.deviation(behaviour)}
     if not side:
@@ -317,7 +315,12 @@ def _tables(law: Law, side: str, *, calculix: bool) -> Tables:
         if not side:
             checked = _off_checks(law, conducting, law.over_pressure.conducting)
             deviations["conductance"] = deviations["conductance"].or_more(checked)
-    return Tables(behaviour, conducting, joint.pressures, deviations)
+    return Tables(
+        behaviour=behaviour,
+        conducting=conducting,
+        pressures=joint.pressures,
+        deviations=deviations,
+    )
 
 
 def _lines(
@@ -326,8 +329,8 @@ def _lines(
     """Yield the lines of an input file: of the law, or of a side of its band."""
     calculix = program == "calculix"
     tables = _tables(law, side, calculix=calculix)
-    yield from _comment(_description(law, program, units, tables.pressures, side), "** ")
-    yield from _comment([_lines_in_words(law, side, tables.deviations)], "** ")
+    yield from comment(description(law, program, units, tables.pressures, side), "** ")
+    yield from comment([_lines_in_words(law, side, tables.deviations)], "** ")
     yield f"*SURFACE INTERACTION, NAME={_interaction_name(path)}"
     yield "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR"
     loads = tables.behaviour.values * units.pressure
@@ -341,7 +344,11 @@ def _lines(
 
 
 def _interaction_name(path: Path) -> str:
-    """Return the name of the surface interaction in a file, which begins with a letter."""
+    """Return the name of the surface interaction of a file: its stem, so that it is a name.
+
+    Letters are upper case, other characters than letters and digits become "_", and a name that
+    does not begin with a letter gets "LAW_" before it.
+    """
     stem = re.sub(r"[^0-9A-Za-z]+", "_", path.stem)
     name = stem.strip("_").upper()[:LONGEST_NAME]
     if name[:1].isalpha():
@@ -352,7 +359,7 @@ def _interaction_name(path: Path) -> str:
 def _conductance_lines(
     conducting: Line, units: UnitSystem, *, calculix: bool
 ) -> Iterator[str]:
-    """Yield the keyword of the conductance and its table."""
+    """Yield the keyword line of the conductance, then the lines of its table."""
     keyword = "*GAP CONDUCTANCE, PRESSURE"
     temperature = ""
     if calculix:
@@ -366,23 +373,32 @@ def _conductance_lines(
 
 
 def _pressure_column(joint: Joint) -> Column:
-    """Return the pressure over the closure."""
+    """Return the column of the pressure over the closure [MPa over um]."""
     return Column.through(
-        joint.closures, joint.pressures, joint.at_loads, joint.inside, powers=False
+        at=joint.closures,
+        values=joint.pressures,
+        at_loads=joint.at_loads,
+        inside=joint.inside,
+        powers=False,
     )
 
 
 def _conductance_column(joint: Joint, conductances: Values) -> Column:
-    """Return the conductance over the pressure."""
+    """Return the column of the joint's conductances over the pressure [W/(mm2 K) over MPa]."""
     return Column.through(
-        joint.pressures, conductances, joint.at_loads, joint.inside, powers=True
+        at=joint.pressures,
+        values=conductances,
+        at_loads=joint.at_loads,
+        inside=joint.inside,
+        powers=True,
     )
 
 
 def _off_checks(law: Law, line: Line, quantity: str) -> Deviation:
-    """Return how far a line is off contacts that had no part in laying its points.
+    """Return how far a line is off the law's checks: contacts that had no part in laying it.
 
-    The line of the closure has pressures over closures, that of a conductance is over pressures.
+    `quantity` is the closure for a line of pressures over closures, or the conductance for a line
+    of conductances over pressures. Both numbers are NaN without checks.
     """
     checks = law.checks
     if checks is None or quantity not in checks.curves:
@@ -390,18 +406,20 @@ def _off_checks(law: Law, line: Line, quantity: str) -> Deviation:
     values = checks.curves[quantity].value
     at = checks.at
     solved = values
-    if quantity == CLOSURE.in_laws:
+    if quantity == CLOSURE.in_laws:  # the closure is the argument of its line
         at = values
         solved = checks.at
-    usable = np.isfinite(values) & (at >= line.at[1]) & (at <= line.at[-1]) & (solved > 0)
+    # Below its second point, the first load, a line is not compared: nothing was computed there.
+    compared = (at >= line.at[1]) & (at <= line.at[-1])
+    usable = compared & np.isfinite(values) & (solved > 0)
     lines = np.interp(at[usable], line.at, line.values)
-    return Deviation.of(
-        np.abs(lines / solved[usable] - 1), in_range(checks, law.nodes)[usable]
-    )
+    distances = np.abs(lines / solved[usable] - 1)
+    inside = in_range(checks, law.nodes)
+    return Deviation.of(distances, inside[usable])
 
 
 def _lines_in_words(law: Law, side: str, deviations: Mapping[str, Deviation]) -> str:
-    """Say how far the straight lines between the points of a table are off the law."""
+    """Return a paragraph about how far the straight lines of the tables are off the law."""
     between = law.between_pressures
     if side:
         reference = "the curve through the loads of the law"
@@ -414,18 +432,29 @@ def _lines_in_words(law: Law, side: str, deviations: Mapping[str, Deviation]) ->
         if law.checks is not None:
             number += law.checks.at.size
         reference = f"contacts at {number} pressures between the loads of the law"
-    largest = f"It is off {reference}, by up to this, {_in_words(deviations)}."
+    largest = f"It is off {reference}, by up to this, {in_words(deviations)}."
     return f"The table is straight between its points. {largest}"
 
 
-def _in_words(deviations: Mapping[str, Deviation]) -> str:
-    """Say how far each column is off, where neither few nor nearly all nodes touch, and elsewhere.
+def in_words(deviations: Mapping[str, Deviation]) -> str:
+    """Say how far columns are off the law: in the range followed closely, and elsewhere.
 
-    A column that is nowhere off, as it has no two loads, is left out.
+    Lines follow the law closely where neither few nor nearly all nodes touch.
+
+    Parameters
+    ----------
+    deviations : mapping
+        Deviations by the names of the columns. A number that is NaN is left out.
+
+    Returns
+    -------
+    str
+        Part of a sentence, without a full stop. If all numbers are NaN, it says that there is one
+        load.
     """
     inside = {name: off.inside for name, off in deviations.items() if off.inside >= 0}
     outside = {name: off.outside for name, off in deviations.items() if off.outside >= 0}
-    texts = []
+    texts: list[str] = []
     elsewhere = f"where fewer than {ENOUGH} nodes or nearly all touch"
     if inside:
         where = f"where {ENOUGH} nodes or more and up to {MOST_AREA:g} % of all touch"
@@ -437,19 +466,42 @@ def _in_words(deviations: Mapping[str, Deviation]) -> str:
 
 
 def _percentages(shares: Mapping[str, float]) -> str:
-    """Write shares in per cent beside their names; those of rounding are 0."""
-    percents = {name: 100 * share for name, share in shares.items()}
-    rounded = {
-        name: share if share > ROUNDING else 0.0 for name, share in percents.items()
-    }
-    return ", ".join(f"{name} {share:.2g} %" for name, share in rounded.items())
+    """Return names with their shares in per cent, as "pressure 1.2 %, conductance 0 %".
+
+    Numbers up to `ROUNDING` become 0.
+    """
+    texts: list[str] = []
+    for name, share in shares.items():
+        percent = 100 * share
+        if percent <= ROUNDING:
+            percent = 0.0
+        texts.append(f"{name} {percent:.2g} %")
+    return ", ".join(texts)
 
 
-def _comment(paragraphs: Iterable[str], mark: str, width: int = 100) -> Iterator[str]:
-    """Yield the lines of paragraphs, each after the mark of a comment."""
+def comment(paragraphs: Iterable[str], mark: str, width: int = 100) -> Iterator[str]:
+    """Break paragraphs into lines of a comment.
+
+    Characters outside printable ASCII become "?".
+
+    Parameters
+    ----------
+    paragraphs : iterable of str
+        The paragraphs, without line ends.
+    mark : str
+        What begins each line, as "# ". Two blanks follow it on all but a paragraph's first line.
+    width : int
+        Largest number of characters of a line.
+
+    Yields
+    ------
+    str
+        A line of the comment, without its end.
+    """
     for text in paragraphs:
+        printable = re.sub(r"[^ -~]", "?", text)
         yield from textwrap.wrap(
-            re.sub(r"[^ -~]", "?", text),
+            printable,
             width,
             initial_indent=mark,
             subsequent_indent=f"{mark}  ",
@@ -457,12 +509,31 @@ def _comment(paragraphs: Iterable[str], mark: str, width: int = 100) -> Iterator
         )
 
 
-def _description(
+def description(
     law: Law, program: Program, units: UnitSystem, pressures: Values, side: str
 ) -> Iterator[str]:
-    """Yield the paragraphs of the comment at the top."""
+    """Yield the paragraphs of the comment at the top of a file.
+
+    Parameters
+    ----------
+    law : Law
+        The law.
+    program : {"calculix", "abaqus", "4c"}
+        Program that reads the file.
+    units : UnitSystem
+        Units of the file.
+    pressures : ndarray, shape (k + 1,)
+        0 and the pressures of the contacts in the file [MPa].
+    side : {"", "soft", "stiff"}
+        The law itself, or a side of its band.
+
+    Yields
+    ------
+    str
+        A paragraph.
+    """
     yield f"Contact of rough surfaces: {law.bodies.text}. Units: {units.text}."
-    if program != "4c":
+    if program != "4c":  # its file has no conductance
         yield from _conductors(law)
     yield f"Surface: {'; '.join(law.descriptions)}"
     for source in law.sources:
@@ -492,7 +563,7 @@ def _description(
 
 
 def _conductors(law: Law) -> Iterator[str]:
-    """Yield what conducts through the interface."""
+    """Yield paragraphs about the conductivities of the bodies and about the gas, if given."""
     if law.order.conductivities is not None:
         k1, k2 = law.order.conductivities
         yield f"Conductivities of the bodies: {k1:g} and {k2:g} W/(m K)."
@@ -501,7 +572,7 @@ def _conductors(law: Law) -> Iterator[str]:
 
 
 def _side_in_words(law: Law, side: str) -> Iterator[str]:
-    """Yield what a side of the band is."""
+    """Yield paragraphs that say what a side of the band is, and whether `outwards` moved it."""
     ends = SIDES[side]
     yield (
         f"The {side} side of the band: its {ends.closure} closures and {ends.conductance}"
@@ -517,13 +588,14 @@ def _side_in_words(law: Law, side: str) -> Iterator[str]:
 
 
 def _advice_for_calculix(*, conducts: bool) -> Iterator[str]:
-    """Yield how CalculiX reads the tables, and the kind of contact that they are made for."""
+    """Yield paragraphs on how CalculiX reads the tables, and for which kind of contact they are."""
     last = CALCULIX_POINTS - 1
     yield (
         f"CalculiX (2.20 and its source of August 2026) reads {CALCULIX_POINTS} points and"
-        f" holds the pressure behind them. So the first {last} lines of the table are points"
-        " of the law, laid where straight lines follow it best. All others continue its last"
-        f" slope; the overclosure of the last line, {FAR[-1]:g}, is where CalculiX finds the"
+        f" holds the pressure behind them. So the first {last} lines of the table follow the law."
+        " The first two and the last of them lie on it; the others may lie a little beside it,"
+        " so that straight lines are as near to it as possible. All further lines continue the"
+        f" last slope; the overclosure of the last line, {FAR[-1]:g}, is where CalculiX finds the"
         " number of points."
     )
     faces = "Take TYPE=SURFACE TO SURFACE in *CONTACT PAIR, for which this table is made"
@@ -535,7 +607,10 @@ def _advice_for_calculix(*, conducts: bool) -> Iterator[str]:
 
 
 def _with_far_points(loads: Values, overclosures: Values) -> tuple[Values, Values]:
-    """Append the points at `FAR` on the last slope, in the units of the file."""
+    """Append the points at `FAR` on the last slope to pressures and overclosures, both (k,).
+
+    All are in the units of the file. Raises InputError if the law closes as far as `FAR`.
+    """
     if overclosures[-1] >= FAR[0]:
         raise InputError(
             f"the law closes by {overclosures[-1]:.4g}: CalculiX takes up to {FAR[0]:g}"
@@ -543,351 +618,3 @@ def _with_far_points(loads: Values, overclosures: Values) -> tuple[Values, Value
     slope = (loads[-1] - loads[-2]) / (overclosures[-1] - overclosures[-2])
     further = loads[-1] + slope * (FAR - overclosures[-1])
     return np.append(loads, further), np.append(overclosures, FAR)
-
-
-PER_LINE = 5  # numbers in a line of the C header
-
-
-def write_header(path: Path, law: Law) -> list[Path]:
-    """Write a law as a C header, without the points outside a surrogate's training.
-
-    Parameters
-    ----------
-    path : Path
-        The file, from whose name those of its functions come.
-    law : Law
-        The law, which closes somewhere.
-
-    Returns
-    -------
-    list of Path
-        The file.
-    """
-    law = _inside_training(law)
-    stem = re.sub(r"[^0-9A-Za-z]+", "_", path.stem).strip("_")
-    name = f"asperity_{stem or 'law'}"  # asperity_steel_2 for steel-2.h
-    guard = f"{name.upper()}_H"
-    functions = list(_functions(law))
-    body = list(_body(functions, name))
-    checksum = f"0x{zlib.crc32(chr(10).join(body).encode()):08x}u"
-    description = [*_header_description(law, name), _cubics_in_words(law, functions)]
-    # Names may have what would end a comment, splice lines or make a compiler warn.
-    odd = re.compile(r"[^ -~]|[\\?]|\*(?=/)|(?<=/)\*")
-    # A second law of this name in a program is an error.
-    lines = [
-        "/*",
-        *_comment((odd.sub("_", text) for text in description), " * ", 96),
-        " */",
-        f"#ifdef {guard}",
-        f"#if {guard} != {checksum}",
-        f'#error "two laws are named {name}: give one of the headers another file name"',
-        "#endif",
-        "#else",
-        f"#define {guard} {checksum}",
-        *body,
-        "#endif",
-    ]
-    files.write(path, "\n".join(lines) + "\n")
-    return [path]
-
-
-def _inside_training(law: Law) -> Law:
-    """Return a law without the points outside a surrogate's training."""
-    over_delta = law.over_delta
-    over_pressure = law.over_pressure
-    if not over_delta.flagged.any() and not over_pressure.flagged.any():
-        return law
-    return replace(
-        law,
-        over_delta=over_delta.chosen(~over_delta.flagged),
-        over_pressure=over_pressure.chosen(~over_pressure.flagged),
-    )
-
-
-def _header_description(law: Law, name: str) -> Iterator[str]:
-    """Yield the paragraphs of the comment at the top."""
-    commit = git_commit()[:12]
-    yield f"Contact law of rough surfaces, E* = {law.bodies.e_star:.17g} MPa."
-    if law.bodies.hardness is not None:
-        yield f"Bodies that yield, without hardening: hardness {law.bodies.hardness:.17g} MPa."
-    if law.order.gas is not None:
-        yield GAS_IN_WORDS.format(*law.order.gas)
-    yield f"Surface: {'; '.join(law.descriptions)}"
-    for source in law.sources:
-        yield f"From: {source.text}"
-    if law.order.command:
-        yield f"Command: {law.order.command}"
-    yield f"Made: {datetime.now(UTC).isoformat(timespec='seconds')}, asperity {VERSION} {commit}"
-    for note in law.notes:
-        yield f"How: {note}"
-    yield _band_in_words(law)
-    yield (
-        "Delta, closure and mean gap in um, nominal pressure in MPa, area in %, force in uN,"
-        " stiffness in MPa/um, conductance in W/(mm2 K)."
-    )
-    for name_of_quantity in law.order.also:
-        quantity = ALSO[name_of_quantity]
-        yield f"{short_name(quantity.in_laws)}: {quantity.words} [{quantity.unit}]."
-    yield (
-        "Closure is what the interface alone gives way from first touch on:"
-        f" {name}_pressure_at_closure(closure) and its tangent are the law of a contact element."
-    )
-    yield (
-        f"{name}_area(delta), {name}_delta_at_pressure(pressure) and the like are monotone cubics;"
-        " _tangent is their slope. Below 0 they are as at first touch, with tangents of 0."
-    )
-    ends = f"{law.over_delta.at[-1]:.6g} um and {law.over_pressure.at[-1]:.6g} MPa"
-    yield (
-        f"The tables end at {ends}. Pressure, force, Delta and closure follow their last slope"
-        " beyond, as in CalculiX and Abaqus; all other functions stay the last value, with tangents"
-        " of 0. No contact was computed there. Give larger pressures, up to full contact, if your"
-        " model gets there."
-    )
-
-
-def _band_in_words(law: Law) -> str:
-    """Return which functions give the ends of the band, and what the band is."""
-    if law.over_delta.banded or law.over_pressure.banded:
-        return (
-            f"Band (the functions _low and _high): {law.band}. NAN where no band holds."
-        )
-    functions = "No functions _low and _high"
-    if any(curve.banded.all() for curve in law.over_pressure.curves.values()):
-        functions = "Functions _low and _high of the area in the continuum alone"
-    return f"{functions}. Band: {law.band}."
-
-
-def short_name(quantity: str) -> str:
-    """Return what functions of a header call a quantity.
-
-    Parameters
-    ----------
-    quantity : str
-        Name of a quantity in laws.
-
-    Returns
-    -------
-    str
-        The short name.
-    """
-    law = IN_LAWS[quantity].law
-    assert law is not None  # it is in laws
-    return law.short
-
-
-def _goes_on(quantity: str) -> bool:
-    """Return whether functions of a quantity go on with their last slope beyond the last point.
-
-    A joint that is pressed further gives way further. All other quantities have a bound, or no
-    known one as conductances, which stay the last in CalculiX and Abaqus too.
-    """
-    law = IN_LAWS[quantity].law
-    return law is not None and law.goes_on
-
-
-@dataclass(frozen=True, eq=False)
-class Between:
-    """Contacts of one function that were solved between its points; none if none were solved."""
-
-    at: Values  # arguments, (m,)
-    values: Values  # (m,)
-    inside: NDArray[np.bool_]  # where neither few nor nearly all nodes touch, (m,)
-
-
-NONE_BETWEEN = Between(np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool))
-"""Contacts of a function between whose points none was solved."""
-
-
-@dataclass(frozen=True, eq=False)
-class Function:
-    """A function of the C header: a monotone cubic through points from first touch on."""
-
-    name: str  # without the name of the law
-    argument: str
-    at: Values  # (k,)
-    values: Values  # (k,)
-    goes_on: bool  # with the last slope beyond the last point
-    tangent: bool  # whether its slope is a function too
-    between: Between
-    falls: bool = False
-
-    @property
-    def slopes(self) -> Values:
-        """Slopes of the cubic at its points."""
-        if self.goes_on:
-            return _slopes_that_go_on(self.at, self.values)
-        return slopes(self.at, self.values, float(self.values[0]))
-
-    @property
-    def deviation(self) -> Deviation:
-        """Largest distances of the cubic from the contacts between its points, as shares of these.
-
-        Those of a quantity that falls to nothing are shares of its value at first touch.
-        """
-        usable = np.isfinite(self.between.values)
-        if not usable.any() or self.at.size < 2 or not np.isfinite(self.values).all():
-            return Deviation(np.nan, np.nan)
-        from scipy.interpolate import PchipInterpolator
-
-        contacts = self.between.values[usable]
-        cubic = PchipInterpolator(self.at, self.values)(self.between.at[usable])
-        unit = np.abs(contacts)
-        if self.falls:
-            unit = np.full(contacts.shape, abs(self.values[0]))
-        distances = np.abs(cubic - contacts) / np.where(unit > 0, unit, np.inf)
-        return Deviation.of(distances, self.between.inside[usable])
-
-
-def _functions(law: Law) -> Iterator[Function]:
-    """Yield the functions of the C header, from first touch on, where curves over Delta begin."""
-    yield from _functions_of(law, law.over_delta, law.between_deltas)
-    yield from _functions_of(law, law.over_pressure, law.between_pressures)
-    yield _pressure_at_closure(law)
-
-
-def _functions_of(law: Law, table: Curves, between: Curves | None) -> Iterator[Function]:
-    """Yield the functions of one table, and those of the ends of its bands."""
-    for quantity, curve in table.curves.items():
-        parts = {"": "value"}
-        if table.banded or curve.banded.all():
-            parts |= {"_low": "low", "_high": "high"}
-        for suffix, part in parts.items():
-            yield _function(law, table, between, quantity, part, suffix)
-
-
-def _function(
-    law: Law,
-    table: Curves,
-    between: Curves | None,
-    quantity: str,
-    part: str,
-    suffix: str,
-) -> Function:
-    """Return the function of a part of a curve: its value, or an end of its band."""
-    argument = short_name(table.against)
-    over = ""
-    if argument == "pressure":
-        over = "_at_pressure"
-    at = table.at
-    values = getattr(table.curves[quantity], part)
-    if at.size and at[0] > 0:  # pressures that were given begin behind first touch
-        at = np.append(0.0, at)
-        values = np.append(_at_first_touch(law, quantity, part), values)
-    return Function(
-        name=f"{short_name(quantity)}{over}{suffix}",
-        argument=argument,
-        at=at,
-        values=values,
-        goes_on=_goes_on(quantity),
-        tangent=not suffix,
-        between=_contacts_between(law, between, quantity, part),
-        falls=trend(quantity) == "falls",
-    )
-
-
-def _at_first_touch(law: Law, quantity: str, part: str) -> float:
-    """Return a part of a quantity at first touch, in its unit."""
-    curves = law.over_delta.curves
-    if IN_LAWS[quantity].at_rest is None or quantity not in curves:
-        return 0.0
-    return float(getattr(curves[quantity], part)[0])
-
-
-def _contacts_between(
-    law: Law, between: Curves | None, quantity: str, part: str
-) -> Between:
-    """Return the contacts between the points of a table, with a part of one quantity."""
-    if between is None or quantity not in between.curves:
-        return NONE_BETWEEN
-    values = getattr(between.curves[quantity], part)
-    return Between(between.at, values, in_range(between, law.nodes))
-
-
-def _pressure_at_closure(law: Law) -> Function:
-    """Return the law of a contact element, which 4C has too."""
-    joint = rising(law)
-    between = NONE_BETWEEN
-    if law.between_pressures is not None:
-        contacts = law.between_pressures
-        between = Between(
-            at=contacts.curves[CLOSURE.in_laws].value,
-            values=contacts.at,
-            inside=in_range(contacts, law.nodes),
-        )
-    return Function(
-        name="pressure_at_closure",
-        argument="closure",
-        at=joint.closures,
-        values=joint.pressures,
-        goes_on=True,
-        tangent=True,
-        between=between,
-    )
-
-
-def _cubics_in_words(law: Law, functions: Iterable[Function]) -> str:
-    """Say how far monotone cubics are off the contacts solved between their points."""
-    if law.between_pressures is None:
-        return "No contact was solved between the points to compare the cubics with."
-    deviations: dict[str, Deviation] = {}
-    for function in functions:  # a band counts to its function
-        name = function.name.removesuffix("_low").removesuffix("_high")
-        deviation = function.deviation
-        deviations[name] = deviation.or_more(deviations.get(name, deviation))
-    number = law.between_pressures.at.size
-    off = f"They are off contacts at {number} pressures between the points by up to this"
-    falling = ""
-    if any(function.falls for function in functions):
-        falling = " Of gaps and apertures these are shares of the value at first touch."
-    return f"The cubics go through the loads of the law. {off}, {_in_words(deviations)}.{falling}"
-
-
-def _body(functions: Iterable[Function], name: str) -> Iterator[str]:
-    """Yield the tables of the functions, and the functions."""
-    yield "#include <math.h>"
-    template = (FUNCTIONS / "law.h.in").read_text(encoding="ascii")
-    yield "\n" + template.replace("NAME", name)
-    last = ""
-    for function in functions:
-        argument = function.argument
-        size = f"{name.upper()}_{argument.upper()}S"
-        over = f"{name}_{argument}s_table"
-        if argument != last:
-            yield f"#define {size} {function.at.size}"
-            yield from _array(over, size, function.at)
-            last = argument
-        full = f"{name}_{function.name}"
-        yield from _array(f"{full}_table", size, function.values)
-        yield from _array(f"{full}_slopes", size, function.slopes)
-        tables = f"{over}, {full}_table, {full}_slopes, {size}, {argument}"
-        kind = "held_"
-        if function.goes_on:
-            kind = ""
-        yield f"static inline double {full}(double {argument})"
-        yield f"{{ return {name}_{kind}interpolate({tables}); }}"
-        if function.tangent:
-            yield f"static inline double {full}_tangent(double {argument})"
-            yield f"{{ return {name}_{kind}slope({tables}); }}"
-
-
-def _slopes_that_go_on(at: Values, values: Values) -> Values:
-    """Return the slopes of the monotone cubic, the last one of which is above 0 if values rise.
-
-    A cubic may end level, and a joint would be perfectly soft beyond. There the slope of the last
-    interval takes its place, with which the cubic is monotone too.
-    """
-    tangents = slopes(at, values, float(values[0]))
-    if at.size > 1:
-        secant = (values[-1] - values[-2]) / (at[-1] - at[-2])
-        if tangents[-1] <= APART * secant:  # 0 within rounding
-            tangents[-1] = secant
-    return tangents
-
-
-def _array(name: str, size: str, values: Values) -> Iterator[str]:
-    """Yield the lines of a constant array in C."""
-    yield f"static const double {name}[{size}] = {{"
-    texts = ["NAN" if np.isnan(value) else f"{value:.17g}" for value in values.tolist()]
-    for start in range(0, len(texts), PER_LINE):
-        yield "    " + ", ".join(texts[start : start + PER_LINE]) + ","
-    yield "};"

@@ -1,10 +1,11 @@
 """Straight lines that follow a law: where a table has its points.
 
 Programs join the points of a table by straight lines, and a law bends most towards full contact,
-where the conductance diverges. Between known points the law is taken as the monotone cubic through
-the logarithms, as it is nearly powers and exponentials there. A table without a bound has points on
-this curve. A table with room for few points has them beside the curve, so that lines are off by the
-same share above and below it: half as far as lines between points on the curve.
+where the conductance diverges. Between known points the law is taken to be the monotone cubic
+through the logarithms, because it is nearly a power or an exponential there. A table without a
+bound has its points on this curve. A table with room for few points may have them beside the curve.
+Then lines deviate by the same share above and below it, which is half the deviation of lines
+between points on the curve.
 """
 
 from __future__ import annotations
@@ -18,54 +19,61 @@ from numpy.typing import NDArray
 from gen.arrays import Indices, Values
 
 FINE = 16
-"""Number of parts of an interval between two known points, at whose ends lines are compared."""
+"""Number of parts of each interval between known points; lines are compared with the law at the
+ends of the parts."""
 
 GOOD = 0.01
-"""Relative distance from the law up to which lines of a table without a bound are long."""
+"""Largest relative distance from the law that lines of a table without a bound may have."""
 
 NEAR = 0.025
-"""Relative distance up to which points of a table with little room lie on the law.
+"""Largest relative distance at which a table with little room still has its points on the law.
 
-The slopes of such lines change as smoothly as those of the law, so that solvers converge."""
+The slopes of lines between points on the law change as smoothly as the law's, so that solvers
+converge."""
 
 TOLERABLE = 0.04
-"""Relative distance up to which lines with little room go through the points asked for."""
+"""Largest relative distance at which a table with little room still goes through the loads asked
+for."""
 
 FAR_WEIGHT = 0.25
-"""Weight of a distance where few or nearly all nodes touch; it is 1 elsewhere."""
+"""Weight of a distance where few or nearly all nodes touch; the weight elsewhere is 1. So 1 /
+FAR_WEIGHT times the distance is allowed there."""
 
 ANY = 1e6
-"""Relative distance above which any line is near enough, because a law may be 0 over a part."""
+"""Allowed relative distance above which every line is accepted. Otherwise a search would not end
+where the law is 0, at which no relative distance is allowed."""
 
 HALVINGS = 7
-"""Number of halvings by which the least distance is searched for."""
+"""Number of steps of the bisection that searches for the smallest distance that fits the room."""
 
 MOST_WIDTH = 10.0
-"""Half width of a corridor, as a share of the law, in which a path is looked for at most."""
+"""Largest half width of a corridor, as a share of the law, in which a path is searched for."""
 
 PART_RISE = 0.03
-"""Relative rise of the law from one place to the next at which a path is compared with it."""
+"""Relative rise of the law, about, between neighbouring places at which a path is compared with
+it."""
 
 LEVELS = np.linspace(-1, 1, 7)
-"""Heights of a vertex in a corridor, in shares of the corridor's half width."""
+"""Heights above the law at which a path may have vertices, as shares of the corridor's half
+width."""
 
 LEVEL = 1e-6
-"""Relative rise below which two points are level."""
+"""Relative rise up to which two points are taken to be level."""
 
 LEAST_RISE = 0.1
-"""Share of the rise between two points on the law that is left between points beside it."""
+"""Smallest rise between neighbouring points beside the law, as a share of the law's rise there."""
 
 
 @dataclass(frozen=True, eq=False)
 class Deviation:
-    """Largest distances of the lines of a column from the law, as shares of the law."""
+    """Largest relative distances of the lines of a column from the law, in two ranges of loads."""
 
-    inside: float  # where neither few nor nearly all nodes touch; NaN if that is nowhere
-    outside: float  # elsewhere; NaN if that is nowhere
+    inside: float  # where neither few nor nearly all nodes touch; NaN without loads there
+    outside: float  # at all other loads; NaN without any
 
     @classmethod
     def of(cls, distances: Values, inside: NDArray[np.bool_]) -> Deviation:
-        """Return the largest distances inside and outside the range that is followed closely.
+        """Make a deviation of distances, by taking the largest of each range.
 
         Parameters
         ----------
@@ -79,11 +87,14 @@ class Deviation:
         Deviation
             The largest distances.
         """
-        outside = ~inside
-        return cls(
-            inside=float(distances[inside].max()) if inside.any() else np.nan,
-            outside=float(distances[outside].max()) if outside.any() else np.nan,
-        )
+        distances_inside = distances[inside]
+        distances_outside = distances[~inside]
+        largest_inside = largest_outside = np.nan
+        if distances_inside.size:
+            largest_inside = float(distances_inside.max())
+        if distances_outside.size:
+            largest_outside = float(distances_outside.max())
+        return cls(inside=largest_inside, outside=largest_outside)
 
     def or_more(self, other: Deviation) -> Deviation:
         """Return the larger of two deviations, range by range.
@@ -96,7 +107,7 @@ class Deviation:
         Returns
         -------
         Deviation
-            The larger distances; NaN only where both are.
+            The larger distance of each range. A number replaces NaN.
         """
         return Deviation(
             inside=float(np.fmax(self.inside, other.inside)),
@@ -114,16 +125,18 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """One column of a table that is straight between its points, and the law that it follows.
+    """The law that one column of a table follows by straight lines, given at fine arguments.
 
-    Places are indices into the fine arguments, which have `FINE` parts between two known points.
-    From 0 to the first load nothing was computed, and the law is a straight line.
+    The law has k + 1 known points, the first at the argument 0. The fine arguments divide each of
+    the k intervals into `FINE` parts. "Places" are indices of fine arguments. From 0 to the second
+    point, the first load, nothing was computed, and the law is taken to be a straight line.
     """
 
-    at: Values  # ascending fine arguments, from 0 on, (FINE * k + 1,)
-    curve: Values  # the law at these
-    at_loads: Indices  # places of the points at the loads that the law was asked for
-    inside: NDArray[np.bool_]  # where neither few nor nearly all nodes touch
+    at: Values  # ascending fine arguments, the first is 0, (FINE * k + 1,)
+    curve: Values  # the law at the fine arguments, (FINE * k + 1,)
+    at_loads: Indices  # places of the loads that the law was asked for, the first is 0
+    # True where neither few nor nearly all nodes touch, (FINE * k + 1,).
+    inside: NDArray[np.bool_]
 
     @classmethod
     def through(
@@ -135,14 +148,16 @@ class Column:
         *,
         powers: bool,
     ) -> Column:
-        """Make a column of known points, of which the first is at an argument of 0.
+        """Make a column of known points, of which the first is at the argument 0.
 
         Parameters
         ----------
-        at, values : ndarray, shape (k + 1,)
-            Known points, at ascending arguments.
+        at : ndarray, shape (k + 1,)
+            Ascending arguments of the points.
+        values : ndarray, shape (k + 1,)
+            Values of the law at the points.
         at_loads : ndarray of bool, shape (k + 1,)
-            True at the loads that the law was asked for.
+            True at the first point and at the loads that the law was asked for.
         inside : ndarray of bool, shape (k + 1,)
             True where neither few nor nearly all nodes touch.
         powers : bool
@@ -157,13 +172,15 @@ class Column:
         points = np.arange(last + 1)
         steps = np.arange(FINE * last + 1) / FINE
         fine = np.interp(steps, points, at)
-        if powers and last > 1:
+        if powers and last > 1:  # parts of even ratio, but for the interval at 0
             fine[FINE:] = np.exp(np.interp(steps[FINE:], points[1:], np.log(at[1:])))
-        curve = np.interp(fine, at[:2], values[:2])
+        curve = np.interp(fine, at[:2], values[:2])  # right up to the first load
         curve[FINE:] = curve_through(at[1:], values[1:], powers=powers)(fine[FINE:])
+        # Remove the rounding of the logarithms at the known points.
         fine[::FINE] = at
         curve[::FINE] = values
-        close = inside.copy()  # with the intervals that lead there
+        # An interval with one end inside is inside, and its other end with it.
+        close = inside.copy()
         close[:-1] |= inside[1:]
         close[1:] |= inside[:-1]
         before = np.floor(steps).astype(int)
@@ -177,33 +194,34 @@ class Column:
 
     @property
     def weights(self) -> Values:
-        """Weights of distances from the law at the fine arguments."""
+        """Weights of distances from the law at the fine arguments, (FINE * k + 1,)."""
         return np.where(self.inside, 1.0, FAR_WEIGHT)
 
     def distances(self, line: Line) -> Values:
-        """Return how far a line is off the law.
+        """Compute the relative distances of a line from the law.
 
         Parameters
         ----------
         line : Line
-            Points from an argument of 0 to the last one.
+            Points from the argument 0 to the last argument of the column.
 
         Returns
         -------
         ndarray, shape (FINE * k + 1,)
-            Distances at the fine arguments as shares of the law; 0 where the law is 0.
+            Distances at the fine arguments as shares of the law, 0 or more. They are 0 where the
+            law is 0.
         """
         lines = np.interp(self.at, line.at, line.values)
         unit = np.where(self.curve > 0, self.curve, np.inf)
         return np.asarray(np.abs(lines - self.curve) / unit)
 
     def deviation(self, line: Line) -> Deviation:
-        """Return how far a line is off the law at most, from the first load on.
+        """Compute the largest relative distances of a line from the law, from the first load on.
 
         Parameters
         ----------
         line : Line
-            Points from an argument of 0 to the last one.
+            Points from the argument 0 to the last argument of the column.
 
         Returns
         -------
@@ -215,21 +233,27 @@ class Column:
     def laid(self, room: int | None = None, *, filled: bool = False) -> Line:
         """Lay points so that straight lines follow the law best.
 
-        Without a bound the points lie on the law. With room for few they do if lines are then off
-        by `NEAR` at most, and otherwise lie beside the law. Lines go through the points at the
-        loads of the law unless they were off by more than `TOLERABLE`.
+        Without a bound the points lie on the law, and include all loads asked for. With a bound
+        the first of these that is good enough is taken:
+
+        1. Points on the law, if lines then deviate by `NEAR` at most.
+        2. Points beside the law except at the loads asked for, if lines deviate by `TOLERABLE`.
+        3. Points beside the law except at the first two and the last load asked for.
+
+        The first two need room for all loads. Deviations are those where neither few nor nearly all
+        nodes touch.
 
         Parameters
         ----------
         room : int or None
-            Number of points that the table has room for, at least 3; None if it has no bound.
+            Largest number of points of the table, at least 3; None if there is no bound.
         filled : bool
             True to lay as many points as there is room for.
 
         Returns
         -------
         Line
-            Points from an argument of 0 on. The first two and the last lie on the law.
+            Points, the first at the argument 0. The first two and the last lie on the law.
         """
         if room is None:
             return self._on_law(self._within(GOOD, self.at_loads))
@@ -238,20 +262,24 @@ class Column:
             if filled:
                 places = self._with_further(places, room)
             line = self._on_law(places)
-            if not self.deviation(line).inside > NEAR:
+            if not self.deviation(line).inside > NEAR:  # also if it is NaN
                 return line
             line = self._beside_law(room, self.at_loads, filled=filled)
             if not self.deviation(line).inside > TOLERABLE:
                 return line
-        ends = np.unique(self.at_loads[[0, min(1, self.at_loads.size - 1), -1]])
+        second = min(1, self.at_loads.size - 1)
+        ends = np.unique(self.at_loads[[0, second, -1]])
         return self._beside_law(room, ends, filled=filled)
 
     def _on_law(self, places: Indices) -> Line:
-        """Return the straight lines between some places on the law."""
+        """Return the line whose points are the law at some places."""
         return Line(self.at[places], self.curve[places])
 
     def _beside_law(self, room: int, kept: Indices, *, filled: bool) -> Line:
-        """Lay points where a path of few lines through the kept places stays nearest to the law."""
+        """Lay at most `room` points beside the law, but on it at the kept places.
+
+        Without a path of that many points they lie on the law, too.
+        """
         places = self._path_within_room(room, kept)
         if places is None:
             return self._on_law(self._nearest(room, kept))
@@ -260,7 +288,10 @@ class Column:
         return self._balanced(places, kept)
 
     def _path_within_room(self, room: int, kept: Indices) -> Indices | None:
-        """Return the places of the nearest path to the law of at most `room` points, or None."""
+        """Return the places of a path of at most `room` points that stays nearest to the law.
+
+        The path goes through the kept places. None if there is none within `MOST_WIDTH`.
+        """
         high = GOOD
         path = self._path(high, kept)
         while path is None or path.size > room:
@@ -269,8 +300,9 @@ class Column:
                 return None
             path = self._path(high, kept)
         best = path
+        # Search between the last width that failed and the first that fitted.
         low = high / 2
-        if high == GOOD:
+        if high == GOOD:  # the first width fitted: a quarter of it is near enough
             low = GOOD / 4
         for _ in range(HALVINGS):
             middle = float(np.sqrt(low * high))
@@ -283,7 +315,11 @@ class Column:
         return best
 
     def _path(self, allowed: float, kept: Indices) -> Indices | None:
-        """Return the places of the fewest points whose lines are off by what is allowed at most."""
+        """Return the places of the fewest points whose lines deviate by `allowed` at most, or None.
+
+        `allowed` is relative to the law, and divided by the weights. The points may lie beside the
+        law, but at the kept places they are on it.
+        """
         places = self._places_of_paths()
         curve = self.curve[places]
         width = allowed * curve / self.weights[places]
@@ -292,7 +328,11 @@ class Column:
         return None if path is None else np.append(0, places[path])
 
     def _places_of_paths(self) -> Indices:
-        """Return the known points from the first load on, with some between where the law rises."""
+        """Return places of a path above 0: the known points, and some between where the law rises.
+
+        Neighbouring places are so close that the law changes by about `PART_RISE` at most, if
+        `FINE` allows it.
+        """
         knots = self.curve[FINE::FINE]
         larger = np.maximum(knots[1:], knots[:-1])
         rises = np.abs(np.diff(knots)) / np.where(larger > 0, larger, 1.0)
@@ -303,9 +343,10 @@ class Column:
         return np.append(places[chosen], self.at.size - 1)
 
     def _balanced(self, places: Indices, kept: Indices) -> Line:
-        """Return the lines between some places that are off least and go through the kept places.
+        """Return the line with points at some places that deviates least from the law.
 
-        The values at the places, and the weighted distance, are the unknowns of a linear program.
+        It goes through the law at the kept places. The unknowns of a linear program are the values
+        at the places and the largest weighted relative distance, which it minimises.
         """
         from scipy.optimize import linprog
 
@@ -324,12 +365,12 @@ class Column:
             A_eq=np.column_stack([through, np.zeros(kept.size)]),
             b_eq=self.curve[kept],
         )
-        if program.x is None:
+        if program.x is None:  # no solution was found
             return self._on_law(places)
         return Line(self.at[places], program.x[:-1])
 
     def _shares(self, places: Indices, fine: Indices) -> Values:
-        """Return the shares of values at m places in lines at k fine arguments, (k, m)."""
+        """Return the matrix (k, m) that takes values at m places to a line at k fine arguments."""
         right = np.clip(np.searchsorted(places, fine), 1, places.size - 1)
         before = right - 1
         start = self.at[places[before]]
@@ -341,9 +382,11 @@ class Column:
         return shares
 
     def _falls(self, places: Indices) -> tuple[Values, Values]:
-        """Return what values at m places fall by, as rows of m shares, and the most they may fall.
+        """Return the matrix of falls between m neighbouring values, and the largest falls allowed.
 
-        Where the law rises from one place to the next, values rise by `LEAST_RISE` of it at least.
+        A row of the matrix, (r, m), takes the values to the fall from one place to the next. Where
+        the law rises, values have to rise by `LEAST_RISE` of it, so that the largest fall, (r,), is
+        negative. Steps at which the law falls have no row.
         """
         on_law = self.curve[places]
         rises = np.diff(on_law)
@@ -355,15 +398,15 @@ class Column:
         return falls, -LEAST_RISE * np.maximum(rises[steps], 0)
 
     def _with_further(self, places: Indices, room: int) -> Indices:
-        """Add places, each where the straight lines are furthest off, until there is no room."""
+        """Add places until there are `room`, each where the lines on the law deviate most."""
         while places.size < min(room, self.at.size):
             distances = self.distances(self._on_law(places)) * self.weights
-            distances[places] = -1.0
+            distances[places] = -1.0  # never the largest
             places = np.sort(np.append(places, distances.argmax()))
         return places
 
     def _nearest(self, room: int, kept: Indices) -> Indices:
-        """Return places that fit into the room, with the kept ones, whose lines are off least."""
+        """Return `room` places at most, the kept ones included, whose lines are nearest."""
         places = self._within(GOOD, kept)
         if places.size <= room:
             return places
@@ -383,7 +426,11 @@ class Column:
         return places
 
     def _within(self, allowed: float, kept: Indices) -> Indices:
-        """Return the fewest places, with the kept ones, whose lines are off by what is allowed."""
+        """Return places, with the kept ones, whose lines on the law deviate by `allowed` at most.
+
+        `allowed` is relative to the law, and divided by the weights. Each line is as long as it may
+        be.
+        """
         places = [0]
         for end in kept[kept > 0].tolist():
             if end <= FINE:  # the law is straight up to its first load
@@ -393,7 +440,11 @@ class Column:
         return np.array(places)
 
     def _furthest(self, start: int, end: int, allowed: float) -> int:
-        """Return the last place up to which one line from a start is off by what is allowed."""
+        """Return the end of a long line from `start` that deviates by `allowed` at most.
+
+        The end is at most `end`. Steps double until a line is too far off, then the last step is
+        halved.
+        """
         good = start + 1
         step = 1
         while good < end and self._line_is_near(start, min(good + step, end), allowed):
@@ -409,9 +460,13 @@ class Column:
         return good
 
     def _line_is_near(self, start: int, end: int, allowed: float) -> bool:
-        """Tell whether one line is off by what is allowed at most; more is allowed outside."""
+        """Return whether the line between two places on the law deviates by `allowed` at most.
+
+        `allowed` is relative to the law. Where few or nearly all nodes touch, 1 / FAR_WEIGHT times
+        as much is allowed.
+        """
         if allowed > ANY:
-            return True
+            return True  # any line is near enough
         part = slice(start, end + 1)
         at = self.at[part]
         curve = self.curve[part]
@@ -423,19 +478,22 @@ class Column:
 def curve_through(
     at: Values, values: Values, *, powers: bool = False
 ) -> Callable[[Values], Values]:
-    """Return the monotone cubic through the logarithms of values, at ascending arguments.
+    """Return the monotone cubic through the logarithms of values.
 
     Parameters
     ----------
-    at, values : ndarray, shape (k,)
-        One point or more, whose arguments are above 0.
+    at : ndarray, shape (k,)
+        Ascending arguments above 0, at least one.
+    values : ndarray, shape (k,)
+        Values at the arguments, 0 or more.
     powers : bool
         True to take the logarithms of the arguments too.
 
     Returns
     -------
     callable
-        The curve as a function of arguments. Where a value is 0, it is the cubic of the values.
+        The curve as a function of an array of arguments. It is the cubic through the values
+        themselves if one of them is 0, and constant if there is one point.
     """
     from scipy.interpolate import PchipInterpolator
 
@@ -455,15 +513,18 @@ def shortest_path(at: Values, curve: Values, width: Values) -> Indices | None:
     """Find a path of the fewest straight lines that stays in a corridor around a curve.
 
     The vertices of the path lie at some of the arguments, and at `LEVELS` of the corridor. A line
-    rises where the curve rises between its ends. The search goes once over all arguments: a vertex
-    needs one line more than the best of those before it from which it is seen.
+    does not fall unless the curve falls between the ends of the line. A vertex sees another one
+    if the straight line between them stays in the corridor. The search goes once over all
+    arguments: to reach a vertex takes one line more than to reach the best vertex that sees it.
 
     Parameters
     ----------
-    at, curve : ndarray, shape (k,)
-        The curve at ascending arguments.
+    at : ndarray, shape (k,)
+        Ascending arguments.
+    curve : ndarray, shape (k,)
+        The curve at the arguments.
     width : ndarray, shape (k,)
-        Half width of the corridor; 0 at both ends, where the path begins and ends.
+        Half width of the corridor. It is 0 at both ends, where the path begins and ends.
 
     Returns
     -------
@@ -472,10 +533,12 @@ def shortest_path(at: Values, curve: Values, width: Values) -> Indices | None:
     """
     levels = LEVELS.size
     heights = curve[:, None] + width[:, None] * LEVELS
-    slack = 1 + 1e-9
+    slack = 1 + 1e-9  # so that rounding does not close the corridor
     low = curve - slack * width
     high = curve + slack * width
     unseen = at.size  # more lines than any path has
+    # A vertex has the index levels * place + level. `lines` is how many lines reach it, `origins`
+    # the vertex before it.
     lines = np.full(at.size * levels, unseen)
     lines[:levels] = 0
     origins = np.zeros(at.size * levels, dtype=np.int64)
@@ -484,6 +547,7 @@ def shortest_path(at: Values, curve: Values, width: Values) -> Indices | None:
         ahead = slice(place + 1, None)
         run = at[ahead] - at[place]
         start = heights[place][:, None]
+        # Slopes of lines from each vertex here that stay in the corridor up to each place ahead.
         lowest = np.maximum.accumulate((low[ahead] - start) / run, axis=1)
         highest = np.minimum.accumulate((high[ahead] - start) / run, axis=1)
         open_to = np.count_nonzero((lowest <= highest).any(axis=0))
@@ -500,7 +564,7 @@ def shortest_path(at: Values, curve: Values, width: Values) -> Indices | None:
         better = fewest < lines[targets]
         lines[targets][better] = fewest[better]
         origins[targets][better] = best[better]
-    end = lines.size - 1
+    end = lines.size - 1  # all levels are one point at both ends
     if at.size > 1 and lines[end] == unseen:
         return None
     path = [end]

@@ -19,10 +19,10 @@ from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress
 
 LONG = 10**6
-"""Number of nodes of all contacts together from which on the progress is printed."""
+"""Smallest number of nodes of all contacts together for which the progress is printed."""
 
 PASSES: Mapping[Load, str] = {"delta": "over Delta", "pressure": "over pressure"}
-"""Which contacts the progress counts: a population has one pass for each table."""
+"""Name of a pass in the progress; a population is solved in one pass for each table."""
 
 NOT_SOLVED = "warning: not solved"
 """Beginning of a remark on loads that are left out of a law."""
@@ -35,10 +35,10 @@ class SolvedContact:
     quantities: dict[str, float]  # by names in laws; empty if the contact was not solved
     fault: str = ""  # why it was not solved; "" if it was
     grid_error: float = np.nan  # of the area in the continuum [%]; NaN if not resolved
-    unresolved: str = (
-        ""  # why the grid does not resolve it; "" if it does or is not judged
-    )
-    pressed: Pressed | None = None  # what warnings take of it; None if it was not solved
+    # Why the grid does not resolve it; "" if the grid does, or is not judged.
+    unresolved: str = ""
+    # Delta, pressure and nodes, from which warnings follow; None if it was not solved.
+    pressed: Pressed | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,9 +177,9 @@ class LawSolver:
                 solved.append(
                     self._solved_surface(surface, load, loads, counted, judged=judged)
                 )
-        losses = [_loss(solved, place) for place in range(loads.size)]
-        remarks = [line for line in losses if line]
-        kept = np.array([not line for line in losses])
+        left_out = [_left_out(solved, place) for place in range(loads.size)]
+        remarks = [line for line in left_out if line]
+        kept = np.array([not line for line in left_out])
         if not kept.any():
             raise InputError(f"no load was solved on every surface; {remarks[0]}")
         return SolvedLoads(
@@ -201,7 +201,10 @@ class LawSolver:
     def _contacts(
         self, surface: LawSurface, load: Load, loads: Values, *, judged: bool
     ) -> Iterator[SolvedContact]:
-        """Solve a surface and yield its contact at each load; judge the grid if `judged`."""
+        """Solve a surface and yield its contact at each load, with the grid's error if `judged`.
+
+        InputError is raised if a quantity of a contact overflows.
+        """
         settings = {
             "modulus": self.bodies.e_star,
             "hardness": self.bodies.hardness,
@@ -230,7 +233,10 @@ class LawSolver:
         *,
         judged: bool,
     ) -> SolvedSurface:
-        """Put the contacts of one surface into arrays, and say what is doubtful about them."""
+        """Put the contacts of one surface into arrays, with its first doubt and remarks.
+
+        If the grid is judged, the area in the continuum has its error as band.
+        """
         pressed = [contact.pressed for contact in contacts if contact.pressed is not None]
         doubts = contact_doubts(surface.heights, self.bodies, load, pressed)
         points = _points(contacts)
@@ -270,11 +276,15 @@ def _counted(
     for contact in contacts:
         yield contact
         if progress is not None:
-            progress.advance(1, int(contact.pressed is None))
+            is_unsolved = contact.pressed is None
+            progress.advance(1, failed=int(is_unsolved))
 
 
-def _loss(solved: Sequence[SolvedSurface], place: int) -> str:
-    """Say on which surfaces the load at a place was not solved; "" if it was on all."""
+def _left_out(solved: Sequence[SolvedSurface], place: int) -> str:
+    """Say on how many surfaces the load at a place was not solved, and why on the first of them.
+
+    The line is "" if the load was solved on all surfaces.
+    """
     faults = [
         f"{surface.name}: {surface.faults[place]}"
         for surface in solved
@@ -289,7 +299,10 @@ def _loss(solved: Sequence[SolvedSurface], place: int) -> str:
 
 
 def _warnings(solved: Sequence[SolvedSurface]) -> list[str]:
-    """Return the first doubt about all surfaces as a warning, and the remarks on the grid."""
+    """Return a warning with the first doubt and the number of doubtful surfaces, then the remarks.
+
+    There is no warning without a doubt. The remarks are about the error of the grid.
+    """
     doubts = [doubt for surface in solved for doubt in surface.doubts]
     remarks = [remark for surface in solved for remark in surface.remarks]
     if not doubts:
@@ -314,7 +327,10 @@ def _solved_contact(
 
 
 def _points(contacts: Sequence[SolvedContact]) -> Points:
-    """Return the quantities of contacts of one surface, at least one of which was solved."""
+    """Put the quantities of the contacts of one surface into arrays, NaN where one was not solved.
+
+    At least one contact was solved: it names the quantities.
+    """
     names = next(contact.quantities for contact in contacts if contact.quantities)
     values = {
         name: np.array([contact.quantities.get(name, np.nan) for contact in contacts])

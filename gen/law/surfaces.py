@@ -20,17 +20,17 @@ from gen.scene import Scene, load, preset_names
 from gen.statistics import rms_slope
 
 USUAL_BOUNDARY: Boundary = "mirror"
-"""Boundary of the patches unless the order has one: the patch is a piece of an interface."""
+"""Boundary of the patches if the order names none, because a patch is a piece of an interface."""
 
 SOLVER_SETTINGS = ("kernel", "far_field", "rtol", "max_iterations")
-"""Settings of the solver that a scene states in its `[contact]`, and its law keeps."""
+"""Settings in the table `[contact]` of a scene with which its law solves contacts, too."""
 
 
 @dataclass(frozen=True, eq=False)
 class LawSurface(Topography):
     """A surface of a law."""
 
-    # Settings of the solver that a scene states, of `SOLVER_SETTINGS`; empty for a file.
+    # Values of `SOLVER_SETTINGS` of the scene; empty for a surface from a file.
     settings: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -39,7 +39,7 @@ class LawSurface(Topography):
         return float(self.spacing[0] * self.spacing[1] * self.heights.size)
 
     def posed(self, e_star: float = 1.0) -> Problem:
-        """Pose the contact of the surface at first touch.
+        """Pose the contact of the surface with a flat one at first touch.
 
         Parameters
         ----------
@@ -66,7 +66,7 @@ class LawSurface(Topography):
     def at_rest(
         self, quantities: Iterable[Quantity] = (MEAN_GAP,), media: Media = BODIES_ALONE
     ) -> dict[str, float]:
-        """Compute quantities at first touch, where no heat passes through spots.
+        """Compute quantities at first touch, where bodies do not touch in any spot yet.
 
         Parameters
         ----------
@@ -77,9 +77,9 @@ class LawSurface(Topography):
 
         Returns
         -------
-        dict
-            Values by names in laws, in the units of laws. Quantities that are always 0 at first
-            touch are left out.
+        dict of float
+            Values by names in laws, in the units of laws. Quantities that are 0 at first touch on
+            every surface are left out.
         """
         problem = self.posed()
         return {
@@ -89,7 +89,7 @@ class LawSurface(Topography):
         }
 
     def patch_compliance(self, e_star: float) -> float:
-        """Compute how far a flat punch that fills the patch sinks per pressure.
+        """Compute how far a flat punch that fills the patch sinks, per unit of mean pressure.
 
         Parameters
         ----------
@@ -117,10 +117,9 @@ class Source:
     """The files of one surface of a law, or of all surfaces of a scene, and their preparation."""
 
     name: str  # of the surface or the scene
-    files: tuple[
-        SourceFile, ...
-    ]  # maps of both bodies, or the scene and the maps it names
-    steps: tuple[str, ...]  # the preparation, from the file on; one line a step
+    # The maps of both bodies; or the file of the scene, and the maps that it names.
+    files: tuple[SourceFile, ...]
+    steps: tuple[str, ...]  # the steps of the preparation in order, one line each
 
     @property
     def text(self) -> str:
@@ -136,7 +135,7 @@ class LawInput:
     """One input of a law: a surface, a folder of surfaces, a database or a scene."""
 
     description: str  # one line
-    scene: Scene | None = None  # that its surfaces were generated from; None for files
+    scene: Scene | None = None  # the scene that generated its surfaces; None for files
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,12 +154,14 @@ class LawSurfaces:
 
     surfaces: Sequence[LawSurface]
     inputs: Sequence[LawInput]
-    doubts: Sequence[str] = ()  # warnings about the maps, each with the name of its input
+    doubts: Sequence[
+        str
+    ] = ()  # warnings about the surfaces, each with the name of its input
     sources: Sequence[Source] = ()  # files of the surfaces and their preparation
 
     @property
     def descriptions(self) -> list[str]:
-        """One line for each input."""
+        """Descriptions of the inputs, one line each."""
         return [about.description for about in self.inputs]
 
     def modulus(self) -> float | None:
@@ -186,7 +187,7 @@ class LawSurfaces:
         return moduli.pop()
 
     def hardness_ratio(self) -> float | None:
-        """Return the hardness over E* that all scenes share.
+        """Return the hardness over E* that all scenes share; no scene may vary it.
 
         Returns
         -------
@@ -196,7 +197,7 @@ class LawSurfaces:
         Raises
         ------
         InputError
-            If all inputs are scenes, and have more than one hardness, or some have none.
+            If all inputs are scenes, and these have more than one ratio, or only some have one.
         """
         scenes = self._scenes_alone()
         if not scenes:
@@ -205,7 +206,7 @@ class LawSurfaces:
         for scene in scenes:
             if scene.contact.hardness_limits is None:
                 ratios.add(None)
-            else:
+            else:  # two limits that differ are two ratios
                 e_star = scene.contact.e_star
                 ratios |= {end / e_star for end in scene.contact.hardness_limits}
         if len(ratios) > 1:
@@ -215,7 +216,7 @@ class LawSurfaces:
         return ratios.pop()
 
     def _scenes_alone(self) -> list[Scene]:
-        """Return the scenes if all inputs are scenes, else none."""
+        """Return the scenes of all inputs, or an empty list if an input is no scene."""
         scenes = [about.scene for about in self.inputs if about.scene is not None]
         if len(scenes) < len(self.inputs):
             return []
@@ -223,18 +224,20 @@ class LawSurfaces:
 
 
 def read_law_surfaces(order: Order, only: Boundary | None = None) -> LawSurfaces:
-    """Read or generate all surfaces of a law, and print on standard error what is done to files.
+    """Read or generate all surfaces of a law.
 
-    Scenes and databases give their first surfaces. Surfaces from files are pressed against the
-    second rough body of the order, or against each body of a folder; scenes name their own.
+    Scenes and databases give their first surfaces; if a second body is pressed against these, the
+    scene names it. Surfaces from files are pressed against the second rough body of the order, or
+    against each body in the order's folder. The preparation of files is printed on standard error.
 
     Parameters
     ----------
     order : Order
         The request for the law.
     only : {"free", "periodic", "mirror"} or None
-        The boundary that a surrogate was trained with, in place of that of the order. None if a
-        scene may take the boundary of the order in place of its own.
+        Boundary that a surrogate was trained with. It replaces the boundary of the order, and a
+        scene with another one is refused. If it is None, a scene takes the boundary of the order
+        in place of its own; then it loses its kernel and far field, see `_scene_of_law`.
 
     Returns
     -------
@@ -248,7 +251,7 @@ def read_law_surfaces(order: Order, only: Boundary | None = None) -> LawSurfaces
         comes with a second body in the order.
     """
     boundary = only or order.boundary or USUAL_BOUNDARY
-    opposites: list[Opposite | None] = [None]
+    opposites: list[Opposite | None] = [None]  # a flat second body
     if order.opposite is not None:
         files = files_in(order.opposite.path)
         opposites = [replace(order.opposite, path=file) for file in files]
@@ -264,23 +267,28 @@ def read_law_surfaces(order: Order, only: Boundary | None = None) -> LawSurfaces
     return LawSurfaces(
         surfaces=[surface for part in parts for surface in part.surfaces],
         inputs=[part.about for part in parts],
-        doubts=list(dict.fromkeys(doubts)),
+        doubts=list(dict.fromkeys(doubts)),  # each once
         sources=[source for part in parts for source in part.sources],
     )
 
 
 def _generate(scene: Scene, text: str, number: int) -> InputSurfaces:
-    """Generate the first surfaces of a scene, which the input `text` names."""
+    """Generate the first `number` surfaces of a scene; `text` is the input that names the scene."""
     population = list(_population(scene, text, number))
     doubts = [f"warning: {text}: {doubt}" for doubt in _slope_doubts(population)]
     against = scene.surface.against
     facing = ""
-    if isinstance(against, tuple):
+    if isinstance(against, tuple):  # files of the second body
         facing = f" against {', '.join(against)}"
     elif against is not None:
         facing = " against another of them"
-    about = LawInput(f"{text}: its first {number} surfaces{facing}", scene)
-    return InputSurfaces(about, population, _sources_of_scene(scene, text), doubts)
+    description = f"{text}: its first {number} surfaces{facing}"
+    return InputSurfaces(
+        about=LawInput(description, scene),
+        surfaces=population,
+        sources=_sources_of_scene(scene, text),
+        doubts=doubts,
+    )
 
 
 def _read_files(
@@ -288,7 +296,8 @@ def _read_files(
 ) -> InputSurfaces:
     """Read the file or the folder `text`, each surface against each second body in turn.
 
-    Print the preparation of each surface, and its warnings, on standard error.
+    `opposites` are the second bodies; None among them is a flat body. Print the preparation of each
+    surface, and its warnings, on standard error. Raises InputError for a flat surface.
     """
     description = text
     if order.opposite is not None:
@@ -311,15 +320,17 @@ def _read_files(
             doubts += [
                 f"warning: {description}: {doubt}" for doubt in topography.warnings
             ]
-    return InputSurfaces(LawInput(description), surfaces, sources, doubts)
+    return InputSurfaces(
+        about=LawInput(description), surfaces=surfaces, sources=sources, doubts=doubts
+    )
 
 
 def _law_surface(topography: Topography) -> LawSurface:
-    """Return a surface from a file, or of two bodies from files, as a surface of a law."""
+    """Return the surface of one body or two from files as a surface of a law, without its steps."""
     return LawSurface(
-        topography.name,
-        topography.heights,
-        topography.sides,
+        name=topography.name,
+        heights=topography.heights,
+        sides=topography.sides,
         boundary=topography.boundary,
     )
 
@@ -327,17 +338,22 @@ def _law_surface(topography: Topography) -> LawSurface:
 def _source_of_map(
     topography: Topography, file: Path, opposite: Opposite | None
 ) -> Source:
-    """Return the files of a surface, and the steps of its preparation."""
+    """Return the files of a surface, with that of the second body, and the steps of preparation."""
     files = [_source_file(file)]
     if opposite is not None:
         files.append(_source_file(opposite.path))
-    return Source(topography.name, tuple(files), topography.steps)
+    return Source(name=topography.name, files=tuple(files), steps=topography.steps)
 
 
 def _scene_of_law(
     scene: Scene, text: str, order: Order, boundary: Boundary, only: Boundary | None
 ) -> Scene:
-    """Return a scene with the boundary of the law, or refuse it; see `read_law_surfaces`."""
+    """Return a scene with the boundary of the law.
+
+    A scene whose boundary changes gets the kernel and the far field that every boundary allows.
+    Raises InputError if the boundary of a surrogate, `only`, is another one, or if the order has a
+    second body.
+    """
     if order.opposite is not None:
         raise InputError(
             f"--against: {text} is a scene, which names the second body of its surfaces"
@@ -356,14 +372,14 @@ def _scene_of_law(
 
 
 def _source_file(path: Path) -> SourceFile:
-    """Return a file with the hash of its content."""
-    return SourceFile(str(path), digest(path))
+    """Read a file, and return its path with the hash of its content."""
+    return SourceFile(path=str(path), sha256=digest(path))
 
 
 def _sources_of_scene(scene: Scene, text: str) -> list[Source]:
-    """Return the source of a scene's surfaces: its file, if it has one, and the maps it names.
+    """Return one source with the file of a scene and the maps that it names.
 
-    The list is empty if there is neither.
+    A scene that is shipped has no file. The list is empty if there are no maps either.
     """
     files: list[SourceFile] = []
     steps: list[str] = []
@@ -377,24 +393,26 @@ def _sources_of_scene(scene: Scene, text: str) -> list[Source]:
         files += [_source_file(path) for path in surface.sources()]
     if not files:
         return []
-    return [Source(text, tuple(files), tuple(steps))]
+    return [Source(name=text, files=tuple(files), steps=tuple(steps))]
 
 
 def _maps_of_scans(surface: ScanSurface) -> list[SourceFile]:
-    """Return the maps of both bodies of a scene, which must be ready.
+    """Return the maps of both bodies of a scene that is ready to generate.
 
-    The hashes are those that the scene holds: a database knows maps by their content, and they may
-    have moved.
+    Hashes are taken from the scene, not from the files: a database knows maps by their content, and
+    the files may have moved.
     """
     files: list[SourceFile] = []
     for bodies in (surface.found, surface.against_found):
         if bodies is not None:
-            files += [SourceFile(entry.file, entry.sha256) for entry in bodies.maps]
+            files += [
+                SourceFile(path=entry.file, sha256=entry.sha256) for entry in bodies.maps
+            ]
     return files
 
 
 def _settings_of_scans(surface: ScanSurface) -> list[str]:
-    """Return the settings with which a scene reads and prepares its maps, one line each."""
+    """Return the settings of reading and preparing a scene's maps, as "table.key = value"."""
     tables = {"reading": surface.reading, "preparation": surface.preparation}
     lines: list[str] = []
     for name, table in tables.items():
@@ -404,7 +422,7 @@ def _settings_of_scans(surface: ScanSurface) -> list[str]:
 
 
 def files_read(inputs: Iterable[str]) -> Iterator[Path | str]:
-    """Yield the files that a law reads, which none of its outputs may replace.
+    """Yield the files that a law reads, so that no output replaces one of them.
 
     Parameters
     ----------
@@ -424,14 +442,14 @@ def files_read(inputs: Iterable[str]) -> Iterator[Path | str]:
 
 
 def scene_of(text: str, *, ready: bool = True) -> Scene | None:
-    """Return the scene that an input of a law stands for.
+    """Return the scene that an input of a law names: a shipped one, its file, or a database.
 
     Parameters
     ----------
     text : str
         Name of a shipped scene, or path of a scene, a database or a surface.
     ready : bool
-        True to make the scene ready to generate surfaces: its maps are read.
+        True to read the maps of the scene, so that it can generate surfaces.
 
     Returns
     -------
@@ -458,7 +476,10 @@ def scene_of(text: str, *, ready: bool = True) -> Scene | None:
 
 
 def _slope_doubts(population: Sequence[LawSurface]) -> list[str]:
-    """Return a line that doubts the surfaces of a scene if most are too steep for the theory."""
+    """Return a doubt about the surfaces of a scene if most are too steep for the theory.
+
+    There is one line at most, if a larger share than `DOUBTED_SHARE` is steeper than `STEEP_ROW`.
+    """
     slopes = [rms_slope(surface.heights, surface.spacing) for surface in population]
     steep = [slope for slope in slopes if slope > STEEP_ROW]
     if len(steep) <= DOUBTED_SHARE * len(slopes):
@@ -468,16 +489,16 @@ def _slope_doubts(population: Sequence[LawSurface]) -> list[str]:
 
 
 def _population(scene: Scene, text: str, number: int) -> Iterator[LawSurface]:
-    """Yield the first surfaces of a scene, with the solver's settings of the scene."""
+    """Yield the first `number` surfaces of a scene, with the scene's settings of the solver."""
     from gen.generation.sample import surface_numbered  # it loads what databases need
 
     contact = scene.contact
     settings = {name: getattr(contact, name) for name in SOLVER_SETTINGS}
     for surface in range(number):
         yield LawSurface(
-            f"{text}, surface {surface}",
-            surface_numbered(scene, surface),
-            scene.grid.sides,
+            name=f"{text}, surface {surface}",
+            heights=surface_numbered(scene, surface),
+            sides=scene.grid.sides,
             boundary=contact.boundary,
             exact_spacing=scene.grid.spacing,
             settings=settings,

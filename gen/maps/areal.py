@@ -156,9 +156,11 @@ def _moments(heights: Heights) -> dict[str, float]:
     """
     squares = heights**2
     variance = squares.mean()
+    third_moment = np.mean(squares * heights)
+    fourth_moment = np.mean(squares**2)
     return {
-        "Ssk": float(np.mean(squares * heights) / variance**1.5),
-        "Sku": float(np.mean(squares**2) / variance**2),
+        "Ssk": float(third_moment / variance**1.5),
+        "Sku": float(fourth_moment / variance**2),
     }
 
 
@@ -174,9 +176,11 @@ def is_lost(heights: Heights) -> bool:
     -------
     bool
         Whether the standard deviation of the heights is at most `gen.statistics.LOST` times the
-        rounding of the height with the largest amount.
+        rounding of the largest amount among them.
     """
-    largest = max(abs(float(heights.min())), abs(float(heights.max())))
+    lowest = float(heights.min())
+    highest = float(heights.max())
+    largest = max(abs(lowest), abs(highest))
     rounding = float(np.finfo(heights.dtype).eps)  # relative
     relative_deviation = float(np.std(heights / largest))
     return relative_deviation <= LOST * rounding
@@ -313,9 +317,8 @@ def gradients(
     """
     if periodic:
         heights = np.pad(heights, (0, 1), mode="wrap")
-    mean_square = (
-        0.0  # of the gradients in units of the largest slope: it cannot overflow
-    )
+    # of the gradients in units of the largest slope: it cannot overflow
+    mean_square = 0.0
     gained_area = 0.0  # over the projected area
     with np.errstate(over="ignore", invalid="ignore"):  # heights of 1e300 um
         along_x = np.abs(np.diff(heights, axis=0)) / spacing[0]
@@ -327,9 +330,11 @@ def gradients(
         for edges_x in (along_x[:, :-1], along_x[:, 1:]):
             for edges_y in (along_y[:-1], along_y[1:]):
                 gradient = np.hypot(edges_x, edges_y)
-                mean_square += 0.25 * float(np.mean((gradient / unit) ** 2))
+                in_units = gradient / unit
+                mean_square += 0.25 * float(np.mean(in_units**2))
                 # sqrt(1 + square) - 1 without the cancellation of small gradients
-                gained = gradient * (gradient / (1 + np.hypot(1, gradient)))
+                stretch = np.hypot(1, gradient)
+                gained = gradient * (gradient / (1 + stretch))
                 gained_area += 0.25 * float(np.mean(gained))
         return Gradients(
             rms=float(largest * math.sqrt(mean_square)),
@@ -341,9 +346,8 @@ def gradients(
 class _AutocorrelationLengths:
     """Lengths over which the autocorrelation decays (ISO 25178-2:2012, 4.2)."""
 
-    shortest: (
-        float  # Sal [um]; NaN if the autocorrelation falls to `DECAY` along no direction
-    )
+    # Sal [um]; NaN if the autocorrelation falls to `DECAY` along no direction
+    shortest: float
     aspect: float  # Str [1]; NaN if it does not fall to `DECAY` along every direction
     reason: str  # why a number is NaN, "" if none is
 
@@ -422,9 +426,8 @@ class DecayLengths:
     Entry i of the arrays, shape (RAYS,), has the angle pi (i / `RAYS` - 1/2) from the x axis.
     """
 
-    lengths: (
-        Values  # lags at which the autocorrelation first falls to `DECAY`, else inf [um]
-    )
+    # lags at which the autocorrelation first falls to `DECAY`, else inf [um]
+    lengths: Values
     reaches: Values  # largest lags at which the autocorrelation is known [um]
 
 

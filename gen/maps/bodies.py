@@ -59,7 +59,7 @@ class Opposite:
         """Read and prepare the second surface.
 
         A shared reading may have lengths (`side`) or a unit that the second file does not allow,
-        because it states its own. Then the file is read without them, unless
+        because it states its own. So if reading fails, it is tried again without them, unless
         `reading.override_scale` is set.
 
         Parameters
@@ -86,7 +86,7 @@ class Opposite:
                 unscaled = replace(reading, side="", unit="")
                 with suppress(InputError):
                     return prepare(read(self.path, unscaled, boundary), unscaled)
-            raise
+            raise  # the first error, which is about the reading that the user gave
 
 
 def read_surface(
@@ -233,9 +233,8 @@ class _Overlay:
 
     grid: Topography  # map with the finer grid
     added: Topography  # map that is interpolated to this grid
-    added_number: (
-        int  # number of the body of the added map: 1 for the first, 2 for the second
-    )
+    # number of the body of the added map: 1 for the first, 2 for the second
+    added_number: int
     along_x: _Line  # nodes of the grid along x that are on the added map
     along_y: _Line  # nodes of the grid along y that are on the added map
 
@@ -264,8 +263,8 @@ class _Overlay:
     def doubtful(self) -> NDArray[np.bool_] | None:
         """Whether a map has a code, pit or spike at each node of the sum, shape (nx, ny).
 
-        None if no map has any. Doubtful nodes of an added map that is interpolated are left out,
-        because its splines spread them.
+        None if no node is marked in either map. Marks of an added map that is interpolated are left
+        out, because splines would spread them.
         """
         doubtful: NDArray[np.bool_] | None = None
         if self.grid.doubtful is not None:

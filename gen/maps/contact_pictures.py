@@ -213,9 +213,8 @@ class ContactCaptions:
     load: str  # quantity in which the loads were given: "delta", "force" or "pressure"
     bodies: Bodies  # E* and hardness [MPa]
     warnings: Sequence[str]  # one line for each reason to distrust the contacts
-    options: (
-        AnswerOptions  # whether spots and flow are shown instead of heights and pressure
-    )
+    # whether spots and flow are shown instead of heights and pressure
+    options: AnswerOptions
 
 
 def plot_contacts(

@@ -1,4 +1,4 @@
-"""Contacts of one surface under one load or several: solutions, answers, rows."""
+"""Contacts of one surface under one load or several: solve them and read their answers."""
 
 from __future__ import annotations
 
@@ -35,56 +35,59 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class AnswerOptions:
-    """Options of `gen contact` that add answers to area, force and gap.
+    """Options of `gen contact` that add answers to those that are always given.
 
-    Each field has the name of an option of quantities, see `gen.quantities.Quantity.option`.
+    Each field has the name of a `gen.quantities.Quantity.option`; an option that is set adds the
+    answers about the quantities with this option.
     """
 
     # whether to estimate the area in the continuum and the error of the grid
     grid_error: bool = False
     spots: bool = False  # whether to count the spots of contact
-    flow: bool = (
-        False  # whether to solve the flow of a fluid through the gap along x and y
-    )
+    flow: bool = False  # whether to solve the flow through the gap along x and along y
     stiffness: bool = False  # whether to solve for the stiffness
-    # thermal conductivities of both bodies [W/(m K)], with which the conductance is solved for
+    # thermal conductivities of the first and of the second body [W/(m K)], with which the
+    # conductance is computed; None for no conductance
     conductivities: tuple[float, float] | None = None
 
     @property
     def names(self) -> list[str]:
-        """Names of the options whose quantities are shown, in the order of the answers."""
+        """Names of the options whose quantities are shown, "always" first, in their order."""
         chosen = [field.name for field in fields(self) if getattr(self, field.name)]
         return ["always", *chosen]
 
 
 class Answer(NamedTuple):
-    """One number of a contact, as a line of a report and as a cell of a table."""
+    """A number or word about a contact: a line of a report, and a cell of a table."""
 
     column: str  # name of the column in tables
-    value: float | int | str  # value in `unit`; "" if the contact has none
+    value: float | int | str  # the answer, a number in `unit`; "" if it is not known
     label: str  # name for people
-    unit: str  # unit for people, followed by a remark if the value needs one
-    # error of the value, which is shown to the second digit of its error; 0 shows six digits
+    unit: str  # unit for people, followed by a remark if the answer needs one; "" for neither
+    # error of the number in `unit`; numbers for people then end at its second digit. With 0 they
+    # have six digits
     error: float = 0.0
 
     @property
     def shown(self) -> str:
-        """The value as text for people, with as many digits as are true."""
+        """The value as text for people, "-" if it is not known."""
         if not isinstance(self.value, float):
             return str(self.value) or "-"
         if not 0 < self.error < math.inf:
             return f"{self.value:.6g}"
-        decimals = max(1 - math.floor(math.log10(self.error)), 0)
+        place_of_first_digit = math.floor(math.log10(self.error))
+        decimals = max(1 - place_of_first_digit, 0)
         return f"{self.value:.{decimals}f}"
 
 
 def require_conductivities(conductivities: Sequence[float]) -> tuple[float, float]:
-    """Return the thermal conductivities of both bodies.
+    """Check the thermal conductivities of both bodies, and return one for each body.
 
     Parameters
     ----------
     conductivities : sequence of float
-        Values of the option --conductivity, one for both bodies or one for each [W/(m K)].
+        Values of the option --conductivity, at least one: one for both bodies, or one for each
+        [W/(m K)].
 
     Returns
     -------
@@ -94,7 +97,7 @@ def require_conductivities(conductivities: Sequence[float]) -> tuple[float, floa
     Raises
     ------
     InputError
-        If there are more than two, or one is outside the range of physical numbers.
+        If there are more than two, or a value is outside the range of physical numbers.
     """
     if len(conductivities) > 2:
         raise InputError(
@@ -106,19 +109,22 @@ def require_conductivities(conductivities: Sequence[float]) -> tuple[float, floa
 
 
 def answers(contact: Contact, options: AnswerOptions) -> list[Answer]:
-    """Read the answers off a solved contact, and solve for those that need more.
+    """List the answers about a solved contact.
+
+    Some options need further solutions (as of linear systems, or of flow), which are computed here.
 
     Parameters
     ----------
     contact : bem.Contact
         A solved contact.
     options : AnswerOptions
-        Answers beside the quantities that are always shown.
+        Answers besides those that are always given.
 
     Returns
     -------
     list of Answer
-        One for each line of a report.
+        One for each line of a report: quantities by option, with E*, boundary and hardness after
+        those that are always given, and the residual last.
 
     Raises
     ------
@@ -126,48 +132,75 @@ def answers(contact: Contact, options: AnswerOptions) -> list[Answer]:
         If a linear solve, or the flow through the gap, does not converge.
     """
     media = Media(options.conductivities)
-    rows: list[Answer] = []
+    answers_of_contact: list[Answer] = []
     try:
         for option in options.names:
-            rows += _answers_of_option(option, contact, media)
+            answers_of_contact += _answers_of_option(option, contact, media)
             if option == "always":
-                rows += _about_the_bodies(contact)
+                answers_of_contact += _about_the_bodies(contact)
         if options.conductivities is not None:
-            rows.append(_conductance_per_area(contact, media))
+            answers_of_contact.append(_conductance_per_area(contact, media))
     except ArithmeticError as error:
         raise InputError(str(error)) from None
-    rows.append(Answer("residual", contact.residual, "residual", "of Delta"))
-    return rows
+    residual = Answer(
+        column="residual",
+        value=contact.residual,
+        label="residual",
+        unit="of Delta",
+    )
+    answers_of_contact.append(residual)
+    return answers_of_contact
 
 
 def _answers_of_option(option: str, contact: Contact, media: Media) -> list[Answer]:
-    """Return the answers about the quantities that an option shows of a contact."""
+    """Return the answers about all quantities with an option, as "always" or "spots".
+
+    Quantities that need a hardness are left out if the bodies are elastic.
+    """
     elastic = contact.problem.hardness is None
-    rows: list[Answer] = []
+    answers_of_option: list[Answer] = []
     for quantity in QUANTITIES.values():
         if quantity.option != option:
             continue
         if quantity.needs_hardness and elastic:
             continue
-        rows += _answers_of_quantity(quantity, contact, media)
-    return rows
+        answers_of_option += _answers_of_quantity(quantity, contact, media)
+    return answers_of_option
 
 
 def _about_the_bodies(contact: Contact) -> list[Answer]:
-    """Return the answers about E*, a boundary that is not free, and a hardness."""
+    """Return the answers about E*, the boundary unless it is free, and the hardness if any."""
     problem = contact.problem
-    rows = [Answer("modulus_MPa", problem.modulus, "modulus E*", "MPa")]
+    modulus = Answer(
+        column="modulus_MPa",
+        value=problem.modulus,
+        label="modulus E*",
+        unit="MPa",
+    )
+    about_the_bodies = [modulus]
     if problem.boundary != "free":
-        rows.append(Answer("boundary", problem.boundary, "boundary", ""))
+        boundary = Answer(
+            column="boundary",
+            value=problem.boundary,
+            label="boundary",
+            unit="",
+        )
+        about_the_bodies.append(boundary)
     if problem.hardness is not None:
-        rows.append(Answer("hardness_MPa", problem.hardness, "hardness", "MPa"))
-    return rows
+        hardness = Answer(
+            column="hardness_MPa",
+            value=problem.hardness,
+            label="hardness",
+            unit="MPa",
+        )
+        about_the_bodies.append(hardness)
+    return about_the_bodies
 
 
 def _answers_of_quantity(
     quantity: Quantity, contact: Contact, media: Media
 ) -> list[Answer]:
-    """Return one answer about a quantity; the area in the continuum has three, with its error."""
+    """Return the answer about a quantity as a list (of three for the area in the continuum)."""
     value = quantity.of(contact, media)
     if quantity.code:
         value = _sides_in_words(int(value))
@@ -180,38 +213,66 @@ def _answers_of_quantity(
     if remark:
         words.append(remark)
     separator = " " if quantity.unit == "%" else ", "
-    unit = separator.join(words)
-    return [Answer(quantity.in_tables, value, quantity.noun, unit)]
+    answer = Answer(
+        column=quantity.in_tables,
+        value=value,
+        label=quantity.noun,
+        unit=separator.join(words),
+    )
+    return [answer]
 
 
 def _sides_in_words(code: int) -> str:
-    """Return the axes whose opposite sides are connected, from a code of `gen.quantities.SIDES`."""
+    """Return the axes whose opposite sides are connected, as "x and y", "x", "y" or "no".
+
+    The code is a sum of the numbers of `gen.quantities.SIDES`.
+    """
     axes = [axis for axis, side in zip("xy", SIDES, strict=True) if code & side]
     return " and ".join(axes) or "no"
 
 
 def _about_the_continuum(contact: Contact, area: float) -> list[Answer]:
-    """Return the answers about the area in the continuum [%] and the error of the grid [%]."""
+    """Return three answers: area in the continuum, its error, and whether the grid resolves it.
+
+    `area` is the area in the continuum [%]. The error [%] is "" if the grid does not resolve it.
+    """
     error = contact.grid_error()
-    bar = error.area_percent
+    error_percent = error.area_percent
     known_error: float | str
     if error.resolved:
-        unit = f"+- {bar:.2g} %, in 9 of 10 cases"
-        known_error = bar
+        unit = f"+- {error_percent:.2g} %, in 9 of 10 cases"
+        known_error = error_percent
         resolved = "yes"
     else:
         unit = "% on this grid"
         known_error = ""
         resolved = "no"
     return [
-        Answer(CONTINUUM.in_tables, area, CONTINUUM.noun, unit, bar),
-        Answer(CONTINUUM_ERROR, known_error, "its error", "%", bar),
-        Answer("resolved", resolved, "resolved by the grid", error.reason),
+        Answer(
+            column=CONTINUUM.in_tables,
+            value=area,
+            label=CONTINUUM.noun,
+            unit=unit,
+            error=error_percent,
+        ),
+        Answer(
+            column=CONTINUUM_ERROR,
+            value=known_error,
+            label="its error",
+            unit="%",
+            error=error_percent,
+        ),
+        Answer(
+            column="resolved",
+            value=resolved,
+            label="resolved by the grid",
+            unit=error.reason,
+        ),
     ]
 
 
 def _remark(quantity: Quantity, contact: Contact) -> str:
-    """Return a remark on the value of a quantity for people, "" without one."""
+    """Return the remark for people that follows the unit of a quantity, "" for none."""
     nx, ny = contact.pressure.shape
     cell = math.prod(contact.problem.spacing)
     match quantity.name:
@@ -229,7 +290,10 @@ def _remark(quantity: Quantity, contact: Contact) -> str:
 
 
 def _about_the_interface(contact: Contact) -> str:
-    """Return what the stiffness of an interface leaves out, "" for nothing."""
+    """Return a remark on the stiffness of the interface, "" for none.
+
+    It says that the interface is closed, or that a constriction is left out.
+    """
     if contact.interface_stiffness == math.inf:
         return "full contact, in which nothing but the bodies is left"
     if contact.problem.boundary == "free":
@@ -238,32 +302,36 @@ def _about_the_interface(contact: Contact) -> str:
 
 
 def _conductance_per_area(contact: Contact, media: Media) -> Answer:
-    """Return the conductance of the interface per nominal area [W/(m2 K)]."""
-    value = 1e12 * CONDUCTANCE.of(contact, media) / nominal_area(contact)
+    """Return the answer about the interface's conductance per nominal area [W/(m2 K)]."""
+    value = 1e12 * CONDUCTANCE.of(contact, media) / nominal_area(contact)  # um2 to m2
     unit = "W/(m2 K)"
     remark = _about_the_interface(contact)
     if remark:
         unit += f", {remark}"
-    return Answer("interface_conductance_W_per_m2_K", value, "per nominal area", unit)
+    return Answer(
+        column="interface_conductance_W_per_m2_K",
+        value=value,
+        label="per nominal area",
+        unit=unit,
+    )
 
 
 CONTINUUM_ERROR = f"{CONTINUUM.name.removesuffix('_percent')}_error_percent"
-"""Column of the error of the area in the continuum."""
+"""Name of the column that holds the error of the area in the continuum."""
 
-OUTER = (
-    0.05  # share of the lines of nodes that `border_remark` counts as border on each side
-)
+# share of the lines of nodes on each side of a patch that `border_remark` counts as border
+OUTER = 0.05
 
 
 def load_in_words(load: str, value: float) -> str:
-    """Write a load as messages do.
+    """Write a load with its unit.
 
     Parameters
     ----------
     load : {"delta", "force", "pressure"}
         Quantity of the load.
     value : float
-        Its value [um, uN or MPa].
+        Value of this quantity [um, uN or MPa].
 
     Returns
     -------
@@ -278,27 +346,27 @@ class ChosenLoad(NamedTuple):
     """The load that a user chose by one of the options --delta, --force and --pressure."""
 
     name: str  # "delta", "force" or "pressure"
-    values: list[float]  # [um, uN or MPa]
+    values: list[float]  # one load or more, in the order given [um, uN or MPa]
 
 
 def chosen_load(texts: Mapping[str, str]) -> ChosenLoad:
-    """Return the load that the user gave by one of its options.
+    """Return the loads that the user gave by one of the options --delta, --force and --pressure.
 
     Parameters
     ----------
-    texts : mapping of str
-        Value of the options --delta, --force and --pressure by "delta", "force" and "pressure";
-        "" for an option that is left out.
+    texts : mapping from str to str
+        Text of each option by the keys "delta", "force" and "pressure"; "" for an option that is
+        left out.
 
     Returns
     -------
     ChosenLoad
-        Name and values of the load.
+        Name and values of the loads.
 
     Raises
     ------
     InputError
-        If not exactly one option has a value, or its value is no load.
+        If not exactly one option has a text, or the text is no number, list or series of loads.
     """
     names = [name for name in LOADS if texts[name]]
     if len(names) != 1:
@@ -313,17 +381,17 @@ def chosen_load(texts: Mapping[str, str]) -> ChosenLoad:
 class LoadSolution:
     """The contact under one load, or the reason why it was not solved."""
 
-    contact: Contact | None  # None if the solver did not converge
-    fault: str = ""  # reason why there is no contact, "" if there is one
+    contact: Contact | None  # the solved contact; None if the solver did not converge
+    fault: str = ""  # reason why there is no contact; "" if there is one
 
 
 def solve_loads(
     topography: Topography, load: str, values: Sequence[float], **settings: Any
 ) -> Iterator[LoadSolution]:
-    """Solve a surface under one load after another.
+    """Solve the contact of a surface with a plane under one load after another.
 
-    A load under which the solver does not converge costs no other load; only if none converges,
-    that of the last one is raised. The largest load is checked before the first one is solved.
+    If there are several loads, the largest one is checked before the first one is solved. If the
+    solver does not converge under one load, the others are still solved.
 
     Parameters
     ----------
@@ -339,13 +407,13 @@ def solve_loads(
     Yields
     ------
     LoadSolution
-        One for each load, in their order.
+        The contact under each load, or why it was not solved, in the order of `values`.
 
     Raises
     ------
     InputError
-        If a number is not allowed, there is no equilibrium, no load converges, or memory is
-        too short.
+        If a number is not allowed, there is no equilibrium, or memory is too short; at the last
+        load, if the solver has converged under no load.
     """
     settings |= {"boundary": topography.boundary, "spacing": topography.exact_spacing}
     try:
@@ -362,10 +430,16 @@ def solve_loads(
 def _check_load(
     topography: Topography, load: str, value: float, settings: Mapping[str, Any]
 ) -> None:
-    """Raise ValueError if a load [um, uN or MPa] is not allowed or has no equilibrium."""
+    """Raise ValueError if a load [um, uN or MPa] is not allowed or has no equilibrium.
+
+    Nothing is solved.
+    """
     from bem.problem import pose
 
-    loads: dict[str, Any] = {"delta": None, load: value}
+    loads: dict[str, Any] = {
+        "delta": None,
+        load: value,
+    }  # `pose` has no default for delta
     pose(topography.heights, topography.sides, **loads, **settings)
 
 
@@ -375,7 +449,10 @@ def _solutions(
     values: Sequence[float],
     settings: Mapping[str, Any],
 ) -> Iterator[LoadSolution]:
-    """Yield the solution under each load; raise ValueError at the last one if none converges."""
+    """Yield the solution under each load; raise ValueError at the last one if none converges.
+
+    A solution without a contact says why, and under which load if there are several.
+    """
     import bem
 
     loads: dict[str, Any] = {f"{load}s": values}
@@ -397,34 +474,34 @@ def _solutions(
 
 @dataclass(frozen=True, eq=False)
 class SolvedLoads:
-    """The answers about one surface under all loads, with the last contact itself."""
+    """The answers about one surface under all loads, and the last contact."""
 
-    rows: list[list[Answer]]  # answers about each contact that was solved
-    last: Contact  # contact under the last load that was solved
-    faults: list[str]  # one line for each load that was not solved
-    seconds: float  # time of the last solve [s]
+    rows: list[list[Answer]]  # for each contact that was solved, the answers about it
+    last: Contact  # contact under the last load under which one was solved
+    faults: list[str]  # one line for each load under which none was solved
+    seconds: float  # time of the solution under the last load, solved or not [s]
 
 
 def solve_all(
     solutions: Iterator[LoadSolution], number: int, options: AnswerOptions
 ) -> SolvedLoads:
-    """Solve a surface under all loads, and show the progress if there are several.
+    """Advance an iterator of solutions to its end, and keep the answers and the last contact.
 
-    No contact but the last one is kept in memory. The progress is printed on the terminal.
+    The progress is shown on the terminal if there are several loads.
 
     Parameters
     ----------
     solutions : iterator of LoadSolution
-        Iterator of `solve_loads`, which solves for a load when it is advanced.
+        Result of `solve_loads`, which solves under a load when it is advanced.
     number : int
         Number of loads.
     options : AnswerOptions
-        Answers beside the quantities that are always shown.
+        Answers besides those that are always given.
 
     Returns
     -------
     SolvedLoads
-        Answers, last contact and faults.
+        Answers, last contact, faults and time.
 
     Raises
     ------
@@ -435,7 +512,7 @@ def solve_all(
     faults: list[str] = []
     last: Contact | None = None
     seconds = 0.0
-    # Nothing is printed before the first contact is solved, since its load may be refused.
+    # RunProgress prints nothing before a load is done: the loads may be refused before that.
     context: AbstractContextManager[RunProgress | None] = nullcontext()
     if number > 1:
         context = RunProgress(number, "loads")
@@ -444,24 +521,26 @@ def solve_all(
             start = time.perf_counter()
             solution = next(solutions)
             seconds = time.perf_counter() - start
+            failed = 0
             if solution.contact is None:
+                failed = 1
                 faults.append(f"not solved, left out: {solution.fault}")
             else:
                 rows.append(answers(solution.contact, options))
                 last = solution.contact
             if progress is not None:
-                progress.advance(1, solution.contact is None)
+                progress.advance(rows=1, failed=failed)
     assert last is not None  # `solve_loads` raises at the last load if none is solved
     return SolvedLoads(rows, last, faults, seconds)
 
 
 def pressed_contacts(rows: Sequence[Mapping[str, Any]]) -> list[Pressed]:
-    """Return the numbers of contacts that `gen.doubts.contact_doubts` needs.
+    """Return the numbers of solved contacts that `gen.doubts.contact_doubts` needs.
 
     Parameters
     ----------
     rows : sequence of mapping
-        Values of the answers of each contact by their columns.
+        A row for each contact: the values of its answers by column.
 
     Returns
     -------
@@ -480,23 +559,25 @@ def pressed_contacts(rows: Sequence[Mapping[str, Any]]) -> list[Pressed]:
 
 
 def border_remark(topography: Topography, contact: Contact, loads: int) -> str:
-    """Write which share of the force the borders of a free patch carry.
+    """Write the share of the force that the borders of a free patch carry.
 
-    Borders are the outer 5 % of the lines of nodes on each side.
+    The borders are the outer lines of nodes, `OUTER` of all lines on each side. The remark advises
+    a mirror boundary unless the map is tilted.
 
     Parameters
     ----------
     topography : Topography
-        The surface.
+        The surface, without holes.
     contact : bem.Contact
-        Its contact under the last load.
+        Contact of this surface under the last load.
     loads : int
         Number of loads.
 
     Returns
     -------
     str
-        One line; "" for a patch without edges, with too few nodes or without contact.
+        One line; "" for a patch without edges, with fewer nodes than a border needs, or without
+        contact.
     """
     pressure = contact.pressure
     nx, ny = pressure.shape
@@ -514,6 +595,6 @@ def border_remark(topography: Topography, contact: Contact, loads: int) -> str:
         f"the outer 5 % on each side ({nodes_percent:.2g} % of the nodes) carry"
         f" {force_percent:.3g} % of the {force}"
     )
-    if is_tilted(topography):  # mirror images of a tilted map are tilted too
+    if is_tilted(topography):  # Mirroring would make a ridge of its higher border.
         return remark
     return f"{remark}: if this is a piece of a larger surface, --boundary mirror leaves no edges"

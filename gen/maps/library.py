@@ -64,7 +64,7 @@ def map_files(patterns: Sequence[str], folder: Path) -> list[Path]:
     InputError
         If a pattern names no file, or a folder holds no map or cannot be read.
     """
-    files: dict[Path, None] = {}
+    files: dict[Path, None] = {}  # as keys, files are unique and keep their order
     for pattern in patterns:
         try:
             matches = _files_of_pattern(pattern, folder)
@@ -91,6 +91,7 @@ def _files_of_pattern(pattern: str, folder: Path) -> list[Path]:
     path = folder / name
     if path.is_file() or path.is_dir():
         return files_in(path)
+    # An absolute pattern starts at its root.
     start = folder
     if name.anchor:
         start = Path(name.anchor)
@@ -213,7 +214,9 @@ class Recipe:
 class PreparedMap:
     """One prepared map."""
 
-    heights: Heights  # heights without holes, read-only [um], shape (nx, ny)
+    heights: (
+        Heights  # heights without holes [um], shape (nx, ny); read-only in a `Library`
+    )
     # spacing of the nodes along x and y, equal for all maps of a library [um]
     spacing: Sides
     remarks: tuple[str, ...] = ()  # one line for each reason to distrust the heights
@@ -297,7 +300,7 @@ def _new_library(
     # A file of this name was not accepted before: it is damaged.
     damaged = path.exists()
     write_maps(path, key, _prepared_one_by_one(paths, recipe), replace=damaged)
-    library = stored_maps(path, key, verify=False)
+    library = stored_maps(path, key, verify=False)  # heights were written a moment ago
     if library is None:
         raise InputError(
             f"{path}: was damaged while it was written; delete it and try again"

@@ -243,14 +243,12 @@ def _middle(windows: Values) -> Values:
 def _outlier_threshold(heights: Heights, windows: Values, end: End) -> float:
     """Return the least distance of a spike or pit from its level [um], by a sample of the nodes.
 
-    The windows, shape (nx, ny, n, n), hold the heights around each node. The threshold does not
-    include the slope, which is another one at each node.
+    The windows, shape (nx, ny, n, n), hold the heights around each node. The bound by the slope
+    (`STEEPER`) is not included, because it differs from node to node.
     """
-    rows, columns = (
-        np.unique(np.linspace(0, nodes - 1, SAMPLE).astype(int))
-        for nodes in heights.shape
-    )
-    sample = windows[np.ix_(rows, columns)].reshape(-1, *windows.shape[2:])
+    nx, ny = heights.shape
+    sampled = np.ix_(_sample(nx), _sample(ny))
+    sample = windows[sampled].reshape(-1, *windows.shape[2:])
     levels = local_levels(_middle(sample)).medians
     distances = sample[:, AROUND, AROUND] - levels
     usual = float(np.nanquantile(end * distances, USUAL))
@@ -258,13 +256,19 @@ def _outlier_threshold(heights: Heights, windows: Values, end: End) -> float:
     return max(SPIKE * scatter, FARTHER * usual)
 
 
+def _sample(nodes: int) -> NDArray[np.int_]:
+    """Return the indices of at most `SAMPLE` evenly spaced nodes of an axis, shape (k,)."""
+    places = np.linspace(0, nodes - 1, SAMPLE).astype(int)
+    return np.unique(places)
+
+
 def _distance_alone(window: Values, end: End, threshold: float) -> float | None:
     """Return the distance of the middle of a window from the level around it [um].
 
-    Return None if the distance is not above the threshold [um] and not above `STEEPER` steps of
-    the level's slope, or if the node is not alone.
+    Return None unless the distance is above the threshold [um], is above `STEEPER` times the change
+    of the level to the next node, and the node is alone (`HALF`).
     """
-    level = local_levels(_middle(window)[None])
+    level = local_levels(_middle(window)[None])  # of this one window
     offsets = np.arange(-AROUND, AROUND + 1)
     slopes = level.along_x[0] * offsets[:, None] + level.along_y[0] * offsets
     outward = end * (window - slopes - level.medians[0])

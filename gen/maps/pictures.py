@@ -136,14 +136,17 @@ def colour_scale(surface_map: Map) -> ColourScale:
     high = largest
     below = None
     above = None
-    if smallest < 1.5 * first - 0.5 * last:
+    # half of the range between the percentiles beyond each of them
+    lower_bound = 1.5 * first - 0.5 * last
+    upper_bound = 1.5 * last - 0.5 * first
+    if smallest < lower_bound:
         low = first
         below = Extreme(
             node=divmod(int(np.ma.argmin(field)), ny),
             colour=colours.below,
             words=f"down to {smallest:.4g} {surface_map.unit} ({colours.below})",
         )
-    if largest > 1.5 * last - 0.5 * first:
+    if largest > upper_bound:
         high = last
         above = Extreme(
             node=divmod(int(np.ma.argmax(field)), ny),

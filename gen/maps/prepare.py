@@ -23,9 +23,8 @@ from gen.maps.settings import KEYS, SPIKE, Reading, as_option, numbers_in
 from gen.runtime.errors import InputError
 from gen.statistics import rms_slope
 
-ROUNDING = (
-    1e-9  # largest distance from a node, in spacings, at which a crop may end and keep it
-)
+# distance from a crop's ends, in spacings, up to which nodes outside them are kept: ends round
+ROUNDING = 1e-9
 # share of all nodes above which nodes that were replaced as spikes are probably part of the surface
 MANY_SPIKES = 0.01
 
@@ -244,9 +243,9 @@ def cropped(topography: Topography, text: str) -> Topography:
     for axis, (low, high) in enumerate(limits):
         apart = topography.spacing[axis]
         places = np.arange(heights.shape[axis])
-        beyond_low = places >= low / apart - ROUNDING
-        before_high = places <= high / apart + ROUNDING
-        heights = np.compress(beyond_low & before_high, heights, axis)
+        from_low = places >= low / apart - ROUNDING
+        to_high = places <= high / apart + ROUNDING
+        heights = np.compress(from_low & to_high, heights, axis)
     if min(heights.shape) < 2:
         sides = " x ".join(f"{side:.6g}" for side in topography.sides)
         raise InputError(f"{option}: holds fewer than 2 x 2 nodes of {sides} um")
@@ -379,8 +378,10 @@ def least_squares(topography: Topography, degree: Literal[1, 2] = 1) -> LeastSqu
         Heights of the fit, also at holes, and its tilt.
     """
     heights = topography.heights
+    nx, ny = heights.shape
     # coordinates from -1 at the first node to 1 at the last one
-    along_x, along_y = (np.linspace(-1, 1, nodes) for nodes in heights.shape)
+    along_x = np.linspace(-1, 1, nx)
+    along_y = np.linspace(-1, 1, ny)
     x, y = np.meshgrid(along_x, along_y, indexing="ij")
     terms = [np.ones_like(x), x, y]
     if degree == 2:

@@ -32,7 +32,7 @@ from gen.runtime.terminal import (
 CommandLineError: Any = typer.BadParameter.__mro__[2]
 """Base class of Typer's errors about a command line.
 
-It is taken from a subclass, because its own module has changed twice between versions.
+It is taken from a subclass, because releases of Typer have moved it to another module twice.
 """
 
 LONGEST_LINE = 1200
@@ -162,6 +162,7 @@ def _options(group: Any) -> list[Parameter]:
             for field in fields(group)
             if field.name in group.KEYS
         }
+        # The annotations of a dataclass are mere types; its `KEYS` describe the options.
         for name in defaults:
             key = group.KEYS[name]
             flag = f"--{name.replace('_', '-')}"
@@ -273,7 +274,7 @@ def main(
     int
         Exit code, the same on all processes. docs/compatibility.md lists the codes.
     """
-    world = farm.World()
+    world = farm.World()  # of this process alone, until it has joined the other ones
     OUTPUT_ERRORS.clear()
     try:
         with _interruptible(single_process):
@@ -287,7 +288,7 @@ def main(
                 _refuse_empty(arguments)
                 takes_part = world.is_master or is_collective
                 code = _exit_code(app, arguments, name, world, takes_part=takes_part)
-                ending = _Ending(code)
+                ending = _Ending(code=code)
             except (Exception, SystemExit, KeyboardInterrupt) as error:
                 ending = _ending_by(error, name)
         return _end(world, ending)

@@ -193,8 +193,8 @@ class World:
         Parameters
         ----------
         code : int, optional
-            Exit code of all processes. If it is left out, the exception that is being handled is a
-            bug: its traceback is printed, and the exit code is 1.
+            Exit code of all processes; 0 counts as 1. If it is left out, the exception that is
+            being handled is a bug: its traceback is printed, and the exit code is 1.
         """
         if code is None:
             traceback.print_exc()
@@ -220,6 +220,8 @@ def this_world() -> World:
     ------
     InputError
         If a launcher has started this process, but MPI cannot be imported or would end it.
+    ImportError or RuntimeError
+        If memory is too short to start MPI.
     """
     launched = any(name in os.environ for name in LAUNCHERS)
     if not launched and "mpi4py" not in sys.modules:

@@ -628,10 +628,10 @@ def _holds_arrays(path: Path) -> bool:
 
 
 def _is_same(first: Path, second: Path) -> bool:
-    """Tell whether two paths lead to the same file, through symbolic or hard links or directly.
+    """Tell whether two paths lead to the same file, directly or through symbolic or hard links.
 
-    Two paths under which nothing exists are the same if they lead to the same place. A loop of
-    links is the same as no other path.
+    If nothing exists under either path, tell whether both lead to the same place. The result is
+    False if a path leads into a loop of links.
     """
     with suppress(OSError):  # `second` does not exist, or links form a loop
         if first.exists():

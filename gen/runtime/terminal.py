@@ -293,15 +293,15 @@ class RunProgress(AbstractContextManager["RunProgress"]):
         if self._rows and not isinstance(error, InputError):
             self.say(self._summary())
 
-    def advance(self, rows: int, failed: int, work: float | None = None) -> None:
+    def advance(self, rows: int, *, failed: int = 0, work: float | None = None) -> None:
         """Count rows that are finished, and print the progress unless it was printed just before.
 
         Parameters
         ----------
         rows : int
             Number of new rows, failed ones included.
-        failed : int
-            Number of failed rows among them.
+        failed : int, optional
+            Number of failed rows among them; none by default.
         work : float, optional
             Cost of the new rows, in the unit of the constructor's `work`. By default every row
             costs 1.

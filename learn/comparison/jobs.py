@@ -148,7 +148,7 @@ def compare(request: Request, executor: Executor) -> int:
                     stored = target.folder.result(task.kind, task.model)
                     if request.again or stored is None:
                         _measure(target, task, executor, progress.say)
-                    progress.advance(1, 0)
+                    progress.advance(1)
     return interruption.signal
 
 

@@ -149,7 +149,7 @@ class GridSearch:
 
             def on_result(task: Task, result: list[Trial] | Ended) -> None:
                 has_failed = self._keep(task, result)
-                progress.advance(1, int(has_failed), expected_work(task))
+                progress.advance(1, failed=int(has_failed), work=expected_work(task))
 
             self.executor.run(
                 fit, self.training, tasks, on_result, stopping=is_over, until=until

@@ -379,6 +379,8 @@ def training_ranges(
     for place, column in enumerate(columns):
         ends = _joint_limits(scenes, plain(column))
         if ends is not None:
-            both = np.array([ends.low, ends.high])
-            low[place], high[place] = inputs([column], {plain(column): both})[:, 0]
+            limits_of_number = np.array([ends.low, ends.high])
+            low[place], high[place] = inputs([column], {plain(column): limits_of_number})[
+                :, 0
+            ]
     return Ranges(low, high)

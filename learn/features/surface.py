@@ -66,7 +66,8 @@ class Blocks:
 
     heights: Values  # (nx, ny) [um]
     steps: tuple[float, float]  # spacing of the nodes along x and y [um]
-    most: int  # blocks per side at most; with fewer nodes every node is a block
+    # largest number of blocks per side; with fewer nodes every node is a block
+    limit: int
 
     @cached_property
     def means(self) -> Values:
@@ -162,7 +163,7 @@ class Blocks:
         """The blocks along x and along y."""
         edges = []
         for nodes in self.heights.shape:
-            number = min(nodes, self.most)
+            number = min(nodes, self.limit)
             borders = np.arange(number + 1) * nodes // number
             edges.append(BlockEdges(borders[:-1], np.diff(borders)))
         return edges
@@ -176,8 +177,11 @@ class Blocks:
 def _squared_slopes(heights: Values, step: float) -> Values:
     """Return the squared slope along the first axis at each node, the mean of both its sides."""
     between = (np.diff(heights, axis=0) / step) ** 2
+    # At the ends both sides of a node are the same one.
     extended = np.concatenate([between[:1], between, between[-1:]])
-    return np.asarray((extended[1:] + extended[:-1]) / 2)
+    before = extended[:-1]
+    after = extended[1:]
+    return np.asarray((after + before) / 2)
 
 
 class Undefined(InputError):
@@ -188,9 +192,8 @@ class CoarseMeans(NamedTuple):
     """Means over the patch of a coarse contact."""
 
     compliance: float  # mean displacement over F / (E* L), 0 without edges [1]
-    yielded_depth: (
-        float  # mean depth by which nodes have yielded, 0 for elastic bodies [um]
-    )
+    # mean depth by which nodes have yielded, 0 for elastic bodies [um]
+    yielded_depth: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -472,7 +475,9 @@ class SurfaceFeatures:
 
     def _depth(self, coarse: Blocks, delta: float) -> float:
         """Return how far Delta reaches below the highest block [um]."""
-        return delta - (float(self.heights.max()) - float(coarse.means.max()))
+        highest_node = float(self.heights.max())
+        highest_block = float(coarse.means.max())
+        return delta - (highest_node - highest_block)
 
     def _blocks(self, number: int) -> Blocks:
         """Return the surface in a number of blocks per side, one less without edges.
@@ -480,8 +485,8 @@ class SurfaceFeatures:
         The blocks are kept for the next call.
         """
         if number not in self._in_blocks:
-            most = number if self.boundary == "free" else number - 1
-            self._in_blocks[number] = Blocks(self.heights, self.spacing, most)
+            limit = number if self.boundary == "free" else number - 1
+            self._in_blocks[number] = Blocks(self.heights, self.spacing, limit)
         return self._in_blocks[number]
 
 

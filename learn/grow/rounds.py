@@ -251,7 +251,7 @@ class Growth:
                     made += len(block)
                     self.row = (time.time() - began) / made
                     failed = int(np.count_nonzero(columns["status"] == Status.FAILED))
-                    progress.advance(len(block), failed)
+                    progress.advance(len(block), failed=failed)
 
                 # Rows in the hands of the workers are finished before another look.
                 hands = farm.IN_FLIGHT * workers if workers > 1 else 1

@@ -134,9 +134,9 @@ def groups_of(rows: Dataset) -> Groups:
         return _one_group(rows, surfaces.size)
     kind = "map" if rows.by_tile else "database"
     if populations.size >= FEWEST:
-        whole = Groups(labels, populations.size, kind, "others")
-        if _leaves_enough(rows, whole):
-            return whole
+        left_out_whole = Groups(labels, populations.size, kind, "others")
+        if _leaves_enough(rows, left_out_whole):
+            return left_out_whole
     divided = Groups(labels, populations.size, kind, "each")
     if _leaves_enough(rows, divided):
         return divided

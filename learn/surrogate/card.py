@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
@@ -14,7 +15,7 @@ from gen.arrays import Indices, Values
 from gen.runtime import VERSION
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import echo, print_columns, printable
-from learn.database_rows import Dataset
+from learn.database_rows import Dataset, Origin
 from learn.dataset import Request
 from learn.features.scene import SCENE, plain, shown
 from learn.features.sets import limits_of
@@ -25,10 +26,8 @@ from learn.surrogate.interval import USUAL_LEVEL, calibrated_by
 from learn.surrogate.learnt import Fit, Learnt
 from learn.surrogate.training import between
 
-# title, headings of columns of names and of columns of numbers, and rows
-Table = tuple[str, list[str], list[str], Sequence[Sequence[object]]]
-
-LEVELS = (0.5, 0.9, 0.95)  # intervals whose coverage is reported
+LEVELS = (0.5, 0.9, 0.95)  # levels of intervals whose coverage is reported
+MIDDLE = 1  # place of the level whose coverage is reported for each database
 # what the intervals of one model and set of features hold (`bench/results/coverage`)
 MEASURED = (
     "          measured on 27 kinds of surfaces that were not trained on (bench coverage): 94 % of"
@@ -36,64 +35,69 @@ MEASURED = (
 )
 
 
+@dataclass(frozen=True)
+class Table:
+    """A table of a card."""
+
+    title: str
+    names: list[str]  # headings of the columns of names, which stand first
+    numbers: list[str]  # headings of the columns of numbers
+    rows: list[list[str]]
+
+
 def make(
     request: Request,
     rows: Dataset,
     train: Indices,
     sizes: Mapping[str, int],
-    judged: dict[str, dict[str, Any]],
+    entries: dict[str, dict[str, Any]],
 ) -> dict[str, Any]:
-    """Assemble the card, of numbers, texts, lists and dictionaries only.
+    """Assemble the card of numbers, texts, lists and dictionaries only.
 
-    `train` are positions among the usable rows; `sizes` are the numbers of rows that "train",
-    "calibration" and "test" have; `judged` are the entries of the targets.
+    Parameters
+    ----------
+    request : Request
+        The fit, of one model.
+    rows : Dataset
+        The usable rows.
+    train : ndarray, shape (m,)
+        Positions of the training rows.
+    sizes : mapping of str to int
+        Numbers of the rows that "train", "calibration" and "test" have.
+    entries : dict of str to dict
+        Entries of the targets, from `judge`.
+
+    Returns
+    -------
+    dict of str to object
+        The card, which JSON can hold.
     """
-    scene, limits = (
-        rows.origins[0].scene,
-        limits_of([origin.scene for origin in rows.origins]),
-    )
-    boundary = scene.contact.boundary
-    features, (model,) = rows.features, request.models
-    databases = [
-        {
-            "database": origin.database,
-            "sha256": origin.sha256,
-            "rows": origin.rows,
-            "generator": str(getattr(origin.scene.surface, "generator", "")),
-            "nodes": list(origin.scene.grid.shape),
-            "side": list(origin.scene.grid.sides),
-            "scene": origin.scene.text(),
-        }
-        for origin in rows.origins
-    ]
-    sometimes = {
-        "roots": features.rooted,
-        "blocks": features.blocks,
-        "boundary": boundary if boundary != "free" else "",
-        "hardness_ratio": None if limits is None else list(limits),
-        "elastic": features.elastic,
-        "load": features.load if features.of_scene or features.load != "delta" else "",
-        "databases": databases if len(databases) > 1 else [],
-    }
+    (model,) = request.models
+    features = rows.features
+    scene = rows.origins[0].scene
+    databases = [_database_of(origin) for origin in rows.origins]
+    columns = zip(features.columns, features.units, strict=True)
+    divided: dict[str, Any] = {"split_by": "tile"} if rows.by_tile else {}
+    left_out = {reason: int(number) for reason, number in rows.dropped.items()}
     return {
         "title": f"{EVERY[model].title} for {', '.join(request.targets)}",
         "model": model,
         "features": features.name,
-        "columns": [
-            list(pair) for pair in zip(features.columns, features.units, strict=True)
-        ],
+        "columns": [list(pair) for pair in columns],
         "normalisation": request.normalisation,
-        "targets": judged,
-        **{name: databases[0][name] for name in ("scene", "nodes", "side")},
+        "targets": entries,
+        "scene": databases[0]["scene"],
+        "nodes": databases[0]["nodes"],
+        "side": databases[0]["side"],
         "spacing": list(scene.grid.spacing),
         "modulus": scene.contact.e_star,
-        **{name: value for name, value in sometimes.items() if value},
+        **_unusual(rows, databases),
         "delta": np.quantile(rows.described[train, 0], (0, 1)).tolist(),
         "area_max": request.area_max,
         "rows": {
             **{name: int(size) for name, size in sizes.items()},
-            **({"split_by": "tile"} if rows.by_tile else {}),
-            "left_out": {why: int(number) for why, number in rows.dropped.items()},
+            **divided,
+            "left_out": left_out,
         },
         "seed": request.seed,
         "database": rows.name,
@@ -104,74 +108,177 @@ def make(
     }
 
 
-def judge(fitted: Fit, rows: Dataset, test: Indices) -> dict[str, Any]:
-    """Return the entry of a target: its model and intervals judged on the test rows, and its fit.
-
-    Scores are in percent, the rest is in the target's unit.
-    """
-    learnt, tested = fitted.learnt, rows.at(test)
-    raw, scale, truth = learnt.raw(tested.inputs), tested.scale, tested.target
-    covered, held = [], []
-    for level in LEVELS:
-        low, high = learnt.calibration.ends(raw, level, tested.inputs)
-        held.append((low <= truth) & (truth <= high))
-        width = np.clip(high * scale, *learnt.bounds) - np.clip(
-            low * scale, *learnt.bounds
-        )
-        own = {"coverage": float(held[-1].mean()), "mean_width": float(width.mean())}
-        covered.append({"level": level, **own})
-    found = scores_of(learnt, tested, raw)
-    several = len(rows.origins) > 1
+def _database_of(origin: Origin) -> dict[str, Any]:
+    """Return what a card states of a database."""
+    scene = origin.scene
     return {
-        **({"databases": _by_database(learnt, tested, raw, held[1])} if several else {}),
+        "database": origin.database,
+        "sha256": origin.sha256,
+        "rows": origin.rows,
+        "generator": str(getattr(scene.surface, "generator", "")),
+        "nodes": list(scene.grid.shape),
+        "side": list(scene.grid.sides),
+        "scene": scene.text(),
+    }
+
+
+def _unusual(rows: Dataset, databases: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the entries of a card that stand only where they differ from the usual."""
+    features = rows.features
+    unusual: dict[str, Any] = {}
+    if features.rooted:
+        unusual["roots"] = features.rooted
+    if features.blocks:
+        unusual["blocks"] = features.blocks
+    boundary = rows.origins[0].scene.contact.boundary
+    if boundary != "free":
+        unusual["boundary"] = boundary
+    limits = limits_of([origin.scene for origin in rows.origins])
+    if limits is not None:
+        unusual["hardness_ratio"] = list(limits)
+    if features.elastic:
+        unusual["elastic"] = features.elastic
+    if features.of_scene or features.load != "delta":
+        unusual["load"] = features.load
+    if len(databases) > 1:
+        unusual["databases"] = databases
+    return unusual
+
+
+def judge(fitted: Fit, rows: Dataset, test: Indices) -> dict[str, Any]:
+    """Judge the model of a target and its intervals on the test rows.
+
+    Parameters
+    ----------
+    fitted : Fit
+        The model, and how it was fitted.
+    rows : Dataset
+        The usable rows.
+    test : ndarray, shape (k,)
+        Positions of the test rows.
+
+    Returns
+    -------
+    dict of str to object
+        The target's entry of the card. Scores are in percent, numbers without a unit in their name
+        are in the target's unit.
+    """
+    learnt = fitted.learnt
+    tested = rows.at(test)
+    raw = learnt.raw(tested.inputs)
+    intervals = [_judge_intervals(learnt, tested, raw, level) for level in LEVELS]
+    model_scores = scores_of(learnt, tested, raw)
+    remarks = list(fitted.remarks)
+    fault = no_better(model_scores["r2"])
+    if fault:
+        remarks.append(fault)
+    by_database: dict[str, Any] = {}
+    if len(rows.origins) > 1:
+        inside = intervals[MIDDLE].inside
+        by_database["databases"] = _by_database(learnt, tested, raw, inside)
+    settings = sorted(fitted.settings.values.items())
+    return {
+        **by_database,
         "column": learnt.column,
         "unit": learnt.unit,
-        "range": np.quantile(truth * scale, (0, 1)).tolist(),
-        "scores": found,
-        "intervals": covered,
-        "settings": {
-            name: str(each) for name, each in sorted(fitted.settings.values.items())
-        },
+        "range": np.quantile(tested.target * tested.scale, (0, 1)).tolist(),
+        "scores": model_scores,
+        "intervals": [judged.entry for judged in intervals],
+        "settings": {name: str(value) for name, value in settings},
         "settings_from": fitted.settings.origin,
         "fit_seconds": fitted.fitting,
-        "remarks": [*fitted.remarks, *filter(None, [no_better(found["r2"])])],
+        "remarks": remarks,
     }
+
+
+@dataclass(frozen=True, eq=False)
+class _JudgedIntervals:
+    """The intervals of a level, judged on the test rows."""
+
+    inside: NDArray[np.bool_]  # (k,), rows whose interval holds the truth
+    entry: dict[str, float]  # level, coverage and mean width for the card
+
+
+def _judge_intervals(
+    learnt: Learnt, tested: Dataset, raw: Values, level: float
+) -> _JudgedIntervals:
+    """Judge intervals of a level about predictions of test rows over their scale, (k,)."""
+    low, high = learnt.calibration.ends(raw, level, tested.inputs)
+    inside = (low <= tested.target) & (tested.target <= high)
+    smallest = np.clip(low * tested.scale, *learnt.bounds)
+    largest = np.clip(high * tested.scale, *learnt.bounds)
+    entry = {
+        "level": level,
+        "coverage": float(inside.mean()),
+        "mean_width": float((largest - smallest).mean()),
+    }
+    return _JudgedIntervals(inside, entry)
 
 
 def scores_of(learnt: Learnt, rows: Dataset, raw: Values) -> dict[str, float]:
-    """Return the scores of predictions of rows over their scale, (n,) [%]."""
-    return {
-        **vars(
-            scores(rows.target * rows.scale, np.clip(raw * rows.scale, *learnt.bounds))
-        )
-    }
+    """Score predictions.
+
+    Parameters
+    ----------
+    learnt : Learnt
+        The model of the target.
+    rows : Dataset
+        n rows.
+    raw : ndarray, shape (n,)
+        Their predictions over the scale of the target.
+
+    Returns
+    -------
+    dict of str to float
+        The four scores by their names [%].
+    """
+    predicted = np.clip(raw * rows.scale, *learnt.bounds)
+    return dict(vars(scores(rows.target * rows.scale, predicted)))
 
 
 def _by_database(
-    learnt: Learnt, tested: Dataset, raw: Values, held: NDArray[np.bool_]
+    learnt: Learnt, tested: Dataset, raw: Values, inside: NDArray[np.bool_]
 ) -> list[dict[str, Any]]:
     """Score the model on the test rows of each database; NaN where there are none.
 
     The nMAE is NaN, too, where a target is 0 in all of them; the mean error says more there.
-    `held` tells of each row whether its interval of `LEVELS[1]` holds the truth.
+    `inside` tells of each row whether its interval holds the truth, (k,).
     """
-    found, truth = [], tested.target * tested.scale
+    truth = tested.target * tested.scale
     errors = np.abs(np.clip(raw * tested.scale, *learnt.bounds) - truth)
+    entries = []
     for number in range(len(tested.origins)):
-        mine = tested.database == number
-        nmae = mae = covered = float("nan")
-        if mine.any():
-            mae, covered = float(errors[mine].mean()), float(held[mine].mean())
-            size = magnitude(truth[mine])
-            nmae = 100 * mae / size if size else nmae
-        found.append(
-            {"rows": int(mine.sum()), "nmae": nmae, "mae": mae, "coverage": covered}
+        rows = tested.database == number
+        nmae = math.nan
+        mae = math.nan
+        coverage = math.nan
+        if rows.any():
+            mae = float(errors[rows].mean())
+            coverage = float(inside[rows].mean())
+            size = magnitude(truth[rows])
+            if size:
+                nmae = 100 * mae / size
+        entries.append(
+            {"rows": int(rows.sum()), "nmae": nmae, "mae": mae, "coverage": coverage}
         )
-    return found
+    return entries
 
 
 def show(card: Mapping[str, Any], low: Values, high: Values) -> None:
-    """Print a card with its tables, with the training ranges of the features, each end (d,)."""
+    """Print a card with its tables to stdout.
+
+    Parameters
+    ----------
+    card : mapping of str to object
+        The card.
+    low, high : ndarray, shape (d,)
+        Training ranges of the features.
+
+    Raises
+    ------
+    InputError
+        If an entry of the card is missing or malformed.
+    """
     try:
         texts = list(lines(card))
         tables = [_scores(card), _ranges(card, low, high)]
@@ -184,55 +291,71 @@ def show(card: Mapping[str, Any], low: Values, high: Values) -> None:
         ) from None
     for text in texts:
         echo(text)
-    for title, names, numbers, rows in tables:
+    for table in tables:
         echo("")
-        echo(title)
-        print_columns(
-            [[*map(str, row)] for row in rows], [*names, *numbers], right=numbers
-        )
+        echo(table.title)
+        print_columns(table.rows, [*table.names, *table.numbers], right=table.numbers)
 
 
 def lines(card: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the lines of a card, without its tables."""
+    """Yield the lines of a card, without its tables.
+
+    Parameters
+    ----------
+    card : mapping of str to object
+        The card.
+
+    Yields
+    ------
+    str
+        A line.
+    """
     yield f"{card['title']}, {card['features']} features, normalised: {card['normalisation']}"
-    rows, by = card["rows"], card["rows"].get("split_by", "surface")
+    rows = card["rows"]
     yield (
         f"rows      {rows['train']} trained, {rows['calibration']} calibrated, {rows['test']}"
-        f" tested (split by {by}, seed {card['seed']}); {sum(rows['left_out'].values())} left out"
+        f" tested (split by {rows.get('split_by', 'surface')}, seed {card['seed']});"
+        f" {sum(rows['left_out'].values())} left out"
     )
     yield f"trained   on {_training(card)}"
     for name, target in card["targets"].items():
-        settings = ", ".join(
-            f"{key}={value}" for key, value in target["settings"].items()
-        )
-        yield f"{name:9} {settings} ({target['settings_from']})"
-        if "left_out" in target:
-            r2, nmae = target["left_out"]["r2"], target["left_out"]["nmae"]
-            yield f"          left out in turn: R2 {r2:.3f} %, nMAE {nmae:.2f} %"
-        for remark in target["remarks"]:
-            yield f"          warning: {remark}"
+        yield from _target_lines(name, target)
     yield from _interval_lines(card)
-    if (card["model"], card["features"]) == ("kernel-ridge", "hybrid"):
+    if card["model"] == "kernel-ridge" and card["features"] == "hybrid":
         yield MEASURED
     if "grown" in card:
-        grown = card["grown"]
-        bounds = ", ".join(
-            f"{name} {bound:.3g} %" for name, bound in grown["bounds"].items()
-        )
-        met = "met" if grown["met"] else "not met"
-        yield (
-            f"grown     to an nMAE of {grown['mark']:g} %: {met}, with {grown['rows']} rows; at"
-            f" most {bounds}"
-        )
+        yield _growth_line(card["grown"])
     alone = {**card, "sha256": card["database_sha256"]}
     for entry in card.get("databases", [alone]):
         yield f"data      {entry['database']}, sha256 {entry['sha256'][:16]}"
         yield f"scene     {entry['scene']}"
-    named = ", ".join(
+    libraries = [
         f"{name} {number}" for name, number in card["versions"].items() if number
-    )
-    yield f"versions  {named}"
+    ]
+    yield f"versions  {', '.join(libraries)}"
     yield f"made      {card['made']}, licence {card['licence']}"
+
+
+def _target_lines(name: str, target: Mapping[str, Any]) -> Iterator[str]:
+    """Yield settings, scores of rows left out in turn, and warnings of a target."""
+    settings = ", ".join(f"{key}={value}" for key, value in target["settings"].items())
+    yield f"{name:9} {settings} ({target['settings_from']})"
+    if "left_out" in target:
+        r2 = target["left_out"]["r2"]
+        nmae = target["left_out"]["nmae"]
+        yield f"          left out in turn: R2 {r2:.3f} %, nMAE {nmae:.2f} %"
+    for remark in target["remarks"]:
+        yield f"          warning: {remark}"
+
+
+def _growth_line(grown: Mapping[str, Any]) -> str:
+    """Return the line on the accuracy that a surrogate was grown to."""
+    bounds = [f"{name} {bound:.3g} %" for name, bound in grown["bounds"].items()]
+    met = "met" if grown["met"] else "not met"
+    return (
+        f"grown     to an nMAE of {grown['mark']:g} %: {met}, with {grown['rows']} rows; at"
+        f" most {', '.join(bounds)}"
+    )
 
 
 def _interval_lines(card: Mapping[str, Any]) -> Iterator[str]:
@@ -240,25 +363,37 @@ def _interval_lines(card: Mapping[str, Any]) -> Iterator[str]:
     entry = card.get("calibration")
     if entry is None:
         return
-    groups, kinds = entry["groups"], f"{entry['kind']}s"
-    how = (
-        f" of {entry['database']}" if entry["database"] else ", each predicted without it"
-    )
-    hold = f"other {kinds} like these"
+    kinds = f"{entry['kind']}s"
+    how = ", each predicted without it"
+    if entry["database"]:
+        how = f" of {entry['database']}"
+    holding = f"other {kinds} like these"
     if entry["scheme"] == "each":
-        hold = (
+        holding = (
             f"further surfaces of these {kinds}; for others, {FEWEST} or more are needed"
         )
-    yield f"intervals calibrated by {calibrated_by(card)}{how}: hold for {hold}"
+    yield f"intervals calibrated by {calibrated_by(card)}{how}: hold for {holding}"
     largest = entry.get("largest_level")
     if largest is None and entry["scheme"] != "each":  # a file of 1.0.0
+        groups = entry["groups"]
         largest = math.floor(1000 * groups / (groups + 1)) / 1000
     if largest is not None:
         yield f"          {level_line(largest)}"
 
 
 def level_line(largest: float) -> str:
-    """Tell the largest level of intervals, and which one questions get by default."""
+    """Return the line on the largest level of intervals.
+
+    Parameters
+    ----------
+    largest : float
+        The largest level that the calibration reaches.
+
+    Returns
+    -------
+    str
+        The line; a warning if answers get a lower level than the usual one by default.
+    """
     if largest >= USUAL_LEVEL:
         return f"intervals hold up to a level of {100 * largest:g} %"
     return (
@@ -268,83 +403,105 @@ def level_line(largest: float) -> str:
 
 
 def _training(card: Mapping[str, Any]) -> str:
-    """Describe patches, loads and bodies of the training."""
-    patches = []
-    for entry in card.get("databases", [card]):
-        (nx, ny), (x, y) = entry["nodes"], entry["side"]
-        sides = f"side {x:g} um" if x == y else f"sides {x:g} x {y:g} um"
-        patches.append(f"{nx:g} x {ny:g} nodes, {sides}")
+    """Return patches, loads and bodies of the training in words."""
+    patches = [_patch_text(entry) for entry in card.get("databases", [card])]
     text = (
         f"{' and '.join(dict.fromkeys(patches))}, Delta {card['delta'][0]:.4g} to"
         f" {card['delta'][1]:.4g} um, E* {card['modulus']:g} MPa"
     )
     if card["area_max"] is not None:
         text += f", areas to {card['area_max']:g} %"
-    if (limits := card.get("hardness_ratio")) is not None:
-        also = ", and elastic bodies" if card.get("elastic") else ""
-        text += f", hardness {between(limits)} E*{also}"
+    limits = card.get("hardness_ratio")
+    if limits is not None:
+        text += f", hardness {between(limits)} E*"
+        if card.get("elastic"):
+            text += ", and elastic bodies"
     boundary = card.get("boundary", "free")
-    return text if boundary == "free" else f"{text}, {boundary} boundary"
+    if boundary != "free":
+        text += f", {boundary} boundary"
+    return text
+
+
+def _patch_text(entry: Mapping[str, Any]) -> str:
+    """Return nodes and sides of a database in words."""
+    nx, ny = entry["nodes"]
+    x, y = entry["side"]
+    if x == y:
+        return f"{nx:g} x {ny:g} nodes, side {x:g} um"
+    return f"{nx:g} x {ny:g} nodes, sides {x:g} x {y:g} um"
 
 
 def _scores(card: Mapping[str, Any]) -> Table:
+    """Return the table of scores and coverages on the test rows."""
     rows = []
     for name, target in card["targets"].items():
-        scores, (low, high) = target["scores"], target["range"]
-        nmse = f"{scores['nmse']:.3f}" if target["column"] == "area_percent" else "-"
-        others = [f"{scores[score]:.3f}" for score in ("nmae", "nmaxe", "r2")]
-        others += [f"{100 * each['coverage']:.1f}" for each in target["intervals"]]
-        rows.append((name, target["unit"], f"{low:.4g}", f"{high:.4g}", nmse, *others))
-    title = "Scores on the test rows [%], and shares of these inside their intervals [%]"
+        target_scores = target["scores"]
+        low, high = target["range"]
+        nmse = "-"  # it carries the unit of the target, and is given for areas only
+        if target["column"] == "area_percent":
+            nmse = f"{target_scores['nmse']:.3f}"
+        row = [name, str(target["unit"]), f"{low:.4g}", f"{high:.4g}", nmse]
+        row += [f"{target_scores[score]:.3f}" for score in ("nmae", "nmaxe", "r2")]
+        row += [f"{100 * entry['coverage']:.1f}" for entry in target["intervals"]]
+        rows.append(row)
     inside = [f"in {100 * level:g} %" for level in LEVELS]
-    return (
-        title,
-        ["Target", "Unit"],
-        ["from", "to", "nMSE", "nMAE", "nMaxE", "R2", *inside],
-        rows,
+    return Table(
+        title="Scores on the test rows [%], and shares of these inside their intervals [%]",
+        names=["Target", "Unit"],
+        numbers=["from", "to", "nMSE", "nMAE", "nMaxE", "R2", *inside],
+        rows=rows,
     )
 
 
 def _databases(card: Mapping[str, Any]) -> Table:
     """Return the table of the databases, with scores on the test rows of each."""
-    headings = ["rows", "tested"]
+    numbers = ["rows", "tested"]
     for name, target in card["targets"].items():
-        error = (
-            "mean error" if target["unit"] == "1" else f"mean error [{target['unit']}]"
-        )
-        headings += [
-            f"{name}: {each}" for each in ("nMAE [%]", error, f"in {100 * LEVELS[1]:g} %")
+        error = "mean error"
+        if target["unit"] != "1":
+            error = f"mean error [{target['unit']}]"
+        numbers += [
+            f"{name}: nMAE [%]",
+            f"{name}: {error}",
+            f"{name}: in {100 * LEVELS[MIDDLE]:g} %",
         ]
     rows = []
-    for place, entry in enumerate(card["databases"]):
-        judged = [target["databases"][place] for target in card["targets"].values()]
-        nodes = f"{entry['nodes'][0]:g} x {entry['nodes'][1]:g}"
+    for place, database in enumerate(card["databases"]):
+        entries = [target["databases"][place] for target in card["targets"].values()]
         row = [
-            entry["database"],
-            entry["generator"],
-            nodes,
-            entry["rows"],
-            judged[0]["rows"],
+            str(database["database"]),
+            str(database["generator"]),
+            f"{database['nodes'][0]:g} x {database['nodes'][1]:g}",
+            str(database["rows"]),
+            str(entries[0]["rows"]),
         ]
-        for each in judged:
-            nmae = f"{each['nmae']:.3f}" if np.isfinite(each["nmae"]) else "-"
-            row += [nmae, f"{each['mae']:.3g}", f"{100 * each['coverage']:.1f} %"]
+        for entry in entries:
+            nmae = f"{entry['nmae']:.3f}" if np.isfinite(entry["nmae"]) else "-"
+            row += [nmae, f"{entry['mae']:.3g}", f"{100 * entry['coverage']:.1f} %"]
         rows.append(row)
-    title = "Databases, and scores on their test rows"
-    return title, ["Database", "Generator", "Nodes"], headings, rows
+    return Table(
+        title="Databases, and scores on their test rows",
+        names=["Database", "Generator", "Nodes"],
+        numbers=numbers,
+        rows=rows,
+    )
 
 
 def _ranges(card: Mapping[str, Any], low: Values, high: Values) -> Table:
+    """Return the table of the inputs; for a scene, of its numbers instead of their logarithms."""
+    names = [name for name, _ in card["columns"]]
+    units = [unit for _, unit in card["columns"]]
     if card["features"] == SCENE:
-        names = [name for name, _ in card["columns"]]
-        low, high = shown(names, low), shown(names, high)
-        card = {
-            **card,
-            "columns": [(plain(name), unit) for name, unit in card["columns"]],
-        }
-    columns = zip(card["columns"], low, high, strict=True)
+        low = shown(names, low)
+        high = shown(names, high)
+        names = [plain(name) for name in names]
     rows = [
-        (name, unit, f"{least:.5g}", f"{most:.5g}")
-        for (name, unit), least, most in columns
+        [str(name), str(unit), f"{smallest:.5g}", f"{largest:.5g}"]
+        for name, unit, smallest, largest in zip(names, units, low, high, strict=True)
     ]
-    return "Inputs and their training ranges", ["Input", "Unit"], ["from", "to"], rows
+    return Table(
+        title="Inputs and their training ranges",
+        names=["Input", "Unit"],
+        numbers=["from", "to"],
+        rows=rows,
+    )

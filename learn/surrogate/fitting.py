@@ -369,6 +369,45 @@ def fit_parts(
     }
     for line in _lines_on_rows(request, rows, other, sizes, plan):
         say(line)
+    fitted = _fit_targets(request, sets, parts, plan, calibrating, say)
+    models = fitted.learnt.values()
+    largest_level = min(model.calibration.largest_level for model in models)
+    say(f"  {card.level_line(largest_level)}")
+    whole_card = card.make(request, rows, parts.train, sizes, fitted.entries)
+    whole_card["calibration"] = {**plan.entry, "largest_level": largest_level}
+    if not all(keeps_its_scale(model.powers, rows.features) for model in models):
+        whole_card["own_scale"] = scale_ranges(rows, parts.train)
+    scenes = [origin.scene for origin in rows.origins]
+    ranges = rows.features.ranges(scenes, rows.inputs[parts.train])
+    return Surrogate(
+        card=whole_card,
+        learnt=fitted.learnt,
+        low=ranges.low,
+        high=ranges.high,
+        distance=plan.distance,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _FittedTargets:
+    """The models of all targets, by the names of the targets."""
+
+    learnt: dict[str, Learnt]
+    entries: dict[str, dict[str, Any]]  # of the card
+
+
+def _fit_targets(
+    request: Request,
+    sets: list[Dataset],
+    parts: split.Split,
+    plan: Plan,
+    calibrating: list[Dataset] | None,
+    say: Callable[[str], None],
+) -> _FittedTargets:
+    """Fit and judge the model of each target, and report it to the user by `say`.
+
+    Parameters are those of `fit_parts`, and the plan which rows calibrate.
+    """
     learnt: dict[str, Learnt] = {}
     entries: dict[str, dict[str, Any]] = {}
     for number, target in enumerate(request.targets):
@@ -382,21 +421,7 @@ def fit_parts(
             say(line)
         learnt[target] = fitted.learnt
         entries[target] = entry
-    largest_level = min(model.calibration.largest_level for model in learnt.values())
-    say(f"  {card.level_line(largest_level)}")
-    whole_card = card.make(request, rows, parts.train, sizes, entries)
-    whole_card["calibration"] = {**plan.entry, "largest_level": largest_level}
-    if not all(keeps_its_scale(model.powers, rows.features) for model in learnt.values()):
-        whole_card["own_scale"] = scale_ranges(rows, parts.train)
-    scenes = [origin.scene for origin in rows.origins]
-    ranges = rows.features.ranges(scenes, rows.inputs[parts.train])
-    return Surrogate(
-        card=whole_card,
-        learnt=learnt,
-        low=ranges.low,
-        high=ranges.high,
-        distance=plan.distance,
-    )
+    return _FittedTargets(learnt, entries)
 
 
 def _lines_on_rows(

@@ -257,8 +257,8 @@ def fit_scale(
         Usual errors, in the unit of the errors.
     """
     weights = 1.0 / (_sizes_of_groups(groups) * np.unique(groups).size)
-    least = max(SMALLEST * float(np.median(errors)), np.finfo(float).tiny)
-    logarithms = np.log(np.maximum(errors, least))
+    smallest = max(SMALLEST * float(np.median(errors)), np.finfo(float).tiny)
+    logarithms = np.log(np.maximum(errors, smallest))
     centre = weights @ inputs
     mean = float(weights @ logarithms)
     differences = inputs - centre
@@ -407,18 +407,18 @@ def from_surfaces(inputs: Values, clouds: Indices, parts: Indices) -> MeasuredRo
     """
     distances = np.empty(len(inputs))
     nearest = np.empty(len(inputs), dtype=np.int64)
-    known = np.zeros(len(inputs), dtype=np.bool_)
+    has_cloud = np.zeros(len(inputs), dtype=np.bool_)
     for part in np.unique(parts):
         inside = parts == part
         remaining = np.unique(clouds[~inside])
         without = _unlimited(inputs[~inside], clouds[~inside]).nearest(inputs[inside])
         distances[inside] = without.distance
         nearest[inside] = remaining[without.cloud]
-        known[inside] = np.isin(clouds[inside], remaining)
+        has_cloud[inside] = np.isin(clouds[inside], remaining)
     # Rows of a cloud that no other part has cannot be measured from their own cloud.
-    if not known.any():
-        known[:] = True
-    limit = float(np.quantile(distances[known], INSIDE, method="higher"))
+    if not has_cloud.any():
+        has_cloud[:] = True
+    limit = float(np.quantile(distances[has_cloud], INSIDE, method="higher"))
     training = replace(_unlimited(inputs, clouds), limit=limit)
     return MeasuredRows(training, Nearest(distances, nearest))
 
@@ -431,8 +431,8 @@ def _unlimited(inputs: Values, labels: Indices, ridge: float = RIDGE) -> Distanc
     features = inputs.shape[1]
     clouds = [inputs[labels == label] for label in np.unique(labels)]
     # A feature that is constant in every cloud does not count; its range flags a new value.
-    least = CONSTANT * np.abs(inputs).max(axis=0)
-    varying = np.any([cloud.std(axis=0) > least for cloud in clouds], axis=0)
+    rounding = CONSTANT * np.abs(inputs).max(axis=0)
+    varying = np.any([cloud.std(axis=0) > rounding for cloud in clouds], axis=0)
     scale = np.where(varying, inputs.std(axis=0), np.inf)
     means = [cloud.mean(axis=0) for cloud in clouds]
     units = [(cloud - mean) / scale for cloud, mean in zip(clouds, means, strict=True)]

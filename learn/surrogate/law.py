@@ -347,7 +347,7 @@ def _tables(
             parts.append(_with_stiffness(smooth.points, patch, order, bodies))
             whole.append(_with_stiffness(extended, patch, order, bodies))
             smoothed.append(smooth)
-            progress.advance(1, 0)
+            progress.advance(1)
     rest = mean_at_rest(rests)
     over_delta = tabulated(
         DELTA.in_laws, np.append(0.0, deltas), parts, order.coverage, rest

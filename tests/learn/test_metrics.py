@@ -46,9 +46,25 @@ def test_bootstrap_intervals_hold_the_score_of_other_rows_as_often_as_they_say()
         low, high = bootstrap(truth, truth + generator.normal(size=100))["nmse"]
         inside += low <= 100 * 1.0 / 5.0 <= high
     assert inside / trials == pytest.approx(0.9, abs=0.15)
-    wide, narrow = (bootstrap(truth, truth + 0.1, level)["nmae"] for level in (0.99, 0.5))
-    assert wide[0] < narrow[0] < narrow[1] < wide[1]
+
+
+@pytest.fixture
+def truth():
+    return np.random.default_rng(5).uniform(1.0, 9.0, 100)
+
+
+def test_a_larger_level_has_a_wider_interval(truth):
+    wide = bootstrap(truth, truth + 0.1, 0.99)["nmae"]
+    narrow = bootstrap(truth, truth + 0.1, 0.5)["nmae"]
+    assert wide.low < narrow.low < narrow.high < wide.high
+
+
+def test_predictions_without_error_have_no_interval(truth):
     assert bootstrap(truth, truth)["r2"] == (100.0, 100.0)
+
+
+def test_rows_of_a_single_group_have_no_intervals(truth):
+    assert bootstrap(truth, truth + 0.1, groups=np.zeros(100)) == {}
 
 
 @pytest.mark.long

@@ -62,14 +62,15 @@ def test_a_target_over_many_decades_leaves_equations_that_can_be_solved(seed):
     assert np.isfinite(found.error(inputs)).all()
 
 
-@pytest.mark.parametrize(("apart", "least", "most"), [(0.0, 1.15, 1.3), (0.2, 1.4, 4.0)])
-def test_halves_that_disagree_make_errors_of_means_larger(apart, least, most):
-    """Their coefficients have errors of 0.07 by the rows; `apart` is what no row tells."""
+@pytest.mark.parametrize(("apart", "low", "high"), [(0.0, 1.15, 1.3), (0.2, 1.4, 4.0)])
+def test_halves_that_disagree_make_errors_of_means_larger(apart, low, high):
+    """The rows leave coefficients with errors of 0.07; those of both halves differ by `apart`."""
     random = np.random.default_rng(2)
-    seen, half = random.normal(size=(400, 20)), np.arange(400) < 200
-    own = apart * random.normal(size=(2, 20))
-    unit = np.where(half, seen @ own[0], seen @ own[1]) + random.normal(size=400)
-    assert least <= _error_factor(seen, unit, np.eye(20), half) <= most
+    seen = random.normal(size=(400, 20))
+    half = np.arange(400) < 200
+    first, second = apart * random.normal(size=(2, 20))
+    unit = np.where(half, seen @ first, seen @ second) + random.normal(size=400)
+    assert low <= _error_factor(seen, unit, np.eye(20), half) <= high
 
 
 SCENE = """
@@ -91,23 +92,73 @@ boundary = "periodic"
 """
 
 
-def test_a_scene_by_pressure_is_learnt_kept_and_asked(tmp_path):
-    kept = surrogate_of(database_of(tmp_path, SCENE), "--features", "scene")
-    surrogate = Surrogate.load(kept)
+NUMBERS = {"hurst": 0.7, "rms_height": 1.2, "pressure": [0.002, 0.02, 0.2]}
+"""Numbers that the surrogate is asked for; the third pressure is outside of its training."""
+
+AT = ["--at", "hurst=0.7, rms_height=1.2"]
+OUTSIDE = "pressure 0.2 outside 0.001 to 0.1"
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    """The path of a surrogate of a scene by pressure."""
+    database = database_of(tmp_path_factory.mktemp("by-pressure"), SCENE)
+    return surrogate_of(database, "--features", "scene")
+
+
+@pytest.fixture(scope="module")
+def surrogate(path):
+    return Surrogate.load(path)
+
+
+@pytest.fixture(scope="module")
+def new(surrogate):
+    """Answers for a new surface."""
+    return surrogate.predict(**NUMBERS)
+
+
+@pytest.fixture(scope="module")
+def mean(surrogate):
+    """Answers for the mean over all surfaces."""
+    return surrogate.predict(**NUMBERS, mean=True)
+
+
+def csv_rows(path):
+    return list(csv.DictReader(path.read_text().splitlines()))
+
+
+def column(rows, name):
+    return [float(row[name]) for row in rows]
+
+
+def predicted(path, tmp_path, *arguments):
+    """Rows of the table that `learn predict` writes."""
+    answers = tmp_path / "answers.csv"
+    assert learn_cli.main(["predict", str(path), "-o", str(answers), *arguments]) == 0
+    return csv_rows(answers)
+
+
+def test_a_scene_by_pressure_is_learnt_by_its_numbers(surrogate, new):
     assert surrogate.features.names == ("hurst", "rms_height", "pressure")
-    asked = {"hurst": 0.7, "rms_height": 1.2, "pressure": [0.002, 0.02, 0.2]}
-    new, mean = (surrogate.predict(**asked, mean=each) for each in (False, True))
     assert new.values.keys() == {"area", "delta"}
     assert (np.diff(new.area) > 0).all()
+
+
+def test_intervals_do_not_reach_below_first_touch(surrogate):
     near = {"hurst": 0.5, "rms_height": 0.5, "pressure": 0.001}
-    assert (surrogate.predict(**near, level=0.97).low["delta"] >= 0).all(), (
-        "it begins at touch"
-    )
+    assert (surrogate.predict(**near, level=0.97).low["delta"] >= 0).all()
+
+
+def test_the_mean_is_more_certain_than_a_new_surface(new, mean):
     of_mean, of_new = (each.high["area"] - each.low["area"] for each in (mean, new))
-    assert (of_mean < of_new)[:2].all()  # the third is outside
-    assert new.reasons == ("", "", "pressure 0.2 outside 0.001 to 0.1")
-    command_line_answers(kept, surrogate, new, mean)
-    laws_and_servers_answer(kept, new)
+    assert (of_mean < of_new)[:2].all()
+
+
+def test_a_number_outside_of_the_scene_is_named(new):
+    assert new.reasons == ("", "", OUTSIDE)
+
+
+def test_numbers_that_lack_and_surfaces_are_refused(surrogate):
     with pytest.raises(InputError, match="rms_height not given"):
         surrogate.predict(hurst=0.7, pressure=0.01)
     with pytest.raises(
@@ -116,61 +167,49 @@ def test_a_scene_by_pressure_is_learnt_kept_and_asked(tmp_path):
         surrogate.predict(np.eye(16), 160.0, 1.0)
 
 
-def command_line_answers(kept, surrogate, new, mean):
-    table, answers = kept.with_name("asked.csv"), kept.with_name("answers.csv")
-    asked = ["predict", str(kept), "-o", str(answers)]
-    at = [*asked, "--at", "hurst=0.7, rms_height=1.2"]
-    assert learn_cli.main([*at, "--pressure", "0.002,0.02,0.2"]) == 0
-    rows = list(csv.DictReader(answers.read_text().splitlines()))
-    assert [float(row["pressure_MPa"]) for row in rows] == [0.002, 0.02, 0.2]
-    assert [float(row["area_percent"]) for row in rows] == pytest.approx(new.area)
-    assert (
-        [row["area_percent_low"] for row in rows][2] == "" != rows[0]["area_percent_low"]
-    )
-    assert learn_cli.main([*at, "--pressure", "0.002,0.02,0.2", "--mean"]) == 0
-    rows = list(csv.DictReader(answers.read_text().splitlines()))
-    assert [float(row["area_percent"]) for row in rows] == pytest.approx(mean.area)
+def test_the_command_line_answers_for_a_new_surface(path, new, tmp_path):
+    rows = predicted(path, tmp_path, *AT, "--pressure", "0.002,0.02,0.2")
+    assert column(rows, "pressure_MPa") == [0.002, 0.02, 0.2]
+    assert column(rows, "area_percent") == pytest.approx(new.area)
+    assert rows[0]["area_percent_low"] != ""
+    assert rows[2]["area_percent_low"] == ""
+
+
+def test_the_command_line_answers_for_the_mean(path, mean, tmp_path):
+    rows = predicted(path, tmp_path, *AT, "--pressure", "0.002,0.02,0.2", "--mean")
+    assert column(rows, "area_percent") == pytest.approx(mean.area)
     assert float(rows[0]["area_percent_low"]) == pytest.approx(mean.low["area"][0])
+
+
+def test_the_command_line_answers_for_a_table_of_numbers(path, new, tmp_path):
+    table = tmp_path / "asked.csv"
     table.write_text("part,hurst,rms_height\nseat,0.6,1.0\nseal,0.7,1.2\n")
-    assert learn_cli.main([*asked, str(table), "--pressure", "0.002,0.02"]) == 0
-    rows = list(csv.DictReader(answers.read_text().splitlines()))
-    assert [float(row["hurst"]) for row in rows] == [0.6, 0.6, 0.7, 0.7]
+    rows = predicted(path, tmp_path, str(table), "--pressure", "0.002,0.02")
+    assert column(rows, "hurst") == [0.6, 0.6, 0.7, 0.7]
     assert [row["part"] for row in rows] == ["seat", "seat", "seal", "seal"]
-    assert [float(row["area_percent"]) for row in rows][2:] == pytest.approx(new.area[:2])
+    assert column(rows, "area_percent")[2:] == pytest.approx(new.area[:2])
 
 
-def laws_and_servers_answer(kept, new):
-    line = [
-        "law",
-        str(kept),
-        "--at",
-        "hurst=0.7,rms_height=1.2",
-        "--pressure",
-        "0.002,0.02",
-    ]
-    files = [
-        "--csv",
-        str(kept.with_suffix(".csv")),
-        "--header",
-        str(kept.with_suffix(".h")),
-    ]
-    assert learn_cli.main([*line, "--conductivity", "50", *files]) == 0
-    rows = list(csv.DictReader(kept.with_suffix(".csv").read_text().splitlines()))
-    given = [row for row in rows if row["against"] == "pressure_MPa"]
-    for name, target in (
-        ("area_percent", "area"),
-        ("closure_um", "delta"),
-    ):  # there are no edges
-        for end, part in (("", new.values), ("_high", new.high)):
-            found = [float(row[name + end]) for row in given]
-            assert found == pytest.approx(part[target][:2])
+def test_a_law_has_the_answers(path, new, tmp_path):
+    table = tmp_path / "law.csv"
+    line = ["law", str(path), *AT, "--pressure", "0.002,0.02", "--conductivity", "50"]
+    files = ["--csv", str(table), "--header", str(tmp_path / "law.h")]
+    assert learn_cli.main([*line, *files]) == 0
+    rows = csv_rows(table)
+    by_pressure = [row for row in rows if row["against"] == "pressure_MPa"]
+    # There are no edges: the closure is Delta.
+    for name, target in (("area_percent", "area"), ("closure_um", "delta")):
+        assert column(by_pressure, name) == pytest.approx(new.values[target][:2])
+        assert column(by_pressure, f"{name}_high") == pytest.approx(new.high[target][:2])
     assert [row["area_percent_high"] for row in rows[:3]] == ["", "", ""]  # over Delta
-    model = SurrogateModel(kept)
+
+
+def test_a_server_has_the_answers(path, new):
+    model = SurrogateModel(path)
     assert model.input_sizes == [2, 1]
-    wanted = new.area[0], new.low["area"][0], new.high["area"][0], 1.0
-    assert model.evaluate([[0.7, 1.2], [0.002]], Configuration())[0] == pytest.approx(
-        wanted
-    )
+    answers = new.area[0], new.low["area"][0], new.high["area"][0], 1.0
+    served = model.evaluate([[0.7, 1.2], [0.002]], Configuration())
+    assert served[0] == pytest.approx(answers)
     with pytest.raises(InputError, match="for all surfaces"):
         model.evaluate([[0.7, 1.2], [0.002]], Configuration(surface=3))
 
@@ -187,7 +226,7 @@ def small(tmp_path_factory):
     return folder
 
 
-AT = ["--at", "hurst=0.7,rms_height=1", "--pressure", "0.01"]
+LINE = ["--at", "hurst=0.7,rms_height=1", "--pressure", "0.01"]
 
 
 @pytest.mark.parametrize(
@@ -203,8 +242,8 @@ AT = ["--at", "hurst=0.7,rms_height=1", "--pressure", "0.01"]
             ["--at", "hurst=0.7,hurst=0.8,rms_height=1", "--pressure", "0.01"],
             "once a name",
         ),
-        ([*AT, "--young", "2e5"], "that of its scene"),
-        ([*AT, "--fill"], "reads no surfaces"),
+        ([*LINE, "--young", "2e5"], "that of its scene"),
+        ([*LINE, "--fill"], "reads no surfaces"),
         (["asked.csv", "--at", "hurst=0.7", "--pressure", "0.01"], "has its own hurst"),
         (["surface.npy", "--delta", "1"], "not for surfaces: ask"),
     ],

@@ -2,6 +2,7 @@
 
 import io
 import math
+import shutil
 import zipfile
 from dataclasses import replace
 
@@ -41,71 +42,121 @@ def test_rows_have_what_surrogates_see_of_their_surfaces(population, blocks, loa
     assert population.with_name(f"{population.name}.pressed{kind}.npz").exists()
     row = rows.rows[17]
     with Reader(population) as reader:
-        scene, delta, force = (
-            reader.scene,
-            reader.column("delta"),
-            reader.column("force")[row],
-        )
-    plan, ratio = (
-        parameters(scene, 0, scene.samples),
-        0.1 if scene.contact.hardness else None,
+        scene = reader.scene
+        delta = reader.column("delta")[row]
+        force = reader.column("force")[row]
+    contact = scene.contact
+    heights = surface_of(scene, parameters(scene, 0, scene.samples), row)
+    surface = SurfaceFeatures(
+        heights, scene.sides, scene.spacing, boundary=contact.boundary
     )
-    heights, boundary = surface_of(scene, plan, row), scene.contact.boundary
-    own = SurfaceFeatures(heights, scene.sides, scene.spacing, boundary=boundary)
-    cells = heights.size * math.prod(scene.spacing)
-    loads = np.array([force / cells]) if load else delta[row : row + 1]
-    again = rows.features.of(own.rows(rows.features, loads, ratio, scene.contact.e_star))
+    loads = np.array([delta])
+    if load:
+        loads = np.array([force / (heights.size * math.prod(scene.spacing))])
+    ratio = 0.1 if contact.hardness else None
+    again = rows.features.of(surface.rows(rows.features, loads, ratio, contact.e_star))
     np.testing.assert_allclose(rows.inputs[17], again[0], rtol=1e-9 if load else 0)
 
 
-def test_what_was_computed_is_kept_and_only_what_changed_is_computed_again(
-    database, change, monkeypatch
-):
-    first = hybrid_rows(database, Executor(), never)
-    assert np.isfinite(first).all()
-    asked = []
+@pytest.fixture(scope="module")
+def computed(solved, tmp_path_factory):
+    """A database beside which features are kept, and these features."""
+    path = shutil.copy(solved, tmp_path_factory.mktemp("computed") / "database.h5")
+    return path, hybrid_rows(path, Executor(), never)
+
+
+@pytest.fixture
+def kept(computed, tmp_path):
+    """A copy of that database, and of the file of features beside it."""
+    path, _ = computed
+    for file in path.parent.iterdir():
+        shutil.copy(file, tmp_path / file.name)
+    return tmp_path / path.name
+
+
+@pytest.fixture
+def computed_blocks(monkeypatch):
+    """The blocks whose features are computed in a test."""
+    blocks = []
     compute = regeneration.compute_block
 
     def counting(shared, block):
-        asked.append(block)
+        blocks.append(block)
         return compute(shared, block)
 
     monkeypatch.setattr(regeneration, "compute_block", counting)
-    np.testing.assert_array_equal(hybrid_rows(database, Executor(), never), first)
-    assert not asked
-    kept = database.with_name(f"{database.name}.pressed.npz")
-    with np.load(kept) as file:
+    return blocks
+
+
+def features_file(database):
+    return database.with_name(f"{database.name}.pressed.npz")
+
+
+def test_features_that_were_computed_are_read_from_the_file(
+    kept, computed, computed_blocks
+):
+    assert np.isfinite(computed[1]).all()
+    np.testing.assert_array_equal(hybrid_rows(kept, Executor(), never), computed[1])
+    assert not computed_blocks
+
+
+def test_only_rows_whose_inputs_changed_are_computed_again(
+    kept, computed, computed_blocks
+):
+    with np.load(features_file(kept)) as file:
         content = dict(file)
     content["inputs"][5] += 1.0
-    np.savez(kept, **content)
-    np.testing.assert_array_equal(hybrid_rows(database, Executor(), never), first)
-    assert [block[:2] for block in asked] == [(5, 6)]
-    kept.write_bytes(kept.read_bytes()[:1000])
-    np.testing.assert_array_equal(hybrid_rows(database, Executor(), never), first)
-    assert len(asked) == 4
+    np.savez(features_file(kept), **content)
+    np.testing.assert_array_equal(hybrid_rows(kept, Executor(), never), computed[1])
+    assert [block[:2] for block in computed_blocks] == [(5, 6)]
+
+
+def test_a_damaged_file_is_computed_anew(kept, computed, computed_blocks):
+    file = features_file(kept)
+    file.write_bytes(file.read_bytes()[:1000])
+    np.testing.assert_array_equal(hybrid_rows(kept, Executor(), never), computed[1])
+    assert len(computed_blocks) == 3
     assert not list(kept.parent.glob(".*.npz*"))
 
 
-def test_kept_features_that_somebody_else_wrote_are_computed_anew(database):
-    hybrid_rows(database, Executor(), never)
-    cache, names = (
-        database.with_name(f"{database.name}.pressed.npz"),
-        ("key", "inputs", "values"),
-    )
-    with np.load(cache) as file:
-        key, own = str(file["key"]), file["inputs"]
-    values = np.zeros((len(own), len(HYBRID)))
-    assert np.isfinite(regeneration.kept(cache, key, own)).all()
+def npy(array):
+    """The bytes of a .npy file of an array; bytes are such a file already."""
+    if isinstance(array, bytes):
+        return array
+    buffer = io.BytesIO()
+    np.save(buffer, array)
+    return buffer.getvalue()
+
+
+def huge_npy():
+    """The bytes of a .npy file whose header promises more numbers than there are."""
     header = "{'descr': '<f8', 'fortran_order': False, 'shape': (4611686018427387904,), }"
-    promise = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header.encode()
-    for inputs in (np.float64(1.0), np.zeros(3), own.astype("S8"), own[:5], promise):
-        with zipfile.ZipFile(cache, "w") as archive:
-            for name, content in zip(names, (np.array(key), inputs, values), strict=True):
-                buffer = io.BytesIO()
-                np.save(buffer, content)
-                data = content if isinstance(content, bytes) else buffer.getvalue()
-                archive.writestr(f"{name}.npy", data)
-        assert np.isnan(regeneration.kept(cache, key, own)).all()
+    return b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header.encode()
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda inputs: np.float64(1.0),
+        lambda inputs: np.zeros(3),
+        lambda inputs: inputs.astype("S8"),
+        lambda inputs: inputs[:5],
+        lambda inputs: huge_npy(),
+    ],
+    ids=["a number", "a vector", "texts", "too few rows", "a huge header"],
+)
+def test_kept_features_with_inputs_of_another_form_are_not_used(kept, spoil):
+    path = features_file(kept)
+    with np.load(path) as file:
+        key = str(file["key"])
+        inputs = file["inputs"]
+    assert np.isfinite(regeneration.kept(path, key, inputs)).all()
+    values = np.zeros((len(inputs), len(HYBRID)))
+    content = {"key": np.array(key), "inputs": spoil(inputs), "values": values}
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, array in content.items():
+            archive.writestr(f"{name}.npy", npy(array))
+    assert np.isnan(regeneration.kept(path, key, inputs)).all()
 
 
 def test_an_interrupted_run_keeps_what_was_finished(database):

@@ -210,12 +210,12 @@ def test_progress_in_a_program_of_somebody_else_ends_no_run(monkeypatch, termina
     monkeypatch.setattr("sys.stderr", stream)
     with RunProgress(2) as progress:
         progress.say("hello")
-        progress.advance(2, 0)
+        progress.advance(2)
 
 
 def test_progress_says_what_is_done_and_failed(capsys):
     with RunProgress(4, "fits") as progress:
-        progress.advance(2, 1)
+        progress.advance(2, failed=1)
     said = capsys.readouterr().err
     assert said.startswith("2 of 4 fits (50.0 %), ")
     assert ", 1 failed, " in said

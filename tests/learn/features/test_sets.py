@@ -119,28 +119,49 @@ def test_no_elastic_pressure_reaches_the_ceiling_of_the_hardness(
     assert contact.pressure.max() < rows.capped().hardness_ratio[0]  # E* is 1 MPa
 
 
-@pytest.mark.parametrize("name", [name for name, each in SETS.items() if each.scaled])
-def test_elastic_bodies_have_the_feature_of_very_hard_ones(name):
+WITHOUT_UNITS = [name for name, features in SETS.items() if features.scaled]
+
+
+def features_of(wanted, hardness_ratio=None):
+    """Features of one surface at two displacements."""
+    return wanted.of(patch(surface(4), 1000.0).rows(wanted, DELTA, hardness_ratio))
+
+
+@pytest.mark.parametrize("name", WITHOUT_UNITS)
+def test_elastic_bodies_have_the_features_of_very_hard_ones(name):
     wanted = chosen(name, [scene(VARIED), scene("")])
-    on_surface = patch(surface(4), 1000.0)
-    elastic = wanted.of(on_surface.rows(wanted, DELTA))
     np.testing.assert_allclose(
-        wanted.of(on_surface.rows(wanted, DELTA, 1e9)), elastic, rtol=1e-9, atol=1e-4
+        features_of(wanted, 1e9), features_of(wanted), rtol=1e-9, atol=1e-4
     )
-    soft = wanted.of(on_surface.rows(wanted, DELTA, 0.01))
+
+
+@pytest.mark.parametrize("name", WITHOUT_UNITS)
+def test_the_feature_of_the_hardness_is_smaller_for_softer_bodies(name):
+    wanted = chosen(name, [scene(VARIED), scene("")])
     place = wanted.columns.index(SCALED_HARDNESS)
+    soft, elastic = features_of(wanted, 0.01), features_of(wanted)
     assert (soft[:, place] < elastic[:, place]).all()
-    alone = chosen(name, [scene(VARIED)]).of(
-        on_surface.rows(chosen(name, [scene(VARIED)]), DELTA, 0.01)
-    )
-    np.testing.assert_array_equal(soft[:, : place + 1], alone)
-    if wanted.needs_surface:
-        assert wanted.columns[-1] == PLASTIC
-        np.testing.assert_array_equal(elastic[:, -1], 0.0)
-        for row, delta in zip(soft, DELTA, strict=True):
-            # 33 x 33 nodes are the blocks.
-            pressed = bem.solve(surface(4), 1000.0, delta, hardness=0.01, rtol=LOOSE)
-            force = pressed.force
-            assert row[-1] ** 2 == pytest.approx(force / (0.01 * 1000.0**2), rel=1e-9)
-    else:
-        assert wanted.columns[-1] == SCALED_HARDNESS
+
+
+@pytest.mark.parametrize("name", WITHOUT_UNITS)
+def test_elastic_bodies_in_a_fit_change_no_feature_of_those_that_yield(name):
+    mixed = chosen(name, [scene(VARIED), scene("")])
+    place = mixed.columns.index(SCALED_HARDNESS)
+    alone = features_of(chosen(name, [scene(VARIED)]), 0.01)
+    np.testing.assert_array_equal(features_of(mixed, 0.01)[:, : place + 1], alone)
+
+
+def test_hybrid_features_have_the_plastic_area_where_some_bodies_are_elastic():
+    wanted = chosen("hybrid", [scene(VARIED), scene("")])
+    assert wanted.columns[-1] == PLASTIC
+    np.testing.assert_array_equal(features_of(wanted)[:, -1], 0.0)
+    for row, delta in zip(features_of(wanted, 0.01), DELTA, strict=True):
+        # 33 x 33 nodes are the blocks.
+        pressed = bem.solve(surface(4), 1000.0, delta, hardness=0.01, rtol=LOOSE)
+        share = pressed.force / (0.01 * 1000.0**2)
+        assert row[-1] ** 2 == pytest.approx(share, rel=1e-9)
+
+
+def test_features_without_a_coarse_solve_have_no_plastic_area():
+    wanted = chosen("dimensionless", [scene(VARIED), scene("")])
+    assert wanted.columns[-1] == SCALED_HARDNESS

@@ -41,12 +41,21 @@ def request_of(path, model="kernel-ridge"):
     )
 
 
-def test_scheme_and_kind_follow_the_number_of_maps(rows):
-    alone = calibration.groups_of(rows)
-    assert (alone.number, alone.kind, alone.scheme) == (rows.size, "surface", "surfaces")
-    few, many = (calibration.groups_of(of_maps(rows, number)) for number in (4, 9))
-    assert (few.number, few.kind, few.scheme) == (4, "map", "each")
-    assert (many.number, many.kind, many.scheme) == (9, "map", "others")
+def described(groups):
+    return groups.number, groups.kind, groups.scheme
+
+
+def test_surfaces_of_one_database_are_one_group(rows):
+    assert described(calibration.groups_of(rows)) == (rows.size, "surface", "surfaces")
+
+
+@pytest.mark.parametrize(("number", "scheme"), [(4, "each"), (9, "others")])
+def test_the_scheme_follows_the_number_of_maps(rows, number, scheme):
+    groups = calibration.groups_of(of_maps(rows, number))
+    assert described(groups) == (number, "map", scheme)
+
+
+def test_rows_of_several_databases_are_grouped_by_these(rows):
     pooled = replace(rows, population=rows.rows % 2)
     assert calibration.groups_of(pooled).kind == "database"
 
@@ -104,27 +113,56 @@ def test_further_fits_are_as_few_as_have_surfaces_enough(
     assert calibration.plan_calibration(model, rows).groups.number == number
 
 
-def test_flags_and_intervals_see_the_skewness_and_models_do_not(solved):
-    rows = read(solved, "area", features="hybrid", roots=True)
-    inputs, place = rows.inputs.copy(), rows.features.columns.index(SKEWNESS)
-    inputs[:, place] = 0.1 * np.random.default_rng(0).normal(size=rows.size)
-    given, request = {"kernel": "rbf", "gamma": 0.01, "alpha": 1e-3}, request_of(solved)
-    plain, seeing = (
-        fit_to(replace(request, features="hybrid"), each, given)
-        for each in (rows, replace(rows, inputs=inputs))
-    )
+@pytest.fixture(scope="module")
+def hybrid(solved):
+    return read(solved, "area", features="hybrid", roots=True)
+
+
+@pytest.fixture(scope="module")
+def skewed(hybrid):
+    """The same rows with a skewness of their own."""
+    inputs = hybrid.inputs.copy()
+    place = hybrid.features.columns.index(SKEWNESS)
+    inputs[:, place] = 0.1 * np.random.default_rng(0).normal(size=hybrid.size)
+    return replace(hybrid, inputs=inputs)
+
+
+@pytest.fixture(scope="module")
+def fit_to_skewed(solved, skewed):
+    return fit_to_hybrid(solved, skewed)
+
+
+@pytest.fixture
+def odd(skewed):
+    """The first row with a skewness that no row has."""
+    inputs = skewed.inputs[:1].copy()
+    inputs[:, skewed.features.columns.index(SKEWNESS)] = 3.0
+    return inputs
+
+
+def fit_to_hybrid(solved, rows):
+    request = replace(request_of(solved), features="hybrid")
+    return fit_to(request, rows, {"kernel": "rbf", "gamma": 0.01, "alpha": 1e-3})
+
+
+def test_models_do_not_see_the_skewness(solved, hybrid, skewed, fit_to_skewed):
+    plain = fit_to_hybrid(solved, hybrid)
     np.testing.assert_array_equal(
-        seeing.learnt.raw(inputs), plain.learnt.raw(rows.inputs)
+        fit_to_skewed.learnt.raw(skewed.inputs), plain.learnt.raw(hybrid.inputs)
     )
-    np.testing.assert_array_equal(seeing.left_out, plain.left_out)
-    odd = inputs[:1].copy()
-    odd[:, place] = 3.0
-    distance = calibration.plan_calibration("svm", replace(rows, inputs=inputs)).distance
+    np.testing.assert_array_equal(fit_to_skewed.left_out, plain.left_out)
+
+
+def test_flags_see_the_skewness(skewed, odd):
+    distance = calibration.plan_calibration("svm", skewed).distance
     assert distance.of(odd) > distance.limit
-    raw = seeing.learnt.raw(odd)
-    (_, usual), (_, wider) = (
-        seeing.learnt.calibration.ends(raw, 0.9, each) for each in (inputs[:1], odd)
-    )
+
+
+def test_intervals_see_the_skewness(skewed, fit_to_skewed, odd):
+    learnt = fit_to_skewed.learnt
+    raw = learnt.raw(odd)
+    _, usual = learnt.calibration.ends(raw, 0.9, skewed.inputs[:1])
+    _, wider = learnt.calibration.ends(raw, 0.9, odd)
     assert wider > usual
 
 
@@ -137,32 +175,43 @@ def test_databases_of_the_same_surfaces_are_not_left_out_whole(rows):
     assert calibration.groups_of(alone).kind == "row"
 
 
-def fitted(solved, number, target="area"):
-    request = replace(request_of(solved), targets=(target,))
-    sets = [of_maps(rows, number) for rows in dataset.read(request, common=True)]
-    said = []
-    return fitting.fit_parts(request, sets, split.draw(sets[0]), said.append), said
+@pytest.fixture(scope="module")
+def by_maps(solved):
+    """A surrogate of ten maps, and the lines that its fit says."""
+    request = request_of(solved)
+    sets = [of_maps(rows, 10) for rows in dataset.read(request, common=True)]
+    lines = []
+    return fitting.fit_parts(request, sets, split.draw(sets[0]), lines.append), lines
 
 
-def test_files_keep_intervals_by_maps(solved, tmp_path):
-    surrogate, said = fitted(solved, 10)
-    assert any("each predicted without it" in line for line in said)
-    surrogate.save(tmp_path / "a.surrogate")
-    again = Surrogate.load(tmp_path / "a.surrogate")
+@pytest.fixture
+def again(by_maps, tmp_path):
+    """The surrogate of ten maps from its file."""
+    by_maps[0].save(tmp_path / "a.surrogate")
+    return Surrogate.load(tmp_path / "a.surrogate")
+
+
+def test_the_user_is_told_that_maps_calibrate(by_maps):
+    assert any("each predicted without it" in line for line in by_maps[1])
+
+
+def test_files_keep_intervals_and_distances_by_maps(by_maps, again):
+    surrogate, _ = by_maps
     assert again.card["calibration"]["groups"] == 10
     assert again.card["rows"]["calibration"] == again.card["rows"]["train"] == 72
-    inputs = surrogate.low + 0.4 * (surrogate.high - surrogate.low)[None, :] * np.ones(
-        (3, 1)
-    )
-    inputs[2] = surrogate.high
-    intervals, loaded = (each.learnt["area"].calibration for each in (surrogate, again))
+    place = surrogate.low + 0.4 * (surrogate.high - surrogate.low)
+    inputs = np.array([place, place, surrogate.high])
     raw = np.array([1.0, 4.0, 9.0])
     np.testing.assert_array_equal(
-        intervals.ends(raw, 0.9, inputs), loaded.ends(raw, 0.9, inputs)
+        surrogate.learnt["area"].calibration.ends(raw, 0.9, inputs),
+        again.learnt["area"].calibration.ends(raw, 0.9, inputs),
     )
     np.testing.assert_array_equal(
         surrogate.distance.of(inputs), again.distance.of(inputs)
     )
+
+
+def test_ten_maps_calibrate_levels_of_90_percent_and_not_of_95(again):
     require_level(again, 0.9)
     with pytest.raises(
         InputError, match=r"0.95: intervals of area are calibrated by 10 maps, wh"
@@ -198,15 +247,28 @@ def test_surfaces_count_and_not_their_rows(rows, solved):
         require_level(found, 0.9)
 
 
-def test_rows_of_another_database_calibrate(solved, here, capsys):
+@pytest.fixture
+def by_another(solved, here, capsys):
+    """Another database, of which a byte has changed, and what a fit says that it calibrates."""
     other = database_of(here, "samples = 40\nseed = 5\n[surface]\nnodes = 33\n")
     with h5py.File(other, "r+") as file:
         file["force"][3] *= 1.001
     capsys.readouterr()
     assert run("fit", solved, "--calibrate-on", other, "-o", "a.surrogate") == 0
-    notes = capsys.readouterr().err
-    assert "72 rows train, 40 calibrate, 18 test" in notes
+    return other, capsys.readouterr().err
+
+
+def test_rows_of_another_database_calibrate(by_another):
+    assert "72 rows train, 40 calibrate, 18 test" in by_another[1]
+
+
+def test_damage_of_a_database_that_calibrates_is_said(by_another):
+    other, notes = by_another
     assert f"warning: {other}: row 3 has other bytes than were written" in notes
+
+
+def test_the_card_tells_training_from_calibration(by_another, solved, capsys):
+    other, _ = by_another
     card = Surrogate.load("a.surrogate").card
     assert card["calibration"]["database"] == str(other)
     assert card["database"] == str(solved)
@@ -214,12 +276,14 @@ def test_rows_of_another_database_calibrate(solved, here, capsys):
     assert "databases" not in card
     assert run("card", "a.surrogate") == 0
     assert f"calibrated by 40 surfaces of {other}" in capsys.readouterr().out
-    assert (
-        run("predict", "a.surrogate", "x.npy", "--delta", "3", "--interval", "0.98") == 2
-    )
-    assert (
-        "calibrated by 40 surfaces, which reach 0.975 at most" in capsys.readouterr().err
-    )
+
+
+@pytest.mark.usefixtures("by_another")
+def test_the_largest_level_is_that_of_the_database_that_calibrates(capsys):
+    line = ("predict", "a.surrogate", "x.npy", "--delta", "3", "--interval", "0.98")
+    assert run(*line) == 2
+    words = "calibrated by 40 surfaces, which reach 0.975 at most"
+    assert words in capsys.readouterr().err
 
 
 @pytest.mark.usefixtures("here")

@@ -171,7 +171,9 @@ def test_rows_between_two_databases_are_far_from_both():
     assert (nearest.of(fresh) <= nearest.limit).mean() == pytest.approx(INSIDE, abs=0.02)
 
 
-def test_rows_of_another_kind_are_far_away():
+@pytest.fixture(scope="module")
+def of_maps():
+    """Features of twenty maps, of which the first two are nearly equal, and their distances."""
     random = np.random.default_rng(2)
     groups = np.repeat(np.arange(20), 30)
     along = random.normal(size=600)
@@ -179,25 +181,37 @@ def test_rows_of_another_kind_are_far_away():
         [along, along + 0.05 * random.normal(size=600), np.zeros(600)]
     )
     inputs += 0.1 * random.normal(size=(20, 3))[groups] * [1, 1, 0]
-    found = from_maps(inputs, groups)
-    assert np.mean(found.of(inputs) > found.limit) < 0.1
-    odd = np.array([[1.5, -1.5, 0.0]])
-    assert (np.abs(odd) < np.abs(inputs).max(axis=0) + 1e-12).all(), (
-        "in the range of each feature"
-    )
+    return inputs, from_maps(inputs, groups)
+
+
+ODD = np.array([[1.5, -1.5, 0.0]])  # within the range of each feature
+
+
+def test_hardly_any_rows_of_known_maps_are_beyond_the_limit(of_maps):
+    inputs, distance = of_maps
+    assert np.mean(distance.of(inputs) > distance.limit) < 0.1
+
+
+def test_rows_of_another_kind_are_far_away(of_maps):
+    inputs, distance = of_maps
+    assert (np.abs(ODD) < np.abs(inputs).max(axis=0) + 1e-12).all()
+    assert distance.of(ODD)[0] > distance.limit
+
+
+def test_reasons_name_notes_distance_and_features(of_maps):
     training = Training(
         card={},
         features=replace(SETS["paper"], columns=("a", "b", "c")),
         low=np.full(3, -9.0),
         high=np.full(3, 9.0),
-        distance=found,
+        distance=of_maps[1],
         modulus=1.0,
         boundary="free",
     )
-    both = np.concatenate([odd, np.zeros((1, 3)), np.full((1, 3), 10.0)])
+    inputs = np.concatenate([ODD, np.zeros((1, 3)), np.full((1, 3), 10.0)])
     rows = Rows(np.empty((3, 0)), np.ones(3), 1.0, notes=("a note", "", ""))
-    first, inside, beyond = training.reasons(rows, both)
-    assert first.startswith("a note; distance from the training")
+    far, inside, beyond = training.reasons(rows, inputs)
+    assert far.startswith("a note; distance from the training")
     assert inside == ""
     assert beyond.endswith(
         "; a 10 outside -9 to 9; b 10 outside -9 to 9; c 10 outside -9 to 9"

@@ -29,54 +29,96 @@ def ridge(solved):
     return fitted(solved)
 
 
-@pytest.mark.parametrize("features", ["paper", "dimensionless", "hybrid"])
-def test_surfaces_by_pressure_are_learnt_predicted_and_served(
-    solved, heights, features, tmp_path, capsys
-):
-    """A database by Delta has a pressure in each row, over the cells of all nodes.
+@pytest.fixture(scope="module")
+def contact(heights):
+    return bem.solve(heights, 1000.0, 20.0)
 
-    The hybrid's coarse solve is exact here.
-    """
-    kept, csv = tmp_path / "p.surrogate", tmp_path / "p.csv"
-    asked = ["--features", features, "--load", "pressure", "-o", str(kept)]
-    assert learn_cli.main(["fit", str(solved), *asked]) == 0
-    surrogate, wanted = Surrogate.load(kept), bem.solve(heights, 1000.0, 20.0)
-    pressure = wanted.force / (1000.0 * 33 / 32) ** 2
-    found = surrogate.predict(heights, 1000.0, pressure=[pressure, 2 * pressure])
-    exact = 0.02 if features == "hybrid" else 0.4
-    assert found.area[0] == pytest.approx(wanted.area_percent, rel=exact)
-    assert found.values["delta"][0] == pytest.approx(20.0, rel=exact)
-    assert np.isnan(found.delta).all()
-    stiffer = surrogate.predict(heights, 1000.0, pressure=10 * pressure, e_star=10.0)
-    assert stiffer.area == pytest.approx(found.area[:1])
+
+@pytest.fixture(scope="module")
+def pressure(contact):
+    """The mean pressure of the contact over the cells of all nodes [MPa]."""
+    return contact.force / (1000.0 * 33 / 32) ** 2
+
+
+@pytest.fixture(scope="module", params=["paper", "dimensionless", "hybrid"])
+def by_pressure(request, solved, tmp_path_factory):
+    """The file of a surrogate by pressure; a database by Delta has a pressure in each row."""
+    file = tmp_path_factory.mktemp(request.param) / "p.surrogate"
+    options = ["--features", request.param, "--load", "pressure", "-o", str(file)]
+    assert learn_cli.main(["fit", str(solved), *options]) == 0
+    return file
+
+
+@pytest.fixture
+def question(by_pressure, pressure, heights, tmp_path):
+    """Words of the command line that ask for the surface at the pressure, and at twice of it."""
     surface = tmp_path / "s.npy"
     np.save(surface, heights)
-    line = [
-        str(kept),
+    pressures = f"{pressure},{2 * pressure}"
+    return [
+        str(by_pressure),
         str(surface),
         "--side",
         "1000",
         "--pressure",
-        f"{pressure},{2 * pressure}",
+        pressures,
     ]
-    assert learn_cli.main(["predict", *line, "-o", str(csv)]) == 0
+
+
+@pytest.fixture
+def answer(by_pressure, pressure, heights):
+    """The prediction of the surface at the pressure, and at twice of it."""
+    pressures = [pressure, 2 * pressure]
+    return Surrogate.load(by_pressure).predict(heights, 1000.0, pressure=pressures)
+
+
+def test_contacts_under_a_pressure_are_learnt(answer, contact, by_pressure):
+    """The coarse solve of the hybrid features is exact here."""
+    exact = 0.02 if Surrogate.load(by_pressure).features.name == "hybrid" else 0.4
+    assert answer.area[0] == pytest.approx(contact.area_percent, rel=exact)
+    assert answer.values["delta"][0] == pytest.approx(20.0, rel=exact)
+    assert np.isnan(answer.delta).all()
+
+
+def test_stiffer_bodies_touch_the_same_at_a_pressure_as_much_larger(
+    answer, pressure, by_pressure, heights
+):
+    stiffer = Surrogate.load(by_pressure).predict(
+        heights, 1000.0, pressure=10 * pressure, e_star=10.0
+    )
+    assert stiffer.area == pytest.approx(answer.area[:1])
+
+
+def test_the_command_line_predicts_by_pressure(answer, pressure, question, tmp_path):
+    csv = tmp_path / "p.csv"
+    assert learn_cli.main(["predict", *question, "-o", str(csv)]) == 0
     rows = np.genfromtxt(csv, names=True, delimiter=",", dtype=None, encoding=None)
-    assert rows["area_percent"] == pytest.approx(found.area)
+    assert rows["area_percent"] == pytest.approx(answer.area)
     assert rows["pressure_MPa"] == pytest.approx([pressure, 2 * pressure])
-    np.save(tmp_path / "t.npy", heights.T)
-    for more in ([], [str(tmp_path / "t.npy")]):
-        assert (
-            learn_cli.main(["law", *line[:2], *more, *line[2:], "--csv", str(csv)]) == 0
-        )
-        rows = pd.read_csv(csv)
-        over = rows[rows["against"] == "pressure_MPa"]
-        assert over["area_percent"].iloc[-1] == pytest.approx(
-            found.area[1], rel=0.2 if more else 1e-6
-        )
-    served = SurrogateFunction(kept)
+
+
+@pytest.mark.parametrize("surfaces", [1, 2])
+def test_laws_are_tabulated_by_pressure(answer, question, heights, tmp_path, surfaces):
+    csv, twin = tmp_path / "p.csv", tmp_path / "t.npy"
+    np.save(twin, heights.T)
+    files = [question[1], str(twin)][:surfaces]
+    line = ["law", question[0], *files, *question[2:], "--csv", str(csv)]
+    assert learn_cli.main(line) == 0
+    rows = pd.read_csv(csv)
+    over = rows[rows["against"] == "pressure_MPa"]
+    assert over["area_percent"].iloc[-1] == pytest.approx(
+        answer.area[1], rel=1e-6 if surfaces == 1 else 0.2
+    )
+
+
+def test_functions_are_served_by_pressure(by_pressure, pressure):
+    served = SurrogateFunction(by_pressure)
     numbers = {"hurst": 0.7, "sigma0": 12.0, "pressure": pressure}
     assert served(**{name: numbers[name] for name in served.names})[0] > 0
-    assert learn_cli.main(["predict", *line[:4], "--delta", "20"]) == 2
+
+
+def test_a_surrogate_by_pressure_refuses_a_displacement(question, capsys):
+    assert learn_cli.main(["predict", *question[:4], "--delta", "20"]) == 2
     assert "give some, and --pressure" in capsys.readouterr().err
 
 
@@ -159,34 +201,37 @@ def rooted(solved):
     return fitted(solved, features="hybrid", roots=True)
 
 
-def test_roots_of_area_and_features_are_learnt_kept_and_squared_again(
-    rooted, heights, tmp_path
-):
+DELTAS = np.linspace(2.0, 40.0, 9)
+
+
+def test_square_roots_are_kept(rooted, heights, tmp_path):
     rooted.save(tmp_path / "rooted.surrogate")
     loaded = Surrogate.load(tmp_path / "rooted.surrogate")
     assert loaded.features.columns[-7:] == tuple(f"sqrt({name})" for name in ROOTED_LOCAL)
     assert loaded.card["blocks"] == 33
-    assert [loaded.learnt[name].scaling.root for name in ("area", "force")] == [
-        True,
-        False,
-    ]
-    deltas = np.linspace(2.0, 40.0, 9)
-    found, again = (
-        rooted.predict(heights, 1000.0, deltas),
-        loaded.predict(heights, 1000.0, deltas),
-    )
-    np.testing.assert_array_equal(again.area, found.area)
-    inputs = rooted.features.of(rooted.for_surface(heights, 1000.0).rows(deltas))
-    scaling = rooted.learnt["area"].scaling
-    roots = scaling.mean + scaling.deviation * rooted.learnt["area"].pipeline.predict(
-        inputs
-    )
-    np.testing.assert_allclose(found.area, np.maximum(roots, 0) ** 2, rtol=1e-9)
-    low, high = np.sqrt(found.low["area"]), np.sqrt(found.high["area"])
-    assert (found.low["area"] <= found.area).all()
-    cut = (found.low["area"] > 0) & (found.high["area"] < 100)
-    assert cut.sum() > 2
-    np.testing.assert_allclose((low + high)[cut] / 2, np.sqrt(found.area)[cut], rtol=1e-9)
+    assert loaded.learnt["area"].scaling.root
+    assert not loaded.learnt["force"].scaling.root
+    answer = rooted.predict(heights, 1000.0, DELTAS)
+    again = loaded.predict(heights, 1000.0, DELTAS)
+    np.testing.assert_array_equal(again.area, answer.area)
+
+
+def test_roots_of_areas_are_squared_again(rooted, heights):
+    answer = rooted.predict(heights, 1000.0, DELTAS)
+    inputs = rooted.features.of(rooted.for_surface(heights, 1000.0).rows(DELTAS))
+    area = rooted.learnt["area"]
+    roots = area.scaling.mean + area.scaling.deviation * area.pipeline.predict(inputs)
+    np.testing.assert_allclose(answer.area, np.maximum(roots, 0) ** 2, rtol=1e-9)
+
+
+def test_intervals_are_symmetric_about_the_root_where_no_bound_cuts_them(rooted, heights):
+    answer = rooted.predict(heights, 1000.0, DELTAS)
+    low, high = answer.low["area"], answer.high["area"]
+    assert (low <= answer.area).all()
+    uncut = (low > 0) & (high < 100)
+    assert uncut.sum() > 2
+    middle = (np.sqrt(low) + np.sqrt(high))[uncut] / 2
+    np.testing.assert_allclose(middle, np.sqrt(answer.area)[uncut], rtol=1e-9)
 
 
 def test_what_is_unknown_ground_is_said(ridge, heights):
@@ -261,35 +306,47 @@ def plastic(yielding):
     )
 
 
-def test_bodies_that_yield_touch_more_at_a_smaller_hardness(plastic, heights, tmp_path):
-    plastic.save(tmp_path / "plastic.surrogate")
-    loaded = Surrogate.load(tmp_path / "plastic.surrogate")
-    assert loaded.card["hardness_ratio"] == pytest.approx([0.003, 0.1])
-    soft = loaded.predict(heights, 1000.0, [8.0, 20.0], hardness=0.004)
-    hard = loaded.predict(heights, 1000.0, [8.0, 20.0], hardness=0.09)
+def test_bodies_that_yield_touch_more_at_a_smaller_hardness(plastic, heights):
+    soft = plastic.predict(heights, 1000.0, [8.0, 20.0], hardness=0.004)
+    hard = plastic.predict(heights, 1000.0, [8.0, 20.0], hardness=0.09)
     assert (soft.area > hard.area).all()
     assert (soft.force < hard.force).all()
     assert (soft.values["yielded_percent"] > hard.values["yielded_percent"]).all()
     assert (soft.values["yielded_percent"] <= 100).all()
-    same = plastic.predict(heights, 1000.0, [8.0, 20.0], hardness=0.004)
-    np.testing.assert_array_equal(same.area, soft.area)
 
 
-def test_a_hardness_outside_the_training_is_flagged_and_none_is_refused(plastic, heights):
-    on_surface = plastic.for_surface(heights, 1000.0)
+def test_files_keep_the_hardness(plastic, heights, tmp_path):
+    plastic.save(tmp_path / "plastic.surrogate")
+    loaded = Surrogate.load(tmp_path / "plastic.surrogate")
+    assert loaded.card["hardness_ratio"] == pytest.approx([0.003, 0.1])
+    answer = plastic.predict(heights, 1000.0, [8.0, 20.0], hardness=0.004)
+    again = loaded.predict(heights, 1000.0, [8.0, 20.0], hardness=0.004)
+    np.testing.assert_array_equal(again.area, answer.area)
+
+
+@pytest.fixture
+def on_surface(plastic, heights):
+    return plastic.for_surface(heights, 1000.0)
+
+
+def test_a_hardness_outside_the_training_is_flagged(on_surface):
     for hardness in (0.0029, 0.11):
         (reason,) = on_surface.predict(12.0, hardness=hardness).reasons
         assert f"hardness/E* {hardness:.4g} outside 0.003 to 0.1" in reason
     assert "hardness/E*" not in on_surface.predict(12.0, hardness=0.02).reasons[0]
+
+
+def test_several_hardnesses_of_the_training_ask_for_one(on_surface):
     with pytest.raises(
         InputError, match=r"give --hardness: .* yield at 0\.003 to 0\.1 E"
     ):
         on_surface.predict(12.0)
-    for wrong in (0.0, -1.0, np.nan, np.inf):
-        with pytest.raises(
-            InputError, match=r"hardness = .* must be a hardness above 0 MPa"
-        ):
-            on_surface.predict(12.0, hardness=wrong)
+
+
+@pytest.mark.parametrize("hardness", [0.0, -1.0, np.nan, np.inf])
+def test_an_impossible_hardness_is_refused(on_surface, hardness):
+    with pytest.raises(InputError, match=r"hardness = .* must be a hardness above 0 MPa"):
+        on_surface.predict(12.0, hardness=hardness)
 
 
 def test_one_hardness_of_the_training_is_the_one_of_the_answers(tmp_path, heights):
@@ -311,52 +368,74 @@ def cells(mirrored):
     return fitted(mirrored, features="hybrid")
 
 
-def test_a_surrogate_knows_the_boundary_of_its_patches(cells, ridge, heights, tmp_path):
+def test_patches_are_free_if_no_card_says_otherwise(ridge):
     assert "boundary" not in ridge.card
     assert ridge.boundary == "free"
+
+
+@pytest.fixture
+def on_cells(cells, heights):
+    return cells.for_surface(heights[:-1, :-1], 1000.0)
+
+
+def test_a_surrogate_knows_the_boundary_of_its_patches(cells, on_cells, tmp_path):
     cells.save(tmp_path / "cells.surrogate")
     loaded = Surrogate.load(tmp_path / "cells.surrogate")
     assert loaded.card["boundary"] == loaded.boundary == "mirror"
-    on_surface = loaded.for_surface(heights[:-1, :-1], 1000.0)
-    assert on_surface.surface.boundary == "mirror"
-    assert on_surface.surface.spacing == (1000.0 / 32,) * 2
-    answer = on_surface.predict([2.0, 4.0])
+    assert on_cells.surface.boundary == "mirror"
+    assert on_cells.surface.spacing == (1000.0 / 32,) * 2
+
+
+def test_the_grid_of_cells_is_that_of_the_training(on_cells):
+    answer = on_cells.predict([2.0, 4.0])
     assert not any("spacing" in reason or "nodes" in reason for reason in answer.reasons)
-    full = float((heights[:-1, :-1].max() - heights[:-1, :-1]).mean())
-    below, beyond = on_surface.predict([0.9 * full, 1.1 * full]).reasons
+
+
+def test_a_patch_of_cells_has_no_equilibrium_beyond_full_contact(on_cells):
+    heights = on_cells.surface.heights
+    full = float((heights.max() - heights).mean())
+    below, beyond = on_cells.predict([0.9 * full, 1.1 * full]).reasons
     assert "no equilibrium" not in below
     assert beyond.startswith(
         f"no equilibrium: the contact is full at delta = {full:.6g} um"
     )
 
 
-def test_a_surrogate_of_oblong_patches_knows_their_shape(populations, tmp_path):
-    fitted(populations / "spectral.h5", features="hybrid").save(
-        tmp_path / "oblong.surrogate"
-    )
-    loaded = Surrogate.load(tmp_path / "oblong.surrogate")
-    assert loaded.card["nodes"] == [18, 33]
-    assert loaded.card["side"] == [700.0, 1200.0]
-    assert loaded.card["spacing"] == pytest.approx([700 / 17, 1200 / 32])
-    assert "18 x 33 nodes, sides 700 x 1200 um" in " ".join(lines(loaded.card))
-    assert loaded.training.grid_note((18, 33), (700.0, 1200.0)) == ""
-    assert loaded.training.grid_note((18, 33), (7.0, 12.0)) == "", (
-        "without units any size is alike"
-    )
-    assert loaded.training.grid_note((33, 18), (1200.0, 700.0)) == (
+@pytest.fixture(scope="module")
+def oblong(populations):
+    """A surrogate of oblong patches, with features without units."""
+    return fitted(populations / "spectral.h5", features="hybrid")
+
+
+def test_files_keep_the_shape_of_oblong_patches(oblong, tmp_path):
+    oblong.save(tmp_path / "oblong.surrogate")
+    card = Surrogate.load(tmp_path / "oblong.surrogate").card
+    assert card["nodes"] == [18, 33]
+    assert card["side"] == [700.0, 1200.0]
+    assert card["spacing"] == pytest.approx([700 / 17, 1200 / 32])
+    assert "18 x 33 nodes, sides 700 x 1200 um" in " ".join(lines(card))
+
+
+def test_features_without_units_bind_to_the_shape_of_patches_alone(oblong):
+    grid_note = oblong.training.grid_note
+    assert grid_note((18, 33), (700.0, 1200.0)) == ""
+    assert grid_note((18, 33), (7.0, 12.0)) == ""
+    assert grid_note((33, 18), (1200.0, 700.0)) == (
         "33 x 18 nodes, trained on 18 x 33; 1200 x 700 um, trained on 700 x 1200 um"
     )
+
+
+def test_features_without_units_predict_any_size_alike(oblong):
     heights = np.random.default_rng(0).normal(size=(18, 33))
-    small = loaded.predict(heights, (700.0, 1200.0), [1.0, 2.0])
-    large = loaded.predict(1000 * heights, (700e3, 1200e3), [1e3, 2e3])
+    small = oblong.predict(heights, (700.0, 1200.0), [1.0, 2.0])
+    large = oblong.predict(1000 * heights, (700e3, 1200e3), [1e3, 2e3])
     np.testing.assert_allclose(large.area, small.area, rtol=1e-6)
     np.testing.assert_allclose(large.force, 1e6 * small.force, rtol=1e-6)
-    # One with units knows the spacing along both axes.
+
+
+def test_features_with_units_bind_to_side_and_spacing(populations):
     paper = fitted(populations / "spectral.h5", features="paper")
-    assert paper.training.grid_note((18, 33), (700.0, 1200.0)) == ""
-    assert "side 7 um, trained on 700 um" in paper.training.grid_note(
-        (18, 33), (7.0, 12.0)
-    )
-    assert "spacing 19.05 um, trained on 37.5 um" in paper.training.grid_note(
-        (18, 64), (700.0, 1200.0)
-    )
+    grid_note = paper.training.grid_note
+    assert grid_note((18, 33), (700.0, 1200.0)) == ""
+    assert "side 7 um, trained on 700 um" in grid_note((18, 33), (7.0, 12.0))
+    assert "spacing 19.05 um, trained on 37.5 um" in grid_note((18, 64), (700.0, 1200.0))
