@@ -206,11 +206,11 @@ def _with_coarse_solves(
     stopping: Callable[[], bool],
 ) -> list[Stored]:
     """Return rows with the Deltas and columns of their coarse solves; none after a stop."""
-    from learn.regeneration import hybrid_rows
+    from learn.regeneration import coarse_solves
 
     complete = []
     for part in parts:
-        coarse = hybrid_rows(part, executor, stopping, features)
+        coarse = coarse_solves(part, executor, stopping, features)
         if stopping():
             return []
         quantities = replace(part.quantities, delta=coarse.delta, hybrid=coarse.columns)
@@ -312,12 +312,15 @@ def _hardness_ratio(reader: Reader) -> Values | float | None:
 class UsableRows:
     """The k rows of one database that can be used for a target."""
 
-    part: Stored  # these rows; what features are computed from is that of all rows
+    # these rows alone, but for its `quantities`, which are still those of all rows of the database
+    part: Stored
     inputs: Values  # (k, d), features
     target: Values  # (k,), in the unit of its column over `scale`
     scale: Values  # (k,), divisor of the target
     origin: Origin
-    reasons: list[str]  # why each further row of the database is left out
+    reasons: list[
+        str
+    ]  # why rows of the database are left out, one each for those that are
 
 
 @dataclass(frozen=True)

@@ -75,7 +75,7 @@ class BlockFeatures:
     values: Values  # (k, 18 or 19), columns of `HYBRID` and, at pressures, the solve's Delta [um]
 
 
-def hybrid_rows(
+def coarse_solves(
     part: Stored,
     executor: Executor,
     stopping: Callable[[], bool],

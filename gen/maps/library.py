@@ -340,7 +340,7 @@ def open_maps(
 
 
 def _file_of_key(folder: Path, key: str) -> Path:
-    """Return the path in a folder of the file of prepared maps with a key."""
+    """Return the path of the file in a folder that holds the prepared maps of a key."""
     return folder / f"asperity-{key[:16]}.maps"
 
 
@@ -365,7 +365,7 @@ def _prepared_one_by_one(paths: Sequence[Path], recipe: Recipe) -> Iterator[Prep
         topography = _prepared_map(path, recipe.reading)
         if recipe.spacing is not None:
             topography = resampled(topography, recipe.spacing)
-        elif spacing is not None:
+        elif spacing is not None:  # this is not the first map
             _require_spacing(path, topography.spacing, paths[0], spacing)
         if spacing is None:
             spacing = _rounded(topography.spacing)
@@ -430,9 +430,8 @@ def _temporary_folder(*, make: bool) -> Path | None:
 
 
 PAGE = 4096  # each map begins at a multiple of this in the file, as pages of memory do [bytes]
-LONGEST_START = (
-    200  # most bytes of the second line: place, length and SHA-256 of the table
-)
+# largest length of the second line, with place, length and SHA-256 of the table [bytes]
+LONGEST_START = 200
 
 
 def write_maps(

@@ -20,6 +20,7 @@ from gen.arrays import Heights, Values
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 
+# length of each metric unit by its symbol [um]
 METRIC = {
     "m": 1e6,
     "cm": 1e4,
@@ -32,6 +33,7 @@ METRIC = {
 }
 # length of each unit by its name [um]
 UNITS = METRIC | {"A": 1e-4, "Å": 1e-4, "inch": 25.4e3}
+# units that messages name
 NAMED_UNITS = ", ".join(unit for unit in UNITS if unit.isascii())
 # further names of units, in lower case and in the singular, and their keys in `UNITS`
 WORDS = {"micron": "um", "angstrom": "A", "ångström": "A", "in": "inch", '"': "inch"}

@@ -26,10 +26,10 @@ def never():
     return False
 
 
-def hybrid_rows(database, executor, stopping, blocks=BLOCKS):
+def coarse_solves(database, executor, stopping, blocks=BLOCKS):
     features = replace(SETS["hybrid"], blocks=blocks)
     part = dataset.stored(database, Request((database,)), "delta")
-    return regeneration.hybrid_rows(part, executor, stopping, features).columns
+    return regeneration.coarse_solves(part, executor, stopping, features).columns
 
 
 @pytest.mark.parametrize(
@@ -62,7 +62,7 @@ def test_rows_have_what_surrogates_see_of_their_surfaces(population, blocks, loa
 def computed(solved, tmp_path_factory):
     """A database beside which features are kept, and these features."""
     path = shutil.copy(solved, tmp_path_factory.mktemp("computed") / "database.h5")
-    return path, hybrid_rows(path, Executor(), never)
+    return path, coarse_solves(path, Executor(), never)
 
 
 @pytest.fixture
@@ -96,7 +96,7 @@ def test_features_that_were_computed_are_read_from_the_file(
     kept, computed, computed_blocks
 ):
     assert np.isfinite(computed[1]).all()
-    np.testing.assert_array_equal(hybrid_rows(kept, Executor(), never), computed[1])
+    np.testing.assert_array_equal(coarse_solves(kept, Executor(), never), computed[1])
     assert not computed_blocks
 
 
@@ -107,14 +107,14 @@ def test_only_rows_whose_inputs_changed_are_computed_again(
         content = dict(file)
     content["inputs"][5] += 1.0
     np.savez(features_file(kept), **content)
-    np.testing.assert_array_equal(hybrid_rows(kept, Executor(), never), computed[1])
+    np.testing.assert_array_equal(coarse_solves(kept, Executor(), never), computed[1])
     assert [block[:2] for block in computed_blocks] == [(5, 6)]
 
 
 def test_a_damaged_file_is_computed_anew(kept, computed, computed_blocks):
     file = features_file(kept)
     file.write_bytes(file.read_bytes()[:1000])
-    np.testing.assert_array_equal(hybrid_rows(kept, Executor(), never), computed[1])
+    np.testing.assert_array_equal(coarse_solves(kept, Executor(), never), computed[1])
     assert len(computed_blocks) == 3
     assert not list(kept.parent.glob(".*.npz*"))
 
@@ -161,12 +161,12 @@ def test_kept_features_with_inputs_of_another_form_are_not_used(kept, spoil):
 
 def test_an_interrupted_run_keeps_what_was_finished(database):
     calls = iter([False, True, True])
-    part = hybrid_rows(database, Executor(), lambda: next(calls))
+    part = coarse_solves(database, Executor(), lambda: next(calls))
     finished = np.isfinite(part).all(axis=1)
     assert 0 < finished.sum() < 90
     with np.load(database.with_name(f"{database.name}.pressed.npz")) as file:
         np.testing.assert_array_equal(np.isfinite(file["values"]).all(axis=1), finished)
-    assert np.isfinite(hybrid_rows(database, Executor(), never)).all()
+    assert np.isfinite(coarse_solves(database, Executor(), never)).all()
 
 
 def test_surfaces_that_cannot_be_generated_anew_are_refused(database, change):
@@ -174,4 +174,4 @@ def test_surfaces_that_cannot_be_generated_anew_are_refused(database, change):
     with pytest.raises(
         InputError, match="row 40, generated anew from its scene, is another"
     ):
-        hybrid_rows(database, Executor(), never)
+        coarse_solves(database, Executor(), never)
