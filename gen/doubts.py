@@ -1,9 +1,14 @@
 """Reasons to distrust a contact problem, in one wording for all commands.
 
-A slip of a unit or a missing modulus gives a material that no solid has, surfaces that are too
-steep for the theory, loads that press every node into contact or one at most, or pressures at which
-real bodies yield. Each of these is a reason. A single problem is doubted if one of its contacts
-gives a reason. A database may have extreme rows on purpose: it is doubted if most of its rows do.
+A slip of a unit or a missing modulus has one of these symptoms, and each is a reason for doubt:
+
+- numbers of a material that no solid has,
+- surfaces that are too steep for the theory,
+- loads under which every node touches, or at most one,
+- pressures at which real bodies yield.
+
+A single problem is doubted if one of its contacts has a symptom. A database may have extreme rows
+on purpose: it is doubted if more than half of its rows have one.
 """
 
 from __future__ import annotations
@@ -24,7 +29,7 @@ GREATEST_HARDNESS = 0.2
 """Bounds of hardness over E* of solids: soft metals have 1e-3, glasses and polymers up to 0.1."""
 
 STIFFEST = 2e6
-"""E* above which there is no solid; diamond has 1.2e6 [MPa]."""
+"""E* that no solid exceeds [MPa]; diamond has 1.2e6 MPa."""
 
 SLIPS = {
     1e-3: "is the modulus in GPa",
@@ -32,50 +37,51 @@ SLIPS = {
     1e-6: "is the hardness in Pa",
     1e6: "is the modulus in Pa",
 }
-"""Question about a likely slip of a unit, by the factor that corrects hardness over E*. The first
-question that applies is asked."""
+"""Questions about likely slips of a unit, by the factor that corrects hardness over E*. The first
+one whose corrected ratio is that of a solid is asked."""
 
 YIELDING = 100
-"""E* over the pressure above which a warning is due: the hardness of steel is 2 GPa at an E* of
+"""A pressure above E* / YIELDING gets a warning: the hardness of steel is 2 GPa at an E* of
 230 GPa, and only glasses, ceramics and rubber bear more than a hundredth of E*."""
 
 STEEP = 0.3
-"""Rms slope above which the theory of the half-space, made for small slopes, is in doubt; the
-paper's rough surfaces have 0.10 to 0.44."""
+"""Rms slope below which slopes are small, as the theory of the half-space assumes. The paper's
+rough surfaces have 0.10 to 0.44."""
 
 STEEP_ROW = 1.0
 """Rms slope above which a row of a database is too steep; wide populations exceed `STEEP` on
 purpose."""
 
 DOUBTED_SHARE = 0.5
-"""Share of a database's rows above which a doubt about them is told."""
+"""Share of the rows of a database, or of the surfaces of a law, above which a doubt is reported."""
 
 OPTIONS = "--young or --e-star"
-"""Options of commands that give the modulus."""
+"""Names of the options of commands that give the modulus."""
 
 KEYS = "modulus in [contact]"
-"""Key of scenes that gives the modulus."""
+"""Name of the key of scenes that gives the modulus."""
 
 CHECK_LOAD = "check the load and the unit of the heights"
+"""Advice for loads that do not depend on a missing modulus."""
 
 
 @dataclass(frozen=True)
 class Pressed:
-    """The numbers of one solved contact that doubts are about."""
+    """Numbers of one solved contact from which doubts follow."""
 
     delta: float  # far-field displacement [um]
     largest_pressure: float  # [MPa]
-    contact_nodes: int
+    contact_nodes: int  # number of nodes in contact
 
 
 @dataclass(frozen=True, eq=False)
 class SolvedRows:
-    """The numbers of solved rows of a database that doubts are about: arrays of shape (rows,)."""
+    """Numbers of solved rows of a database from which doubts follow: arrays of shape (rows,)."""
 
     delta: Values  # far-field displacement [um]
     span: Values  # difference of the highest and the lowest node [um]
     slope: Values  # rms slope between neighbouring nodes [1]; NaN where it is not known
-    contact_nodes: Values
+    contact_nodes: Values  # number of nodes in contact
     pressure: Values  # nominal pressure [MPa]
 
 
@@ -86,13 +92,16 @@ class DeltaOnSurface(NamedTuple):
     span: float  # difference of the highest and the lowest node [um]
 
 
-NO_FULL_CONTACT = DeltaOnSurface(math.inf, math.nan)
-NO_SINGLE_NODE = DeltaOnSurface(-math.inf, math.nan)
+NO_FULL_CONTACT = DeltaOnSurface(delta=math.inf, span=math.nan)
+"""Smallest Delta of full contact if no row is in full contact: any other one is smaller."""
+
+NO_SINGLE_NODE = DeltaOnSurface(delta=-math.inf, span=math.nan)
+"""Largest Delta with one node in contact if no row has one: any other one is larger."""
 
 
 @dataclass(frozen=True)
 class Tally:
-    """Counts and extremes of the rows of a database, which add up over its parts."""
+    """Counts and extremes of rows of a database. Tallies of its parts can be added."""
 
     rows: int = 0
     full: int = 0  # rows in which every node touches
@@ -150,16 +159,15 @@ class Tally:
 
 
 def _deltas(rows: SolvedRows, places: NDArray[np.bool_]) -> list[DeltaOnSurface]:
-    """Return the displacements of some of the rows, with the spans of their surfaces."""
+    """Return the displacements of the rows at `places`, each with the span of its surface."""
     deltas = rows.delta[places].tolist()
     spans = rows.span[places].tolist()
-    return [
-        DeltaOnSurface(delta, span) for delta, span in zip(deltas, spans, strict=True)
-    ]
+    pairs = zip(deltas, spans, strict=True)
+    return [DeltaOnSurface(delta=delta, span=span) for delta, span in pairs]
 
 
 def material_doubts(bodies: Bodies) -> list[str]:
-    """Doubt numbers that no solid has, and ask for the likely slip of a unit.
+    """Doubt a hardness over E*, or an E*, that no solid has, and name the likely slip of a unit.
 
     Parameters
     ----------
@@ -169,7 +177,7 @@ def material_doubts(bodies: Bodies) -> list[str]:
     Returns
     -------
     list of str
-        One line, or none.
+        One line without "warning:"; empty if the material is possible.
     """
     ratio = bodies.hardness_ratio
     if ratio is not None and not _is_of_a_solid(ratio):
@@ -191,7 +199,10 @@ def _is_of_a_solid(ratio: float) -> bool:
 
 
 def _likely_slip(ratio: float) -> str:
-    """Return the question about the slip of a unit that explains a hardness over E*."""
+    """Return the question about the slip of a unit that explains a hardness over E*.
+
+    It has no question mark. If no slip of `SLIPS` explains the ratio, it is a general one.
+    """
     for factor, question in SLIPS.items():
         if _is_of_a_solid(ratio * factor):
             return question
@@ -199,7 +210,7 @@ def _likely_slip(ratio: float) -> str:
 
 
 def modulus_in_words(bodies: Bodies, given_by: str = OPTIONS) -> str:
-    """Say what E* is, and which option or key gives it if it is the default.
+    """Say what E* is and, if it is the default, which option or key gives another one.
 
     Parameters
     ----------
@@ -211,7 +222,7 @@ def modulus_in_words(bodies: Bodies, given_by: str = OPTIONS) -> str:
     Returns
     -------
     str
-        Part of a sentence.
+        Part of a sentence, without a full stop.
     """
     modulus = f"E* is {bodies.e_star:.4g} MPa"
     if bodies.has_modulus or bodies.e_star != 1.0:
@@ -229,8 +240,8 @@ def steep_slopes(slope: float, apart: float, where: str = "") -> str:
     apart : float
         Distance of neighbouring nodes [um].
     where : str
-        Part of the sentence that says for which rows this holds, with what separates it from the
-        words before; "" for a single surface.
+        Part of the sentence that says for which rows this holds, with the comma before it, as
+        ", above 1 in 9 of 9 rows"; "" for a single surface.
 
     Returns
     -------
@@ -245,9 +256,10 @@ def steep_slopes(slope: float, apart: float, where: str = "") -> str:
 
 
 def _full_contact(delta: float, span: float, advice: str, where: str = "") -> str:
-    """Return a line that doubts loads under which every node touches, from a Delta [um] on.
+    """Return a line that doubts loads under which every node touches.
 
-    The heights have this span [um]. `where` says for which rows this holds.
+    `delta` is the smallest Delta of these loads, `span` the span of the heights there, both in um.
+    `advice` ends the line. `where` says for which rows this holds, with a blank before it; or "".
     """
     return (
         f"from Delta = {delta:.4g} um on every node touches{where}, the heights span"
@@ -258,7 +270,7 @@ def _full_contact(delta: float, span: float, advice: str, where: str = "") -> st
 def contact_doubts(
     heights: Heights, bodies: Bodies, load: str, solved: Sequence[Pressed]
 ) -> list[str]:
-    """Doubt contacts of one surface: full contact, and pressures at which real bodies yield.
+    """Doubt contacts of one surface that are full, or whose pressures make real bodies yield.
 
     Parameters
     ----------
@@ -274,11 +286,11 @@ def contact_doubts(
     Returns
     -------
     list of str
-        One line for each doubt.
+        One line for each doubt, without "warning:".
     """
     doubts: list[str] = []
     largest = max(contact.largest_pressure for contact in solved)
-    # Without a material, a force or a pressure scales with an E* that the user did not give.
+    # What a force or a pressure does depends on E*, which is 1 MPa if the user gave none.
     unscaled = load != "delta" and not bodies.has_modulus
     full = [contact.delta for contact in solved if contact.contact_nodes == heights.size]
     if full:
@@ -296,7 +308,10 @@ def contact_doubts(
 def _yielding_doubts(
     bodies: Bodies, solved: Sequence[Pressed], largest: float
 ) -> list[str]:
-    """Return a line if real bodies yield at the largest pressure [MPa] of elastic contacts."""
+    """Return a line if real bodies yield at the largest pressure of elastic contacts, else none.
+
+    `largest` is the largest pressure of all contacts [MPa].
+    """
     limit = bodies.e_star / YIELDING
     beyond = [contact.delta for contact in solved if contact.largest_pressure > limit]
     if not beyond:
@@ -320,8 +335,9 @@ def rows_doubts(
 ) -> list[str]:
     """Doubt a database by its rows, or by rows that were tried before it is made.
 
-    One slip has one line: loads that are too large or too small for steep surfaces are not told in
-    a line of their own.
+    A doubt is reported if more than half of the rows give it. One slip has one line: if surfaces
+    are too steep, loads that are too large or too small for them are not reported, and under full
+    contact the nominal pressure is not.
 
     Parameters
     ----------
@@ -334,12 +350,12 @@ def rows_doubts(
     apart : float
         Distance of neighbouring nodes [um].
     noun : str
-        Plural of a row, as messages call these.
+        Name of the rows in messages, in the plural.
 
     Returns
     -------
     list of str
-        One line for each doubt.
+        One line for each doubt, without "warning:".
     """
     doubts: list[str] = []
     share = f"of {tally.rows} {noun}"

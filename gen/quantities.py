@@ -34,12 +34,16 @@ AMOUNT = (0.0, math.inf)
 """Bounds of an amount."""
 
 SIDES = (1, 2)
-"""Codes of opposite sides that are connected along x and along y; the code of both is their sum."""
+"""Codes for opposite sides that are connected along x, and along y. If both are, the code is the
+sum."""
 
 Cost = Literal[
     "", "a linear solve", "a solve on a coarser grid", "the flow through the gap"
 ]
+"""Computation that a quantity needs besides the contact; "" if it needs none."""
+
 Trend = Literal["rises", "falls", "turns"]
+"""How a quantity changes as the load rises; one that "turns" may both rise and fall."""
 
 
 class Powers(NamedTuple):
@@ -50,13 +54,13 @@ class Powers(NamedTuple):
     modulus: int
 
 
-PURE = Powers(0, 0, 0)
-LIKE_HEIGHTS = Powers(1, 0, 0)
-LIKE_LENGTHS = Powers(0, 1, 0)
-LIKE_AREAS = Powers(0, 2, 0)
-LIKE_PRESSURES = Powers(1, -1, 1)
-LIKE_FORCES = Powers(1, 1, 1)
-LIKE_STIFFNESSES = Powers(0, 1, 1)
+PURE = Powers(heights=0, lengths=0, modulus=0)
+LIKE_HEIGHTS = Powers(heights=1, lengths=0, modulus=0)
+LIKE_LENGTHS = Powers(heights=0, lengths=1, modulus=0)
+LIKE_AREAS = Powers(heights=0, lengths=2, modulus=0)
+LIKE_PRESSURES = Powers(heights=1, lengths=-1, modulus=1)
+LIKE_FORCES = Powers(heights=1, lengths=1, modulus=1)
+LIKE_STIFFNESSES = Powers(heights=0, lengths=1, modulus=1)
 
 
 @dataclass(frozen=True)
@@ -80,27 +84,27 @@ BODIES_ALONE = Media()
 
 @dataclass(frozen=True)
 class InLaw:
-    """How a quantity stands in contact laws.
+    """Form of a quantity in contact laws.
 
     Attributes
     ----------
     short : str
         Name in the functions of a C header.
     trend : {"rises", "falls", "turns"}
-        How the quantity changes with the load; one that turns may do both.
+        How the quantity changes as the load rises; one that "turns" may both rise and fall.
     per_area : str
-        Unit of the quantity over the nominal area, if laws have it so; "" if they do not.
+        Unit in laws, if laws divide the quantity by the nominal area; "" if they do not.
     factor : float
-        Factor from the quantity's unit over um2 to `per_area`.
+        Value of 1 unit of the quantity per um2, in the unit `per_area`.
     noun : str
         Name on the axes of laws; the noun of the quantity if left out.
     key : str
         Name of the column, with its unit; that of the quantity if left out.
     goes_on : bool
-        Whether functions of a C header continue it with its last slope beyond the last point of a
-        table.
+        True if functions of a C header follow its last slope beyond the last point of a table;
+        otherwise they stay at the last value.
     derived : bool
-        Whether surrogates compute it from predicted quantities, so that its errors are larger than
+        True if surrogates compute it from predicted quantities, so that its errors are larger than
         theirs.
     """
 
@@ -127,28 +131,28 @@ class Quantity:
     words : str
         Meaning of the quantity, in databases and exports.
     read : callable
-        Function of a solved contact and the media of its interface, which returns the value.
+        Function of a solved contact and the media of its interface. It returns the value in `unit`.
     powers : Powers or None
-        Powers of heights, lengths and E* that it scales with; None if it scales with none.
+        Powers of heights, lengths and E* that it is proportional to; None if it is not proportional
+        to any, as the conductance of a gas.
     noun : str
         Name in `gen contact` and on the axes of pictures.
     remark : str
-        Text that `gen contact` prints behind the unit.
+        Remark that `gen contact` prints after the unit.
     key : str
         Name with the unit, in tables; `NAME_UNIT` if left out.
     stored : str
         When databases have the column: "always"; "hardness", for bodies that yield; "asked", if
         the scene has the key in `[store]`; "" if they never have it.
     early : bool
-        Whether scenes write the key of `[store]` also where it is off, as they do for the oldest
-        keys.
+        True for the oldest keys of `[store]`, which scenes write even if they are off.
     option : str
-        When `gen contact` shows it: "always", with a field of `gen.maps.contacts.AnswerOptions`, or
-        "" for never.
+        When `gen contact` shows it: "always"; "" for never; otherwise the name of the field of
+        `gen.maps.contacts.AnswerOptions` that has to be given.
     cost : str
         Computation that the quantity needs besides the contact; "" for none.
     needs_hardness : bool
-        Whether only bodies that yield have it.
+        True if only bodies that yield have it.
     dtype : str
         Type of the column, in numpy's notation.
     bounds : tuple of float
@@ -156,23 +160,23 @@ class Quantity:
     paper_range : tuple of float or None
         Range in the paper's database, if the paper states it.
     per_node : bool
-        Whether it is a field of shape (nx, ny).
+        True if it is a field of shape (nx, ny).
     code : bool
-        Whether its numbers stand for words. Such numbers are neither learnt nor drawn as a curve.
+        True if its numbers are codes for words. Codes are neither learnt nor drawn as a curve.
     counts_nodes : bool
-        Whether it is the number or the share of nodes in contact. These begin at 0 with an
+        True if it is the number or the share of nodes in contact. Both begin at 0 with an
         infinite slope, so that surrogates learn their square root.
     single : bool
-        Whether `gen contact` prints it for a single load only. Tables of several loads would
-        become too wide.
+        True if `gen contact` prints it for a single load only, because tables of several loads
+        would become too wide.
     at_rest : callable or None
-        Function of a posed problem and the media, which returns the value at first touch; None for
-        0.
+        Function of a posed problem and the media. It returns the value at first touch in `unit`.
+        None if the value is 0.
     at_full : callable or None
-        Function of a posed problem, which returns the value at full contact; None if it depends on
-        the load.
+        Function of a posed problem. It returns the value at full contact in `unit`. None if the
+        value depends on the load.
     law : InLaw or None
-        How it stands in contact laws; None if they never have it.
+        Form in contact laws; None if they never have it.
     """
 
     name: str
@@ -236,8 +240,8 @@ class Quantity:
         Returns
         -------
         float
-            The value in `law_unit`, per nominal area if laws have it so. Values that rounding puts
-            beyond the bounds are those of the bounds.
+            The value in `law_unit`. Laws divide some quantities by the nominal area. A value
+            beyond `bounds`, as rounding may give, is replaced by the bound.
 
         Raises
         ------
@@ -287,13 +291,13 @@ class Quantity:
         Returns
         -------
         bool
-            Whether it is infinite; False for a quantity that depends on the load at full contact.
+            True if it is infinite; False also if its value at full contact depends on the load.
         """
         return self.at_full is not None and math.isinf(self.at_full(problem))
 
     @property
     def diverges(self) -> bool:
-        """Whether the quantity is infinite at full contact of some problems."""
+        """True if the quantity is infinite at full contact of some problems."""
         return self.at_full in DIVERGING
 
     @property
@@ -310,7 +314,7 @@ class Quantity:
 
     @property
     def law_unit(self) -> str:
-        """Unit in laws."""
+        """Unit in laws, per nominal area if laws divide the quantity by it."""
         if self.law is not None and self.law.per_area:
             return self.law.per_area
         return self.unit
@@ -325,7 +329,10 @@ class Quantity:
 
 
 def _with_unit(name: str, unit: str) -> str:
-    """Append a unit to a name, as in mean_gap_um; pure numbers and percentages stay as they are."""
+    """Append a unit to a name, as in mean_gap_um.
+
+    Names of pure numbers and of percentages are returned as they are.
+    """
     if unit in {"1", "%"}:
         return name
     return f"{name}_{unit.replace('/', '_per_')}"
@@ -344,11 +351,12 @@ def typographic(unit: str) -> str:
     str
         The unit with µ for the prefix u and ² for squares, for example µm or mm².
     """
-    return re.sub(r"m2\b", "m²", re.sub(r"\bu(?=[mN])", "µ", unit))
+    with_micro = re.sub(r"\bu(?=[mN])", "µ", unit)
+    return re.sub(r"m2\b", "m²", with_micro)
 
 
 def nominal_area(contact: Contact) -> float:
-    """Return the area of a patch that mean pressures refer to.
+    """Return the area of a patch over which nominal pressures are means.
 
     Parameters
     ----------
@@ -363,7 +371,7 @@ def nominal_area(contact: Contact) -> float:
     return contact.pressure.size * math.prod(contact.problem.spacing)
 
 
-# Quantities that are more than one property of a contact.
+# Functions that read a quantity off a contact, if it is not just one property of the contact.
 
 
 def _nominal_pressure(contact: Contact, _: Media) -> float:
@@ -372,20 +380,20 @@ def _nominal_pressure(contact: Contact, _: Media) -> float:
 
 
 def _closure(contact: Contact, media: Media) -> float:
-    """Return Delta without the displacement of the half-space behind a free patch [um].
+    """Return Delta less the displacement of the half-space behind a free patch [um].
 
-    Rounding may make the difference negative: then it is 0.
+    It is 0 if rounding makes the difference negative.
     """
     compliance = patch_compliance(contact.problem)
     return max(contact.delta - compliance * _nominal_pressure(contact, media), 0.0)
 
 
 def patch_compliance(problem: Problem) -> float:
-    """Compute the displacement of a flat punch of the size of the patch per nominal pressure.
+    """Compute the displacement of a flat punch of the size of the patch, per nominal pressure.
 
-    On a rigid far field Delta includes this displacement of the half-space, which the mesh of a
-    finite-element model adds by itself. There is none for a patch without edges, nor on a compliant
-    far field, whose Delta leaves it out.
+    With a rigid far field, Delta of a free patch includes this displacement of the half-space. The
+    mesh of a finite-element model adds it by itself. Delta does not include it for a patch without
+    edges, nor with a compliant far field.
 
     Parameters
     ----------
@@ -406,7 +414,10 @@ def patch_compliance(problem: Problem) -> float:
 
 
 def _code_of_sides(connected: tuple[bool, bool]) -> int:
-    """Return the sum of the codes of the axes, x and y, whose opposite sides are connected."""
+    """Return the sum of the codes `SIDES` of the axes whose opposite sides are connected.
+
+    `connected` is whether they are along x, and along y.
+    """
     code = 0
     if connected[0]:
         code += SIDES[0]
@@ -432,32 +443,40 @@ def _mean_spot(contact: Contact, _: Media) -> float:
 def _conductance(stiffness: float, contact: Contact, media: Media) -> float:
     """Return the conductance k S / E* of both bodies for a stiffness S [uN/um] (Barber 2003).
 
-    The mean conductivity k counts in W/(m K), so that the result has the unit W/(m K) um, 1e-6 W/K.
+    The mean conductivity k = 2 k1 k2 / (k1 + k2) is in W/(m K), so that the result is in 1e-6 W/K.
+    Raises ValueError without conductivities.
     """
     from bem.contact import mean_conductivity
 
     if media.conductivities is None:
         raise ValueError("a conductance needs the conductivities of both bodies")
-    return mean_conductivity(*media.conductivities) / contact.problem.modulus * stiffness
+    conductivity = mean_conductivity(*media.conductivities)
+    return conductivity / contact.problem.modulus * stiffness
 
 
 def _gas_conductance(contact: Contact, media: Media) -> float:
-    """Return the conductance of the gas where the gap is open, per nominal area [W/(mm2 K)]."""
+    """Return the conductance of the gas in the open gap, per nominal area [W/(mm2 K)].
+
+    Raises ValueError without a gas.
+    """
     import numpy as np
 
     if media.gas is None:
         raise ValueError("the conductance of a gas needs a gas")
-    # Nodes in contact have a gap of 0 only within the tolerance of the solver.
-    return media.gas.conductance(np.where(contact.pressure > 0, 0.0, contact.gap))
+    # The solver leaves gaps within its tolerance at nodes in contact.
+    gap = np.where(contact.pressure > 0, 0.0, contact.gap)
+    return media.gas.conductance(gap)
 
 
 def _joint_conductance(contact: Contact, media: Media) -> float:
     """Return the conductance of spots and gas together, per nominal area [W/(mm2 K)]."""
-    spots = _conductance(1.0, contact, media) / nominal_area(contact)
-    return spots * contact.interface_stiffness + _gas_conductance(contact, media)
+    # 1e-6 W/K over um2 is W/(mm2 K).
+    per_stiffness = _conductance(1.0, contact, media) / nominal_area(contact)
+    spots = per_stiffness * contact.interface_stiffness
+    return spots + _gas_conductance(contact, media)
 
 
-# Values at first touch, of a problem whose load does not matter.
+# Functions that return a value at first touch of a problem. The load of the problem is not used.
 
 
 def _undeformed_gap(problem: Problem) -> Any:
@@ -471,14 +490,17 @@ def _mean_gap_at_rest(problem: Problem, _: Media) -> float:
 
 
 def _gas_at_rest(problem: Problem, media: Media) -> float:
-    """Return the conductance of the gas in the undeformed gap, per nominal area [W/(mm2 K)]."""
+    """Return the conductance of the gas in the undeformed gap, per nominal area [W/(mm2 K)].
+
+    Raises ValueError without a gas.
+    """
     if media.gas is None:
         raise ValueError("the conductance of a gas needs a gas")
     return media.gas.conductance(_undeformed_gap(problem))
 
 
 def _aperture_at_rest(axis: int) -> Callable[[Problem, Media], float]:
-    """Return a function for the hydraulic aperture of the undeformed gap along axis 0 or 1 [um]."""
+    """Make the function of the aperture at first touch [um], along axis 0 (x) or 1 (y)."""
 
     def aperture(problem: Problem, _: Media) -> float:
         """Return the aperture [um], or raise ArithmeticError if the flow does not converge."""
@@ -493,7 +515,7 @@ def _aperture_at_rest(axis: int) -> Callable[[Problem, Media], float]:
     return aperture
 
 
-# Values at full contact, of a problem whose load does not matter.
+# Functions that return a value at full contact of a problem. The load of the problem is not used.
 
 
 def _everything(_: Problem) -> float:
@@ -514,7 +536,7 @@ def _all_nodes(problem: Problem) -> float:
 def _stiffness_at_full(problem: Problem) -> float:
     """Return the stiffness of a flat punch of the size of the patch [N/m].
 
-    It is infinite for a patch without edges, on which full contact moves as one.
+    It is infinite for a patch without edges, because all nodes of it sink alike.
     """
     if problem.boundary != "free":
         return math.inf
@@ -524,19 +546,19 @@ def _stiffness_at_full(problem: Problem) -> float:
 
 
 def _interface_at_full(_: Problem) -> float:
-    """Return infinity: at full contact the interface adds no compliance to the half-spaces'."""
+    """Return infinity, because in full contact the interface adds no compliance to the bodies."""
     return math.inf
 
 
 DIVERGING = (_stiffness_at_full, _interface_at_full)
-"""Functions of values at full contact that are infinite for some problems."""
+"""Functions for `Quantity.at_full` whose values are infinite for some problems."""
 
 _CONNECTS = "opposite sides that contact connects: 0 none, 1 along x, 2 along y, 3 both"
 _APERTURE = "distance of plates with the same flow along {} as the gap, 0 where it seals"
 
 
 def _flow_factor(axis: int) -> Quantity:
-    """Make the record of the flow factor along axis 0 or 1."""
+    """Make the record of the flow factor along axis 0 (x) or 1 (y)."""
     name = "xy"[axis]
     return Quantity(
         name=f"flow_factor_{name}",
@@ -552,7 +574,7 @@ def _flow_factor(axis: int) -> Quantity:
 
 
 def _hydraulic_aperture(axis: int) -> Quantity:
-    """Make the record of the hydraulic aperture along axis 0 or 1."""
+    """Make the record of the hydraulic aperture along axis 0 (x) or 1 (y)."""
     name = "xy"[axis]
     return Quantity(
         name=f"hydraulic_aperture_{name}",
@@ -565,7 +587,7 @@ def _hydraulic_aperture(axis: int) -> Quantity:
         option="flow",
         cost="the flow through the gap",
         at_rest=_aperture_at_rest(axis),
-        law=InLaw(f"hydraulic_aperture_{name}", "falls"),
+        law=InLaw(short=f"hydraulic_aperture_{name}", trend="falls"),
     )
 
 
@@ -580,7 +602,7 @@ RECORDS: tuple[Quantity, ...] = (
         stored="always",
         option="always",
         paper_range=(5.0, 45.0),
-        law=InLaw("delta", goes_on=True),
+        law=InLaw(short="delta", goes_on=True),
     ),
     Quantity(
         name="approach",
@@ -607,7 +629,7 @@ RECORDS: tuple[Quantity, ...] = (
         paper_range=(0.01, 16.56),
         counts_nodes=True,
         at_full=_everything,
-        law=InLaw("area"),
+        law=InLaw(short="area"),
     ),
     Quantity(
         name="force",
@@ -618,7 +640,7 @@ RECORDS: tuple[Quantity, ...] = (
         noun="normal force",
         stored="always",
         option="always",
-        law=InLaw("force", goes_on=True),
+        law=InLaw(short="force", goes_on=True),
     ),
     Quantity(
         name="nominal_pressure",
@@ -630,7 +652,7 @@ RECORDS: tuple[Quantity, ...] = (
         remark="force over the whole patch",
         key="pressure_MPa",
         option="always",
-        law=InLaw("pressure", goes_on=True),
+        law=InLaw(short="pressure", goes_on=True),
     ),
     Quantity(
         name="closure",
@@ -640,7 +662,7 @@ RECORDS: tuple[Quantity, ...] = (
         powers=LIKE_HEIGHTS,
         noun="closure",
         cost="a linear solve",
-        law=InLaw("closure", goes_on=True, derived=True),
+        law=InLaw(short="closure", goes_on=True, derived=True),
     ),
     Quantity(
         name="contact_nodes",
@@ -655,7 +677,7 @@ RECORDS: tuple[Quantity, ...] = (
         dtype="i4",
         counts_nodes=True,
         at_full=_all_nodes,
-        law=InLaw("contact_nodes"),
+        law=InLaw(short="contact_nodes"),
     ),
     Quantity(
         name="yielded_percent",
@@ -669,7 +691,7 @@ RECORDS: tuple[Quantity, ...] = (
         option="always",
         needs_hardness=True,
         bounds=SHARE,
-        law=InLaw("yielded"),
+        law=InLaw(short="yielded"),
     ),
     Quantity(
         name="largest_yielded_depth",
@@ -680,7 +702,7 @@ RECORDS: tuple[Quantity, ...] = (
         noun="largest yielded depth",
         option="always",
         needs_hardness=True,
-        law=InLaw("largest_yielded_depth"),
+        law=InLaw(short="largest_yielded_depth"),
     ),
     Quantity(
         name="mean_gap",
@@ -694,7 +716,7 @@ RECORDS: tuple[Quantity, ...] = (
         option="always",
         at_rest=_mean_gap_at_rest,
         at_full=_nothing,
-        law=InLaw("mean_gap", "falls"),
+        law=InLaw(short="mean_gap", trend="falls"),
     ),
     Quantity(
         name="largest_pressure",
@@ -706,7 +728,7 @@ RECORDS: tuple[Quantity, ...] = (
         stored="asked",
         early=True,
         option="always",
-        law=InLaw("largest_pressure"),
+        law=InLaw(short="largest_pressure"),
     ),
     Quantity(
         name="perimeter",
@@ -720,7 +742,7 @@ RECORDS: tuple[Quantity, ...] = (
         option="always",
         single=True,
         at_full=_nothing,
-        law=InLaw("perimeter", "turns"),
+        law=InLaw(short="perimeter", trend="turns"),
     ),
     Quantity(
         name="stiffness",
@@ -760,7 +782,7 @@ RECORDS: tuple[Quantity, ...] = (
         cost="a linear solve",
         at_full=_interface_at_full,
         law=InLaw(
-            "stiffness",
+            short="stiffness",
             per_area="MPa/um",
             noun="stiffness",
             key="stiffness_MPa_per_um",
@@ -793,7 +815,7 @@ RECORDS: tuple[Quantity, ...] = (
         cost="a linear solve",
         at_full=_interface_at_full,
         law=InLaw(
-            "conductance",
+            short="conductance",
             per_area="W/(mm2 K)",
             factor=1e6,
             noun="conductance",
@@ -810,7 +832,7 @@ RECORDS: tuple[Quantity, ...] = (
         noun="conductance of the gas",
         key="gas_conductance_W_per_mm2_K",
         at_rest=_gas_at_rest,
-        law=InLaw("gas_conductance", "turns"),
+        law=InLaw(short="gas_conductance", trend="turns"),
     ),
     Quantity(
         name="joint_conductance",
@@ -823,7 +845,7 @@ RECORDS: tuple[Quantity, ...] = (
         cost="a linear solve",
         at_rest=_gas_at_rest,
         at_full=_interface_at_full,
-        law=InLaw("joint_conductance", "turns", derived=True),
+        law=InLaw(short="joint_conductance", trend="turns", derived=True),
     ),
     Quantity(
         name="contact_spots",
@@ -837,7 +859,7 @@ RECORDS: tuple[Quantity, ...] = (
         stored="asked",
         option="spots",
         dtype="i4",
-        law=InLaw("spots", "turns"),
+        law=InLaw(short="spots", trend="turns"),
     ),
     Quantity(
         name="mean_spot_area",
@@ -848,7 +870,7 @@ RECORDS: tuple[Quantity, ...] = (
         noun="mean spot",
         key="mean_spot_um2",
         option="spots",
-        law=InLaw("mean_spot", "turns"),
+        law=InLaw(short="mean_spot", trend="turns"),
     ),
     Quantity(
         name="largest_spot_area",
@@ -860,7 +882,7 @@ RECORDS: tuple[Quantity, ...] = (
         key="largest_spot_um2",
         stored="asked",
         option="spots",
-        law=InLaw("largest_spot", "turns"),
+        law=InLaw(short="largest_spot", trend="turns"),
     ),
     Quantity(
         name="largest_spot_percent",
@@ -873,7 +895,7 @@ RECORDS: tuple[Quantity, ...] = (
         stored="asked",
         option="spots",
         bounds=SHARE,
-        law=InLaw("largest_spot_share", "turns"),
+        law=InLaw(short="largest_spot_share", trend="turns"),
     ),
     Quantity(
         name="contact_connects",
@@ -912,7 +934,7 @@ RECORDS: tuple[Quantity, ...] = (
         option="grid_error",
         bounds=SHARE,
         at_full=_everything,
-        law=InLaw("continuum_area"),
+        law=InLaw(short="continuum_area"),
     ),
     _flow_factor(0),
     _hydraulic_aperture(0),
@@ -977,6 +999,7 @@ ALWAYS_IN_LAWS = (DELTA, AREA, FORCE, MEAN_GAP, PRESSURE, CLOSURE)
 """Quantities that every point of a law has."""
 
 _WITH_OPTIONS = (STIFFNESS, CONDUCTANCE, GAS, JOINT, CONTINUUM, *APERTURES)
+"""Quantities that a law has if options of their own ask for them, apart from `--also`."""
 
 ALSO: dict[str, Quantity] = {
     quantity.name: quantity
@@ -987,7 +1010,10 @@ ALSO: dict[str, Quantity] = {
 
 
 def _columns_against(*first: Quantity) -> tuple[str, ...]:
-    """Return the names of the columns of a law's table; those of `--also` come last."""
+    """Return the names of the columns of a law's table.
+
+    The quantities `first` come first, then those with options of their own, then those of `--also`.
+    """
     columns = (*first, *_WITH_OPTIONS, *ALSO.values())
     return tuple(quantity.in_laws for quantity in columns)
 
@@ -996,7 +1022,7 @@ LAW_COLUMNS: dict[str, tuple[str, ...]] = {
     DELTA.in_laws: _columns_against(AREA, FORCE, MEAN_GAP, PRESSURE, CLOSURE),
     PRESSURE.in_laws: _columns_against(DELTA, CLOSURE, AREA, MEAN_GAP),
 }
-"""Columns that the tables of a law can have, by the column of the loads that they begin with."""
+"""Columns of quantities that a table of a law can have, in order, by the column of its loads."""
 
 
 def stored_quantities() -> tuple[Quantity, ...]:

@@ -1,10 +1,11 @@
 """Contact laws: closure, area, mean gap and conductance against Delta and nominal pressure.
 
-A law is that of one surface, or the mean over the surfaces of a population with the band of a
-further one. It has a table against Delta and one against the pressure. The patch is a piece of a
-larger interface, and is continued by its mirror images unless the order has another boundary: the
-displacement of a free patch as a whole belongs to the mesh of a finite-element model, not to its
-interface.
+A law describes one surface, or the mean over the surfaces of a population with the band of a
+further surface. It has a table against Delta and one against the pressure.
+
+The patch is a piece of a larger interface. Its mirror images continue it unless the order has
+another boundary, because the half-space sinks under a free patch: this belongs to the mesh of a
+finite-element model, not to the interface.
 """
 
 import functools
@@ -28,16 +29,17 @@ from gen.quantities import AREA
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import shortened
 
-FEW = 10  # nodes in contact below which a law shows the grid rather than the surface
+FEW = 10
+"""Nodes in contact below which a law shows the grid rather than the surface."""
 
 STEPS = 40
-"""Number of displacements over the range of a training, where no load is given."""
+"""Number of displacements over the range of a surrogate's training, if no load is given."""
 
 BETWEEN: Mapping[Load, str] = {
     "delta": "between the Deltas",
     "pressure": "between the pressures",
 }
-"""Which contacts the progress counts where they are solved between the loads of a table."""
+"""Name of the contacts between the loads of a table, as the display of the progress has it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,41 +48,42 @@ class Tables:
 
     over_delta: Curves
     over_pressure: Curves
-    remarks: Sequence[str]  # about the contacts, one line each
+    remarks: Sequence[str]  # remarks and warnings about the contacts, one line each
 
 
 @dataclass(frozen=True)
 class Making:
     """How a law was made, in words for its readers."""
 
-    method: str
-    band: str  # description of its band if it has one surface
+    method: str  # as "solved contact by contact"
+    band: str  # description of the band of one surface; not used for a population
 
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """Tables of a contact law."""
+    """A contact law: its tables, and how they were made."""
 
     order: Order
-    over_delta: Curves  # begins at Delta = 0
-    over_pressure: Curves  # Delta is among its curves
+    over_delta: Curves  # begins at Delta = 0, first touch
+    over_pressure: Curves  # has Delta among its curves
     bodies: Bodies
     boundary: Boundary
-    band: str  # its description
-    descriptions: tuple[str, ...]  # of the surfaces, one line for each input
+    band: str  # description of the band
+    descriptions: tuple[str, ...]  # descriptions of the inputs, one line each
     notes: tuple[str, ...]  # remarks about the making of the law, one line each
     title: str  # names of the surfaces, with those of the second bodies, on one line
-    nodes: int  # of the smallest surface
+    nodes: int  # number of nodes of the smallest surface
     surface_names: tuple[str, ...]  # in the order of `Curve.surfaces`
-    sources: tuple[Source, ...] = ()  # files of its surfaces and their preparation
+    sources: tuple[Source, ...] = ()  # files of the surfaces, with their preparation
     # Contacts between the points of `over_delta` and of `over_pressure`; None without any.
     between_deltas: Curves | None = None
     between_pressures: Curves | None = None
-    checks: Curves | None = None  # contacts at pressures that judge straight lines
+    # Contacts at pressures that straight lines are compared with; None without any.
+    checks: Curves | None = None
 
 
 def by_solver(order: Order) -> Law:
-    """Make a law with the solver, and print lines about each file on standard error.
+    """Make a law with the solver. The preparation of files is printed on standard error.
 
     Parameters
     ----------
@@ -115,7 +118,10 @@ def by_solver(order: Order) -> Law:
 
 
 def _bodies(order: Order, subjects: LawSurfaces) -> Bodies:
-    """Return the bodies of an order, or those of its scenes; E* is 1 MPa if neither gives it."""
+    """Return the bodies of a law: E* and hardness of the order, or else those of its scenes.
+
+    E* is 1 MPa if neither gives it. A hardness of scenes is scaled to the E* of the law.
+    """
     e_star = order.e_star or subjects.modulus() or 1.0
     hardness = order.hardness
     if hardness is None:
@@ -126,7 +132,7 @@ def _bodies(order: Order, subjects: LawSurfaces) -> Bodies:
 
 
 def _band_of_one_surface(tables: Tables) -> str:
-    """Describe the band of one surface: the error of the grid, where it resolves a contact."""
+    """Describe the band of one surface: the error of the grid, if this resolves a contact."""
     for table in (tables.over_delta, tables.over_pressure):
         if table.resolved_somewhere:
             return "the error of the grid, 9 times in 10, of the area in the continuum; one surface"
@@ -140,7 +146,7 @@ def law_of(
     tables: Tables,
     making: Making,
 ) -> Law:
-    """Make a law of tables: end them below full contact, add conductances and all notes.
+    """Make a law of tables: end them below full contact, and add conductances and all notes.
 
     Parameters
     ----------
@@ -163,8 +169,8 @@ def law_of(
     Raises
     ------
     InputError
-        If nothing but first touch lies below full contact in a requested table, or nothing at all
-        in the other table.
+        If a requested table has no load above 0 below full contact, or the other table has no
+        argument there at all.
     """
     pressures = tables.over_pressure.below_full_contact(
         bodies, required="pressure" in order.requested
@@ -184,6 +190,7 @@ def law_of(
     notes += [f"warning: {doubt}" for doubt in material_doubts(bodies)]
     notes += tables.remarks
     nodes = min(surface.heights.size for surface in subjects.surfaces)
+    # These are "" if there is nothing to say.
     notes += [pressures.remark, deltas.remark, _few_nodes(over_pressure, nodes)]
     return Law(
         order=order,
@@ -209,16 +216,18 @@ def _method(making: Making, boundary: Boundary) -> str:
 
 
 def _with_conductance(table: Curves, order: Order, bodies: Bodies) -> Curves:
-    """Add the conductance of the spots to a table with a stiffness, if bodies conduct heat."""
+    """Return a table with the conductance of the spots, too, if it can be known.
+
+    That needs conductivities in the order and a stiffness in the table.
+    """
     if order.conductivities is None:
         return table
-    return table.with_conductance(
-        mean_conductivity(*order.conductivities) / bodies.e_star
-    )
+    conductivity = mean_conductivity(*order.conductivities)
+    return table.with_conductance(conductivity / bodies.e_star)
 
 
 def _few_nodes(over_pressure: Curves, nodes: int) -> str:
-    """Say up to which pressure too few of the nodes touch; "" if enough do everywhere."""
+    """Say up to which pressure fewer than `FEW` nodes touch; "" if they never do."""
     touching = over_pressure.curves[AREA.in_laws].value * nodes / 100
     pressures = over_pressure.at[(touching > 0) & (touching < FEW)]
     if not pressures.size:
@@ -235,23 +244,25 @@ def mean_at_rest(at_rest: Sequence[Mapping[str, float]]) -> dict[str, float]:
     Parameters
     ----------
     at_rest : sequence of mapping
-        Values of the same quantities by names in laws, for each surface.
+        For each surface, the values by names in laws. All surfaces have the same names.
 
     Returns
     -------
-    dict
-        Their means by names in laws.
+    dict of float
+        Means by names in laws.
     """
-    return {
-        name: float(np.mean([values[name] for values in at_rest])) for name in at_rest[0]
-    }
+    means: dict[str, float] = {}
+    for name in at_rest[0]:
+        of_surfaces = [values[name] for values in at_rest]
+        means[name] = float(np.mean(of_surfaces))
+    return means
 
 
 def _tables(solver: LawSolver, solved: Mapping[Load, SolvedLoads]) -> Tables:
     """Tabulate contacts against Delta and against pressure.
 
-    If the order has no loads for one table, a population is solved at further loads for it. The
-    table of one surface has the contacts of the other table.
+    `solved` has the contacts at the loads of the order. If the order has loads for one table only,
+    the other table of one surface has the same contacts; a population is solved at further loads.
     """
     order = solver.order
     contacts = dict(solved)
@@ -264,12 +275,16 @@ def _tables(solver: LawSolver, solved: Mapping[Load, SolvedLoads]) -> Tables:
     ]
     tables: dict[Load, Curves] = {}
     for load in ARGUMENTS:
-        # Pressures that the user gave stay without first touch.
+        # The table against pressures that the user gave has these alone, without first touch.
         from_rest = load == "delta" or load not in solved
         tables[load] = _table(load, contacts[load], at_rest, order, from_rest=from_rest)
     remarks = [line for answers in solved.values() for line in answers.warnings]
     remarks += [line for answers in contacts.values() for line in answers.remarks]
-    return Tables(tables["delta"], tables["pressure"], list(dict.fromkeys(remarks)))
+    return Tables(
+        over_delta=tables["delta"],
+        over_pressure=tables["pressure"],
+        remarks=list(dict.fromkeys(remarks)),  # each once
+    )
 
 
 def _table(
@@ -280,9 +295,10 @@ def _table(
     *,
     from_rest: bool,
 ) -> Curves:
-    """Tabulate contacts against their loads; `from_rest` puts first touch before them.
+    """Tabulate contacts against their loads. `from_rest` puts first touch before them.
 
-    Values that turn back, which they do only within the tolerance of the solver, are replaced.
+    Values that turn back are held at the extreme value before, see `held`: they turn back only
+    within the tolerance of the solver. `at_rest` are the values at first touch of each surface.
     """
     loads = contacts.loads
     parts = contacts.points
@@ -294,32 +310,37 @@ def _table(
     table = tabulated(
         ARGUMENTS[load], loads, parts, order.coverage, mean_at_rest(at_rest)
     )
-    return replace(table, grid=parts[0].grid)
+    return replace(table, grid=parts[0].grid)  # judged on the first surface alone
 
 
 def _held(points: Points) -> Points:
-    """Return points whose values do not turn back, with their intervals as they are."""
+    """Return points whose values are made monotone by `held`, with unchanged intervals."""
     values = {name: held(name, array) for name, array in points.values.items()}
     return replace(points, values=values)
 
 
 def _same_contacts(points: Points, load: Load) -> SolvedLoads:
-    """Return the contacts of one surface in the order of another load, where it rises."""
+    """Return the contacts of one surface, sorted by their values of another load.
+
+    Contacts at which this load is 0 or does not rise are left out.
+    """
     argument = points.values[ARGUMENTS[load]]
     ascending = np.argsort(argument, kind="stable")
     places = ascending[risen(argument[ascending])]
-    return SolvedLoads(argument[places], [points.chosen(places)])
+    return SolvedLoads(loads=argument[places], points=[points.chosen(places)])
 
 
 def _contacts_for_other_table(
     load: Load, other: SolvedLoads, solver: LawSolver
 ) -> SolvedLoads:
-    """Return contacts for the table of a load that the order does not give.
+    """Return contacts for the table against `load`, which the order does not give.
 
-    Those of one surface are the contacts of the other table. A population is solved at the means of
-    the load over the surfaces in the other table. Unlike surfaces may be pressed flat by the first
-    mean displacement: then each displacement is the smallest of all surfaces. Loads that are not
-    solved make the table shorter, perhaps empty; pressures are refused if all reach the hardness.
+    `other` has the contacts of the other table. One surface has these contacts in both tables. A
+    population is solved anew: at each load of the other table its surfaces have different values of
+    `load`, and the mean of these is the new load. If already the first mean displacement presses a
+    surface flat, the smallest displacements of all surfaces take the place of the means. Loads
+    that are not solved are left out, perhaps all. Raises InputError if all pressures reach the
+    hardness.
     """
     if len(solver.surfaces) == 1:
         return _same_contacts(other.points[0], load)
@@ -332,6 +353,7 @@ def _contacts_for_other_table(
     contacts = solver.solve_some("delta", means, other.points)
     if not contacts.in_full_contact:
         return contacts
+    # The surfaces are so unlike that a mean displacement presses one of them flat.
     smallest = np.sort(of_surfaces.min(axis=0))
     shorter = solver.solve_some("delta", smallest[risen(smallest)], other.points)
     remarks = contacts.remarks or [ends_below(means[0])]
@@ -339,7 +361,7 @@ def _contacts_for_other_table(
 
 
 def _below_hardness(pressures: Values, bodies: Bodies) -> Values:
-    """Return the pressures below the hardness [MPa], or refuse them if there are none."""
+    """Return the pressures below the hardness [MPa]. Raises InputError if there are none."""
     if bodies.hardness is None:
         return pressures
     below = pressures[pressures < (1 - APART) * bodies.hardness]
@@ -354,8 +376,8 @@ def _below_hardness(pressures: Values, bodies: Bodies) -> Values:
 def _with_contacts_between(law: Law, solver: LawSolver) -> Law:
     """Return a law with contacts between the points of the tables that its order names.
 
-    An order for the pressures alone has quantities that tables of the pressure over the closure
-    hold, and no others.
+    If only contacts between the pressures are wanted, they are for tables of finite elements.
+    These have neither an area in the continuum nor apertures, which are not computed then.
     """
     order = law.order
     over_delta = "delta" in order.between
@@ -377,9 +399,9 @@ def _with_contacts_between(law: Law, solver: LawSolver) -> Law:
 
 
 class SolverBetween:
-    """Solves contacts between the points of a law, as parts of its tables.
+    """Solver of contacts between the points of a law, which it returns as tables.
 
-    Contacts at pressures are remembered: those of one surface are also contacts between Deltas.
+    It remembers contacts at pressures: of one surface they are also contacts between Deltas.
 
     Parameters
     ----------
@@ -413,7 +435,7 @@ class SolverBetween:
         return self._tabulated(self.law.over_pressure, contacts)
 
     def at_checks(self, pressures: Values) -> Curves:
-        """Solve contacts that judge straight lines, and are no part of the law.
+        """Solve contacts to compare straight lines with, and do not remember them.
 
         Parameters
         ----------
@@ -445,7 +467,13 @@ class SolverBetween:
         return self._tabulated(self.law.over_delta, contacts)
 
     def same_over_delta(self) -> Curves | None:
-        """Return the remembered contacts of one surface against Delta; None without any."""
+        """Return the remembered contacts of the only surface as a table against Delta.
+
+        Returns
+        -------
+        Curves or None
+            The contacts below full contact; None if none are remembered.
+        """
         tables: list[Curves] = []
         for contacts in self.contacts_at_pressures:
             same = _same_contacts(contacts.points[0], "delta")
@@ -455,12 +483,20 @@ class SolverBetween:
         return functools.reduce(merged, tables)
 
     def _tabulated(self, table: Curves, contacts: SolvedLoads) -> Curves:
-        """Tabulate contacts below full contact as those of a table of the law."""
+        """Tabulate contacts like `table`, a table of the law.
+
+        Contacts in full contact, or with a value that is not finite, are left out.
+        """
         if not contacts.loads.size:
-            return table.chosen(np.zeros(table.at.size, dtype=bool))
+            nowhere = np.zeros(table.at.size, dtype=bool)
+            return table.chosen(nowhere)  # an empty table
         order = self.solver.order
         between = tabulated(
-            table.against, contacts.loads, contacts.points, order.coverage, table.at_rest
+            against=table.against,
+            at=contacts.loads,
+            parts=contacts.points,
+            level=order.coverage,
+            at_rest=table.at_rest,
         )
         between = _with_conductance(between, order, self.law.bodies)
         below = between.curves[AREA.in_laws].value < 100

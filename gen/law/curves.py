@@ -31,13 +31,14 @@ from gen.quantities import (
 from gen.runtime.errors import InputError
 
 OUTSIDE_SHARE = 0.5
-"""Share of surfaces outside the training above which a row tells nothing about an interface."""
+"""Share of the surfaces outside a surrogate's training above which a row is flagged: it tells
+nothing about the interface."""
 
 APART = 1e-9
-"""Relative distance within which two numbers are the same: rounding lies between them."""
+"""Relative difference up to which two numbers are taken to be equal, as rounding explains it."""
 
 OUTSIDE_WEIGHT = 1e-9
-"""Weight of a point outside the training, over one inside, where curves are made monotone."""
+"""Weight of a point outside the training when curves are made monotone; a point inside has 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,27 +49,28 @@ class Points:
     """
 
     values: dict[str, Values]
-    # Ends of the intervals; quantities without intervals are left out.
+    # Ends of the intervals of the values; quantities without intervals are left out.
     low: dict[str, Values] = field(default_factory=dict)
     high: dict[str, Values] = field(default_factory=dict)
     # For each load, why it is outside the training; "" where it is inside.
     reasons: tuple[str, ...] = ()
-    # For each load, why it has no interval although it is inside; "" where it has one, and no
-    # entries if all have.
+    # For each load inside the training without an interval, why it has none; "" for other loads.
+    # Empty if all loads have one.
     endless: tuple[str, ...] = ()
-    # For each load, why the area is that of the grid; "" where the grid resolves the contact, and
-    # no entries if that was not judged.
+    # For each load, why the grid does not resolve the contact, so that the area in the continuum is
+    # not known; "" where it does. Empty if that was not judged.
     grid: tuple[str, ...] = ()
 
     def changed(
         self, change: Callable[[str, Values], Values], reasons: tuple[str, ...]
     ) -> Points:
-        """Return points with all arrays changed.
+        """Return points with new values and intervals.
 
         Parameters
         ----------
         change : callable
-            Takes the name of a quantity and its values or ends, (k,), and returns new ones, (m,).
+            Function of the name of a quantity and of its values, or one end of its intervals, (k,).
+            It returns the new ones, (m,).
         reasons : tuple of str
             For each of the m new loads, why it is outside the training, or "".
 
@@ -89,7 +91,7 @@ class Points:
         )
 
     def chosen(self, places: NDArray[np.bool_] | NDArray[np.int64]) -> Points:
-        """Return the points at some of the loads, without `endless`.
+        """Return the points at some of the loads; `endless` is dropped.
 
         Parameters
         ----------
@@ -108,7 +110,7 @@ class Points:
         return replace(points, grid=texts_at(self.grid, places))
 
     def from_rest(self, at_rest: Mapping[str, float]) -> Points:
-        """Put first touch, Delta = 0, before all loads.
+        """Put first touch, Delta = 0, before all loads; `endless` is dropped.
 
         Parameters
         ----------
@@ -118,7 +120,7 @@ class Points:
         Returns
         -------
         Points
-            Points under k + 1 loads, without `endless`.
+            Points under k + 1 loads. First touch is inside the training and resolved.
         """
         points = self.changed(
             lambda name, array: np.append(at_rest.get(name, 0.0), array),
@@ -132,7 +134,7 @@ class Points:
 def texts_at(
     texts: Sequence[str], places: NDArray[np.bool_] | NDArray[np.int64]
 ) -> tuple[str, ...]:
-    """Choose some of the texts that points or rows have.
+    """Choose some of the texts that belong to points or rows.
 
     Parameters
     ----------
@@ -151,20 +153,22 @@ def texts_at(
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """One quantity against k arguments; low and high are NaN where there is no band."""
+    """One quantity of a law at k arguments, which `Curves.at` has; arrays are in its law's unit."""
 
-    value: Values
-    low: Values
-    high: Values
-    slope: Values  # per unit of the argument
-    surfaces: Values | None = None  # of each of the K surfaces of a population, (K, k)
+    value: Values  # of the surface, or the mean over a population, (k,)
+    low: Values  # lower end of the band, NaN where there is none, (k,)
+    high: Values  # upper end of the band, NaN where there is none, (k,)
+    slope: Values  # derivative of the value, per unit of the argument, (k,)
+    # Values of each of the K surfaces of a population, (K, k); None for one surface.
+    surfaces: Values | None = None
 
     @property
     def std(self) -> Values:
         """Standard deviation over the surfaces, by K - 1, (k,); NaN for one surface."""
         if self.surfaces is None:
             return np.full(self.value.size, np.nan)
-        with np.errstate(invalid="ignore"):  # of infinite stiffnesses, which have none
+        # Infinite stiffnesses have the deviation NaN.
+        with np.errstate(invalid="ignore"):
             return np.asarray(self.surfaces.std(axis=0, ddof=1))
 
     @property
@@ -175,7 +179,7 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """One table of a law."""
+    """One table of a law: curves at k arguments."""
 
     against: str  # name of the argument: "delta_um" or "pressure_MPa"
     at: Values  # ascending arguments [um or MPa], (k,)
@@ -187,8 +191,9 @@ class Curves:
     at_rest: Mapping[str, float]
     # True where most surfaces are outside a surrogate's training, (k,).
     flagged: NDArray[np.bool_]
-    # Why the area is that of the grid, of a population on its first surface; "" where the grid
-    # resolves the contact, and no entries if that was not judged.
+    # For each argument, why the grid does not resolve the contact, so that the area in the
+    # continuum is not known; "" where it does. A population is judged on its first surface. Empty
+    # if that was not judged.
     grid: tuple[str, ...] = ()
 
     @property
@@ -200,13 +205,13 @@ class Curves:
 
     @property
     def resolved_somewhere(self) -> bool:
-        """True if the grid resolves the contact under a load."""
+        """True if the grid resolves the contact at one argument above 0 or more."""
         resolved = self.resolved
         return resolved is not None and bool((resolved & (self.at > 0)).any())
 
     @property
     def banded(self) -> bool:
-        """True if any value has a band, apart from the area in the continuum."""
+        """True if any value has a band. The band of the area in the continuum is not considered."""
         return any(
             bool(curve.banded.any())
             for name, curve in self.curves.items()
@@ -215,7 +220,10 @@ class Curves:
 
     @property
     def conducting(self) -> str:
-        """Name of the conductance with the most parts, of spots and gas; "" if there is none."""
+        """Name of the conductance of the interface; "" if there is none.
+
+        It is that of spots and gas together, else that of the spots, else that of the gas.
+        """
         for quantity in (JOINT, CONDUCTANCE, GAS):
             if quantity.in_laws in self.curves:
                 return quantity.in_laws
@@ -263,14 +271,15 @@ class Curves:
         )
 
     def below_full_contact(self, bodies: Bodies, *, required: bool) -> BelowFullContact:
-        """End the table below full contact, where nothing is left of an interface.
+        """End the table below full contact, in which there is no interface any more.
 
-        Full contact is where every node touches, or where the stiffness of a surface is infinite.
+        Full contact is where every node touches, or where the stiffness is infinite, as it is if
+        one surface of a population is in full contact. Flagged arguments are not considered.
 
         Parameters
         ----------
         bodies : Bodies
-            Material of the bodies, which an error names.
+            Material of the bodies, for the message of an error.
         required : bool
             True if the table has to have a load above 0.
 
@@ -282,8 +291,8 @@ class Curves:
         Raises
         ------
         InputError
-            If the first argument is in full contact already, or the table is required and has
-            nothing but first touch below.
+            If the first argument is in full contact already, or if a required table has no argument
+            above 0 below full contact.
         """
         full = self.curves[AREA.in_laws].value >= 100
         if STIFFNESS.in_laws in self.curves:
@@ -336,10 +345,10 @@ class Curves:
 
 @dataclass(frozen=True, eq=False)
 class BelowFullContact:
-    """A table up to full contact."""
+    """A table that ends below full contact."""
 
     curves: Curves
-    remark: str = ""  # that the table is shorter; "" if it is not
+    remark: str = ""  # sentence that the table was cut, and where; "" if it was not
 
 
 def tabulated(
@@ -351,14 +360,13 @@ def tabulated(
 ) -> Curves:
     """Put the points of one surface or of many into one table.
 
-    The values and intervals of one surface are those of its points. Those of a population are the
-    mean over the surfaces at the same argument, and the band of a further surface
-    (`gen.law.bands`).
+    The table of one surface has its values and intervals. The table of a population has the mean
+    over the surfaces at each argument, and the band of a further surface (`gen.law.bands`).
 
-    There is no band outside a surrogate's training: for one surface at points with a reason, for a
-    population where more surfaces are outside than the band leaves out on each side. Where more
-    than a share `OUTSIDE_SHARE` of the surfaces is outside, derived quantities, such as the
-    stiffness and the conductance, are NaN.
+    There is no band outside a surrogate's training. One surface has none at points with a reason. A
+    population has none where a larger share of the surfaces is outside than the band leaves out on
+    each side. Where more than `OUTSIDE_SHARE` of the surfaces is outside, derived quantities, such
+    as the stiffness and the conductance, are NaN.
 
     Parameters
     ----------
@@ -381,11 +389,11 @@ def tabulated(
     Raises
     ------
     InputError
-        If a mean is not finite, and is of a quantity that is finite at full contact.
+        If a mean is not finite, although the quantity is finite at full contact.
     """
     flags = [[bool(reason) for reason in part.reasons] for part in parts]
     outside = np.array(flags).mean(axis=0)
-    withheld = outside > (1 - level) / 2
+    withheld = outside > (1 - level) / 2  # where there is no band
     if len(parts) == 1:
         reasons = _reasons_of_one_surface(parts[0])
         if parts[0].endless:
@@ -399,7 +407,7 @@ def tabulated(
         curve = _curve(name, at, parts, level, at_rest.get(name, 0.0))
         curve = _without_band(curve, withheld)
         if _is_derived(name):
-            # It misses by more than the predicted quantities that it follows from.
+            # Its error is larger than that of the predicted quantities that it follows from.
             curve = _without_value(curve, outside > OUTSIDE_SHARE)
         curves[name] = curve
     return Curves(
@@ -422,7 +430,10 @@ def _reasons_of_one_surface(points: Points) -> list[str]:
 
 
 def _reasons_of_population(parts: Sequence[Points]) -> list[str]:
-    """Return for each load how many surfaces are outside the training, and the first reason."""
+    """Return for each load how many surfaces are outside the training, and the first reason.
+
+    The text is "" where all are inside.
+    """
     texts: list[str] = []
     for place in range(len(parts[0].reasons)):
         reasons = [part.reasons[place] for part in parts if part.reasons[place]]
@@ -437,9 +448,10 @@ def _reasons_of_population(parts: Sequence[Points]) -> list[str]:
 def _curve(
     name: str, at: Values, parts: Sequence[Points], level: float, first_touch: float
 ) -> Curve:
-    """Return the curve of a quantity at arguments, (k,), with its band where it has both ends.
+    """Return the curve of a quantity at arguments, (k,).
 
-    The band contains the value. `first_touch` is the value at first touch.
+    Its band is widened to contain the value, and NaN where an end is not finite. `first_touch` is
+    the value at first touch. Raises InputError for means that should be finite and are not.
     """
     of_surfaces = np.stack([part.values[name] for part in parts])
     value = of_surfaces.mean(axis=0)
@@ -465,13 +477,16 @@ def _curve(
 
 
 def _interval(name: str, points: Points) -> Band:
-    """Return the interval of a quantity of one surface, (k,); NaN if it has none."""
+    """Return the interval of a quantity of one surface as a band, (k,); NaN if it has none."""
     nowhere = np.full(points.values[name].size, np.nan)
-    return Band(points.low.get(name, nowhere), points.high.get(name, nowhere))
+    return Band(low=points.low.get(name, nowhere), high=points.high.get(name, nowhere))
 
 
 def _band(name: str, at: Values, of_surfaces: Values, level: float) -> Band:
-    """Return the band of a quantity of K surfaces, (K, k); first touch has one where all are 0."""
+    """Return the band of a quantity, (k,), from its values on K surfaces, (K, k).
+
+    At first touch, where all surfaces have the value 0, both ends are 0.
+    """
     percent = name.endswith("_percent")
     band = further_surface(of_surfaces, level, percent=percent)
     touching = (at == 0) & (of_surfaces == 0).all(axis=0)
@@ -503,7 +518,7 @@ def _without_value(curve: Curve, places: NDArray[np.bool_]) -> Curve:
 
 
 def _is_derived(name: str) -> bool:
-    """Return whether a quantity of laws follows from predicted ones."""
+    """Return whether surrogates compute a quantity of laws from predicted ones."""
     law = IN_LAWS[name].law
     return law is not None and law.derived
 
@@ -519,7 +534,7 @@ def trend(name: str) -> Trend:
     Returns
     -------
     {"rises", "falls", "turns"}
-        The trend; a quantity that turns may do both.
+        The trend; a quantity that "turns" may both rise and fall.
     """
     law = IN_LAWS[name].law
     if law is None:
@@ -532,14 +547,15 @@ class Monotone:
     """Points of one surface whose curves are monotone."""
 
     points: Points
-    corrections: dict[str, Values]  # what was added to the values, by names in laws
+    corrections: dict[str, Values]  # new less old values, (k,), by names in laws
 
 
 def monotone(points: Points) -> Monotone:
     """Make the curves of one surface monotone by least squares.
 
-    Delta, quantities that turn, and those with a value that is not finite stay as they are. Points
-    outside the training follow those inside, which they hardly move.
+    Unchanged are Delta, quantities that turn, and quantities with a value that is not finite.
+    Points outside the training have a small weight, so that they move those inside very little.
+    `endless` and `grid` are dropped.
 
     Parameters
     ----------
@@ -549,7 +565,8 @@ def monotone(points: Points) -> Monotone:
     Returns
     -------
     Monotone
-        Points whose values lie between the ends of their intervals, and the corrections.
+        The new points, and the corrections. Ends of intervals are moved if a value would lie beyond
+        them.
     """
     from scipy.optimize import isotonic_regression
 
@@ -573,7 +590,7 @@ def monotone(points: Points) -> Monotone:
 
 
 def continued(points: Points, larger: Points) -> Points:
-    """Append points at larger Delta, with values and ends that do not turn back.
+    """Append points at larger Delta, and hold values and ends of intervals monotone by `held`.
 
     Parameters
     ----------
@@ -605,7 +622,7 @@ def continued(points: Points, larger: Points) -> Points:
 
 
 def held(name: str, values: Values) -> Values:
-    """Replace values that turn back by the extreme value before them.
+    """Replace each value that turns back by the extreme of the values before it.
 
     Parameters
     ----------
@@ -617,8 +634,8 @@ def held(name: str, values: Values) -> Values:
     Returns
     -------
     ndarray, shape (k,)
-        Values that rise or fall throughout. Those of a quantity that may turn stay: a gas conducts
-        less where contact has taken its place.
+        Values that nowhere fall, or nowhere rise. Values of a quantity that turns are returned as
+        they are, as the conductance of a gas, which falls where contact takes the place of the gap.
     """
     match trend(name):
         case "rises":
@@ -636,7 +653,7 @@ def risen(values: Values, apart: float = APART) -> NDArray[np.bool_]:
     values : ndarray, shape (k,)
         Numbers in any order.
     apart : float
-        Relative distance by which a value has to be above the last one that was.
+        Relative distance by which a value has to be above the last one found.
 
     Returns
     -------
@@ -662,13 +679,13 @@ def slopes(at: Values, values: Values, first_touch: float) -> Values:
     values : ndarray, shape (k,)
         Values at these arguments.
     first_touch : float
-        Value at the argument 0, where the curve begins if 0 is not among the arguments.
+        Value at the argument 0. The cubic begins there even if 0 is not among the arguments.
 
     Returns
     -------
     ndarray, shape (k,)
-        Slopes at the arguments. They are NaN where values are not finite, and the cubic begins anew
-        after these. A single point has the slope 0.
+        Slopes at the arguments. They are NaN where values are not finite. Each run of finite values
+        has a cubic of its own; a run of one value has the slope 0.
     """
     from scipy.interpolate import PchipInterpolator
 
@@ -677,10 +694,13 @@ def slopes(at: Values, values: Values, first_touch: float) -> Values:
         at = np.append(0.0, at)
         values = np.append(first_touch, values)
     slope = np.full(at.size, np.nan)
+    # Indices at which runs of finite values begin and end, in turn.
     edges = np.flatnonzero(np.diff(np.isfinite(values), prepend=False, append=False))
     for first, end in zip(edges[::2], edges[1::2], strict=True):
         slope[first:end] = 0.0
         if end - first > 1:
             part = PchipInterpolator(at[first:end], values[first:end])
             slope[first:end] = part.derivative()(at[first:end])
-    return slope[1:] if starts_later else slope
+    if starts_later:  # without the point at 0 that was added
+        return slope[1:]
+    return slope

@@ -36,25 +36,64 @@ KEY = 20_260
 """Key of the draw's stream of random numbers, which belongs to no other part of a scene."""
 
 FUNCTIONS = (
-    400  # functions that a process might be, of which errors of its mean are taken
+    400  # functions that a process might be, by which errors of its mean are estimated
 )
 POINTS = 4  # looks of a learning curve, at least
 EXPONENTS = (0.1, 1.0)  # smallest and largest exponent of a curve
 
 
 def size(number: int, per_surface: int) -> int:
-    """Return the rows of a size, counted from 0: two digits, rounded up to whole surfaces."""
+    """Return the number of rows of a size at which a database is looked at.
+
+    Parameters
+    ----------
+    number : int
+        Number of the size, counted from 0.
+    per_surface : int
+        Rows of one surface.
+
+    Returns
+    -------
+    int
+        Rows, with two digits and then rounded up to whole surfaces.
+    """
     smallest = max(SMALLEST_ROWS, SMALLEST_SURFACES * per_surface)
-    return -(-int(float(f"{smallest * RATIO**number:.2g}")) // per_surface) * per_surface
+    rows = int(float(f"{smallest * RATIO**number:.2g}"))
+    surfaces = math.ceil(rows / per_surface)
+    return surfaces * per_surface
 
 
 def size_with(rows: int, per_surface: int) -> int:
-    """Return the number of the smallest size that has some number of rows, or more."""
+    """Return the number of the smallest size with at least some rows.
+
+    Parameters
+    ----------
+    rows : int
+        Number of rows.
+    per_surface : int
+        Rows of one surface.
+
+    Returns
+    -------
+    int
+        Number of the size, counted from 0.
+    """
     return next(number for number in count() if size(number, per_surface) >= rows)
 
 
 def risk(number: int) -> float:
-    """Return the probability with which the look at a size may accept a surrogate wrongly."""
+    """Return the probability with which the look at a size may accept a surrogate wrongly.
+
+    Parameters
+    ----------
+    number : int
+        Number of the size, counted from 0.
+
+    Returns
+    -------
+    float
+        Probability; the sum over all sizes is `RISK`.
+    """
     return RISK / ((number + 1) * (number + 2))
 
 
@@ -82,84 +121,155 @@ class Accuracy(NamedTuple):
 
 
 def accuracy(errors: Values, truth: Values, groups: Indices) -> Accuracy:
-    """Estimate a surrogate's error from absolute errors, solved values and surfaces of rows, (n,).
+    """Estimate the error of a surrogate by rows that it has not seen.
 
-    It is the ratio of both means; its standard error is linearised, and that of whole groups, since
-    rows of one surface or tile are not independent. Not all solved values may be 0.
+    The error is the ratio of the mean error to the mean magnitude of the truth. Its standard error
+    is linearised, and is that of whole groups, since rows of one surface or tile are not
+    independent.
 
     Source: W. G. Cochran (1977), Sampling Techniques, sections 2.11 and 9A.
+
+    Parameters
+    ----------
+    errors : ndarray, shape (n,)
+        Absolute errors of the predictions.
+    truth : ndarray, shape (n,)
+        Solved values, in the same unit; at least one is not 0.
+    groups : ndarray, shape (n,)
+        Surface or tile of each row.
+
+    Returns
+    -------
+    Accuracy
+        The error with its standard error.
     """
     _, place = np.unique(groups, return_inverse=True)
-    wrong, true = (np.bincount(place.ravel(), each) for each in (errors, np.abs(truth)))
-    ratio, number = float(wrong.sum() / true.sum()), wrong.size
+    error_sums = np.bincount(place.ravel(), errors)
+    truth_sums = np.bincount(place.ravel(), np.abs(truth))
+    total = float(truth_sums.sum())
+    ratio = float(error_sums.sum() / truth_sums.sum())
+    number = error_sums.size
     if number < 2:
         return Accuracy(100 * ratio, math.inf, number)
-    squares = float(np.sum((wrong - ratio * true) ** 2))
-    error = math.sqrt(number / (number - 1) * squares) / float(true.sum())
-    return Accuracy(100 * ratio, 100 * error, number)
+    squares = float(np.sum((error_sums - ratio * truth_sums) ** 2))
+    standard_error = math.sqrt(number / (number - 1) * squares) / total
+    return Accuracy(100 * ratio, 100 * standard_error, number)
 
 
 def accuracy_of_mean(learnt: Learnt, rows: Dataset) -> Accuracy:
-    """Estimate the error of the mean over surfaces at the parameters and loads of rows.
+    """Estimate the error of the mean over surfaces.
 
     Surfaces of the same parameters differ by much more than their mean is uncertain. The error is
-    the distance of the mean from other functions that the process might be as well.
+    the distance of the mean from other functions that the Gaussian process might be as well.
+
+    Parameters
+    ----------
+    learnt : Learnt
+        Fitted population mean of the target.
+    rows : Dataset
+        Rows at whose parameters and loads the errors are taken.
+
+    Returns
+    -------
+    Accuracy
+        Mean error over `FUNCTIONS` functions, and its deviation among them.
     """
-    model, scaled = learnt.pipeline[-1], learnt.pipeline[:-1].transform(rows.inputs)
-    wrong = (
-        np.abs(model.drawn_errors(scaled, FUNCTIONS)).mean(axis=0)
-        * learnt.scaling.deviation
-    )
-    errors = 100 * wrong / np.abs(learnt.raw(rows.inputs)).mean()
+    model = learnt.pipeline[-1]
+    scaled = learnt.pipeline[:-1].transform(rows.inputs)
+    distances = np.abs(model.drawn_errors(scaled, FUNCTIONS)).mean(axis=0)
+    distances = distances * learnt.scaling.deviation
+    errors = 100 * distances / np.abs(learnt.raw(rows.inputs)).mean()
     return Accuracy(float(errors.mean()), float(errors.std()), FUNCTIONS)
 
 
 def drawn(numbers: Indices, seed: int, among: int = SHARE) -> NDArray[np.bool_]:
-    """Tell which surfaces or tiles, (n,), are in the holdout: of `among` successive numbers, one.
+    """Draw the surfaces or tiles of the holdout: one of some successive numbers.
 
-    That is a function of each number and the seed alone, whatever the size of the database.
+    Whether a surface is drawn depends on its number and the seed alone, whatever the size of the
+    database.
+
+    Parameters
+    ----------
+    numbers : ndarray, shape (n,)
+        Numbers of surfaces or tiles.
+    seed : int
+        Seed of the scene.
+    among : int
+        Length of the intervals of numbers, of which one is drawn.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+        Whether each surface or tile is in the holdout.
     """
     chosen = []
-    for value in map(int, numbers):
-        sequence = np.random.SeedSequence(seed, spawn_key=(KEY, value // among, KEY))
-        draw = np.random.Generator(np.random.PCG64(sequence)).integers(among)
-        chosen.append(int(draw) == value % among)
+    for number in map(int, numbers):
+        interval = number // among
+        sequence = np.random.SeedSequence(seed, spawn_key=(KEY, interval, KEY))
+        place = np.random.Generator(np.random.PCG64(sequence)).integers(among)
+        chosen.append(int(place) == number % among)
     return np.array(chosen, dtype=bool)
 
 
 def holdout(rows: Dataset) -> NDArray[np.bool_]:
-    """Tell which of the usable rows of a whole database test, (n,); the others may train.
+    """Choose the rows that test; all other rows may train.
 
-    No group has rows in both: a surface that repeats an earlier one follows that one, and so do
-    tiles of which two windows are equal to the last bit.
+    No group has rows in both parts: a surface that repeats an earlier one belongs to the same part,
+    and so do tiles of which two windows are equal to the last bit.
+
+    Parameters
+    ----------
+    rows : Dataset
+        The n usable rows of a whole database.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+        Whether each row tests.
     """
-    scene, groups, among = rows.origins[0].scene, rows.surfaces, SHARE
-    numbers = (
-        rows.rows if np.ptp(rows.groups) == 0 else rows.rows // scene.samples_per_surface
-    )
+    scene = rows.origins[0].scene
+    among = SHARE
+    numbers = rows.rows
+    if np.ptp(rows.groups) > 0:
+        numbers = rows.rows // scene.samples_per_surface
     if rows.by_tile:
         assert isinstance(scene.surface, ScanSurface)
         among = min(SHARE, scene.surface.tile_groups())
         with Reader(Path(rows.name)) as reader:
             numbers = np.asarray(reader.column(TILE)[rows.rows], dtype=np.int64)
-    _, first, place = np.unique(groups, return_index=True, return_inverse=True)
+    _, first, place = np.unique(rows.surfaces, return_index=True, return_inverse=True)
     return drawn(numbers[first], scene.seed, among)[place.ravel()]
 
 
 def parted(sets: list[Dataset], seed: int) -> Split:
-    """Divide the rows of each target into training rows, in random order with folds, and test rows.
+    """Divide rows into training rows, in random order with folds, and test rows.
 
-    Groups stay together. InputError is raised if there are too few rows in a part, or a target does
-    not vary there.
+    Parameters
+    ----------
+    sets : list of Dataset
+        The same rows for each target.
+    seed : int
+        Seed of the order of the training rows.
+
+    Returns
+    -------
+    Split
+        Training and test rows, the same for all targets. Groups stay together.
+
+    Raises
+    ------
+    InputError
+        If a part has too few rows, or a target does not vary over it.
     """
     rows = sets[0]
     tests = holdout(rows)
-    test, train = np.flatnonzero(tests), np.flatnonzero(~tests)
-    for each in sets:
+    test = np.flatnonzero(tests)
+    train = np.flatnonzero(~tests)
+    for target in sets:
         for name, part in (("training", train), ("test", test)):
-            if part.size < 2 or np.ptp(each.target[part]) == 0:
+            if part.size < 2 or np.ptp(target.target[part]) == 0:
                 raise InputError(
-                    f"{rows.name}: {each.target_name} does not vary over the"
+                    f"{rows.name}: {target.target_name} does not vary over the"
                     f" {part.size} {name} rows of {rows.size}: more are needed"
                 )
     groups, labels = np.unique(rows.surfaces[train], return_inverse=True)
@@ -187,20 +297,30 @@ class Judged:
 
 
 def judge(learnt: Learnt, rows: Dataset) -> Judged:
-    """Compare the predictions of a target with the solver's results for some rows."""
+    """Compare the predictions of a target with the solver's results.
+
+    Parameters
+    ----------
+    learnt : Learnt
+        Fitted model of the target.
+    rows : Dataset
+        Rows that the model has not seen.
+
+    Returns
+    -------
+    Judged
+        Predictions with their intervals, and the estimated error.
+    """
     raw = learnt.raw(rows.inputs)
     ends = learnt.calibration.ends(raw, LEVEL, rows.inputs)
-    low, high = (np.clip(each * rows.scale, *learnt.bounds) for each in ends)
+    low, high = (np.clip(end * rows.scale, *learnt.bounds) for end in ends)
     predicted = np.clip(raw * rows.scale, *learnt.bounds)
     truth = rows.target * rows.scale
-    of_mean = rows.features.of_scene
-    errors = np.abs(predicted - truth)
-    found = (
-        accuracy_of_mean(learnt, rows)
-        if of_mean
-        else accuracy(errors, truth, rows.groups)
-    )
-    return Judged(truth, predicted, low, high, found)
+    if rows.features.of_scene:
+        estimate = accuracy_of_mean(learnt, rows)
+        return Judged(truth, predicted, low, high, estimate)
+    estimate = accuracy(np.abs(predicted - truth), truth, rows.groups)
+    return Judged(truth, predicted, low, high, estimate)
 
 
 class Curve(NamedTuple):
@@ -245,13 +365,13 @@ class Look:
     @property
     def met(self) -> bool:
         """Whether the errors of all targets are below the mark, and no constant does as well."""
-        scored = [
-            each["scores"]["r2"] for each in self.surrogate.card["targets"].values()
-        ]
-        return self.bound(self.worst) <= self.mark and not any(map(no_better, scored))
+        if self.bound(self.worst) > self.mark:
+            return False
+        targets = self.surrogate.card["targets"].values()
+        return not any(no_better(target["scores"]["r2"]) for target in targets)
 
-    def asked_for(self) -> str:
-        """Say how many more rows the learning curve asks for; "" where it says nothing."""
+    def needed_rows(self) -> str:
+        """Return in words how many more rows the mark needs by the curve; "" without a curve."""
         if self.advice is None:
             return ""
         if math.isinf(self.advice):
@@ -260,34 +380,50 @@ class Look:
         return f"the learning curve asks for {self.advice:,.0f} rows, {more:,.0f} more"
 
     def in_words(self) -> str:
-        """Say how accurate the surrogate is, and how many rows the mark needs."""
+        """Return in words how accurate the surrogate is, and how many rows the mark needs."""
         errors = ", ".join(
-            f"{name} {each.accuracy.nmae:.2f} +- {each.accuracy.error:.2f} %"
+            f"{name} {target.accuracy.nmae:.2f} +- {target.accuracy.error:.2f} %"
             f" (at most {self.bound(name):.2f} %)"
-            for name, each in self.judged.items()
+            for name, target in self.judged.items()
         )
-        end = "met" if self.met else self.asked_for()
-        said = f"{self.rows} rows: nMAE of {errors}; asked: {self.mark:g} %"
-        return f"{said}{': ' if self.met else '; ' if end else ''}{end}"
+        text = f"{self.rows} rows: nMAE of {errors}; asked: {self.mark:g} %"
+        if self.met:
+            return f"{text}: met"
+        needed = self.needed_rows()
+        return f"{text}; {needed}" if needed else text
 
 
-def advise(found: Look, curve: Curve, most: int, rows: Dataset) -> float:
-    """Return how many rows meet the mark, of the sizes that the database can have up to the most.
+def advise(look: Look, curve: Curve, most: int, rows: Dataset) -> float:
+    """Estimate how many rows the mark needs.
 
-    It is the first size at which the bound is expected to be below the mark; infinite if none is.
-    More rows of maps have the same tiles, whose errors differ as before.
+    Parameters
+    ----------
+    look : Look
+        The last look, whose mark is not met.
+    curve : Curve
+        Learning curve of its worst target.
+    most : int
+        Largest number of rows that the database may have.
+    rows : Dataset
+        Rows of the last look. More rows of maps have the same tiles, whose errors differ as before.
+
+    Returns
+    -------
+    float
+        Rows of the first size at which the bound is expected to be below the mark; infinite if
+        there is none.
     """
     per_surface = rows.origins[0].scene.samples_per_surface
-    error = found.judged[found.worst].accuracy
-    for number in range(found.number + 1, size_with(most, per_surface) + 1):
-        wanted = min(size(number, per_surface), most)
-        share = float(curve.at(np.array([wanted]))[0]) / curve.nmae[-1]
-        grows = 1.0 if rows.by_tile else wanted / found.rows
+    error = look.judged[look.worst].accuracy
+    for number in range(look.number + 1, size_with(most, per_surface) + 1):
+        larger = min(size(number, per_surface), most)
+        share = float(curve.at(np.array([larger]))[0]) / curve.nmae[-1]
+        growth = 1.0 if rows.by_tile else larger / look.rows
         expected = Accuracy(
             error.nmae * share,
-            error.error * share / math.sqrt(grows),
-            max(int(error.groups * grows), 2),
+            error.error * share / math.sqrt(growth),
+            max(int(error.groups * growth), 2),
         )
-        if expected.bound(risk(number)) <= found.mark:
-            return float(wanted)
+        if expected.bound(risk(number)) <= look.mark:
+            return float(larger)
     return math.inf

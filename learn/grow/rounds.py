@@ -8,9 +8,10 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gen import database
 from gen.arrays import Columns
@@ -36,6 +37,7 @@ from learn.grow.accuracy import (
     RISK,
     Accuracy,
     Curve,
+    Judged,
     Look,
     advise,
     judge,
@@ -53,12 +55,11 @@ GROWTH = 2.0  # exponent with which the time of a look grows with the rows
 WORTH = 0.05
 """Rows of a round over those that there are, at least, if the budget is to be spent on them."""
 
-EARLIEST = (
-    7  # number of the smallest size at which a growth gives up by its learning curve
-)
-PATIENT = (
-    4  # number of the size from which on rows that are too few for a fit are an error
-)
+EARLIEST = 7
+"""Number of the smallest size at which a growth gives up by its learning curve."""
+
+PATIENT = 4
+"""Number of the size from which on rows that are too few for a fit are an error."""
 
 Ending = Literal["met", "budget", "rows", "hopeless", "interrupted"]
 
@@ -73,13 +74,35 @@ WORDS: dict[Ending, str] = {
 """Why a growth has ended, if no signal has come."""
 
 
-def stock(path: Path) -> tuple[int, int, float]:
-    """Count a database's rows before the first one that is pending, and all; it may not exist yet.
+@dataclass(frozen=True)
+class Stock:
+    """Rows of a database."""
 
-    The time that the finished ones took comes third, surfaces included [s]. A part is refused.
+    finished: int  # rows before the first one that is pending
+    rows: int  # all rows
+    seconds: float  # time that the finished ones took, surfaces included [s]
+
+
+def stock(path: Path) -> Stock:
+    """Count the rows of a database.
+
+    Parameters
+    ----------
+    path : Path
+        The database; it may not exist yet.
+
+    Returns
+    -------
+    Stock
+        Its rows, none if there is no such file.
+
+    Raises
+    ------
+    InputError
+        If the file is no whole database.
     """
     if not path.exists():
-        return 0, 0, 0.0
+        return Stock(0, 0, 0.0)
     with Reader(path) as reader:
         if reader.rows != range(reader.scene.samples):
             raise InputError(
@@ -89,12 +112,33 @@ def stock(path: Path) -> tuple[int, int, float]:
         seconds = reader.column("solve_seconds") + reader.column("surface_seconds")
     pending = np.flatnonzero(status == Status.PENDING)
     finished = int(pending[0]) if pending.size else len(status)
-    return finished, len(status), float(np.nansum(seconds[status != Status.PENDING]))
+    taken = float(np.nansum(seconds[status != Status.PENDING]))
+    return Stock(finished, len(status), taken)
+
+
+class End(NamedTuple):
+    """The end of a growth."""
+
+    reason: Ending
+    last: (
+        Look | None
+    )  # last surrogate with its errors; None after a stop before the first one
+
+
+@dataclass(frozen=True)
+class LookTime:
+    """Rows and time of a look."""
+
+    rows: int
+    seconds: float  # [s]
 
 
 @dataclass
 class Growth:
-    """A growth of a database, which is all its state, and of the surrogate of its rows."""
+    """A growth of a database and of the surrogate of its rows.
+
+    The database is the whole state of a growth: another growth of the same request goes on with it.
+    """
 
     request: Request
     mark: float  # largest nMAE of every target that is asked for [%]
@@ -102,47 +146,57 @@ class Growth:
     scene: Scene
     executor: Executor  # computes rows and features
     say: Callable[[str], None]  # called with lines for the user
-    stopping: Callable[[], bool] = lambda: False  # asked between rows
+    stopping: Callable[[], bool] = lambda: (
+        False
+    )  # called between rows; True ends the growth
     until: float = math.inf  # time of `time.time` at which the budget ends [s]
-    row: float = (
-        0.0  # time in which all workers together make one row, 0 if not known [s]
-    )
-    seen: tuple[int, float] = (1, 0.0)  # rows of the last look, and its time [s]
+    # Time in which all workers together compute one row, 0 if it is not known yet [s].
+    row_seconds: float = 0.0
+    last_look: LookTime = field(default_factory=lambda: LookTime(1, 0.0))
     # Errors of all looks, by the rows of the database and the target.
     errors: dict[int, dict[str, Accuracy]] = field(default_factory=dict)
 
-    def grow(self) -> tuple[Ending, Look | None]:
-        """Grow until the surrogate is as accurate as asked for.
+    @property
+    def path(self) -> Path:
+        """The database."""
+        (path,) = self.request.databases
+        return path
 
-        Return why it ends, and the last surrogate with its errors. The same call goes on after a
-        stop or a kill. InputError is raised if the input cannot be used, or the budget is too small
-        for a first surrogate.
+    @property
+    def per_surface(self) -> int:
+        """Rows of one surface."""
+        return self.scene.samples_per_surface
+
+    def grow(self) -> End:
+        """Grow until the surrogate is as accurate as requested, or the growth has to end.
+
+        The database is locked, and gets further rows; the surrogate is written after each look. The
+        same call goes on after a stop or a kill.
+
+        Returns
+        -------
+        End
+            Why the growth ends, and the last surrogate with its errors.
+
+        Raises
+        ------
+        InputError
+            If the input cannot be used, or the budget is too small for a first surrogate.
         """
-        (path,), most, per_surface = (
-            self.request.databases,
-            self.most,
-            self.scene.samples_per_surface,
-        )
-        whole = completed(self.scene, path.parent, rehearsed=True)
-        with database.lock(path):
+        whole = completed(self.scene, self.path.parent, rehearsed=True)
+        with database.lock(self.path):
             _refuse_others(self.request, whole)
-            for doubt in doubts_before(whole, most):
+            for doubt in doubts_before(whole, self.most):
                 self.say(f"warning: {doubt}")
-            wanted = max(stock(path)[1], min(size(0, per_surface), most))
-            last = None
+            smallest = min(size(0, self.per_surface), self.most)
+            wanted = max(stock(self.path).rows, smallest)
+            last: Look | None = None
             while True:
                 rows = self.generate(whole, wanted)
-                began, found, fault = time.time(), None, "no fit has ended"
                 if last is not None and rows == last.rows and not self.stopping():
-                    return "budget", last  # it does not suffice for another row
-                try:
-                    if not self.stopping():
-                        found = self.look(rows)
-                except InputError as error:
-                    if last is not None or rows >= min(most, size(PATIENT, per_surface)):
-                        raise
-                    fault = str(error)
-                last, self.seen = found or last, (max(rows, 1), time.time() - began)
+                    return End("budget", last)  # it does not suffice for another row
+                look, fault = self._try_to_look(rows, required=last is not None)
+                last = look or last
                 ending = self._ending(rows, last)
                 if last is None and ending == "budget":
                     raise InputError(
@@ -150,10 +204,30 @@ class Growth:
                         " same command goes on"
                     )
                 if ending is not None:
-                    return ending, last
+                    return End(ending, last)
                 if last is None:
                     self.say(f"{rows} rows are too few: {fault}")
-                wanted = min(size(size_with(rows + 1, per_surface), per_surface), most)
+                following = size_with(rows + 1, self.per_surface)
+                wanted = min(size(following, self.per_surface), self.most)
+
+    def _try_to_look(self, rows: int, *, required: bool) -> tuple[Look | None, str]:
+        """Look at the first rows and keep the time; return the look, or None and why there is none.
+
+        Too few rows are an error if a look is required, or there are as many as a fit should need.
+        """
+        began = time.time()
+        look = None
+        fault = "no fit has ended"
+        try:
+            if not self.stopping():
+                look = self.look(rows)
+        except InputError as error:
+            enough = min(self.most, size(PATIENT, self.per_surface))
+            if required or rows >= enough:
+                raise
+            fault = str(error)
+        self.last_look = LookTime(max(rows, 1), time.time() - began)
+        return look, fault
 
     def _ending(self, rows: int, last: Look | None) -> Ending | None:
         """Return why a growth ends after a look, None if it goes on."""
@@ -172,111 +246,170 @@ class Growth:
         return None if self.suffices(rows, max(WORTH * rows, 1.0)) else "budget"
 
     def look(self, rows: int) -> Look | None:
-        """Fit a surrogate to the finished rows, judge it and save it; None after a stop.
+        """Fit a surrogate to the first rows of the database, judge it and save it.
 
-        Its errors join those of the looks before. InputError is raised if there are too few rows to
-        fit or to judge.
+        Its errors are added to those of the looks before, and printed.
+
+        Parameters
+        ----------
+        rows : int
+            Number of finished rows.
+
+        Returns
+        -------
+        Look or None
+            The surrogate with its errors; None after a stop, or at the end of the budget.
+
+        Raises
+        ------
+        InputError
+            If there are too few rows to fit or to judge.
         """
         request = self.request
         sets = dataset.read(request, self.executor, self.stopping, common=True)
         if not sets:
             return None
         require_tiles(sets[0])
-        sets = [each.at(np.flatnonzero(each.rows < rows)) for each in sets]
+        sets = [target.at(np.flatnonzero(target.rows < rows)) for target in sets]
         parts = parted(sets, request.seed)
-        done = within(_fitted, (request, sets, parts), None, self.until)
-        if isinstance(done, Ended):
+        fitted = within(_fitted, (request, sets, parts), None, self.until)
+        if isinstance(fitted, Ended):
             return None
-        surrogate, lines = done
+        surrogate, lines = fitted
         for line in lines:
             self.say(line)
         judged = {
-            target: judge(surrogate.learnt[target], each.at(parts.test))
-            for target, each in zip(request.targets, sets, strict=True)
+            name: judge(surrogate.learnt[name], target.at(parts.test))
+            for name, target in zip(request.targets, sets, strict=True)
         }
-        number = size_with(rows, self.scene.samples_per_surface)
-        found = Look(rows, number, self.mark, surrogate, judged, parts)
-        surrogate.card["grown"] = {
-            "mark": self.mark,
-            "met": found.met,
-            "rows": rows,
-            "errors": {name: each.accuracy.error for name, each in judged.items()},
-            "bounds": {name: found.bound(name) for name in judged},
-        }
-        surrogate.save(request.output)
-        self.errors[rows] = {name: each.accuracy for name, each in judged.items()}
+        number = size_with(rows, self.per_surface)
+        look = Look(rows, number, self.mark, surrogate, judged, parts)
+        self._save(look)
+        accuracies = {name: target.accuracy for name, target in judged.items()}
+        self.errors[rows] = accuracies
         if len(self.errors) >= POINTS:
-            nmae = np.array([each[found.worst].nmae for each in self.errors.values()])
-            curve = Curve(np.array([*self.errors], dtype=float), nmae)
-            advice = None if found.met else advise(found, curve, self.most, sets[0])
-            found = replace(found, curve=curve, advice=advice)
-        self.say(found.in_words())
-        return found
+            look = self._with_curve(look, sets[0])
+        self.say(look.in_words())
+        return look
+
+    def _save(self, look: Look) -> None:
+        """Write the surrogate of a look; its card says how accurate the surrogate is."""
+        look.surrogate.card["grown"] = {
+            "mark": self.mark,
+            "met": look.met,
+            "rows": look.rows,
+            "errors": {
+                name: target.accuracy.error for name, target in look.judged.items()
+            },
+            "bounds": {name: look.bound(name) for name in look.judged},
+        }
+        look.surrogate.save(self.request.output)
+
+    def _with_curve(self, look: Look, rows: Dataset) -> Look:
+        """Return a look with the learning curve of its worst target, and its advice."""
+        sizes = np.array([*self.errors], dtype=float)
+        nmae = np.array([targets[look.worst].nmae for targets in self.errors.values()])
+        curve = Curve(sizes, nmae)
+        advice = None if look.met else advise(look, curve, self.most, rows)
+        return replace(look, curve=curve, advice=advice)
 
     def suffices(self, rows: int, more: float) -> bool:
-        """Tell whether the budget suffices for more rows than some, and for the look after them."""
-        seen, seconds = self.seen
-        look = seconds * math.pow(max((rows + more) / seen, 1.0), GROWTH)
-        return self.until - time.time() - look >= more * self.row
+        """Return whether the budget suffices for further rows, and for the look after them.
+
+        Parameters
+        ----------
+        rows : int
+            Number of rows that are finished.
+        more : float
+            Number of further rows.
+
+        Returns
+        -------
+        bool
+            An estimate by the times of the last look and of the rows of this call.
+        """
+        ratio = max((rows + more) / self.last_look.rows, 1.0)
+        look = self.last_look.seconds * math.pow(ratio, GROWTH)
+        return self.until - time.time() - look >= more * self.row_seconds
 
     def generate(self, scene: Scene, rows: int) -> int:
-        """Give the database a number of rows at least, or make it; return how many are finished.
+        """Give the database a number of rows at least, or make it.
 
-        The caller holds `gen.database.lock`. The scene is one from
-        `gen.generation.sample.completed`, whose number of samples does not count. A stop, or a
-        kill, leaves a database that the same call goes on with. InputError is raised if the file is
-        of another scene, or cannot be written.
+        The caller holds `gen.database.lock`. A stop or a kill leaves a database that the same call
+        goes on with.
+
+        Parameters
+        ----------
+        scene : Scene
+            A scene from `gen.generation.completion.completed`, whose number of samples does not
+            count.
+        rows : int
+            Number of rows that are wanted.
+
+        Returns
+        -------
+        int
+            Number of rows that are finished; fewer than wanted after a stop, or at the end of the
+            budget.
+
+        Raises
+        ------
+        InputError
+            If the file is of another scene, or cannot be written.
         """
-        (path,), wider = (
-            self.request.databases,
-            scene.model_copy(update={"samples": rows}),
-        )
-        (before, _, seconds), workers = stock(path), self.executor.world.workers
-        if before and not self.row:
-            self.row = seconds / before / workers
-        if before >= rows:
-            return before
-        database.open_or_create(path, wider)
-        scene.surface.make_ready(path.parent)
-        with Writer(path, wider) as writer:
-            pending = writer.pending()
-            todo = sum(map(len, pending))
-            with RunProgress(todo, "rows") as progress:
-                progress.say(f"{path}: {todo} new rows, {before} there")
-                made, began = 0, time.time()
-
-                def take(block: range, columns: Columns) -> None:
-                    nonlocal made
-                    writer.write_block(block.start, block.stop, columns)
-                    made += len(block)
-                    self.row = (time.time() - began) / made
-                    failed = int(np.count_nonzero(columns["status"] == Status.FAILED))
-                    progress.advance(len(block), failed=failed)
-
-                # Rows in the hands of the workers are finished before another look.
-                hands = farm.IN_FLIGHT * workers if workers > 1 else 1
-                blocks = blocks_of(writer.scene, pending, workers)
-                if self.until < math.inf:  # a stop waits for the tasks under way
-                    blocks = (range(row, row + 1) for block in blocks for row in block)
-                self.executor.run(
-                    _compute,
-                    (writer.scene, path.parent),
-                    blocks,
-                    take,
-                    stopping=lambda: (
-                        self.stopping() or not self.suffices(before + made, hands)
-                    ),
-                )
+        wider = scene.model_copy(update={"samples": rows})
+        before = stock(self.path)
+        if before.finished and not self.row_seconds:
+            workers = self.executor.world.workers
+            self.row_seconds = before.seconds / before.finished / workers
+        if before.finished >= rows:
+            return before.finished
+        database.open_or_create(self.path, wider)
+        scene.surface.make_ready(self.path.parent)
+        with Writer(self.path, wider) as writer:
+            self._compute_pending(writer, before.finished)
             writer.confirm()
-        return stock(path)[0]
+        return stock(self.path).finished
+
+    def _compute_pending(self, writer: Writer, before: int) -> None:
+        """Compute the pending rows of a database that has some rows before, as time allows."""
+        pending = writer.pending()
+        number = sum(map(len, pending))
+        workers = self.executor.world.workers
+        made = 0
+        with RunProgress(number, "rows") as progress:
+            progress.say(f"{self.path}: {number} new rows, {before} there")
+            began = time.time()
+
+            def on_result(block: range, columns: Columns) -> None:
+                nonlocal made
+                writer.write_block(block.start, block.stop, columns)
+                made += len(block)
+                self.row_seconds = (time.time() - began) / made
+                failed = int(np.count_nonzero(columns["status"] == Status.FAILED))
+                progress.advance(len(block), failed=failed)
+
+            # Rows in the hands of the workers are finished before another look.
+            under_way = farm.IN_FLIGHT * workers if workers > 1 else 1
+
+            def is_over() -> bool:
+                return self.stopping() or not self.suffices(before + made, under_way)
+
+            blocks = blocks_of(writer.scene, pending, workers)
+            if self.until < math.inf:  # a stop waits for the tasks under way
+                blocks = (range(row, row + 1) for block in blocks for row in block)
+            shared = (writer.scene, self.path.parent)
+            self.executor.run(_compute, shared, blocks, on_result, stopping=is_over)
 
 
 def _fitted(
     data: tuple[Request, list[Dataset], Split], task: None
 ) -> tuple[Surrogate, list[str]]:
-    """Fit a surrogate to rows that are divided; return the lines for the user too."""
+    """Fit a surrogate to rows that are divided; return it with the lines for the user."""
+    request, sets, parts = data
     lines: list[str] = []
-    return fitting.fit_parts(*data, lines.append), lines
+    surrogate = fitting.fit_parts(request, sets, parts, lines.append)
+    return surrogate, lines
 
 
 def _refuse_others(request: Request, scene: Scene) -> None:
@@ -303,96 +436,155 @@ def _compute(shared: tuple[Scene, Path], block: range) -> Columns:
     return compute_rows(scene, block.start, block.stop, rank=farm.this_world().rank)
 
 
-def show(growth: Growth, ending: Ending, found: Look) -> None:
-    """Print the end of a growth with its last surrogate."""
-    card, worst, request = found.surrogate.card, found.worst, growth.request
-    parts, path = card["rows"], request.databases[0]
+def show(growth: Growth, ending: Ending, last: Look) -> None:
+    """Print the end of a growth, and the errors of its last surrogate.
+
+    Parameters
+    ----------
+    growth : Growth
+        The growth, after its end.
+    ending : Ending
+        Why it has ended.
+    last : Look
+        Its last surrogate with its errors.
+    """
+    card = last.surrogate.card
+    rows = card["rows"]
     echo(
-        f"{request.output}: {card['title']}, {card['features']} features; {found.rows} rows of"
-        f" {path}: {parts['train']} train, {parts['calibration']} calibrate, {parts['test']} held"
-        f" out by {parts.get('split_by', 'surface')}, {sum(parts['left_out'].values())} left out"
+        f"{growth.request.output}: {card['title']}, {card['features']} features; {last.rows} rows"
+        f" of {growth.path}: {rows['train']} train, {rows['calibration']} calibrate,"
+        f" {rows['test']} held out by {rows.get('split_by', 'surface')},"
+        f" {sum(rows['left_out'].values())} left out"
     )
-    accuracy, bound = found.judged[worst].accuracy, found.bound(worst)
-    said = (
-        f"{WORDS[ending]}: nMAE of {worst} {accuracy.nmae:.2f} %, at most {bound:.2f} %,"
+    _show_ending(growth, ending, last)
+    if card["features"] == SCENE:
+        echo(
+            "Errors are those of the mean over surfaces, intervals those of a new surface."
+        )
+    numbers = (
+        "nMAE %",
+        "its SE",
+        "at most",
+        "R2 %",
+        f"in {100 * LEVEL:g} % interval",
+        "mean width",
     )
-    said += f" asked: {found.mark:g} %."
-    if found.met:
-        said += (
+    lines = [_line_of_errors(last, target) for target in last.judged]
+    print_columns(lines, ("target", *numbers), right=numbers)
+    curve = last.curve
+    if curve is not None:
+        pairs = zip(curve.rows, curve.nmae, strict=True)
+        points = ", ".join(f"{error:.3g} % of {size:.0f}" for size, error in pairs)
+        echo(
+            f"learning curve of {last.worst}: nMAE {points} rows; falls as"
+            f" n^-{curve.exponent:.2f}"
+        )
+
+
+def _show_ending(growth: Growth, ending: Ending, last: Look) -> None:
+    """Print why a growth has ended, and what could be done about it."""
+    accuracy = last.judged[last.worst].accuracy
+    text = (
+        f"{WORDS[ending]}: nMAE of {last.worst} {accuracy.nmae:.2f} %, at most"
+        f" {last.bound(last.worst):.2f} %, asked: {last.mark:g} %."
+    )
+    if last.met:
+        text += (
             " However often a growth looks, it accepts too large an error with a probability of"
             f" {100 * RISK:g} % at most."
         )
-    echo(said)
+    echo(text)
     if ending == "hopeless":
         echo(
             f"Within {growth.most} rows, the most that are allowed, the learning curve does not"
             " come to it: ask for less, allow more --rows, or try other --features."
         )
-    elif not found.met and found.asked_for():
-        asked = found.asked_for()
-        echo(f"{asked[0].upper()}{asked[1:]}. The same command goes on.")
-    if card["features"] == SCENE:
-        echo(
-            "Errors are those of the mean over surfaces, intervals those of a new surface."
-        )
-    rows = []
-    for name, judged in found.judged.items():
-        about = card["targets"][name]
-        numbers = judged.accuracy.nmae, judged.accuracy.error, found.bound(name)
-        inside, width = 100 * judged.inside.mean(), np.mean(judged.high - judged.low)
-        cells = [f"{each:.2f}" for each in (*numbers, about["scores"]["r2"])]
-        rows.append([name, *cells, f"{inside:.1f} %", f"{width:.3g} {about['unit']}"])
-    held = f"in {100 * LEVEL:g} % interval"
-    titles = ("nMAE %", "its SE", "at most", "R2 %", held, "mean width")
-    print_columns(rows, ("target", *titles), right=titles)
-    if (curve := found.curve) is not None:
-        pairs = zip(curve.rows, curve.nmae, strict=True)
-        points = ", ".join(f"{error:.3g} % of {size:.0f}" for size, error in pairs)
-        echo(
-            f"learning curve of {worst}: nMAE {points} rows; falls as n^-{curve.exponent:.2f}"
-        )
+        return
+    needed = last.needed_rows()
+    if needed and not last.met:
+        echo(f"{needed[0].upper()}{needed[1:]}. The same command goes on.")
 
 
-def draw(figure: Any, found: Look) -> None:
-    """Draw the worst target, with its learning curve if there is one, into an empty figure."""
+def _line_of_errors(last: Look, target: str) -> list[str]:
+    """Return the cells of the printed table of errors for a target."""
+    judged = last.judged[target]
+    card = last.surrogate.card["targets"][target]
+    width = np.mean(judged.high - judged.low)
+    return [
+        target,
+        f"{judged.accuracy.nmae:.2f}",
+        f"{judged.accuracy.error:.2f}",
+        f"{last.bound(target):.2f}",
+        f"{card['scores']['r2']:.2f}",
+        f"{100 * judged.inside.mean():.1f} %",
+        f"{width:.3g} {card['unit']}",
+    ]
+
+
+def draw(figure: Any, last: Look) -> None:
+    """Draw the worst target of a look: its learning curve and its predictions.
+
+    Parameters
+    ----------
+    figure : Figure
+        An empty figure of matplotlib, into which two axes are drawn.
+    last : Look
+        The surrogate with its errors.
+    """
     axis, parity = figure.subplots(1, 2)
-    _draw_parity(parity, found)
-    if (curve := found.curve) is not None:
+    _draw_parity(parity, last)
+    if last.curve is not None:
+        curve = last.curve
         axis.plot(curve.rows, curve.nmae, "o", color="0.4", ms=4, label="looks")
         rows = np.geomspace(curve.rows[0], 8 * curve.rows[-1], 100)
         axis.plot(rows, curve.at(rows), color=COLOUR, label="n$^{-c}$")
-    nmae = found.judged[found.worst].accuracy.nmae
-    bound = np.nan_to_num(found.bound(found.worst) - nmae, posinf=0.0)
-    look = {
-        "fmt": "s",
-        "color": "black",
-        "capsize": 4,
-        "label": "all rows, with their bound",
-    }
-    axis.errorbar([found.rows], [nmae], [[0.0], [bound]], **look)
-    axis.axhline(found.mark, color=MARK, ls="--", label=f"asked for, {found.mark:g} %")
+    nmae = last.judged[last.worst].accuracy.nmae
+    above = np.nan_to_num(last.bound(last.worst) - nmae, posinf=0.0)
+    axis.errorbar(
+        [last.rows],
+        [nmae],
+        [[0.0], [above]],
+        fmt="s",
+        color="black",
+        capsize=4,
+        label="all rows, with their bound",
+    )
+    axis.axhline(last.mark, color=MARK, ls="--", label=f"asked for, {last.mark:g} %")
     axis.set(xlabel="rows of the database", ylabel="nMAE [%]")
-    axis.set_title(f"Learning curve, {found.worst}")
+    axis.set_title(f"Learning curve, {last.worst}")
     log_axis(axis.xaxis)
     log_axis(axis.yaxis)
     axis.grid(visible=True, which="major", color="0.9")
     axis.legend(fontsize=8)
 
 
-def _draw_parity(axis: Any, found: Look) -> None:
-    """Draw predictions with their intervals over the truth."""
-    judged, unit = found.judged[found.worst], found.surrogate.learnt[found.worst].unit
+def _draw_parity(axis: Any, last: Look) -> None:
+    """Draw predictions of the worst target, with their intervals, over the truth."""
+    judged = last.judged[last.worst]
+    unit = last.surrogate.learnt[last.worst].unit
     parity_axes(axis, judged.truth)
-    for chosen, colour, name in (
-        (judged.inside, COLOUR, "inside its interval"),
-        (~judged.inside, MARK, "outside"),
-    ):
-        truth, prediction = judged.truth[chosen], judged.prediction[chosen]
-        ends = np.clip([judged.low[chosen], judged.high[chosen]], *axis.get_ylim())
-        axis.vlines(truth, ends[0], ends[1], color=colour, alpha=0.25, lw=1)
-        label, look = f"{name} ({truth.size})", {"marker": ".", "ms": 4, "ls": "none"}
-        draw_parity(axis, truth, prediction, label=label, color=colour, **look)
-    quantity = found.worst if unit == "1" else f"{found.worst} [{unit}]"
+    _draw_predictions(axis, judged, judged.inside, COLOUR, "inside its interval")
+    _draw_predictions(axis, judged, ~judged.inside, MARK, "outside")
+    quantity = last.worst if unit == "1" else f"{last.worst} [{unit}]"
     axis.set(xlabel=f"solved {quantity}", ylabel="predicted")
     axis.set_title(f"{judged.truth.size} rows held out for tests")
     axis.legend(fontsize=8, loc="upper left")
+
+
+def _draw_predictions(
+    axis: Any, judged: Judged, rows: NDArray[np.bool_], colour: str, name: str
+) -> None:
+    """Draw the predictions of some rows, (n,), with their intervals, over the truth."""
+    truth = judged.truth[rows]
+    ends = np.clip([judged.low[rows], judged.high[rows]], *axis.get_ylim())
+    axis.vlines(truth, ends[0], ends[1], color=colour, alpha=0.25, lw=1)
+    draw_parity(
+        axis,
+        truth,
+        judged.prediction[rows],
+        label=f"{name} ({truth.size})",
+        color=colour,
+        marker=".",
+        ms=4,
+        ls="none",
+    )
