@@ -1,6 +1,7 @@
 """Nine models compared: baselines, searches of grids, tables and pictures beside the paper's.
 
-`jobs` is where the commands compare and tune begin, and fits and times the winners. `paper` has the
-paper's numbers, `grid` the candidates that differ; `search` fits these on the workers (`fits`).
-`folder` keeps what is found, `tables` shows it. `importance` ranks the inputs.
+The commands `compare` and `tune` begin in `jobs`, which reads the rows, fits and times the winners.
+`paper` has the paper's numbers, and `grid` the candidates of its Table 2 that differ. `search` fits
+these candidates on the workers, by the fits of `fits`. `folder` keeps the results as files, and
+`tables` shows them beside the paper's Tables 3 and 4. `importance` ranks the inputs.
 """
