@@ -52,15 +52,15 @@ check: .venv/test-installed
 
 # The tests of bem, gen and learn where pyproject.toml says that they pass: with the lowest versions of what it
 # names, on the oldest Python, and with the newest ones on every Python that is there. All come as wheels; only
-# jsonpath-rw, which mlcroissant needs, has none. TESTED: Pythons on which `make test` has run with the newest ones.
+# jsonpath-rw, which mlcroissant needs, has none. SKIPPED: Pythons that are not tried with the newest versions.
 VERSIONS := .venv-versions
 PYTHONS := $(shell sed -n 's/^ *"Programming Language :: Python :: \(3\.[0-9]*\)",/python\1/p' pyproject.toml)
-TESTED ?=
+SKIPPED ?=
 versions: .venv/bin/python
 	rm -rf $(VERSIONS)
 	$(BIN)/python -m venv $(VERSIONS)/tools
 	$(VERSIONS)/tools/bin/python -m pip install --quiet uv
-	@passed=0; for run in lowest-direct/$(firstword $(PYTHONS)) $(addprefix highest/,$(filter-out $(TESTED),$(PYTHONS))); do \
+	@passed=0; for run in lowest-direct/$(firstword $(PYTHONS)) $(addprefix highest/,$(filter-out $(SKIPPED),$(PYTHONS))); do \
 	  python=$${run#*/}; environment=$(VERSIONS)/$$run; \
 	  $$python -c "" 2> /dev/null || { echo "not tried on $$python: it is not on this machine"; continue; }; \
 	  echo "$${run%/*} versions on $$python"; \

@@ -112,13 +112,14 @@ def propose_like(path: Path, reading: Reading) -> Likeness:
 def _stretch(topography: Topography) -> float:
     """Estimate wavelengths along x over wavelengths along y from the slopes of a map [1].
 
-    Return 1 for a map without a lay, and for a map that is flat along x.
+    Return 1 for a map without a lay, and for a map that is flat along one axis, whose wavelengths
+    along that axis are unknown.
     """
     dx, dy = topography.spacing
     # An infinite spacing makes the slopes along the other axis 0.
     along_x = rms_slope(topography.heights, (dx, math.inf))
     along_y = rms_slope(topography.heights, (math.inf, dy))
-    if along_x == 0.0:
+    if along_x == 0.0 or along_y == 0.0:
         return 1.0
     ratio = along_y / along_x
     if 1 / LAY < ratio < LAY:

@@ -1,14 +1,14 @@
 """The band of a law of several surfaces: where a further surface of the same kind lies.
 
 The band at a load is a prediction interval, not an interval of the mean: its level is the chance
-that one further surface lies between its ends at this load. More surfaces leave the band at one of
-many loads. The K surfaces and the further one are assumed to be drawn from the same distribution,
+that one further surface lies between its ends at this load. The chance to lie inside at all loads
+is smaller. The K surfaces and the further one are assumed to be drawn from the same distribution,
 and independently.
 
 - If (K - 1) / (K + 1) is at the level or above, no form of this distribution is assumed. A further
-  surface is as likely to have any rank among all K + 1, so that it lies below the j-th smallest of
-  the K with a chance of j / (K + 1). The ends are the order statistics at the ranks p (K + 1),
-  interpolated between whole ranks. For 90 % that takes 19 surfaces.
+  surface has each rank among all K + 1 with the same chance, so that it lies below the j-th
+  smallest of the K with a chance of j / (K + 1). The ends are the order statistics at the ranks
+  p (K + 1), interpolated between whole ranks. For 90 % that takes 19 surfaces.
 - Fewer surfaces have no such ranks. Then the logarithms of a quantity, and the logits of areas in
   percent, are assumed to be normal. The ends are those of Student's prediction interval, the mean
   -+ t s sqrt(1 + 1 / K) with K - 1 degrees of freedom. `assumption` says so in words.
@@ -27,7 +27,7 @@ from scipy.special import expit, logit, stdtrit
 from gen.arrays import Values
 
 ROUNDING = 1e-9
-"""Rounding in a number of surfaces: 1.9 / 0.1 may be a little above 19, and still counts as 19."""
+"""Rounding error of a computed number of surfaces: 1.9 / 0.1 may be a little above 19."""
 
 
 class Band(NamedTuple):
@@ -38,7 +38,7 @@ class Band(NamedTuple):
 
 
 def fewest_surfaces(level: float) -> int:
-    """Compute the number of surfaces from which on a band assumes no distribution.
+    """Compute the fewest surfaces whose band assumes no distribution.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def fewest_surfaces(level: float) -> int:
 
 
 def further_surface(values: Values, level: float, *, percent: bool = False) -> Band:
-    """Compute where a further surface lies at each load by itself.
+    """Compute the band in which a further surface lies, for each load by itself.
 
     Parameters
     ----------
@@ -63,14 +63,14 @@ def further_surface(values: Values, level: float, *, percent: bool = False) -> B
     level : float
         Chance that a further surface lies inside, between 0 and 1.
     percent : bool
-        Whether the quantity is a share in percent. If there are fewer surfaces than
-        `fewest_surfaces`, its logit is taken for normal instead of its logarithm.
+        True if the quantity is a share in percent. With fewer surfaces than `fewest_surfaces`, its
+        logit is then assumed to be normal, instead of its logarithm.
 
     Returns
     -------
     Band
-        Both ends. They are NaN where a value is 0, negative or not finite, where a share is 100 %
-        and its logit is needed, and where an end is beyond the largest number.
+        Both ends, (k,). They are NaN where a value is 0, negative or not finite, where a share is
+        100 % and its logit is needed, and where an end exceeds the largest float.
     """
     ranked = len(values) >= fewest_surfaces(level)
     usable = (values > 0) & np.isfinite(values)
@@ -97,14 +97,20 @@ def further_surface(values: Values, level: float, *, percent: bool = False) -> B
 
 
 def _by_ranks(values: Values, level: float) -> Band:
-    """Return the order statistics at the ranks p (K + 1) of values, (K, k), as Weibull has them."""
+    """Return the order statistics of K surfaces at the ranks p (K + 1), as quantiles of Weibull.
+
+    `values` has shape (K, k), and p is (1 - level) / 2 and (1 + level) / 2.
+    """
     shares = ((1 - level) / 2, (1 + level) / 2)
     low, high = np.quantile(values, shares, axis=0, method="weibull")
     return Band(low, high)
 
 
 def _students(numbers: Values, level: float) -> Band:
-    """Return Student's prediction interval of a further number, of normal ones, (K, k)."""
+    """Return Student's prediction interval of one more number, if numbers are normal.
+
+    `numbers` has shape (K, k): K numbers at each of k loads.
+    """
     number = len(numbers)
     factor = stdtrit(number - 1, (1 + level) / 2) * math.sqrt(1 + 1 / number)
     reach = factor * numbers.std(axis=0, ddof=1)
@@ -125,7 +131,7 @@ def described(number: int, level: float) -> str:
     Returns
     -------
     str
-        Part of a line.
+        Part of a line, without a full stop.
     """
     text = (
         f"{100 * level:g} % of further surfaces lie inside, at each load by itself; {number}"

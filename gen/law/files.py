@@ -42,39 +42,41 @@ PARTS = {
     "_slope": "slope",
     "_std": "std",
 }
-"""Attributes of a curve in a table, by what is appended to the name of the quantity."""
+"""Attributes of `Curve` that tables have, by the end of the name of the column. The name of the
+quantity comes before it."""
 
 FORMAT_VERSION = 1
-"""Version of the JSON document, raised whenever a reader of the last one would misread a file."""
+"""Version of the JSON document. It is raised when a reader of the last version would misread a
+file."""
 
 
 def write_files(law: Law, files: LawOutputs, figure: Any) -> Iterator[Path]:
-    """Write a law to all files that are named, and yield each file once it is written.
+    """Write a law to all files that the options name, and yield each one once it is written.
 
     Parameters
     ----------
     law : Law
         The law.
     files : LawOutputs
-        Paths of the files, and the units of some.
+        Paths of the files, None for those not wanted, and the units of finite-element files.
     figure : matplotlib.figure.Figure or None
         Empty figure for the picture; None if no picture is named.
 
     Yields
     ------
     Path
-        File that was written. A format may have several.
+        File that was written. A format may have several files.
 
     Raises
     ------
     InputError
-        If the law closes nowhere and another file than CSV and JSON is named, before any file is
-        written; or if a program cannot take the law.
+        If the law closes nowhere, and a file other than CSV and JSON is named; then no file is
+        written. Or if a program cannot take the law; then the files before are written.
     """
     paths = {name: getattr(files, name) for name in WRITERS}
     named = {name: path for name, path in paths.items() if path is not None}
     if files.picture is not None or named.keys() - {"table", "json"}:
-        finite_elements.rising(law)  # refused here, before any file is written
+        finite_elements.rising(law)  # raises InputError before any file is written
     for name, path in named.items():
         yield from WRITERS[name](path, law, files.units)
     if files.picture is not None:
@@ -83,12 +85,12 @@ def write_files(law: Law, files: LawOutputs, figure: Any) -> Iterator[Path]:
 
 
 def show(law: Law) -> None:
-    """Print the notes of a law, and its tables against the loads that its order gives.
+    """Print the notes of a law, and the tables that its order requests.
 
     Parameters
     ----------
     law : Law
-        The law. A law without loads of its own is printed against Delta.
+        The law. `law.order.requested` names the tables: Delta if the order gives no loads.
     """
     for note in law.notes:
         echo(note)
@@ -99,7 +101,10 @@ def show(law: Law) -> None:
 
 
 def _show_table(law: Law, table: Curves) -> None:
-    """Print a table of a law under its title; rows without a band have the reason instead."""
+    """Print a table of a law under its title.
+
+    The last column has the reasons of the rows. Rows with a reason and no band show "(-)" instead.
+    """
     echo(law.title)
     echo(f"{law.bodies.text}; band: {law.band}")
     names = _columns_shown(table)
@@ -117,10 +122,10 @@ def _show_table(law: Law, table: Curves) -> None:
 
 
 def _columns_shown(table: Curves) -> list[str]:
-    """Return the names of the quantities that are printed.
+    """Return the names of the quantities whose columns are printed.
 
-    Against Delta the closure is left out, so that lines are shorter. Against pressure Delta is left
-    out if it is the closure under every load.
+    A table against Delta is printed without the closure, so that its lines are shorter. A table
+    against pressure is printed without Delta if Delta equals the closure at every pressure.
     """
     names = list(table.curves)
     if table.against == DELTA.in_laws:
@@ -134,9 +139,10 @@ def _columns_shown(table: Curves) -> list[str]:
 
 
 def _text_of_cell(row: Row, name: str, *, withheld: bool) -> str:
-    """Return the value of a quantity and its band as text, "-" for a value that is unknown.
+    """Return the value of a quantity and its band as text, as "1.5 (1.2 to 1.8)".
 
-    A band that is `withheld` is shown as " (-)".
+    A value that is unknown is "-", without a band. If the band is `withheld`, it is "(-)". A value
+    without a band, or with a band of no width, stands alone.
     """
     value = row[name]
     low = row[f"{name}_low"]
@@ -152,7 +158,7 @@ def _text_of_cell(row: Row, name: str, *, withheld: bool) -> str:
 
 
 def cells(table: Curves) -> list[Row]:
-    """Return the numbers of a table by the names of its columns.
+    """Return the rows of a table of a law, with numbers by the names of the columns.
 
     Parameters
     ----------
@@ -162,12 +168,12 @@ def cells(table: Curves) -> list[Row]:
     Returns
     -------
     list of dict
-        k rows. Each has the argument, and of every quantity the value, the ends of its band, its
-        slope and its standard deviation, by names that end as in `PARTS`; "" for NaN.
+        k rows. Each has the argument and, for every quantity, the value, both ends of the band, the
+        slope and the standard deviation, whose columns end as in `PARTS`. NaN becomes "".
     """
     rows: list[Row] = [{table.against: argument} for argument in table.at.tolist()]
     for name, curve in table.curves.items():
-        for end, part in PARTS.items():
+        for end, part in PARTS.items():  # `end` of the column's name
             numbers = getattr(curve, part).tolist()
             for row, number in zip(rows, numbers, strict=True):
                 row[f"{name}{end}"] = _cell(number)
@@ -175,11 +181,12 @@ def cells(table: Curves) -> list[Row]:
 
 
 def write_table(path: Path, law: Law) -> list[Path]:
-    """Write a law as CSV: the table against Delta, then the one against pressure.
+    """Write a law as CSV: the table against Delta, then the table against pressure.
 
-    Tables of a population have its mean, band, slope and standard deviation, and a column for each
-    surface. Columns that are empty throughout are left out, such as the band of one surface. The
-    first row of each table has the files of the surfaces, their hashes and their preparation.
+    For each quantity there are the value, the band, the slope and the standard deviation, and for a
+    population a column for each surface. Columns that are empty in all rows are left out, such as
+    the band of one surface. The first row of each table has the files of the surfaces, their hashes
+    and their preparation.
 
     Parameters
     ----------
@@ -200,7 +207,10 @@ def write_table(path: Path, law: Law) -> list[Path]:
 
 
 def _rows(law: Law, table: Curves) -> list[Row]:
-    """Return the rows of a table for CSV; those of both tables of a law have the same columns."""
+    """Return the rows of a table for CSV. Both tables of a law have the same columns.
+
+    A table against Delta has "" in the columns of Delta, which are needed by the other table.
+    """
     quantities = [DELTA.in_laws, *law.over_delta.curves]
     columns = [f"{name}{end}" for name in quantities for end in PARTS]
     rows: list[Row] = []
@@ -218,7 +228,11 @@ def _rows(law: Law, table: Curves) -> list[Row]:
 
 
 def _about_the_load(law: Law, table: Curves, place: int) -> Row:
-    """Return the kind of a row's argument, the share of surfaces outside a training, the bodies."""
+    """Return the first cells of a row: its kind of argument, the share outside, and the bodies.
+
+    The share is that of the surfaces outside a surrogate's training, 0 to 1. The hardness is left
+    out if there is none, and the boundary if it is free.
+    """
     row: Row = {"against": table.against, "outside": float(table.outside[place])}
     if law.bodies.hardness is not None:
         row["hardness_MPa"] = law.bodies.hardness
@@ -228,7 +242,10 @@ def _about_the_load(law: Law, table: Curves, place: int) -> Row:
 
 
 def _of_each_surface(law: Law, table: Curves, place: int) -> Row:
-    """Return the cells of a row with each quantity of each surface, "" if a law has one surface."""
+    """Return the cells of a row with each quantity on each surface.
+
+    They are "" in a law of one surface, and for quantities that the table does not have.
+    """
     row: Row = {}
     for name in (DELTA.in_laws, *law.over_delta.curves):
         columns = [
@@ -243,20 +260,23 @@ def _of_each_surface(law: Law, table: Curves, place: int) -> Row:
 
 
 def _resolved(table: Curves, place: int) -> str:
-    """Say whether the grid resolves the contact at a load; "" where that is not judged."""
+    """Return "yes" or "no": whether the grid resolves the contact. "" if that is not judged."""
     if table.resolved is None or not table.at[place] > 0:
         return ""
     return "yes" if table.resolved[place] else "no"
 
 
 def _record_of_the_files(sources: Sequence[Source]) -> Row:
-    """Return the files of surfaces, their hashes and their preparation; "" without sources."""
+    """Return the cells with the files of surfaces, their hashes and their preparation.
+
+    All three are "" without sources.
+    """
     files = [file for source in sources for file in source.files]
     steps = " | ".join("; ".join(source.steps) for source in sources)
     return {
         "files": "; ".join(file.path for file in files),
         "sha256": "; ".join(file.sha256 for file in files),
-        # Without commas, at which simple readers of CSV cut lines.
+        # Without commas, because simple readers of CSV cut lines there.
         "prepared": steps.replace(",", ";"),
     }
 
@@ -311,7 +331,7 @@ def write_json(path: Path, law: Law) -> list[Path]:
 
 
 def _table_in_json(table: Curves) -> dict[str, Any]:
-    """Return a table of a law for JSON."""
+    """Return a table of a law as an object for JSON."""
     curves = {name: _curve_in_json(curve) for name, curve in table.curves.items()}
     return {
         "against": table.against,
@@ -325,7 +345,10 @@ def _table_in_json(table: Curves) -> dict[str, Any]:
 
 
 def _curve_in_json(curve: Curve) -> dict[str, Any]:
-    """Return a curve for JSON; one of a population with a list for each of its surfaces."""
+    """Return a curve as an object for JSON.
+
+    A curve of a population has the standard deviation and a list for each surface, too.
+    """
     numbers: dict[str, Any] = {
         "value": _finite(curve.value),
         "low": _finite(curve.low),
@@ -353,26 +376,28 @@ WRITERS: dict[str, Callable[[Path, Law, Units], list[Path]]] = {
     "abaqus": lambda path, law, units: finite_elements.write(path, law, "abaqus", units),
     "for_4c": cubics.write_for_4c,
 }
-"""Function that writes the file of a field of `gen.options.LawOutputs`, and returns the paths of
-all files that it wrote. For a new format, add a field there with the end of its files' names, and a
-line here."""
+"""Functions that write a file, by the field of `gen.options.LawOutputs` that has its path.
+
+They return the paths of all files that they wrote. For a new format, add a field there, with the
+end of the names of its files, and a line here."""
 
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """A quantity that the panels of one column of a picture show over the pressure."""
+    """A quantity over the pressure, which both panels of one column of a picture show."""
 
-    curve: Curve
-    label: str
-    # True where the curve is the area of the nodes, which circles mark, (k,) or everywhere alike.
+    curve: Curve  # at k pressures
+    label: str  # of the vertical axis
+    # True where the area of the nodes stands in for that in the continuum, (k,): circles mark these
+    # points. False if there are none.
     of_nodes: NDArray[np.bool_] | bool = False
 
 
 def draw(figure: Any, law: Law, picture: Path) -> None:
     """Draw closure, area and stiffness or conductance over pressure into a figure, and save it.
 
-    Loads at which most surfaces are outside a training are left out. Areas are those in the
-    continuum where the grid resolves the contact; elsewhere they are the areas of the nodes.
+    Loads at which most surfaces are outside a surrogate's training are left out. The area is chosen
+    by `drawn_area`. The upper row has linear axes, the lower row logarithmic ones.
 
     Parameters
     ----------
@@ -396,7 +421,10 @@ def draw(figure: Any, law: Law, picture: Path) -> None:
 
 
 def _panels(curves: Curves) -> list[Panel]:
-    """Return the closure, the area, and the conductance, or the stiffness if there is none."""
+    """Return panels of the closure, of the area, and of the conductance or else the stiffness.
+
+    The third one is left out if the table has neither.
+    """
     panels = [Panel(curves.curves[CLOSURE.in_laws], CLOSURE.label), drawn_area(curves)]
     name = curves.conducting or STIFFNESS.in_laws
     if name in curves.curves:
@@ -405,7 +433,10 @@ def _panels(curves: Curves) -> list[Panel]:
 
 
 def _draw_panel(axis: Any, pressures: Values, panel: Panel, scale: str) -> None:
-    """Draw a quantity over pressures, (k,) [MPa], with its band; the scale is linear or log."""
+    """Draw a quantity and its band over pressures, (k,) [MPa]. `scale` is "linear" or "log".
+
+    Points that are not finite are left out; on logarithmic axes also those that are not above 0.
+    """
     curve = panel.curve
     drawn = np.isfinite(curve.value)
     band = curve.banded
@@ -429,7 +460,10 @@ def _draw_panel(axis: Any, pressures: Values, panel: Panel, scale: str) -> None:
 def _mark_area_of_nodes(
     axis: Any, pressures: Values, panel: Panel, drawn: NDArray[np.bool_]
 ) -> None:
-    """Mark the points that are drawn and are areas of the nodes with circles, but not at 0 MPa."""
+    """Mark the points that are areas of the nodes with circles, but for the one at 0 MPa.
+
+    `drawn` is True at the points of the panel that are drawn, (k,).
+    """
     marked = drawn & panel.of_nodes & (pressures > 0)
     if not marked.any():
         return
@@ -445,7 +479,7 @@ def _mark_area_of_nodes(
 
 
 def drawn_area(curves: Curves) -> Panel:
-    """Choose the area to draw: that in the continuum only where the grid resolves the contact.
+    """Choose the area to draw: in the continuum where the grid resolves it, else of the nodes.
 
     Parameters
     ----------
@@ -455,8 +489,9 @@ def drawn_area(curves: Curves) -> Panel:
     Returns
     -------
     Panel
-        The area of the nodes if that in the continuum is not known, or is resolved nowhere.
-        Otherwise the area in the continuum, and that of the nodes at loads that are marked.
+        The area of the nodes, if the area in the continuum was not asked for or the grid resolves
+        it nowhere. Otherwise the area in the continuum, with the area of the nodes at loads where
+        the grid does not resolve it; these loads are marked.
     """
     nodes = curves.curves[AREA.in_laws]
     continuum = curves.curves.get(CONTINUUM.in_laws)

@@ -31,10 +31,10 @@ Load = Literal["delta", "pressure"]
 """Kind of the loads of a law: displacements Delta [um] or nominal pressures [MPa]."""
 
 ARGUMENTS: dict[Load, str] = {"delta": DELTA.in_laws, "pressure": PRESSURE.in_laws}
-"""Name of the quantity that a table is tabulated against, by the kind of its loads."""
+"""Name of the argument of a table, by the kind of its loads."""
 
 USUAL_LEVEL = 0.9
-"""Coverage of a band unless the order has another one."""
+"""Coverage of a band if the order gives none."""
 
 
 @dataclass(frozen=True)
@@ -42,29 +42,35 @@ class Order:
     """A request for a law."""
 
     inputs: tuple[str, ...]  # surfaces, folders of surfaces, databases or scenes
-    # Displacements [um] and pressures [MPa] as text, each "" if it is not given. The solver needs
-    # one of them or both; a surrogate has loads of its own.
+    # Displacements [um] and pressures [MPa] as text; "" if not given. The solver needs one of them
+    # or both. A surrogate without them takes displacements from its training.
     delta: str = ""
     pressure: str = ""
-    surfaces: int = 50  # number of surfaces of a database's or scene's population
-    level: float | None = None  # coverage of the band; None for the usual one
-    e_star: float | None = None  # [MPa]; None for that of the scenes, or else 1 MPa
-    # Hardness of the softer body [MPa]; None for that of the scenes, which have one or none.
+    surfaces: int = 50  # number of surfaces that each scene or database gives
+    level: float | None = None  # coverage of the band; None for `USUAL_LEVEL`
+    # E* [MPa]; None to take that of the scenes, or 1 MPa without scenes.
+    e_star: float | None = None
+    # Hardness of the softer body [MPa]; None to take that of the scenes, which may have none.
     hardness: float | None = None
-    boundary: Boundary | None = None  # of the patches; None for the usual one
-    conductivities: tuple[float, float] | None = None  # of both bodies [W/(m K)]
-    gas: Gas | None = None  # in the gap
-    stiffness: bool = False  # with the stiffness, which conductivities bring along too
-    grid_error: bool = False  # with the area in the continuum and the error of the grid
-    flow: bool = False  # with the hydraulic apertures of the gap
-    also: tuple[str, ...] = ()  # further quantities, by names of `gen.quantities.ALSO`
+    # Boundary of the patches; None for the usual one of `gen.law.surfaces`.
+    boundary: Boundary | None = None
+    # Conductivities of both bodies [W/(m K)]; None for a law without conductance of spots.
+    conductivities: tuple[float, float] | None = None
+    gas: Gas | None = None  # gas in the gap; None for none
+    stiffness: bool = False  # True for the stiffness; conductivities add it, too
+    grid_error: bool = (
+        False  # True for the area in the continuum and the error of the grid
+    )
+    flow: bool = False  # True for the hydraulic apertures of the gap
+    also: tuple[str, ...] = ()  # names of further quantities, of `gen.quantities.ALSO`
     reading: Reading = field(default_factory=Reading)  # how files are read
     opposite: Opposite | None = None  # second rough body against surfaces from files
-    # Tables between whose loads further contacts are solved, for files whose programs join points.
+    # Tables between whose loads further contacts are solved, for programs that join the points.
     between: tuple[Load, ...] = ()
-    # Whether straight lines between the pressures are judged by contacts of their own.
+    # True if a program joins points by straight lines: then further contacts are solved for these,
+    # and others to compare the lines with.
     straight: bool = False
-    command: str = ""  # command line, for the record
+    command: str = ""  # command line that files of the law name; "" if there is none
 
     @property
     def coverage(self) -> float:
@@ -75,7 +81,7 @@ class Order:
 
     @property
     def requested(self) -> tuple[Load, ...]:
-        """Kinds of the loads that the order gives; Delta if it gives none."""
+        """Kinds of the loads that the order gives; "delta" alone if it gives none."""
         loads: list[Load] = []
         if self.delta or not self.pressure:
             loads.append("delta")
@@ -95,23 +101,28 @@ class Order:
         Raises
         ------
         InputError
-            If a text has no loads that a law allows.
+            If a text is no list of loads, or has loads that a law does not allow.
         """
         loads: dict[Load, Values] = {}
         if self.delta:
-            loads["delta"] = np.unique(loads_from("delta", self.delta))
+            deltas = loads_from("delta", self.delta)
+            loads["delta"] = np.unique(deltas)  # sorted, each once
         if self.pressure:
-            loads["pressure"] = np.unique(loads_from("pressure", self.pressure))
+            pressures = loads_from("pressure", self.pressure)
+            loads["pressure"] = np.unique(pressures)
         return loads
 
     @property
     def media(self) -> Media:
-        """What conducts through the interface."""
-        return Media(self.conductivities, self.gas)
+        """Conductivities of the bodies and the gas, for the conductances."""
+        return Media(conductivities=self.conductivities, gas=self.gas)
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
-        """Quantities that are read off each contact; the conductance follows from the stiffness."""
+        """Quantities that are read off each contact.
+
+        The conductance of the spots is not among them: it is computed from the stiffness.
+        """
         quantities = list(ALWAYS_IN_LAWS)
         if self.grid_error:
             quantities.append(CONTINUUM)
@@ -127,7 +138,7 @@ class Order:
         return tuple(quantities)
 
     def refuse_impossible(self, hardness: float | None) -> None:
-        """Refuse further quantities that no contact of the bodies has.
+        """Refuse quantities of `also` that contacts of elastic bodies do not have.
 
         Parameters
         ----------
@@ -137,7 +148,7 @@ class Order:
         Raises
         ------
         InputError
-            If the bodies are elastic and a quantity is one of bodies that yield.
+            If the bodies are elastic and a quantity exists only for bodies that yield.
         """
         for name in self.also:
             if ALSO[name].needs_hardness and hardness is None:
@@ -152,17 +163,17 @@ def require_also(names: Sequence[str]) -> tuple[str, ...]:
     Parameters
     ----------
     names : sequence of str
-        Names, several in one text with commas between them.
+        Texts of one name, or of several names with commas between them.
 
     Returns
     -------
     tuple of str
-        Names of `gen.quantities.ALSO`.
+        Names of `gen.quantities.ALSO`, without blanks around them.
 
     Raises
     ------
     InputError
-        If no law has a quantity of a name.
+        If a name is not in `gen.quantities.ALSO`.
     """
     stripped = [name.strip() for text in names for name in text.split(",")]
     for name in stripped:

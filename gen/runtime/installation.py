@@ -104,8 +104,8 @@ def command_for(extra: str) -> str:
     Returns
     -------
     str
-        In a clone, a command of pip, such as "pip install -e /home/me/asperity[plot]". Otherwise a
-        clause, because it is unknown where the package was installed from.
+        In a clone, the command of pip that installs its folder with the extra. Otherwise a clause,
+        because it is unknown where the package was installed from.
     """
     if not (REPOSITORY / "pyproject.toml").is_file():
         return f"install Asperity again, with its extra {extra!r}"

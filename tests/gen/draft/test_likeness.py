@@ -86,3 +86,12 @@ def test_a_law_over_less_than_a_decade_feeds_no_scene(tmp_path):
         InputError, match=r"no self-affine law fits it: .* over 0\.\d+ decades"
     ):
         propose_like(write(MADE["honed-0"], tmp_path), Reading())
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_ridges_that_are_flat_along_one_axis_have_no_law(tmp_path, axis):
+    profile = np.random.default_rng(1).normal(size=64).cumsum()
+    heights = np.repeat(np.expand_dims(profile, axis), 64, axis=axis)
+    np.save(tmp_path / "ridges.npy", heights)
+    with pytest.raises(InputError, match="no self-affine law fits it"):
+        propose_like(tmp_path / "ridges.npy", Reading(side="100"))
