@@ -337,9 +337,10 @@ def _beyond_limits(distribution: Distribution) -> Exception:
 
 
 def _refusal_of(key: str, error: ValidationError) -> Exception:
-    """Make an error that says what is allowed, from pydantic's error of the reader `key`.
+    """Turn pydantic's error into one that says what is allowed.
 
-    `key` is a key of `_READERS`. Only the first fault that pydantic reports is used.
+    `key` is the notation that was read: "number", "range" or a key of `TABLES`. Only the first
+    fault that pydantic reports is used.
     """
     fault = error.errors(include_url=False)[0]
     # A validator of this module has raised the error, in its own words.

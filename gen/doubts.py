@@ -256,10 +256,10 @@ def steep_slopes(slope: float, apart: float, where: str = "") -> str:
 
 
 def _full_contact(delta: float, span: float, advice: str, where: str = "") -> str:
-    """Return a line that doubts loads under which every node touches.
+    """Return the doubt that every node touches from the displacement `delta` [um] on.
 
-    `delta` is the smallest Delta of these loads, `span` the span of the heights there, both in um.
-    `advice` ends the line. `where` says for which rows this holds, with a blank before it; or "".
+    `span` is the highest minus the lowest height of the surface [um]. `advice` ends the line.
+    `where` says for which rows this holds, with a blank before it; or "".
     """
     return (
         f"from Delta = {delta:.4g} um on every node touches{where}, the heights span"

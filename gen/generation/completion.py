@@ -276,10 +276,12 @@ def measured_powers(scene: Scene, limit: float | None = None) -> dict[str, Power
 def _problems_over_the_loads(
     scene: Scene, limit: float | None
 ) -> Iterator[SampleProblem]:
-    """Yield the problems at both ends and the middle of the loads, on the first surface.
+    """Yield three problems on the surface of the first row that has a solution.
 
-    A load without a solution, as beyond full contact, is halved until it has one; NoSolution is
-    raised if that is not enough.
+    Their loads are the smallest, the middle and the largest one of the scene. A load without a
+    solution, as beyond full contact, is halved until it has one; NoSolution is raised if that is
+    not enough. None is yielded if no row has a solution. `limit` is the largest time for finding
+    the first problem, and for each trial after it [s]; Overtime is raised beyond it.
     """
     with time_limit(limit):
         first = first_problem(scene)

@@ -305,7 +305,7 @@ def _prepared(
             pending=pending,
             remarks=[
                 f"{begun}; {workers}, {kind} writer",
-                *_functions(scene),
+                *_remarks_on_functions(scene),
                 *(f"  warning: {warning}" for warning in warnings),
                 *(f"  {remark}" for remark in _remarks_on_maps(scene)),
             ],
@@ -325,7 +325,7 @@ def _rows_of(request: _Request, scene: Scene) -> range:
     return rows
 
 
-def _functions(scene: Scene) -> list[str]:
+def _remarks_on_functions(scene: Scene) -> list[str]:
     """Return one line for each function of the user's that a run calls, with its file."""
     functions = {getattr(scene.surface, "function", None), scene.store.function}
     names = sorted(str(function) for function in functions if function is not None)

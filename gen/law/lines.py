@@ -134,7 +134,7 @@ class Column:
 
     at: Values  # ascending fine arguments, the first is 0, (FINE * k + 1,)
     curve: Values  # the law at the fine arguments, (FINE * k + 1,)
-    at_loads: Indices  # places of the loads that the law was asked for, the first is 0
+    at_loads: Indices  # places of 0 and of the loads that the user gave
     # True where neither few nor nearly all nodes touch, (FINE * k + 1,).
     inside: NDArray[np.bool_]
 
@@ -233,12 +233,13 @@ class Column:
     def laid(self, room: int | None = None, *, filled: bool = False) -> Line:
         """Lay points so that straight lines follow the law best.
 
-        Without a bound the points lie on the law, and include all loads asked for. With a bound
-        the first of these that is good enough is taken:
+        Without a bound the points lie on the law, and include all loads that the user gave. With a
+        bound the first of these that applies is taken:
 
         1. Points on the law, if lines then deviate by `NEAR` at most.
-        2. Points beside the law except at the loads asked for, if lines deviate by `TOLERABLE`.
-        3. Points beside the law except at the first two and the last load asked for.
+        2. Points beside the law except at 0 and at the user's loads, if lines then deviate by
+           `TOLERABLE` at most.
+        3. Points beside the law except at 0, at the first load and at the last load.
 
         The first two need room for all loads. Deviations are those where neither few nor nearly all
         nodes touch.
@@ -248,12 +249,13 @@ class Column:
         room : int or None
             Largest number of points of the table, at least 3; None if there is no bound.
         filled : bool
-            True to lay as many points as there is room for.
+            True to lay as many points as there is room for; ignored without a bound.
 
         Returns
         -------
         Line
-            Points, the first at the argument 0. The first two and the last lie on the law.
+            Points, the first at the argument 0. It and those at the first and at the last load lie
+            on the law.
         """
         if room is None:
             return self._on_law(self._within(GOOD, self.at_loads))

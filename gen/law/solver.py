@@ -75,6 +75,7 @@ class PossibleLoads:
 
     loads: Values  # ascending [um or MPa]
     remarks: list[str]  # one line or none
+    full_contact: float = np.inf  # smallest displacement that was left out [um]
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +101,7 @@ class LawSolver:
         load : {"delta", "pressure"}
             Kind of the loads.
         loads : ndarray, shape (k,)
-            Ascending loads [um or MPa].
+            Ascending loads, one or more [um or MPa].
 
         Returns
         -------
@@ -114,8 +115,9 @@ class LawSolver:
         """
         possible = self._below_full_contact(load, loads)
         if not possible.loads.size:
-            full_contact = possible.remarks[0].partition(":")[0]
-            raise InputError(f"{full_contact}: give smaller loads")
+            raise InputError(
+                f"full contact from {possible.full_contact:.4g} um on: give smaller loads"
+            )
         return self._solve(load, possible)
 
     def solve_some(
@@ -162,7 +164,7 @@ class LawSolver:
         possible = loads[loads < (1 - APART) * full]
         if possible.size == loads.size:
             return PossibleLoads(loads, [])
-        return PossibleLoads(possible, [ends_below(full)])
+        return PossibleLoads(possible, [ends_below(full)], full)
 
     def _solve(self, load: Load, possible: PossibleLoads) -> SolvedLoads:
         """Solve every surface under loads, of which there is one or more; see `solve`."""
@@ -340,7 +342,10 @@ def _points(contacts: Sequence[SolvedContact]) -> Points:
 
 
 def _with_grid_error(points: Points, contacts: Sequence[SolvedContact]) -> Points:
-    """Give the area in the continuum the error of the grid as its band."""
+    """Return the points of `_points` with the error of the grid as band of the area.
+
+    Band and area are those of the continuum. The contacts are in the order of the points.
+    """
     name = CONTINUUM.in_laws
     area = points.values[name]
     error = np.array([contact.grid_error for contact in contacts])

@@ -496,7 +496,7 @@ def _complain(message: str, details: Sequence[str] = ()) -> None:
 def _one_line(text: str) -> str:
     """Return a text as one line; the middle of a text longer than `LONGEST_LINE` is left out.
 
-    A long text has a name or a number in it that nobody has typed by hand.
+    Only a generated name or number makes a message so long, so that its middle can go.
     """
     line = " ".join(text.split())
     if len(line) <= LONGEST_LINE:

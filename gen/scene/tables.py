@@ -123,20 +123,23 @@ class Contact(Table):
 
     @property
     def doubts(self) -> list[str]:
-        """Warning in one line about a modulus and a hardness that no solid has together.
+        """Warning in one line about a material that no solid has, or an empty list.
 
-        The list is empty without such a warning, and if neither a modulus nor a hardness in MPa is
-        given. Hardnesses in multiples of E* are not checked.
+        The modulus may be above that of any solid, or the hardness may not suit the modulus.
+        Nothing is checked if neither a modulus nor a hardness in MPa is given. Hardnesses in
+        multiples of E* are not checked.
         """
         if self.hardness is None and not self.has_modulus:
             return []
-        hardnesses = (None,) if self.hardness is None else limits(self.hardness)
+        hardnesses: tuple[float | None, ...] = (None,)  # the modulus is checked alone
+        if self.hardness is not None:
+            hardnesses = limits(self.hardness)
         for hardness in hardnesses:
             bodies = Bodies(
                 e_star=self.e_star, hardness=hardness, has_modulus=self.has_modulus
             )
             doubts = material_doubts(bodies)
-            if doubts:  # Similar doubts of the other limit are left out.
+            if doubts:  # The other limit would give a similar line.
                 return doubts
         return []
 
