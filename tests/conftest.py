@@ -96,3 +96,13 @@ def populations(tmp_path_factory):
         database_of(folder, scene, name)
     yield folder
     TRUSTED.reset(trust)
+
+
+@pytest.fixture
+def untrusted():
+    """No function of a file is trusted, whatever `populations` has set for its session."""
+    from gen.runtime.user_code import TRUSTED
+
+    trust = TRUSTED.set(False)
+    yield
+    TRUSTED.reset(trust)

@@ -194,6 +194,7 @@ def test_pressures_are_judged_where_no_row_can_be_tried():
     )
 
 
+@pytest.mark.usefixtures("untrusted")
 def test_a_trial_calls_no_function_of_outputs_and_nothing_without_trust(
     here, refused, monkeypatch
 ):
