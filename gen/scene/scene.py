@@ -383,6 +383,11 @@ class Scene(Table):
 
         Keys with default values are written too. Keys that are None and free boundaries are left
         out as in `_without_absent_keys`. Equal scenes have equal texts, which `from_text` reads.
+
+        Returns
+        -------
+        str
+            The JSON text, on one line.
         """
         return json.dumps(self.model_dump(exclude_none=True), sort_keys=True)
 
@@ -403,7 +408,13 @@ class Scene(Table):
         return hashlib.sha256(text.encode()).hexdigest()
 
     def relevant(self) -> dict[str, Any]:
-        """Return the keys that change results, as nested dictionaries with their values."""
+        """Return the keys that change results, with their values.
+
+        Returns
+        -------
+        dict
+            The tables of the scene as nested dictionaries.
+        """
         content = self.model_dump(exclude=INERT, exclude_none=True)
         # Powers are measured, and follow from the other keys.
         content["store"].pop("powers", None)
