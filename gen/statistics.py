@@ -378,11 +378,14 @@ def rms_slope_of(
     """
     angles = 2.0 * math.pi * statistics["peak_density"]
     change = 2.0 * (1.0 - np.cos(angles))  # m4 / m2 times the squared spacing
-    # An even slope has a bandwidth of 0, and files may hold any numbers.
+    # An even slope has a bandwidth of 0, and files may hold any numbers, of which the square may
+    # be infinite: Python's own floats would raise OverflowError.
     with np.errstate(all="ignore"):
+        squared_x = np.float64(spacing[0]) ** 2
+        squared_y = np.float64(spacing[1]) ** 2
         # m2 / m0 of the profiles along each axis
-        along_x = change / (statistics["bandwidth_x"] * spacing[0] ** 2)
-        along_y = change / (statistics["bandwidth_y"] * spacing[1] ** 2)
+        along_x = change / (statistics["bandwidth_x"] * squared_x)
+        along_y = change / (statistics["bandwidth_y"] * squared_y)
         return np.asarray(statistics["height_rms"] * np.sqrt(along_x + along_y))
 
 

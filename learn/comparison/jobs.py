@@ -145,11 +145,15 @@ def compare(request: Request, executor: Executor) -> int:
                 for task in tasks:
                     if interruption.requested():
                         break
-                    stored = target.folder.result(task.kind, task.model)
-                    if request.again or stored is None:
+                    if request.again or _lacks_result(target, task):
                         _measure(target, task, executor, progress.say)
                     progress.advance(1)
     return interruption.signal
+
+
+def _lacks_result(target: Target, task: TimedFit) -> bool:
+    """Return whether a folder has no result of a fit; a damaged one raises InputError."""
+    return target.folder.result(task.kind, task.model) is None
 
 
 def _baselines(models: list[Model], features: str) -> list[TimedFit]:

@@ -200,6 +200,13 @@ def estimated_slope(heights):
     return estimate
 
 
+@pytest.mark.parametrize("spacing", [1e-200, 1e200])
+def test_slopes_beyond_the_largest_numbers_raise_no_error(spacing):
+    statistics = describe(np.random.default_rng(0).normal(size=(9, 9)), 1.0).values
+    values = {key: np.array([value]) for key, value in statistics.items()}
+    assert rms_slope_of(values, (spacing, spacing)).shape == (1,)
+
+
 def test_the_slope_of_a_sine_wave_is_known_exactly():
     x = np.arange(240)[:, None] * np.ones(240)
     waves = np.sin(2 * np.pi * x / 12 + 0.1) + np.sin(2 * np.pi * x.T / 12 + 0.1)

@@ -298,3 +298,13 @@ def test_perceptrons_are_scored_as_they_are_fitted_in_the_end(work, monkeypatch)
     assert len(searched) == 5
     assert all(params == searched[0] for params in [*searched, *refitted])
     assert (searched[0]["max_iter"], searched[0]["random_state"]) == (20_000, 3)
+
+
+def test_a_damaged_result_is_measured_again_if_that_is_asked_for(work):
+    asked = ["compare", "database.h5", "-o", "out", "--model", "decision-tree"]
+    assert run(*asked, "--target", "area") == 0
+    result = work / "out/area/baseline/decision-tree.json"
+    result.write_text('{"broken')
+    assert run(*asked, "--target", "area") == 2
+    assert run(*asked, "--target", "area", "--again") == 0
+    assert json.loads(result.read_text())["model"] == "decision-tree"
