@@ -518,7 +518,7 @@ def told(path):
 
 
 KINDS = [
-    pytest.param(("waves", 96), id="waves"),
+    pytest.param(("waves", 96), id="waves", marks=pytest.mark.long),
     pytest.param(("diamond-square", 65), id="diamond-square"),
     pytest.param(("diamond-square", 129), id="fine", marks=pytest.mark.long),
     pytest.param(("white", 64), id="white", marks=pytest.mark.long),

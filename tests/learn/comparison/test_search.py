@@ -89,7 +89,7 @@ SCALED = {
 """Points of the grids for features without units."""
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("model", "space"), [*REDUCED.items(), *SCALED.items()])
 def test_scores_and_winner_are_those_of_scikit_learns_grid_search(
     model, space, training, searching

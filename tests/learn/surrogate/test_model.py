@@ -151,7 +151,7 @@ def heights():
     return generate("diamond-square", 33, 0.7, 12.0, np.random.default_rng(5))
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(3)
 @pytest.mark.parametrize("model", list(MODELS))
 def test_every_model_fits_saves_loads_and_predicts_the_same(
     solved, tmp_path, heights, model, monkeypatch
