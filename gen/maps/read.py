@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Heights
-from gen.maps.instruments import instruments_scan
 from gen.maps.scan import (
     MOST_COLUMNS,
     NAMED_UNITS,
@@ -565,6 +564,9 @@ def _text_or_instruments_scan(path: Path, content: bytes, reading: Reading) -> S
 
     A file with a suffix of `PLAIN_SUFFIXES` is read as a text only, unless it is a .dat file.
     """
+    # .npy files, which are read most, need nothing of it.
+    from gen.maps.instruments import instruments_scan
+
     suffix = path.suffix.lower()
     is_plain = suffix in PLAIN_SUFFIXES
     matrices: list[Scan] = []
