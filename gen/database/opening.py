@@ -248,7 +248,8 @@ def read_attributes(file: h5py.File) -> dict[str, str | int]:
     Raises
     ------
     ValueError
-        If an attribute is anything else than one text of fixed length or one integer.
+        If an attribute is anything else than one text of fixed length or one integer, is not of the
+        type that its name asks for, or is larger than `LARGEST_ATTRIBUTE`.
     """
     for name in file.attrs:
         if not _is_readable(file, name):
@@ -289,11 +290,12 @@ def _check_columns(file: h5py.File, path: Path, scene: Scene, rows: int) -> None
         _require_hard_links(file, column, name)
         dataset = file[name]
         _require_contiguous(dataset, column, name, column.shape(rows, grid))
+        # None if the column has no bytes of its own in the file.
         start = dataset.id.get_offset()
         length = rows * column.row_bytes(grid)
         if start is None or start + length > file_bytes:
             raise ValueError(
-                f"{rows} rows of column {name!r} do not fit into its {file_bytes} bytes"
+                f"{rows} rows of column {name!r} do not fit into the file's {file_bytes} bytes"
             )
         extents.append(_Extent(start, start + length, name))
     for before, after in pairwise(sorted(extents)):

@@ -80,7 +80,7 @@ class HeldFile(ExitStack):
         self._content = self._read_fixed()
 
     def _read_fixed(self) -> list[bytes]:
-        """Read the bytes that no writer changes as they are now."""
+        """Read the present bytes of each range that no writer changes."""
         return [
             os.pread(self._descriptor, len(offsets), offsets.start)
             for offsets in self._fixed
@@ -386,11 +386,11 @@ class Writer(Reader):
         Returns
         -------
         list of range
-            Numbers of the pending rows in ascending order, one range for all rows without a
-            finished one between them.
+            Numbers of the pending rows in ascending order, in ranges that are as long as possible.
+            A part of a database has only the rows that it holds.
         """
         pending: list[range] = []
-        for start, stop in chunks(self._positions(first, last), 1):
+        for start, stop in chunks(self._positions(first, last), row_bytes=1):
             status = self._status[start:stop]
             finished = (status == Status.DONE) | (status == Status.FAILED)
             first_row = self.rows.start + start
@@ -536,7 +536,8 @@ def _file_system_of(path: Path) -> str:
     except OSError:
         return ""
     file_system = ""
-    longest = 0  # letters of the mount point: the innermost one has the path
+    # The longest mount point above the file holds it; of equal ones the later hides the earlier.
+    longest = 0  # letters of that mount point
     for line in mounts:
         # The fifth field is the mount point, with blanks as octal codes; the type of the file
         # system follows a lone hyphen (`man 5 proc_pid_mountinfo`).

@@ -269,7 +269,10 @@ def _contact_rules(chunk: _Chunk) -> Iterator[_Violation]:
 
 
 def _load_rules(chunk: _Chunk) -> Iterator[_Violation]:
-    """Yield the force or the displacement, where another quantity is the planned load."""
+    """Yield rows whose force or Delta does not belong to the planned load in the column `load`.
+
+    A planned Delta has been compared itself; a load over the slope is not checked here.
+    """
     load = chunk.plan.load
     grid = chunk.scene.grid
     match chunk.scene.quantity:

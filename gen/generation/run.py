@@ -220,8 +220,8 @@ def _farm_out(
 ) -> int:
     """Have the pending rows computed and written; return the number of overdue rows.
 
-    With the parallel writer all processes have opened the file, and have to close it together: the
-    master does nothing that can fail between its sink and the farm.
+    With the parallel writer all processes open and close the file together. An error of the master
+    between opening its sink and `farm.run` would leave the workers waiting: nothing there may fail.
     """
     job = preparation.job
     todo = sum(map(len, preparation.pending))
@@ -238,7 +238,7 @@ def _farm_out(
             stopping=interruption.requested,
             when_quiet=sink.sync_when_due,
         )
-        sink.confirm()
+        sink.confirm()  # refuses a file that was replaced meanwhile
     return receiver.overdue
 
 
@@ -397,12 +397,12 @@ def _block_sizes(scene: Scene, rows: int, workers: int) -> _BlockSizes:
 def _border_of_surface(scene: Scene, start: int, count: int, largest: int) -> int:
     """Return the row behind a block that begins at `start` and is to have `count` rows.
 
-    It is the first row of a surface, so that the block may have fewer rows. If the surface at
-    `start` has more rows, the block takes all of them, or `count` if all would exceed `largest`.
+    The block ends with the last surface that fits into `count` rows. If none does, it takes the
+    rest of the surface at `start`, or `count` of its rows if the rest has more than `largest`.
     """
-    m = scene.samples_per_surface
-    border = (start + count) // m * m
+    per_surface = scene.samples_per_surface
+    border = (start + count) // per_surface * per_surface
     if border > start:
         return border
-    end_of_surface = border + m
+    end_of_surface = border + per_surface
     return end_of_surface if end_of_surface - start <= largest else start + count

@@ -268,7 +268,7 @@ class Folder:
     path: Path
 
     def begin(self, dataset: Dataset, split: Split, request: Request) -> None:
-        """Write comparison.json and rows.csv, or check those of an earlier run.
+        """Write rows.csv and comparison.json, or compare the conditions of an earlier one.
 
         Parameters
         ----------

@@ -268,7 +268,7 @@ def open_targets(
     executor : Executor
         Workers that compute features.
     stopping : callable
-        Called between rows and targets; no further target is yielded once it returns True.
+        Asked while features are computed and before each target; True ends the iteration.
     searched : bool
         Whether grids are searched, which needs rows in every fold, and more memory.
 
@@ -281,7 +281,7 @@ def open_targets(
     ------
     InputError
         If the database cannot be used, there are too few rows, this machine lacks the memory for a
-        model, or the folder is of other conditions.
+        model, or the folder holds results of other conditions.
     """
     for rows in dataset.read(request, executor, stopping):
         if stopping():

@@ -439,6 +439,7 @@ class GridSearch:
         for names, fold in product(families, range(FOLDS)):
             places = (Place(name, fold, self.training.rows) for name in names)
             trials = self.trials.finished
+            # The candidates of a family share the time of one fit evenly.
             shares = [trials[place].seconds for place in places if place in trials]
             if shares:
                 times.append(sum(shares))

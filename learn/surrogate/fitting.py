@@ -622,15 +622,17 @@ def _predict_left_out(
 
 
 def _left_out_by_one_fit(target: Values, learnt: Learnt, plan: Plan) -> Values:
-    """Return predictions of left out rows that follow from the fit to all training rows.
+    """Predict left out rows, (n,), from the one fit to all training rows.
 
-    The features keep the scaling of all training rows, and moments beyond those of the other groups
-    are not clipped: errors are, if anything, larger.
+    `target` is on the scale of the training, the result is not. Features keep the scaling of all
+    training rows, and are not clipped to the ranges of the rows seen: errors are, if anything,
+    larger. LinAlgError is raised if the kernel's matrix is singular.
     """
     model = learnt.pipeline.named_steps[STEP]
     errors = left_out_errors(model, [holdout.unseen for holdout in plan.holdouts])
     predicted = np.full(target.size, np.nan)
     for holdout, error in zip(plan.holdouts, errors, strict=True):
+        # Both arrays ascend, so that errors and rows of the part have the same order.
         is_in_part = np.isin(holdout.unseen, holdout.rows)
         predicted[holdout.rows] = target[holdout.rows] - error[is_in_part]
     return learnt.scaling.restored(predicted)

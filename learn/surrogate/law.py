@@ -399,12 +399,12 @@ def _predicted(
 def _mean_gap(
     surface: SurfaceFeatures, deltas: Values, force: Values, bodies: Bodies
 ) -> Values:
-    """Return the mean gap from forces over E*, (k,) [um]."""
+    """Return mean gaps [um] at displacements [um] with forces over E* [um2], all of shape (k,)."""
     rest = float(surface.heights.max()) - float(surface.heights.mean())
     coarse = [surface.means(float(delta), bodies.hardness_ratio) for delta in deltas]
-    compliance, yielded = np.array(coarse).reshape(-1, 2).T
-    mean = compliance * force / surface.length  # displacement
-    return np.asarray(np.maximum(rest - deltas + mean + yielded, 0.0))
+    compliance, yielded = np.array(coarse).reshape(-1, 2).T  # the fields of CoarseMeans
+    mean_displacement = compliance * force / surface.length  # [um]
+    return np.asarray(np.maximum(rest - deltas + mean_displacement + yielded, 0.0))
 
 
 def _with_stiffness(

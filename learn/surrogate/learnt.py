@@ -610,7 +610,8 @@ def _split(body: memoryview) -> SurrogateFile:
 
 
 def _how_to_fit_anew(path: Path, card: Mapping[str, Any]) -> str:
-    """Return the command that fits a surrogate anew, as far as its card tells."""
+    """Return "fit it anew: " and the command that does so, as far as the card tells."""
+    # The card of a single database has the entries of that database itself.
     databases = [entry["database"] for entry in card.get("databases", [card])]
     area_max = None
     if card.get("area_max") is not None:

@@ -203,7 +203,7 @@ class Training:
 
 def _features_of(card: Mapping[str, Any]) -> FeatureSet:
     """Return the feature set that a card describes."""
-    columns = tuple(name for name, _ in card["columns"])
+    columns = tuple(name for name, _unit in card["columns"])
     load = str(card.get("load") or "delta")
     if card["features"] == SCENE:
         load = plain(columns[-1])
