@@ -172,7 +172,7 @@ class Progress:
     """
 
     violation: Violation
-    renewed: float
+    renewed: float = 1.0
     energy: float = math.inf
     reduction: float = REDUCTION
     following: bool = False
@@ -287,14 +287,14 @@ class Solved(NamedTuple):
     ----------
     in_residual : ndarray, shape (nx, ny)
         Pressure whose displacement the residual contains [reduced].
-    left : float
+    remaining : float
         Largest residual of the free nodes; inf if it was not computed [unit of displacement].
     dense : bool
         Whether the equations were solved by dense algebra, which leaves the residual as it is.
     """
 
     in_residual: Field
-    left: float
+    remaining: float
     dense: bool
 
 
@@ -400,6 +400,13 @@ class _Directions:
             length = min(length, np.float32(self.longest / np.abs(self.direction).max()))
         self.shortened = bool(length < full * 0.999)
         return length
+
+
+def _largest(values: Real) -> float:
+    """Return the largest absolute value of an array, 0 of an empty one; nan if one is nan."""
+    if not values.size:
+        return 0.0
+    return max(float(values.max()), -float(values.min()))
 
 
 class _Watch:
@@ -511,8 +518,7 @@ class ActiveSet:
         If nodes outside penetrate, enlarge the set and factorise again; otherwise correct rounding.
         """
         iterate = self.iterate
-        shift = iterate.shift if iterate.load is None else 0.0
-        interference = (iterate.below + shift).reshape(-1)
+        interference = (iterate.below + iterate.given_shift).reshape(-1)
         factor = None
         for _ in range(RENEWALS):
             if factor is None:
@@ -544,8 +550,9 @@ class ActiveSet:
         """Factorise the matrix of some nodes, ordered by their pressure, then by penetration."""
         iterate = self.iterate
         order = np.lexsort((-iterate.residual.flat[nodes], -iterate.pressure.flat[nodes]))
-        is_small = nodes.size <= DOUBLE_SHARE * self._patch.few
-        precision = "float64" if is_small else "float32"
+        precision = "float32"
+        if nodes.size <= DOUBLE_SHARE * self._patch.few:
+            precision = "float64"
         return ContactFactor(partial(self._patch.entries, dtype=precision), nodes[order])
 
     def _solved_densely(
@@ -559,14 +566,16 @@ class ActiveSet:
         sets = min(MOST_SETS, iterate.max_iterations - iterate.iterations)
         solution = factor.solve(interference, iterate.load, sets)
         iterate.iterations += solution.sets
-        return solution.pressure if solution.settled else None
+        if not solution.settled:
+            return None
+        return solution.pressure
 
     def _corrected_densely(self, factor: ContactFactor) -> Values:
         """Return the pressure on the nodes of a factor, corrected by the present residual."""
         iterate = self.iterate
-        carried = None if iterate.load is None else 0.0
         pressure = iterate.pressure.reshape(-1)[factor.nodes]
-        return pressure + factor.correct(iterate.residual.reshape(-1), carried)
+        residual = iterate.residual.reshape(-1)
+        return pressure + factor.correct(residual, iterate.load_of_change)
 
     # Rounds
 
@@ -582,8 +591,9 @@ class ActiveSet:
             `stalled` then says, or the bound on iterations is reached, or numbers are nan.
         """
         iterate = self.iterate
-        violation = iterate.violation()
-        progress = Progress(violation, violation.largest if iterate.exact else 1.0)
+        progress = Progress(iterate.violation())
+        if iterate.exact:
+            progress.renewed = progress.largest
         while True:
             if self._has_to_yield(progress.largest):
                 iterate.let_yield()
@@ -685,14 +695,13 @@ class ActiveSet:
                 return False
             ahead = iterate.pressure
         iterate.pressure = ahead
-        is_last = solved.left <= iterate.tolerance and not damped
+        is_last = solved.remaining <= iterate.tolerance and not damped
         if (polishing or is_last) and not iterate.yields:
             iterate.renew()
             return True
         self._update_residual(solved, free_memory=not (damped or solved.dense))
         if before is not None and iterate.energy() > energy:
-            target = iterate.pressure if solved.dense else solved.in_residual
-            self._shorten(before, target)
+            self._shorten(before, ahead if solved.dense else solved.in_residual)
         if iterate.load is not None:
             iterate.balance(iterate.residual)
         return changed
@@ -708,11 +717,11 @@ class ActiveSet:
         iterate = self.iterate
         in_residual = iterate.pressure
         if iterate.yields and self._solve_few_free():
-            return Solved(in_residual=in_residual, left=math.inf, dense=True)
-        left = self._solve_free(yielded, goals)
+            return Solved(in_residual=in_residual, remaining=math.inf, dense=True)
+        remaining = self._solve_free(yielded, goals)
         if iterate.soft and before is not None:
             self._hold_back(before)
-        return Solved(in_residual=iterate.pressure, left=left, dense=False)
+        return Solved(in_residual=iterate.pressure, remaining=remaining, dense=False)
 
     def _update_residual(self, solved: Solved, *, free_memory: bool) -> None:
         """Update the residual to the present pressure, by one convolution.
@@ -720,7 +729,9 @@ class ActiveSet:
         With `free_memory`, the solved pressure is overwritten.
         """
         iterate = self.iterate
-        buffer = solved.in_residual if free_memory else None
+        buffer = None
+        if free_memory:
+            buffer = solved.in_residual
         change = np.subtract(iterate.pressure, solved.in_residual, out=buffer)
         iterate.residual -= self._patch.displace(change)
         if iterate.soft:
@@ -805,14 +816,14 @@ class ActiveSet:
         """
         goals = Goals(reduction=LINEAR_REDUCTION, floor=atol / 2)
         self._patch.take_contact(nodes)
-        left = math.inf
+        remaining = math.inf
         for _ in range(LINEAR_RENEWALS):
             self._solve_free(None, goals, checked=False)
             self.iterate.renew()
-            left = float(np.abs(self.iterate.residual[nodes]).max())
-            if not left > atol:  # also where it is nan
+            remaining = float(np.abs(self.iterate.residual[nodes]).max())
+            if not remaining > atol:  # also where it is nan
                 break
-        return left
+        return remaining
 
     def _solve_free(
         self, yielded: Mask | None, goals: Goals, *, checked: bool = True
@@ -830,7 +841,7 @@ class ActiveSet:
         largest = math.inf
         while iterate.iterations < iterate.max_iterations:
             free, mean = self._free_residual(constraint)
-            largest = max(float(free.max()), -float(free.min())) if free.size else 0.0
+            largest = _largest(free)
             if watch.has_ended(largest, iterate.iterations):
                 break
             is_due = watch.is_due(largest)
@@ -909,14 +920,12 @@ class ActiveSet:
         if yielded is not None and yielded.any():
             return Constraint(base=base, carried=0.0, image=base, stiffness=0.0)
         image = patch.in_contact(iterate.below) - patch.in_contact(iterate.residual)
-        image += np.float32(iterate.shift) * (1 if image.ndim == 1 else patch.within)
+        shift = np.float32(iterate.shift)
+        image += shift if image.ndim == 1 else shift * patch.within
         stiffness = inner(base, image)
-        return Constraint(
-            base=base,
-            carried=0.0,
-            image=image,
-            stiffness=stiffness if stiffness > 0 else 0.0,
-        )
+        if not stiffness > 0:
+            stiffness = 0.0
+        return Constraint(base=base, carried=0.0, image=image, stiffness=stiffness)
 
     def _has_to_change(
         self,
@@ -961,7 +970,7 @@ class ActiveSet:
                 )
                 change = factor.correct(
                     iterate.residual.reshape(-1).astype(np.float64),
-                    None if iterate.load is None else 0.0,
+                    iterate.load_of_change,
                 )
         except (np.linalg.LinAlgError, FloatingPointError):
             return False
@@ -1012,7 +1021,9 @@ class ActiveSet:
         """
         iterate = self.iterate
         hardness = iterate.hardness
-        free = np.where(yielded, 0.0, ahead) if yielded.any() else ahead
+        free = ahead
+        if yielded.any():
+            free = np.where(yielded, 0.0, ahead)
         load = float(iterate.pressure.sum()) - hardness * np.count_nonzero(yielded)
         factor = 1.0
         for _ in range(CAPPINGS):
@@ -1069,8 +1080,7 @@ class ActiveSet:
             return False
         inverse, penalty = splitting
         iterate = self.iterate
-        shift = iterate.shift if iterate.load is None else 0.0
-        interference = iterate.below + shift
+        interference = iterate.below + iterate.given_shift
         within = iterate.pressure  # between the bounds
         price = iterate.residual / penalty  # scaled multiplier of their equality
         for number in range(1, PASSES * iterate.max_iterations + 1):
