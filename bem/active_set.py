@@ -92,11 +92,11 @@ SAFE_STEPS = 4
 # Rounds after which projected gradients or splitting take over, whatever the violations are.
 ROUNDS = 40
 
-# Least gap of yielded nodes that are freed, as a share of the largest such gap [1]: freeing all of
-# them at once raises the load too far, and the sets cycle.
+# Least gap of yielded nodes that are freed, as a share of the largest gap of yielded nodes [1].
+# Freeing all of them at once raises the load too far, and the sets cycle.
 FREED = 0.1
 
-# The least gap of freed nodes, as such a share, while rounds gain too little [1].
+# Least gap of yielded nodes that are freed while rounds gain too little, as this share [1].
 FREED_SLOWLY = 0.7
 
 # Share of the contact under tension up to which yielded nodes are freed although the free nodes are
@@ -346,7 +346,7 @@ class Constraint:
         """Change a correction in place, and return it.
 
         It carries no load in all if the load is given, else it is conjugate to the pressure if the
-        displacement by the pressure is known. `residual` is what it was computed from.
+        displacement by the pressure is known. `residual` is the residual that it corrects.
         """
         if self.carried:
             excess = correction.sum(dtype=np.float64) / self.carried
@@ -621,7 +621,7 @@ class ActiveSet:
         return elastic and certain and bool(iterate.pressure.max() > iterate.hardness)
 
     def _take_round(self, progress: Progress, floor: float) -> None:
-        """Take one round, after safe steps if rounds no longer come nearer; note what it brings.
+        """Take one round, after safe steps if rounds no longer come nearer; note its results.
 
         `floor` is the largest violation that the round has to reach [unit of displacement].
         """
@@ -903,7 +903,7 @@ class ActiveSet:
         return free, mean
 
     def _constraint(self, yielded: Mask | None) -> Constraint:
-        """Return what corrections of the free pressures have to keep.
+        """Return the constraint that corrections of the free pressures have to keep.
 
         At a given displacement, rounding puts errors along the pressure back into the residual.
         Every correction removes them again (A-DEF2 of Tang, Nabben, Vuik and Erlangga 2009), unless
@@ -940,8 +940,8 @@ class ActiveSet:
         They have to if a free node is under tension or beyond the hardness, if an open node
         penetrates, or if a yielded node opens by more than the largest residual of the free nodes.
 
-        `pressure` is that of the free nodes, `floor` the least departure that matters, and `mean`
-        what the residual of all nodes is above its true value.
+        `pressure` is that of the free nodes, `floor` the least departure that matters, and the
+        residual of all nodes exceeds its true value by `mean` [unit of displacement].
         """
         if pressure.min() < 0:
             return True
@@ -1070,8 +1070,8 @@ class ActiveSet:
         """Solve by waves and bounds in turn, without edges; return whether the patch allows it.
 
         The alternating direction method of multipliers has no sets that could cycle. It minimises
-        the same energy in turn over all pressures, which waves do by one transform each way, and
-        over the pressures between the bounds. It converges from any start because the energy is
+        the same energy in turn over all pressures, by one Fourier transform each way, and over the
+        pressures between the bounds. It converges from any start because the energy is
         convex (Boyd, Parikh, Chu, Peleato and Eckstein 2011, Foundations and Trends in Machine
         Learning 3, sections 3.2 and 3.4.3). It ends at the tolerance, or at a bound on the passes.
         """

@@ -116,10 +116,10 @@ class Contact:
 
     @property
     def flattened(self) -> Field:
-        """Heights of the surface after yielding, (nx, ny): what an unloaded patch looks like [um].
+        """Heights of the surface after yielding and unloading, (nx, ny) [um].
 
         The highest node yields first, so that Delta of another contact of this surface is measured
-        from a lower node than Delta of this contact. Loads need no such correction.
+        from a lower node than Delta of this contact. Contacts under given loads need no correction.
         """
         heights: Field = self.problem.heights - self.yielded_depth
         return heights
@@ -174,7 +174,7 @@ class Contact:
         0.1 of the perimeter times the spacing. Pressures and gaps beside the border tell its place
         between the nodes (`bem.derived.border`). Where waves have 8 nodes and more, this area is
         right within 1 % (`python -m bench resolution`). Where roughness goes down to the grid, the
-        continuum has no such area: see `grid_error`. No contact stays 0 %, full contact 100 %.
+        continuum has no area: see `grid_error`. No contact stays 0 %, full contact 100 %.
         """
         depth = None
         if self.problem.hardness is not None:
@@ -208,7 +208,7 @@ class Contact:
         """Compute the flow of a fluid through the gap by Reynolds' equation.
 
         The answer is kept. Nodes in contact are closed. A patch that repeats itself is driven by a
-        mean gradient. Any other patch lies between two reservoirs, and its sides along the axis are
+        mean gradient. Any other patch is between two reservoirs, and its sides along the axis are
         closed. Where contact seals the patch, the flow factor is 0.
 
         Parameters
@@ -264,7 +264,7 @@ class Contact:
     def interface_stiffness(self) -> float:
         """Stiffness of the interface alone, without the compliance of the patch [MPa um].
 
-        The contact of a free patch lies in series with the half-space behind the patch. The
+        The contact of a free patch is in series with the half-space behind the patch. The
         interface has the compliance 1/S - 1/S(patch), where S(patch) is the stiffness of a flat
         punch that fills the patch. It is infinitely stiff at full contact, and the difference loses
         its digits near it. A patch without edges has no compliance, so that this is S.

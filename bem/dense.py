@@ -211,7 +211,7 @@ class ContactFactor:
         return self._by(self._routines.trtrs, self._lower, sides)
 
     def _backward(self, forward: Real, at: Values, load: float | None) -> _Backward:
-        """Return pressure, residual and shift for what `_forward` has returned.
+        """Return pressure, residual and shift for the columns that `_forward` has returned.
 
         `at` holds the pressures of the fixed nodes. Raise LinAlgError if no displacement carries
         the load, or pressures are not finite.
@@ -267,7 +267,7 @@ class ContactFactor:
         self._gram = None
 
     def _by(self, routine: Callable[..., Any], *matrices: Real, **options: int) -> Real:
-        """Return what one of LAPACK's routines computes; its first matrix is a lower triangle.
+        """Return the result of one of LAPACK's routines, whose first matrix is a lower triangle.
 
         Raise LinAlgError if the routine reports a failure.
         """

@@ -3,7 +3,8 @@
 Displacements are in units of a length of the problem. Pressures are in units of this length times
 E* over the first side of a cell; pressures and loads in these units are called reduced. Few nodes
 that may touch are solved by dense algebra alone. Every other problem is solved by one active set
-(`bem.active_set`), which begins from a pressure near by, from a loose solution on a coarser grid,
+(`bem.active_set`), which begins from a pressure near the
+solution, from a loose solution on a coarser grid,
 or from a first guess.
 
 Which counts of the ledger a constant moves: `python -m tests.ledger --halved bem.equilibrium.NAME`,
@@ -29,10 +30,10 @@ from bem.threads import on_one_blas_thread
 # (`pytest bench -k few_candidates`).
 FEW_NODES = 250
 
-# Least number of nodes a side with which a solve starts from a loose solve on a coarser grid.
+# Least number of nodes a side of grids whose solve starts from a loose solve on a coarser grid.
 NESTED = 500
 
-# That number where little comes into contact, so that such a start pays on larger grids only.
+# This number where little comes into contact: a coarser grid then saves work on larger grids only.
 NESTED_FAINT = 1000
 
 # Tolerance of the loose solve [displacement].
@@ -215,7 +216,7 @@ def _is_loaded(problem: Problem) -> bool:
 
 
 def _on_many_nodes(problem: Problem, near: Start | None, give: float) -> Equilibrium:
-    """Solve by one active set, from a pressure near by or from one on a coarser grid.
+    """Solve by one active set, from a start near the solution or from one on a coarser grid.
 
     `give` is how far the far field gives way under a unit load [reduced].
     """
@@ -226,7 +227,7 @@ def _on_many_nodes(problem: Problem, near: Start | None, give: float) -> Equilib
 
 
 def _start_of(problem: Problem, near: Start | None) -> Start | None:
-    """Return the start near by, or one on a coarser grid if the grid is large; None without any."""
+    """Return the given start, else one on a coarser grid if the grid is large, else None."""
     if near is None and min(problem.heights.shape) >= NESTED:
         return _on_coarser_grid(problem)
     return near
@@ -395,7 +396,9 @@ def _at_displacement(problem: Problem, near: Start | None, give: float) -> Equil
         reached = math.inf
     touching = overlap(problem, reached, delta)
     iterate = _new(problem, touching, delta, give=give)
-    with np.errstate(over="ignore", invalid="ignore"):  # such starts are worthless
+    with np.errstate(
+        over="ignore", invalid="ignore"
+    ):  # a start that overflows is worthless
         if near is not None:
             _begin_from(iterate, problem, near, touching, delta)
             is_poor = iterate.worthless(FARTHEST)
@@ -581,7 +584,7 @@ def _under_load(problem: Problem, near: Start | None) -> Equilibrium:
     enough = ENOUGH_FREE if problem.boundary == "free" else ENOUGH
     if near is not None:
         spent = near.spent
-        if not spent > 0:  # a contact near by, not a first guess
+        if not spent > 0:  # a contact near the solution, not a first guess
             enough = ENOUGH
     enough *= iterate.patch.few
     del near  # its memory is free again

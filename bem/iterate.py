@@ -2,7 +2,7 @@
 
 The gap is w = H p - u - s, with the influence matrix H, the pressure p, the interference u and the
 displacement s of the far field. The residual is -w. `bem.active_set` takes an `Iterate` to
-equilibrium; the energies, balances and bounds in this file are what it computes with.
+equilibrium; it uses the energies, balances and bounds in this file.
 """
 
 import math
@@ -113,7 +113,7 @@ class Violation(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """A pressure, with what follows from it, to which a solve may go back.
+    """A pressure with its residual and shift, to which a solve may go back.
 
     Attributes
     ----------
@@ -714,7 +714,7 @@ def cut_to_load(pressure: Field, load: float, hardness: float = math.inf) -> Fie
 
     Returns
     -------
-    ndarray of the same shape
+    ndarray, shape of `pressure`
         Pressure between zero and the hardness [reduced].
     """
     remaining = pressure.reshape(-1)

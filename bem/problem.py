@@ -143,7 +143,7 @@ class Problem:
 def node_spacing(nodes: int, side: float, boundary: Boundary = "free") -> float:
     """Compute the distance between neighbouring nodes along one axis of a patch.
 
-    The outer nodes of a free patch lie on its border. A patch without edges is made of cells, whose
+    The outer nodes of a free patch are on its border. A patch without edges is made of cells, whose
     centres are the nodes: the last cell is followed by the first one, or by its own mirror image.
 
     Parameters
@@ -206,7 +206,7 @@ def pose(
     Raises
     ------
     ValueError
-        If an argument is not allowed; one line says what was passed and what is allowed.
+        If an argument is not allowed; one line shows its value and the allowed ones.
     NoSolution
         If the load is more than the hardness on all nodes carries, or the displacement of elastic
         bodies on a patch without edges is that of full contact or more.
@@ -262,7 +262,7 @@ def check_solvable(problem: Problem, pressure: float | None = None) -> None:
     Raises
     ------
     ValueError
-        If settings are not solved together; one line says what was passed and what is allowed.
+        If settings are not solved together; one line names them and a remedy.
     OutOfRange
         If products of the problem's numbers are beyond double precision.
     NoSolution
@@ -573,7 +573,7 @@ def boxed(marked: Mask) -> tuple[slice, slice]:
     """Find a small box that holds some nodes of a grid.
 
     Its lengths are 1 + (4, 5, 6 or 7) 2^j nodes, or all of the grid's, so that solves of different
-    surfaces can use the same Fourier transforms.
+    surfaces can share plans of Fourier transforms.
 
     Parameters
     ----------

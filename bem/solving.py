@@ -83,7 +83,7 @@ class NotConverged(ArithmeticError):
 
 
 def _remedy(contact: Contact, stalled: bool) -> str:
-    """Return the end of `NotConverged`'s message: why, or what helps; "" if neither is known."""
+    """Return the end of `NotConverged`'s message: the cause or a remedy; "" if neither is known."""
     problem = contact.problem
     if problem.boundary != "free" and problem.elongation > OBLONG:
         return f": cells of 1:{problem.elongation:.4g} are beyond 1:{OBLONG}, the most tested"
@@ -179,18 +179,18 @@ def solve(
     Returns
     -------
     Contact
-        Pressure, force, area, gap and what follows from them.
+        Pressure, force, area, gap, and the results that follow from them.
 
     Raises
     ------
     ValueError
-        If an argument is not allowed; the message says what was passed and what is allowed. It is
-        an OutOfRange, which is a ValueError, if double precision could not hold the results.
+        If an argument is not allowed; the message shows its value and the allowed ones. It is an
+        OutOfRange, which is a ValueError, if double precision could not hold the results.
     NoSolution
         If Delta is at or beyond Delta* on a compliant far field, or at or beyond full contact of
         elastic bodies on a patch without edges; or if the mean pressure is not below the hardness.
     NotConverged
-        If `max_iterations` did not suffice, or `rtol` is below what rounding allows. It carries
+        If `max_iterations` did not suffice, or rounding does not allow `rtol`. It carries
         the numbers that were reached.
     """
     problem = pose(
@@ -457,7 +457,7 @@ class _Ladder(Iterator[Contact]):
 def _extrapolated(last: list[Rung], load: float, spacing: float) -> Start | None:
     """Extrapolate the last equilibria by a parabola in the load, and cut off negative pressure.
 
-    The displacement is linear in the pressure and lies on the same parabola, unless pressure was
+    The displacement is linear in the pressure and follows the same parabola, unless pressure was
     cut off. Where the parabola overflows, the last pressure is the start. After a single
     equilibrium the result is None, because a solve without a start takes less then. `spacing` is
     that of the first axis [um].

@@ -115,7 +115,7 @@ def on_threads(threads: int | None) -> Iterator[None]:
     ----------
     threads : int or None
         Number of threads, this one included; no more are used than there are processors. None
-        stands for the number of an outer block, else for that of `OMP_NUM_THREADS`, else for one.
+        takes the number of an outer block, else that of `OMP_NUM_THREADS`, else one.
     """
     threads_before = _CURRENT.threads
     helpers_before = _CURRENT.helpers
@@ -326,7 +326,7 @@ def _at_depth(put: Callable[[int], None], depths: dict[int, int]) -> Iterator[No
     finally:  # also if Ctrl-C or a row's time limit interrupts the first `put`
         try:
             put(depth)
-        except BaseException:  # such an interruption during this `put`
+        except BaseException:  # an interruption during this `put`
             put(depth)
             raise
 
