@@ -31,7 +31,7 @@ def table_of(path):
 def _few_rows():
     """Fewer rows on the finer grid, and pictures that are drawn faster."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(database, "tests_of", lambda rows: 20)
+        patch.setattr(database, "number_of_fine_rows", lambda rows: 20)
         patch.setattr(picture, "DPI", 40)
         yield
 
