@@ -132,7 +132,7 @@ def populations(nodes: int, pool: int) -> list[Population]:
     list of Population
         The two generated populations, then the windows of a map.
     """
-    made = []
+    generated = []
     for name, keys in SCENES.items():
         scene = Scene.parse(
             f"samples = {pool}\nsamples_per_surface = 1\n"
@@ -142,8 +142,8 @@ def populations(nodes: int, pool: int) -> list[Population]:
             Path(),
         )
         surfaces = [surface_numbered(scene, number) for number in range(pool)]
-        made.append(Population(name=name, surfaces=surfaces, side=SIDE))
-    return [*made, _windows(nodes, pool)]
+        generated.append(Population(name=name, surfaces=surfaces, side=SIDE))
+    return [*generated, _windows(nodes, pool)]
 
 
 def _windows(nodes: int, number: int) -> Population:
@@ -219,11 +219,11 @@ def judged(pool: Pool, number: int, draws: int) -> list[Row]:
         by_quantiles = []
         for order in orders:
             drawn = values[order[:number]]
-            further = values[order[number:]]
+            rest_of_pool = values[order[number:]]
             band = further_surface(drawn, LEVEL, percent=name == "area")
-            inside.append(_share_inside(further, band))
+            inside.append(_share_inside(rest_of_pool, band))
             quantiles = Band(*np.quantile(drawn, tails, axis=0))
-            by_quantiles.append(_share_inside(further, quantiles))
+            by_quantiles.append(_share_inside(rest_of_pool, quantiles))
         at_loads = np.mean(inside, axis=0)
         mean = float(at_loads.mean())
         passed = abs(mean - 100 * LEVEL) <= ALLOWED

@@ -142,7 +142,9 @@ def table_2(comparison: Path | None = None) -> Report:
     Report
         Table `table-2`: one row for each hyperparameter.
     """
-    searched = {} if comparison is None else _searched(area_folder(comparison))
+    searched: dict[str, ScoredResult] = {}
+    if comparison is not None:
+        searched = _searched(area_folder(comparison))
     rows: list[Row] = []
     for model, space in SPACES.items():
         for name, values in space.items():
@@ -178,7 +180,9 @@ def _our_optimum(winner: ScoredResult | None, name: str) -> str:
     settings = winner.result.settings
     if name in settings:
         return _in_words(settings[name])
-    return "the library's" if _baseline_won(winner) else ""
+    if _baseline_won(winner):
+        return "the library's"
+    return ""
 
 
 def _compared(winner: ScoredResult | None, ours: str, theirs: str) -> str:
@@ -203,7 +207,9 @@ def _in_words(value: Any) -> str:
     """
     if isinstance(value, tuple | list):
         return "-".join(map(str, value))
-    return "none" if value is None else str(value)
+    if value is None:
+        return "none"
+    return str(value)
 
 
 def table_3(comparison: Path) -> Report:
@@ -278,7 +284,9 @@ def _row_of_4(scored: ScoredResult, our_spread: float) -> Row:
     }
     for name, title in tables.SCORES.items():
         row[title] = f"{getattr(scored.test, name):.2f}"
-        row[f"{title}_paper"] = "" if theirs is None else f"{getattr(theirs, name):.2f}"
+        row[f"{title}_paper"] = ""
+        if theirs is not None:
+            row[f"{title}_paper"] = f"{getattr(theirs, name):.2f}"
     row |= {
         "fit_s": _short(scored.times.fit),
         "fit_s_paper": "",
@@ -300,7 +308,9 @@ def _row_of_4(scored: ScoredResult, our_spread: float) -> Row:
 
 def _short(seconds: float | None) -> str:
     """Write a time [s] with three digits; "" for None."""
-    return "" if seconds is None else f"{seconds:.3g}"
+    if seconds is None:
+        return ""
+    return f"{seconds:.3g}"
 
 
 def _reason_for_scores(
@@ -359,7 +369,7 @@ def _draw_predictions(folder: Folder, kind: str, models: list[str]) -> Any:
     lines = -(-len(models) // columns)
     figure = new_figure(max(3.5 * columns, 4.6), 3.1 * lines + 0.4)
     axes = figure.subplots(lines, columns, squeeze=False).ravel()
-    kinds = ["baseline"] if kind == "baseline" else ["baseline", kind]
+    kinds = dict.fromkeys(["baseline", kind])  # each kind once
     for model, axis in zip(models, axes, strict=False):
         for drawn_kind in kinds:
             if folder.result(drawn_kind, model):

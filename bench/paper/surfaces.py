@@ -155,15 +155,15 @@ def profile() -> Report:
         asperities=asperities[:, middle],
     )
     figure = new_figure(11, 4.2)
-    left, right = figure.subplots(1, 2, width_ratios=(1, 1.7))
-    figure.colorbar(_draw_field(left, heights), ax=left, label="height [µm]")
-    left.axhline(shown.x[middle], color="w", lw=1.5)
+    map_axis, profile_axis = figure.subplots(1, 2, width_ratios=(1, 1.7))
+    figure.colorbar(_draw_field(map_axis, heights), ax=map_axis, label="height [µm]")
+    map_axis.axhline(shown.x[middle], color="w", lw=1.5)
     ix, iy = np.nonzero(asperities)
-    left.plot(shown.x[ix], shown.x[iy], "w.", ms=1.2)
-    left.set(
+    map_axis.plot(shown.x[ix], shown.x[iy], "w.", ms=1.2)
+    map_axis.set(
         title="(a) topography: asperities, a profile", xlabel="x [µm]", ylabel="y [µm]"
     )
-    _draw_profile(right, shown)
+    _draw_profile(profile_axis, shown)
     rows = _rows_of_profile(heights, shown, number_of_asperities=int(asperities.sum()))
     return Report({"profile": rows}, pictures={"profile": figure})
 
@@ -384,7 +384,9 @@ def equal_kernels(database: Path) -> Report:
     figure = new_figure(8.7, 8.2)
     axes = figure.subplots(2, 2)
     lines: list[Row] = []
-    for panels, (case, models) in zip(axes, _equal_models().items(), strict=True):
+    for (areas, differences), (case, models) in zip(
+        axes, _equal_models().items(), strict=True
+    ):
         process_settings = {"kernel": models.kernel, "alpha": models.ridge["alpha"]}
         process = predicted("gaussian-process", process_settings)
         ridge = predicted("kernel-ridge", models.ridge)
@@ -397,14 +399,15 @@ def equal_kernels(database: Path) -> Report:
                 "largest_difference": float(difference.max() / np.abs(truth).max()),
             }
         )
-        left, right = panels
-        left.plot(
+        areas.plot(
             truth, process, "o", ms=4, mew=0.5, mfc="none", label="Gaussian process"
         )
-        left.plot(truth, ridge, ".", ms=2, label="kernel ridge")
-        left.set(xlabel="solved area [%]", ylabel="predicted area [%]", title=case)
-        left.legend()
+        areas.plot(truth, ridge, ".", ms=2, label="kernel ridge")
+        areas.set(xlabel="solved area [%]", ylabel="predicted area [%]", title=case)
+        areas.legend()
         # A difference of 0 has no logarithm.
-        right.semilogy(truth, difference + 1e-18, ".", ms=3)
-        right.set(xlabel="solved area [%]", ylabel="difference of the predictions [%]")
+        differences.semilogy(truth, difference + 1e-18, ".", ms=3)
+        differences.set(
+            xlabel="solved area [%]", ylabel="difference of the predictions [%]"
+        )
     return Report({"appendix": lines}, pictures={"appendix": figure})

@@ -265,16 +265,20 @@ def measure_surrogate(fitted: Fitted, features: str, queries: list[Query]) -> An
     def of_new_surface(query: Query) -> Values:
         return features_of(described(query.heights), np.array([query.delta]))
 
-    surface = mean_seconds(partial(of_new_surface, query) for query in queries)
+    new_surface_seconds = mean_seconds(
+        partial(of_new_surface, query) for query in queries
+    )
     # These surfaces keep what does not depend on Delta after their first features.
-    known = [described(query.heights) for query in queries]
+    surfaces = [described(query.heights) for query in queries]
     deltas = np.linspace(*DELTAS, LOADS)
-    rows = np.concatenate([features_of(each, deltas) for each in known])
+    rows = np.concatenate([features_of(surface, deltas) for surface in surfaces])
     batch = np.resize(rows, (BATCH, rows.shape[1]))
-    loads = mean_seconds(partial(features_of, each, deltas) for each in known)
+    ladder_seconds = mean_seconds(
+        partial(features_of, surface, deltas) for surface in surfaces
+    )
     return AnswerTimes(
-        surface=surface,
-        load=loads / LOADS,
+        surface=new_surface_seconds,
+        load=ladder_seconds / LOADS,
         single=median_seconds(partial(fitted.learnt.raw, rows[:1])),
         batched=median_seconds(partial(fitted.learnt.raw, batch)) / BATCH,
     )
@@ -362,7 +366,9 @@ def cost(
         raise InputError(
             f"--rows {rows}: give {FEWEST_ROWS} or more, the paper has {PAPER_ROWS}"
         )
-    search = math.nan if comparison is None else tuning_seconds(comparison)
+    search = math.nan
+    if comparison is not None:
+        search = tuning_seconds(comparison)
     path = databases.of_the_paper(database, folder / "databases", rows)
     remark(f"the solver on {surfaces} surfaces")
     queries = _queries(surfaces)
@@ -576,12 +582,12 @@ def _questions(studied: Studied, search: float) -> Iterator[Row]:
         )
 
 
-def sizes(most: int) -> list[int]:
+def sizes(rows: int) -> list[int]:
     """Choose the numbers of training rows of a learning curve's points.
 
     Parameters
     ----------
-    most : int
+    rows : int
         Number of all training rows.
 
     Returns
@@ -591,10 +597,10 @@ def sizes(most: int) -> list[int]:
     """
     chosen_sizes = []
     size = FEWEST
-    while size < 0.75 * most:
+    while size < 0.75 * rows:
         chosen_sizes.append(size)
         size *= 2
-    return [*chosen_sizes, most]
+    return [*chosen_sizes, rows]
 
 
 def _learning_curve(studied: Studied) -> Iterator[Row]:

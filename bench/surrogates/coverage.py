@@ -194,8 +194,11 @@ def _rows_of(pool: tuple[str, ...], rows: Dataset, names: Sequence[str]) -> Indi
 def _case_of_kinds(pool: tuple[str, ...], rows: Dataset) -> Case:
     """Return the case that is judged by the kinds of surfaces which train no surrogate."""
     foreign = _rows_of(pool, rows, FOREIGN)
+    trained_on = "preset"
+    if BROAD[0] in pool:
+        trained_on = "broad"
     return Case(
-        trained_on="broad" if BROAD[0] in pool else "preset",
+        trained_on=trained_on,
         tested_on=KIND,
         pool=pool,
         train=np.setdiff1d(np.arange(rows.size), foreign),
@@ -364,12 +367,14 @@ def coverage(folder: Path, rows: int, seeds: int) -> Report:
 
 
 def _judged_pool(
-    pool: tuple[str, ...], rows: Dataset, target: str, most: int, seed: int
+    pool: tuple[str, ...], rows: Dataset, target: str, largest: int, seed: int
 ) -> list[Row]:
     """Return the rows of the table for the cases of a pool, and print the coverage of each case."""
     judged: list[Row] = []
     for case in cases(pool, rows, seed):
-        of_case = [{"target": target, **row} for row in _judged(case, rows, most, seed)]
+        of_case = [
+            {"target": target, **row} for row in _judged(case, rows, largest, seed)
+        ]
         share = of_case[0]["covered_unflagged"]
         remark(f"{case.trained_on}: {case.tested_on}, {target}: {share:.1%} in 90 %")
         judged += of_case
@@ -385,13 +390,13 @@ def _read(*paths: Path) -> list[Dataset]:
     return dataset.read(replace(REQUEST, databases=paths))
 
 
-def _judged(case: Case, rows: Dataset, most: int, seed: int) -> list[Row]:
-    """Fit the surrogate of a case to `most` rows or fewer, and judge it.
+def _judged(case: Case, rows: Dataset, largest: int, seed: int) -> list[Row]:
+    """Fit the surrogate of a case to `largest` rows or fewer, and judge it.
 
     The first row of the table is of all rows that judge. If these are of several databases, a row
     of each database follows.
     """
-    parts = _parts(case, rows, most, seed)
+    parts = _parts(case, rows, largest, seed)
     fitted = fit(REQUEST, parts.train, parts.folds)
     names = {"trained_on": case.trained_on, "seed": seed, "trained": parts.train.size}
     if case.judged is None:
@@ -413,9 +418,9 @@ def _judged(case: Case, rows: Dataset, most: int, seed: int) -> list[Row]:
     return table
 
 
-def _parts(case: Case, rows: Dataset, most: int, seed: int) -> Parts:
-    """Split `most` rows of a case or fewer, and add the rows that train in any case."""
-    chosen = np.sort(np.random.default_rng(seed).permutation(case.train)[:most])
+def _parts(case: Case, rows: Dataset, largest: int, seed: int) -> Parts:
+    """Split `largest` rows of a case or fewer, and add the rows that train in any case."""
+    chosen = np.sort(np.random.default_rng(seed).permutation(case.train)[:largest])
     drawn = split.draw(rows.at(chosen), seed)
     train = chosen[drawn.train]
     folds = drawn.folds

@@ -161,10 +161,10 @@ def read(request: Request, rows: int | None = None) -> Dataset:
     InputError
         If too few rows can be used.
     """
-    (whole,) = dataset.read(request)
+    (all_rows,) = dataset.read(request)
     if rows is None:
-        return whole
-    return whole.at(np.flatnonzero(whole.rows < rows))
+        return all_rows
+    return all_rows.at(np.flatnonzero(all_rows.rows < rows))
 
 
 def parted(rows: Dataset, seed: int = 0) -> Parts:

@@ -68,19 +68,18 @@ def _self_affine(
     """Make a window of a self-affine surface with a mean of 0 and an rms height of 1.
 
     `longest` is the roll-off wavelength along x over the side; `stretch` is the ratio of
-    wavelengths along x to those along y. A Hurst exponent is drawn if none is given.
+    wavelengths along x to wavelengths along y. A Hurst exponent is drawn if none is given.
     """
     larger = (2 * shape[0], 2 * shape[1])
     sides = (larger[0] * spacing[0], larger[1] * spacing[1])
     cut_off = 2.1 * max(spacing)
     roll_off = max(longest * shape[0] * spacing[0], 1.2 * cut_off)
-    drawn_hurst = rng.uniform(0.5, 0.9)  # drawn in any case, see the module's docstring
-    spectrum = SelfAffineSpectrum(
-        drawn_hurst if hurst is None else hurst,
-        roll_off / stretch,
-        cut_off / stretch,
-        stretch,
-    )
+    drawn_hurst = rng.uniform(
+        0.5, 0.9
+    )  # also if one is given: the order of draws decides
+    if hurst is None:
+        hurst = drawn_hurst
+    spectrum = SelfAffineSpectrum(hurst, roll_off / stretch, cut_off / stretch, stretch)
     heights = generate_spectral(larger, sides, spectrum, rng, rms_height=1.0)
     return _scaled(heights[: shape[0], : shape[1]])
 
@@ -126,14 +125,18 @@ sandblasted = partial(_made, "sandblasted")
 
 
 def _long(
-    most: float, stretch: float, shape: Shape, spacing: Spacing, rng: np.random.Generator
+    largest: float,
+    stretch: float,
+    shape: Shape,
+    spacing: Spacing,
+    rng: np.random.Generator,
 ) -> Heights:
     """Make waves that are longer along y than along x.
 
-    `most` is the largest roll-off wavelength over the side, and `stretch` the ratio of the
-    wavelengths along x to those along y.
+    `largest` is the largest roll-off wavelength over the side, and `stretch` the ratio of
+    wavelengths along x to wavelengths along y.
     """
-    longest = rng.uniform(0.1, most)
+    longest = rng.uniform(0.1, largest)
     waves = _self_affine(shape, spacing, rng, longest=longest, stretch=stretch)
     return _sized(waves, rng)
 

@@ -97,9 +97,12 @@ def _judged(request: Request, all_rows: Dataset) -> Iterator[JudgedGrid]:
     for trained in [*((grid,) for grid in GRIDS), GRIDS, coarser]:
         parts = parted(all_rows.at(np.flatnonzero(np.isin(nodes, trained))))
         fitted = fit(request, parts.train, parts.folds)
-        # The coarser grids are judged by the finest one, of which no row has trained.
-        test = all_rows if trained == coarser else parts.test
-        judging = GRIDS[-1:] if trained == coarser else trained
+        test = parts.test
+        judging = trained
+        if trained == coarser:
+            # The finest grid judges alone: none of its rows has trained.
+            test = all_rows
+            judging = GRIDS[-1:]
         for grid in judging:
             rows = test.at(np.flatnonzero(test.database == GRIDS.index(grid)))
             bias = 100 * (fitted.predict(rows).sum() / rows.target.sum() - 1)

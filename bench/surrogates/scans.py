@@ -213,8 +213,8 @@ def _tests(
     """
     groups = maps if by_map else rows.groups
     shuffled = np.random.default_rng(seed).permutation(np.unique(groups))
-    number = shuffled.size if by_map else FOLDS
-    for part in np.array_split(shuffled, number):
+    parts = np.array_split(shuffled, shuffled.size if by_map else FOLDS)
+    for part in parts:
         yield np.flatnonzero(np.isin(groups, part))
 
 
@@ -240,7 +240,9 @@ def _ordered(rows: Dataset, kept: Indices) -> _Training:
 
 def _share(values: NDArray[np.bool_]) -> float:
     """Return the share of True, 0 to 1; NaN without any value."""
-    return float(values.mean()) if values.size else float("nan")
+    if not values.size:
+        return float("nan")
+    return float(values.mean())
 
 
 def picture(studies: Sequence[Judged]) -> Any:

@@ -205,16 +205,19 @@ def solved(scene: Scene, names: tuple[str, ...], points: int, surfaces: int) -> 
     for point in range(points):
         drawn = plan.parameters_of(point)
         load_value = float(plan.load[point])
-        hardness = None if plan.hardness is None else float(plan.hardness[point])
         of_point: dict[str, Any] = {**drawn, load: load_value}
-        if hardness is not None:
+        hardness = None
+        if plan.hardness is not None:
+            hardness = float(plan.hardness[point])
             of_point["hardness"] = hardness
         for name in names:
             numbers[name].append(of_point[name])
-        one = scene.with_parameters(drawn, seed=SEED + 1 + point)
+        at_point = scene.with_parameters(drawn, seed=SEED + 1 + point)
         for number in range(surfaces):
-            heights = surface_numbered(one, number)
-            contact = solve_contact(one, heights, hardness=hardness, **{load: load_value})
+            heights = surface_numbered(at_point, number)
+            contact = solve_contact(
+                at_point, heights, hardness=hardness, **{load: load_value}
+            )
             for column in RESULTS:
                 results[column].append(getattr(contact, column))
     return Solved(
