@@ -754,8 +754,8 @@ class SurrogateFunction(Function):
         if not outside or self._outside == "nan":
             return
         text = (
-            f"{len(outside)} of {len(reasons)} points lie outside what {self._path.name} was"
-            f" trained on: {outside[0]}"
+            f"{len(outside)} of {len(reasons)} points lie outside what {self._path.name}"
+            f" was trained on: {outside[0]}"
         )
         if self._outside == "raise":
             raise InputError(text)

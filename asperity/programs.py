@@ -34,7 +34,8 @@ PROGRAMS = {
     ),
     "serve": Program(
         "asperity.serving.cli",
-        "A server of solver and surrogates for UM-Bridge's clients (needs the extra 'serve').",
+        "A server of solver and surrogates for UM-Bridge's clients (needs the extra"
+        " 'serve').",
     ),
 }
 """The programs by their names, in the order of the help."""

@@ -43,7 +43,9 @@ Host = Annotated[
 ]
 Processes = Annotated[
     int | None,
-    typer.Option(min=1, max=1024, help="Questions answered at once; all cores if none."),
+    typer.Option(
+        min=1, max=1024, help="Questions answered at once; one for each core if left out."
+    ),
 ]
 
 

@@ -46,15 +46,16 @@ class Selection(NamedTuple):
         typer.Option(
             metavar="NAME",
             help="decision-tree, random-forest, adaboost, xgboost, gradient-boost, svm,"
-            " gaussian-process, kernel-ridge or mlp, and population for scene features; may be"
-            " repeated; if left out, all (importance: kernel-ridge).",
+            " gaussian-process, kernel-ridge or mlp, and population for scene features;"
+            " may be repeated; if left out, all (importance: kernel-ridge).",
         ),
     ] = None
     target: Annotated[
         str,
         typer.Option(
             metavar="NAME",
-            help="area, force, both, or the column of another result that is stored, as mean_gap.",
+            help="area, force, both, or the column of another result that is stored, as"
+            " mean_gap.",
         ),
     ] = "area"
     area_max: AreaMax = None
@@ -66,7 +67,7 @@ class Selection(NamedTuple):
     ] = 0
     train_rows: TrainRows = None
     again: Annotated[
-        bool, typer.Option("--again", help="Measure again, also where a result is there.")
+        bool, typer.Option("--again", help="Measure again where the folder has a result.")
     ] = False
     trust: Trust = False
 
@@ -92,8 +93,8 @@ def tune(
         str,
         typer.Option(
             metavar="TIME",
-            help="Time of this call, as 2h or 30min: successive halving where a grid is too large"
-            " for it, then five folds of all rows. Without it, whole grids.",
+            help="Time of this call, as 2h or 30min: successive halving where a grid is"
+            " too large for it, then five folds of all rows. Without it, whole grids.",
         ),
     ] = "",
     *,
@@ -191,8 +192,8 @@ def _require_better_than_constant(
         for useless in tables.no_better_than_constant(tables_of_target):
             if useless.row.kind == "tuned" and useless.row.model in models:
                 raise InputError(
-                    f"{tables_of_target.folder.path}: {useless.message}; the tables are still"
-                    " written"
+                    f"{tables_of_target.folder.path}: {useless.message}; the tables are"
+                    " still written"
                 )
 
 
@@ -220,8 +221,8 @@ def _write_and_print(folder: Path, *, pictures: bool) -> list[Tables]:
 def importance(file: Database, output: Output, *, selection: Selection) -> None:
     """Rank the inputs by what shuffling each does to the error, and drop the weakest.
 
-    With the settings that `tune` has found, if the folder holds them, else with the paper's
-    optimum: DIR/TARGET/importance.csv, selection.csv and importance.png.
+    Models have the settings that `tune` has found, if the folder holds them, else the paper's
+    optimum. Written are DIR/TARGET/importance.csv, selection.csv and importance.png.
     """
     models = selection.model or ["kernel-ridge"]
     selection_of_one = selection._replace(model=models[-1:])

@@ -29,25 +29,26 @@ Features = Annotated[
     str,
     typer.Option(
         metavar="SET",
-        help="paper (Delta and the 22 statistics), dimensionless (the same without units: any scan"
-        " length), hybrid (with a coarse contact solve of each surface, which it needs: most"
-        " exact), or scene (what the scene draws, and its load).",
+        help="paper (Delta and the 22 statistics), dimensionless (the same without"
+        " units: any scan length), hybrid (with a coarse contact solve of each surface,"
+        " which it needs: most exact), or scene (the numbers that the scene draws, and its"
+        " load).",
     ),
 ]
 Blocks = Annotated[
     int | None,
     typer.Option(
         metavar="N",
-        help="Blocks along a side of the hybrid features' coarse solve: 33, or 65: more exact, and"
-        " slower [33].",
+        help="Blocks along a side of the hybrid features' coarse solve: 33, or 65: more"
+        " exact, and slower [33].",
     ),
 ]
 Normalise = Annotated[
     Literal["", "l2", "standard", "min-max", "none"],
     typer.Option(
         metavar="HOW",
-        help="l2 (each row to unit length, the paper's), standard, min-max or none; l2 for paper"
-        " features and standard for others if left out.",
+        help="l2 (each row to unit length, the paper's), standard, min-max or none. If"
+        " left out: l2 for paper features, and standard for the other ones.",
     ),
 ]
 TrainRows = Annotated[
@@ -65,8 +66,8 @@ Load = Annotated[
     Literal["", "delta", "pressure", "force", "relative_delta", "relative_pressure"],
     typer.Option(
         metavar="NAME",
-        help="The load: delta or pressure; of scene features also force, or a relative one that the"
-        " scene draws. What it draws for these if left out, else delta.",
+        help="The load: delta or pressure; of scene features also force, or a relative"
+        " one that the scene draws. If left out: delta, or the load that the scene draws.",
     ),
 ]
 
@@ -78,8 +79,8 @@ class Choice(NamedTuple):
         str,
         typer.Option(
             metavar="NAME",
-            help="One of the nine models, as in learn compare, or population, for scene features;"
-            " population there if left out, else kernel-ridge.",
+            help="One of the nine models, as in learn compare, or population, for scene"
+            " features. If left out: population for scene features, else kernel-ridge.",
         ),
     ] = ""
     features: Features = ""
@@ -89,9 +90,9 @@ class Choice(NamedTuple):
         str,
         typer.Option(
             metavar="NAME",
-            help="area, force, both, or the column of another result that is stored, as mean_gap"
-            " or an output of your own; several with commas. At a pressure, both are area and"
-            " delta.",
+            help="area, force, both, or the column of another result that is stored, as"
+            " mean_gap or an output of your own; several with commas. At a pressure,"
+            " both are area and delta.",
         ),
     ] = "both"
     source: Annotated[
@@ -111,7 +112,8 @@ class Choice(NamedTuple):
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="A database whose rows calibrate the intervals; rows of the first if left out.",
+            help="A database whose rows calibrate the intervals; rows of the first if"
+            " left out.",
         ),
     ] = None
 

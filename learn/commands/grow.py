@@ -28,7 +28,7 @@ SurrogateFile = Annotated[
         "--output",
         "-o",
         metavar="FILE",
-        help="The surrogate to write; database and picture stand beside it.",
+        help="The surrogate to write; the database and a picture are written beside it.",
     ),
 ]
 
@@ -79,9 +79,9 @@ def grow(
 
     A fifth of the surfaces (of maps: of their tiles) is held out for tests. Each round says how
     many rows the learning curve asks for. Interrupted or killed, the same command goes on. Started
-    as `mpiexec -n 9 python -m mpi4py -m learn grow ...`, the workers compute the rows. Beside the
-    surrogate stand an ordinary database (.h5) and a picture of the learning curve and the
-    predictions (.png).
+    as `mpiexec -n 9 python -m mpi4py -m learn grow ...`, the workers compute the rows. An ordinary
+    database (.h5) and a picture of the learning curve and the predictions (.png) are written beside
+    the surrogate.
     """
     from learn.executor import led, seconds
 
@@ -138,8 +138,8 @@ def _require_own(database: Path, surrogate: Path, picture: Path) -> None:
     for earlier, later in ((database, surrogate), (surrogate, picture)):
         if later.exists() and not earlier.exists():
             raise InputError(
-                f"--output {surrogate}: {later} is there already, but not {earlier}, which would"
-                " have been written before it: give another name"
+                f"--output {surrogate}: {later} is there already, but not {earlier},"
+                " which would have been written before it: give another name"
             )
     if database.exists() and not surrogate.exists():
         note(f"{database}: is there already; its rows count, and more are added to it")
@@ -155,14 +155,15 @@ def _request(output: Path, goal: Goal, scene: Scene) -> Request:
 
     if not 0 < goal.nmae <= LARGEST_NMAE:
         raise InputError(
-            f"--nmae {goal.nmae:g}: give an error above 0 % and up to {LARGEST_NMAE:g} %, as 2"
+            f"--nmae {goal.nmae:g}: give an error above 0 % and up to {LARGEST_NMAE:g}"
+            " %, as 2"
         )
     of_scene = goal.features == SCENE
     (model,) = models_named([goal.model or default_model(goal.features)], goal.features)
     if of_scene and model.name != POPULATION.name:
         raise InputError(
-            f"--model {goal.model}: of {SCENE} features, {POPULATION.name} alone knows the error of"
-            " its mean: leave that out"
+            f"--model {goal.model}: of {SCENE} features, {POPULATION.name} alone knows"
+            " the error of its mean: leave that out"
         )
     load: Any = goal.load
     if of_scene and not load:

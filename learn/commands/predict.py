@@ -58,15 +58,17 @@ Inputs = Annotated[
     list[Path] | None,
     typer.Argument(
         metavar="[INPUT]...",
-        help="Surfaces (.npy, text, instruments' files), folders of them, or tables of statistics"
-        " as gen describe --csv writes them; for a scene's surrogate, tables of its numbers.",
+        help="Surfaces (.npy, text, instruments' files), folders of them, or tables of"
+        " statistics as gen describe --csv writes them; for a scene's surrogate, tables"
+        " of its numbers.",
     ),
 ]
 At = Annotated[
     str,
     typer.Option(
         metavar="NAME=NUMBER,...",
-        help="Parameters of a surrogate made with --features scene: hurst=0.7,rms_height=1.2.",
+        help="Parameters of a surrogate made with --features scene:"
+        " hurst=0.7,rms_height=1.2.",
     ),
 ]
 Mean = Annotated[
@@ -77,7 +79,8 @@ Coverage = Annotated[
     float | None,
     typer.Option(
         metavar="SHARE",
-        help="Coverage of the intervals [0.9, or the largest below that the surrogate reaches].",
+        help="Coverage of the intervals [0.9, or the largest below that the surrogate"
+        " reaches].",
     ),
 ]
 TableFile = Annotated[
@@ -87,8 +90,8 @@ SurrogateAndInputs = Annotated[
     list[str],
     typer.Argument(
         metavar="[SURROGATE] INPUT...",
-        help="A surrogate made by learn fit, or --solver instead of it; then one surface, or"
-        " folders of them, databases or scenes: a population.",
+        help="A surrogate made by learn fit, or --solver instead of it; then one"
+        " surface, or folders of them, databases or scenes: a population.",
     ),
 ]
 Solver = Annotated[
@@ -100,8 +103,8 @@ Solver = Annotated[
 LawBoundary = Annotated[
     Literal["free", "periodic", "mirror"] | None,
     typer.Option(
-        help="Boundary of the patches, see gen contact; that of the training or the scene if left"
-        " out, else mirror."
+        help="Boundary of the patches, see gen contact; that of the training or the"
+        " scene if left out, else mirror."
     ),
 ]
 
@@ -157,7 +160,7 @@ def predict(
     rows: list[Row] = []
     doubts: list[str] = []
     if surrogate.features.of_scene:
-        numbers = {**_parameters(at, reading, material), **loads}
+        numbers: dict[str, Any] = {**_parameters(at, reading, material), **loads}
         rows += answers_of_parameters(surrogate, inputs, numbers, level, mean=mean)
         predicted = "means over surfaces" if mean else "new surfaces"
         title = f"Predictions of {predicted} with {100 * level:g} % intervals"
@@ -166,8 +169,8 @@ def predict(
         if at or mean or not inputs or loads.keys() != {load}:
             raise InputError(
                 f"{file}: predicts for surfaces: give some, and --{load}; --at and"
-                " --mean are for surrogates that learn fit --features scene makes, --pressure for"
-                " those of --load pressure"
+                " --mean are for surrogates that learn fit --features scene makes,"
+                " --pressure for those of --load pressure"
             )
         bodies = surrogate.bodies(_modulus(material), material.hardness)
         question = SurfaceQuestion(
@@ -244,8 +247,8 @@ def _print_reasons(rows: Sequence[Mapping[str, Any]]) -> None:
     if not outside:
         return
     echo(
-        f"{len(outside)} of {len(rows)} rows lie outside what the surrogate was trained on: no"
-        " interval holds there, and none is given (-)"
+        f"{len(outside)} of {len(rows)} rows lie outside what the surrogate was trained"
+        " on: no interval holds there, and none is given (-)"
     )
     kinds: dict[str, list[str]] = {}
     for row in outside:
@@ -269,8 +272,9 @@ def _parameters(
     """
     if _modulus(material) is not None:
         raise InputError(
-            "the surrogate's E* is that of its scene, which learn card tells: leave out --young,"
-            " --poisson and --e-star, and give elastic pressures as they are at that E*"
+            "the surrogate's E* is that of its scene, which learn card tells: leave out"
+            " --young, --poisson and --e-star, and give elastic pressures as they are at"
+            " that E*"
         )
     if reading != Reading():
         raise InputError(
@@ -290,8 +294,8 @@ def _parameters(
             number = math.nan
         if math.isnan(number) or name in numbers:
             raise InputError(
-                f"--at {quoted(at)}: give NAME=NUMBER once a name, with commas between, as"
-                " hurst=0.7"
+                f"--at {quoted(at)}: give NAME=NUMBER once a name, with commas between,"
+                " as hurst=0.7"
             )
         numbers[name] = number
     return numbers
@@ -320,12 +324,12 @@ def law(
 ) -> None:
     """Tabulate area, force, gap and closure against Delta and pressure, monotone, with slopes.
 
-    Bands are the surrogate's intervals for one surface, and for a population where a further
-    surface lies. There is none for one surface that is solved, or outside the training.
-    With --solver it is what gen law makes, with the boundary of the first scene. A surrogate made
-    with --features scene takes --at, and no surface. With
-    --conductivity there is the conductance too. Surrogates that have not learnt the stiffness take
-    it from the slope of the force, for elastic bodies only.
+    The band of one surface is the surrogate's interval; in that of a population a further surface
+    lies. One surface has no band if it is solved, or outside the training.
+    With --solver the law is that of gen law, with the boundary of the first scene. A surrogate made
+    with --features scene takes --at, and no surface. With --conductivity the law has the
+    conductance too. A stiffness that the surrogate has not learnt is the slope of the force, for
+    elastic bodies only.
     """
     from gen.law.files import show, write_files
     from gen.law.surfaces import files_read
@@ -420,8 +424,8 @@ def _surrogate_of_law(inputs: Sequence[str], question: LawQuestion) -> Surrogate
         raise InputError("--at: is for surrogates that learn fit --features scene makes")
     if not (question.solver or surfaces or of_scene):
         raise InputError(
-            f"{first}: nothing else given: give a surrogate and then surfaces, or surfaces and"
-            " --solver"
+            f"{first}: nothing else given: give a surrogate and then surfaces, or"
+            " surfaces and --solver"
         )
     if surrogate is None and not question.solver:
         return Surrogate.load(path)  # raises InputError, which says what the file is

@@ -296,8 +296,8 @@ def _read_numbers(
     """
     if path.suffix.lower() not in TABLE_SUFFIXES:
         raise InputError(
-            f"{path}: the surrogate answers for {', '.join(surrogate.features.names)}, not"
-            f" for surfaces: ask {command_to_type('learn predict --at')}"
+            f"{path}: the surrogate answers for {', '.join(surrogate.features.names)},"
+            f" not for surfaces: ask {command_to_type('learn predict --at')}"
         )
     names = [name for name in surrogate.features.names if name not in fixed]
     cells = _read_cells(path, names, f"the surrogate asks for {', '.join(names)}")
@@ -395,8 +395,8 @@ def _rows_of_statistics(
     _require_boundary(path, cells, surrogate)
     statistics = _finite_columns(path, cells, STATISTICS)
     sides = _sides_of_rows(path, cells, question.reading.side, surrogate)
-    undefined = np.isnan(statistics).any(axis=1)
-    if undefined.all():
+    undefined = [bool(np.isnan(row).any()) for row in statistics]
+    if all(undefined):
         raise InputError(f"{path}: every row lacks statistics: nothing can be predicted")
     nodes = _finite_columns(path, cells, ("nodes_x", "nodes_y"), missing=0.0)
     grids = _grids_of_rows(surrogate, sides, nodes)
@@ -424,8 +424,9 @@ def _require_boundary(path: Path, cells: Cells, surrogate: Surrogate) -> None:
     for boundary in sorted({row.get("boundary") or "free" for row in cells}):
         if boundary != surrogate.boundary:
             raise InputError(
-                f"{path}: has a {boundary:.20} boundary, the surrogate was trained on patches with"
-                f" a {surrogate.boundary} one: fit one to a database whose scene has this boundary"
+                f"{path}: has a {boundary:.20} boundary, the surrogate was trained on"
+                f" patches with a {surrogate.boundary} one: fit one to a database whose"
+                " scene has this boundary"
             )
 
 

@@ -67,14 +67,14 @@ CORRECTED = 0.01
 """Largest change by which a curve is made monotone without a warning, over its largest value."""
 
 PREDICTED_BAND = (
-    "the band is the scatter of the predictions between surfaces: the errors of the surrogate come"
-    " on top of it"
+    "the band is the scatter of the predictions between surfaces: the errors of the"
+    " surrogate come on top of it"
 )
 """Note of a law of a population."""
 
 COARSE_GAP = (
-    "warning: the mean gap of bodies that yield is a coarse estimate: fit one with --target"
-    " area,force,mean_gap"
+    "warning: the mean gap of bodies that yield is a coarse estimate: fit one with"
+    " --target area,force,mean_gap"
 )
 """Warning of a law of bodies that yield whose surrogate has not learnt the mean gap."""
 
@@ -96,8 +96,8 @@ class DefinedSurfaces:
 
 
 @dataclass(frozen=True, eq=False)
-class Settings:
-    """What all predictions of a law share."""
+class LawSettings:
+    """The settings that all predictions of a law share."""
 
     order: Order
     bodies: Bodies  # E* and hardness [MPa]
@@ -133,12 +133,13 @@ def law_of_surfaces(surrogate: Surrogate, order: Order) -> Law:
     if order.boundary not in {None, surrogate.boundary}:
         raise InputError(
             f"--boundary {order.boundary}: the surrogate was trained on patches with a"
-            f" {surrogate.boundary} one: leave that out, or fit one to a database of this boundary"
+            f" {surrogate.boundary} one: leave that out, or fit one to a database of"
+            " this boundary"
         )
-    subjects = read_law_surfaces(order, only=surrogate.boundary)
-    defined = _defined_surfaces(surrogate, subjects.surfaces)
+    law_surfaces = read_law_surfaces(order, only=surrogate.boundary)
+    defined = _defined_surfaces(surrogate, law_surfaces.surfaces)
     surfaces = defined.surfaces
-    subjects = _without_undefined(subjects, surfaces)
+    law_surfaces = _without_undefined(law_surfaces, surfaces)
     remarks = list(defined.remarks)
     if len(surfaces) == 1:
         level = level_of(surrogate, order.level)
@@ -149,8 +150,8 @@ def law_of_surfaces(surrogate: Surrogate, order: Order) -> Law:
         # surfaces are not used, and get a level that holds.
         level = min(order.coverage, surrogate.largest_level)
         remarks.append(PREDICTED_BAND)
-    bodies = _bodies(surrogate, order, subjects)
-    settings = Settings(order=order, bodies=bodies, level=level)
+    bodies = _bodies(surrogate, order, law_surfaces)
+    settings = LawSettings(order=order, bodies=bodies, level=level)
     if kind == "pressure":
         pressures = loads.get("pressure")
         if pressures is None:
@@ -164,7 +165,7 @@ def law_of_surfaces(surrogate: Surrogate, order: Order) -> Law:
         tables = _tables_by_delta(surfaces, deltas, loads.get("pressure"), settings)
     tables = replace(tables, remarks=[*remarks, *tables.remarks])
     making = _making(surrogate, f"{100 * order.coverage:g} % conformal interval")
-    return law_of(order, subjects, bodies, tables, making)
+    return law_of(order, law_surfaces, bodies, tables, making)
 
 
 def law_of_parameters(
@@ -199,7 +200,7 @@ def law_of_parameters(
     scene = Scene.from_text(str(surrogate.card["scene"]))
     patch = _patch_of_scene(surrogate, scene, numbers)
     learns_force = surrogate.features.load == "force"
-    # The loads of the law are Deltas or pressures; those of the surrogate may be forces.
+    # A surrogate that has learnt forces is asked for the pressures of the law times the area.
     per_load = patch.nominal if learns_force else 1.0
     at = loads.get(kind)
     if at is None:
@@ -214,7 +215,7 @@ def law_of_parameters(
     bodies = Bodies(surrogate.modulus, _hardness(surrogate, numbers), has_modulus=True)
     loaded = LoadedPatch(patch=patch, bodies=bodies, kind=kind, loads=at)
     points = points_of(loaded, answer, order.also)
-    settings = Settings(order=order, bodies=bodies, level=level)
+    settings = LawSettings(order=order, bodies=bodies, level=level)
     tables = _tables_over_learnt_loads([patch], [points], kind, settings)
     tables = replace(tables, remarks=[*level_remarks, *tables.remarks])
     about = LawInput(f"{order.inputs[0]}: {patch.name}", scene)
@@ -243,8 +244,9 @@ def _learnt_load(
     if not has_load or not needed <= surrogate.learnt.keys():
         targets = ",".join(sorted(needed))
         raise InputError(
-            f"a law needs a surrogate with --load delta or pressure, and --target {targets}; this"
-            f" one has --load {load}, and {', '.join(surrogate.learnt)}: fit it anew"
+            "a law needs a surrogate with --load delta or pressure, and --target"
+            f" {targets}; this one has --load {load}, and {', '.join(surrogate.learnt)}:"
+            " fit it anew"
         )
     for name in order.also:
         if name not in surrogate.learnt:
@@ -288,24 +290,27 @@ def _defined_surfaces(
     remarks: list[str] = []
     if faults:
         remarks.append(
-            f"warning: {len(faults)} of {len(surfaces)} surfaces were left out, the first:"
-            f" {faults[0]}"
+            f"warning: {len(faults)} of {len(surfaces)} surfaces were left out, the"
+            f" first: {faults[0]}"
         )
     return DefinedSurfaces(defined, remarks)
 
 
 def _without_undefined(
-    subjects: LawSurfaces, surfaces: Sequence[PredictedSurface]
+    law_surfaces: LawSurfaces, surfaces: Sequence[PredictedSurface]
 ) -> LawSurfaces:
-    """Return the surfaces and sources of a law without the surfaces that no surrogate predicts.
+    """Return the surfaces of a law and their sources without the surfaces that are left out.
 
-    Sources of scenes are kept: their names are not those of surfaces.
+    `surfaces` are those that are kept. Sources of scenes are kept too: they have no name of a
+    surface.
     """
     kept = [surface.patch for surface in surfaces]
-    names_left_out = {patch.name for patch in subjects.surfaces}
+    names_left_out = {patch.name for patch in law_surfaces.surfaces}
     names_left_out -= {patch.name for patch in kept}
-    sources = [source for source in subjects.sources if source.name not in names_left_out]
-    return replace(subjects, surfaces=kept, sources=sources)
+    sources = [
+        source for source in law_surfaces.sources if source.name not in names_left_out
+    ]
+    return replace(law_surfaces, surfaces=kept, sources=sources)
 
 
 def _level_remarks(surrogate: Surrogate, order: Order, level: float) -> list[str]:
@@ -314,15 +319,16 @@ def _level_remarks(surrogate: Surrogate, order: Order, level: float) -> list[str
     return [note] if note else []
 
 
-def _bodies(surrogate: Surrogate, order: Order, subjects: LawSurfaces) -> Bodies:
+def _bodies(surrogate: Surrogate, order: Order, law_surfaces: LawSurfaces) -> Bodies:
     """Return the bodies of a law of surfaces.
 
-    The order has the first say, then the scenes about the hardness, then the training. Raises
-    InputError if the surrogate cannot predict the bodies.
+    E* is that of the order, or else of the training. The hardness is that of the order, or else of
+    the scenes, or else of the training. Raises InputError if the surrogate cannot predict these
+    bodies.
     """
     hardness = order.hardness
     if hardness is None:
-        ratio = subjects.hardness_ratio()
+        ratio = law_surfaces.hardness_ratio()
         if ratio is not None:
             hardness = ratio * (order.e_star or surrogate.modulus)
     return surrogate.bodies(order.e_star, hardness)
@@ -367,7 +373,7 @@ def _hardness(surrogate: Surrogate, numbers: Mapping[str, float]) -> float | Non
 
 
 def _tables_by_pressure(
-    surfaces: Sequence[PredictedSurface], pressures: Values, settings: Settings
+    surfaces: Sequence[PredictedSurface], pressures: Values, settings: LawSettings
 ) -> Tables:
     """Predict all surfaces at learnt pressures, (k,) [MPa], and tabulate them over both loads."""
     points = [
@@ -381,7 +387,7 @@ def _tables_over_learnt_loads(
     patches: Sequence[LawSurface],
     points: Sequence[Points],
     kind: Load,
-    settings: Settings,
+    settings: LawSettings,
 ) -> Tables:
     """Tabulate points at learnt loads, and the same contacts against the other quantity.
 
@@ -410,8 +416,8 @@ def _tables_over_learnt_loads(
 def _gap_at_rest(parts: Sequence[Points]) -> dict[str, float]:
     """Return the mean gap at first touch [um], by its name in laws, as the mean over the surfaces.
 
-    It is the sum of gap and Delta at the first load, but for the displacement of a free patch. It
-    is 0 if the points have no mean gap.
+    It is taken to be the sum of gap and Delta at the first load, which is exact for a patch without
+    edges. It is 0 if the points have no mean gap.
     """
     gap = MEAN_GAP.in_laws
     if gap not in parts[0].values:
@@ -424,7 +430,7 @@ def _table_over_learnt(
     parts: Sequence[Points],
     load: Load,
     at_rest: Mapping[str, float],
-    settings: Settings,
+    settings: LawSettings,
 ) -> Curves:
     """Tabulate points over the loads that the surrogate has learnt, which all surfaces share.
 
@@ -441,7 +447,7 @@ def _table_over_other(
     parts: Sequence[Points],
     load: Load,
     at_rest: Mapping[str, float],
-    settings: Settings,
+    settings: LawSettings,
 ) -> Curves:
     """Tabulate points from first touch over a quantity that the surrogate predicts.
 
@@ -464,7 +470,7 @@ def _table_over_other(
 
 
 def _predicted(
-    surface: PredictedSurface, kind: Load, loads: Values, settings: Settings
+    surface: PredictedSurface, kind: Load, loads: Values, settings: LawSettings
 ) -> Points:
     """Predict the law of one surface at ascending loads above 0, (k,), with intervals.
 
@@ -480,8 +486,8 @@ def _predicted(
             load = loads[np.argmin(is_finite)]
             where = f"Delta = {load:.4g} um" if kind == "delta" else f"{load:.4g} MPa"
             raise InputError(
-                f"{surface.patch.name}: the surrogate has no finite {name} at {where}: no law can"
-                " be made of it"
+                f"{surface.patch.name}: the surrogate has no finite {name} at {where}:"
+                " no law can be made of it"
             )
     loaded = LoadedPatch(
         patch=surface.patch,
@@ -507,7 +513,7 @@ def _tables_by_delta(
     surfaces: Sequence[PredictedSurface],
     deltas: Values,
     pressures: Values | None,
-    settings: Settings,
+    settings: LawSettings,
 ) -> Tables:
     """Predict all surfaces at learnt Deltas, and tabulate them over both loads.
 
@@ -553,7 +559,7 @@ def _law_of_surface(
     surface: PredictedSurface,
     deltas: Values,
     first_touch: Mapping[str, float],
-    settings: Settings,
+    settings: LawSettings,
 ) -> SurfaceLaw:
     """Predict the law of one surface at Deltas, (k,) [um], and if possible at larger ones.
 
@@ -574,7 +580,7 @@ def _law_of_surface(
     )
 
 
-def _with_stiffness(points: Points, patch: LawSurface, settings: Settings) -> Points:
+def _with_stiffness(points: Points, patch: LawSurface, settings: LawSettings) -> Points:
     """Add the stiffness of the interface, if the order needs it and it was not learnt.
 
     It is the slope of the pressure over Delta without the compliance of the patch. Raises
@@ -586,9 +592,9 @@ def _with_stiffness(points: Points, patch: LawSurface, settings: Settings) -> Po
         return points
     if settings.bodies.hardness is not None:
         raise InputError(
-            "the conductance of bodies that yield follows from their stiffness of unloading, which"
-            " is no slope of the force: fit a surrogate with --target area,force,stiffness, or"
-            " solve the law"
+            "the conductance of bodies that yield follows from their stiffness of"
+            " unloading, which is no slope of the force: fit a surrogate with --target"
+            " area,force,stiffness, or solve the law"
         )
     slope = slopes(points.values[DELTA.in_laws], points.values[PRESSURE.in_laws], 0.0)
     compliance = patch.patch_compliance(settings.bodies.e_star)
@@ -598,12 +604,12 @@ def _with_stiffness(points: Points, patch: LawSurface, settings: Settings) -> Po
 
 def _training_warnings(over_delta: Curves) -> list[str]:
     """Warn that displacements are outside the training; an empty list if none is."""
-    number = sum(share > 0 for share in over_delta.outside)
+    number = np.count_nonzero(over_delta.outside)
     if not number:
         return []
     warning = (
-        f"warning: {number} of {over_delta.at.size - 1} displacements are outside the training"
-        " ranges for one surface or more"
+        f"warning: {number} of {over_delta.at.size - 1} displacements are outside the"
+        " training ranges for one surface or more"
     )
     if over_delta.flagged.any():
         warning += "; outside, neither closure nor stiffness is given (-)"
@@ -677,8 +683,9 @@ def _require_reached(
     end = min(_mean_pressures(over_delta)[-1], _reach(extended))
     if pressures[-1] > end:
         raise InputError(
-            f"--pressure {pressures[-1]:.6g}: not all surfaces reach more than {end:.6g} MPa near"
-            f" Delta = {over_delta.at[-1]:.4g} um: give a larger --delta, or smaller pressures"
+            f"--pressure {pressures[-1]:.6g}: not all surfaces reach more than {end:.6g}"
+            f" MPa near Delta = {over_delta.at[-1]:.4g} um: give a larger --delta, or"
+            " smaller pressures"
         )
 
 
