@@ -76,9 +76,9 @@ class OutsideTraining(UserWarning):
 
 @dataclass(frozen=True)
 class Inputs:
-    """The inputs of a function: drawn parameters of the surface, a load and perhaps a hardness."""
+    """The names of the inputs of a function: drawn parameters, a load and perhaps a hardness."""
 
-    parameters: tuple[str, ...]  # their names
+    parameters: tuple[str, ...]  # parameters of the surface
     load: str  # quantity of the load, one of `gen.scene.tables.UNITS` or of a scene's features
     hardness: str = ""  # name of the hardness; "" if it is no input
 
@@ -137,7 +137,7 @@ class Points:
     numbers : mapping of str to ndarray, shape (n,)
         The values of each keyword argument by its name.
     surface : ndarray of int, shape (n,)
-        Index of the surface of each point, which decides its random numbers.
+        Index of the surface of each point, which decides the surface's random numbers.
     nodes : int, list of int or None
         Nodes along both axes, or along x and along y; those of the scene if None.
     seed : int or None
@@ -151,7 +151,7 @@ class Points:
 
     @property
     def of_scene(self) -> bool:
-        """True if no point names a surface, nodes or a seed of its own."""
+        """True if all points have the surface 0, and neither nodes nor a seed is given."""
         return self.nodes is None and self.seed is None and not self.surface.any()
 
 
@@ -184,14 +184,14 @@ class OneSurface:
 
 
 def surfaces_of(scene: Scene, inputs: Inputs, points: Points) -> Iterator[OneSurface]:
-    """Make the surfaces that points ask about, each once, in the order of their first points.
+    """Make the surfaces of the points of a call, each once, in the order of their first points.
 
     Parameters
     ----------
     scene : Scene
         The scene, whose parameters the points set.
     inputs : Inputs
-        What the numbers of the points are.
+        Names of the numbers of the points: parameters, load and hardness.
     points : Points
         The points.
 
@@ -219,7 +219,7 @@ def surfaces_of(scene: Scene, inputs: Inputs, points: Points) -> Iterator[OneSur
         heights = surface_numbered(fixed, int(points.surface[first]))
         kind = inputs.load
         loads = points.numbers[inputs.load_name][places]
-        # A surrogate may have another load than its scene; that one is absolute already.
+        # Another load than the scene's, which a surrogate may have learnt, is absolute already.
         if kind == fixed.quantity:
             kind, loads = absolute_load(fixed, heights, loads)
         hardness: Values | None = None
