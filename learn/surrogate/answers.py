@@ -372,7 +372,10 @@ def _result_columns(surrogate: Surrogate, prediction: Prediction) -> list[_Resul
 
 
 def _title(name: str, unit: str) -> str:
-    """Return the title of a column: its name, with the unit behind if the name does not say it."""
+    """Return the title of a column, its name and unit, as "force_uN".
+
+    The names of shares in % end in the unit already, and pure numbers have none.
+    """
     if unit in {"%", "1"}:
         return name
     return f"{name}_{unit}"
@@ -381,11 +384,12 @@ def _title(name: str, unit: str) -> str:
 def _rows_of_statistics(
     surrogate: Surrogate, path: Path, question: SurfaceQuestion
 ) -> Rows:
-    """Read a table of statistics, as `gen describe --csv` writes it, and repeat each row for loads.
+    """Read a table of statistics, and return each of its rows at each load.
 
-    The header names the 22 statistics. Sides, nodes and boundary are optional, and further columns
-    are ignored; so are the rows of mean and deviation of several maps. A row with undefined
-    statistics has a note. Raises InputError for a table that cannot be used.
+    `gen describe --csv` writes the table. Its header names the 22 statistics. Sides, nodes and
+    boundary are optional. Further columns are ignored, and the rows of mean and deviation of
+    several maps. A row with undefined statistics has a note. Raises InputError for a table that
+    cannot be used.
     """
     cells = _read_cells(
         path, STATISTICS, f"{command_to_type('gen describe --csv')} writes all 22"
