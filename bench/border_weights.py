@@ -240,8 +240,8 @@ def _fit(samples: list[Sample]) -> tuple[Values, Values]:
     weights, *_ = np.linalg.lstsq(matrix, excesses, rcond=None)
     freedom = max(len(samples) - weights.size, 1)
     variance = float(np.sum((excesses - matrix @ weights) ** 2)) / freedom
-    deviations = np.sqrt(variance * np.diag(np.linalg.pinv(matrix.T @ matrix)))
-    return weights, deviations
+    covariance = variance * np.linalg.pinv(matrix.T @ matrix)
+    return np.asarray(weights, np.float64), np.sqrt(np.diag(covariance))
 
 
 def _errors(kind: str, samples: list[Sample], fitted: Values) -> Row:

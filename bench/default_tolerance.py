@@ -94,7 +94,7 @@ def _compared(rtol: float, solutions: Sequence[Solved], exact: Sequence[Solved])
     wrong = sum(miss > 0 for miss in misses)
     return {
         "rtol": rtol,
-        "right_percent": 100 * (1 - wrong / len(pairs)),
+        "right_percent": 100 * (len(pairs) - wrong) / len(pairs),
         "wrong_samples": wrong,
         "samples": len(pairs),
         "largest_miss_nodes": max(misses),
