@@ -183,8 +183,8 @@ def border_weights(waves: int, aspect: float) -> Report:
         }
         weights.append(row)
     areas = [
-        _errors("single waves", [each for each in samples if not each.crossed], fitted),
-        _errors("crossed waves", [each for each in samples if each.crossed], fitted),
+        _errors("single waves", [item for item in samples if not item.crossed], fitted),
+        _errors("crossed waves", [item for item in samples if item.crossed], fitted),
     ]
     return Report({"border-weights": weights, "border-areas": areas})
 
@@ -250,6 +250,5 @@ def _errors(kind: str, samples: list[Sample], fitted: Values) -> Row:
     ways = {"count": np.zeros(WEIGHTS.size), "product": WEIGHTS.ravel(), "fitted": fitted}
     for name, weights in ways.items():
         errors = [sample.error_percent(weights) for sample in samples]
-        rms = float(np.sqrt(np.mean(np.square(errors)))) if errors else None
-        row[f"{name}_error_percent"] = rms
+        row[f"{name}_error_percent"] = float(np.sqrt(np.mean(np.square(errors))))
     return row

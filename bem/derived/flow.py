@@ -211,9 +211,7 @@ def _flows(gap: Field, spacing: tuple[float, float], *, periodic: bool) -> list[
         )
     reduced = np.where(gap > CLOSED * largest, gap / largest, 0.0)
     cells = np.arange(gap.size).reshape(gap.shape)
-    if (
-        not periodic
-    ):  # a row of infinitely wide cells at both ends of the axis: the reservoirs
+    if not periodic:  # a row of infinitely wide cells at both ends: the reservoirs
         cells = np.pad(cells, ((1, 1), (0, 0)), constant_values=gap.size)
         reduced = np.pad(reduced, ((1, 1), (0, 0)), constant_values=np.inf)
     unknowns = _unknowns(reduced, cells, periodic=periodic)
@@ -244,9 +242,8 @@ def _flow(
     for component, crossed in enumerate((along_x, along_y)):
         for cells in (faces.first[crossed], faces.second[crossed]):
             flux[component] += np.bincount(cells, through[crossed], gap.size + 1)
-    flux /= np.array(
-        [[spacing[1]], [spacing[0]]]
-    )  # the width that each component crosses
+    crossed_widths = np.array([[spacing[1]], [spacing[0]]])
+    flux /= crossed_widths
     return Flow(
         factor=aperture_cubed / float(gap.mean()) ** 3,
         aperture=float(np.cbrt(aperture_cubed)),
@@ -340,14 +337,14 @@ def _red_cells(number: int, columns: int, *, periodic: bool) -> Mask:
     return red
 
 
-def _ordered_unknowns(others: Mask, red: Mask, *, columns: int) -> Nodes:
-    """Return the cells that carry unknowns: the other ones from the rim inward, then the red ones.
+def _ordered_unknowns(black: Mask, red: Mask, *, columns: int) -> Nodes:
+    """Return the cells that carry unknowns: first those of `black` from the rim inward, then `red`.
 
     In this order the factor of the equations has fewer entries.
     """
     x, y = np.divmod(np.arange(red.size), columns)
     to_rim = np.minimum(np.minimum(x, x[-1] - x), np.minimum(y, y[-1] - y))
-    chosen = np.flatnonzero(others)
+    chosen = np.flatnonzero(black)
     inward = np.argsort(to_rim.astype(np.int16)[chosen], kind="stable")
     return np.append(chosen[inward], np.flatnonzero(red))
 

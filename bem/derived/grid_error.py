@@ -243,6 +243,12 @@ def grid_error_of(contact: Contact) -> GridError:
     if problem.hardness is not None and area:
         spare = 1 - contact.force / problem.hardness / area
     percent = contact.continuum_area_percent
+    counted = 0.0
+    if percent:
+        counted = abs(contact.area_percent / percent - 1)
+    growth = 0.0
+    if problem.delta is not None:
+        growth = _growth(contact, summit)
     verdict = _compared(contact, order=order, summit=summit, spare=spare)
     return GridError(
         resolved=verdict.resolved,
@@ -250,8 +256,8 @@ def grid_error_of(contact: Contact) -> GridError:
         order=order,
         remaining=remaining,
         summit=summit,
-        growth=0.0 if problem.delta is None else _growth(contact, summit),
-        counted=abs(contact.area_percent / percent - 1) if percent else 0.0,
+        growth=growth,
+        counted=counted,
         spare=spare,
         contact=contact,
         coarse=verdict.coarse,
@@ -317,8 +323,9 @@ def _in_words(change: float) -> str:
     percent = float(f"{100 * abs(change):.2g}")
     if percent <= 1e-9:  # rounding
         return "half of the nodes give the same area"
-    direction = "more" if change > 0 else "less"
-    return f"half of the nodes give {percent:g} % {direction} area"
+    if change > 0:
+        return f"half of the nodes give {percent:g} % more area"
+    return f"half of the nodes give {percent:g} % less area"
 
 
 def _solve_coarser(contact: Contact, summit: float) -> Contact:
@@ -336,10 +343,8 @@ def _solve_coarser(contact: Contact, summit: float) -> Contact:
         half = replace(half, delta=contact.delta - lost, force=None)
         check_solvable(replace(half, delta=contact.delta - lost + summit))
     is_full = contact.contact_nodes == problem.heights.size
-    if (
-        is_full and half.boundary != "free"
-    ):  # the coarser contact is full too, and needs no start
-        return contact.again(half, None)
+    if is_full and half.boundary != "free":
+        return contact.again(half, None)  # it is full too, and needs no start
     return contact.again(half, near)
 
 
@@ -447,9 +452,8 @@ def _mean_square_slope(lines: Field, distance: int, *, periodic: bool) -> float:
     squares = np.einsum("ij,ij->i", rise, rise) / columns
     total = squares.sum()
     count = squares.size
-    if (
-        distance > 1 and not periodic
-    ):  # half of the first and the last one is beyond the shortest
+    if distance > 1 and not periodic:
+        # Half of the first and of the last pair is beyond the places of neighbouring nodes.
         total -= (squares[0] + squares[-1]) / 2
         count -= 1
     return float(total) / int(count) / distance**2
@@ -507,9 +511,8 @@ def _coarser_places(nodes: int, boundary: Boundary) -> Values:
         return places
     step = nodes / number
     places *= step
-    if (
-        boundary == "mirror"
-    ):  # the border is half a spacing beyond the first node of either grid
+    if boundary == "mirror":
+        # The border is half a spacing before the first node, on both grids.
         places += 0.5 * step - 0.5
     return places
 
@@ -517,13 +520,12 @@ def _coarser_places(nodes: int, boundary: Boundary) -> Values:
 def _read(heights: Field, axis: int, places: Values, boundary: Boundary) -> Field:
     """Return the heights [um] at places [spacing] along one axis, which may be between nodes."""
     nodes = heights.shape[axis]
-    whole = places.astype(np.intp)
-    if np.array_equal(whole, places):
-        return np.ascontiguousarray(heights.take(whole, axis=axis))
+    indices = places.astype(np.intp)
+    if np.array_equal(indices, places):  # all places are nodes
+        return np.ascontiguousarray(heights.take(indices, axis=axis))
     if boundary == "free":
-        from scipy.interpolate import (
-            make_interp_spline,
-        )  # here, because few grids need it
+        # Imported here, because few grids need it.
+        from scipy.interpolate import make_interp_spline
 
         spline = make_interp_spline(np.arange(nodes), heights, 3, axis=axis)
         return np.ascontiguousarray(spline(places))

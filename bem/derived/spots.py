@@ -153,9 +153,11 @@ def spots_of(touching: NDArray[np.bool_], cell: float, *, periodic: bool) -> Spo
     )
 
 
-def _any_connects(found: Regions) -> Connects:
+def _any_connects(all_regions: Regions) -> Connects:
     """Return whether any region connects opposite sides, along the first and the second axis."""
-    return bool(found.crosses[:, 0].any()), bool(found.crosses[:, 1].any())
+    along = all_regions.crosses[:, 0]
+    across = all_regions.crosses[:, 1]
+    return bool(along.any()), bool(across.any())
 
 
 def regions(mask: Mask, *, periodic: bool) -> Regions:
@@ -173,9 +175,8 @@ def regions(mask: Mask, *, periodic: bool) -> Regions:
     Regions
         The regions, numbered by their first nodes.
     """
-    from scipy.ndimage import (
-        label,
-    )  # here, because few contacts are asked for their spots
+    # Imported here, because few contacts are asked for their spots.
+    from scipy.ndimage import label
 
     labels = np.empty(mask.shape, dtype=np.int32)
     number = label(mask, output=labels)
@@ -216,8 +217,8 @@ def _links(labels: Labels) -> Iterator[_Link]:
         (labels[:, -1], labels[:, 0], (0, 1)),
     )
     for last, first, step in borders:
-        both = (last > 0) & (first > 0)
-        pairs = np.unique(np.stack([last[both], first[both]], axis=1), axis=0)
+        meet = (last > 0) & (first > 0)
+        pairs = np.unique(np.stack([last[meet], first[meet]], axis=1), axis=0)
         for label, following in pairs:
             yield _Link(int(label), int(following), step)
 
@@ -248,8 +249,8 @@ def _group_of(start: int, neighbours: dict[int, list[_Link]]) -> _Group:
                 offsets[link.following] = reached
                 to_visit.append(link.following)
                 continue
-            known = offsets[link.following]
-            # Another way to a label leads to another patch: the region meets itself there.
-            endless_along |= known[0] != reached[0]
-            endless_across |= known[1] != reached[1]
+            # If two ways to a label end in different patches, the region meets itself.
+            earlier = offsets[link.following]
+            endless_along |= earlier[0] != reached[0]
+            endless_across |= earlier[1] != reached[1]
     return _Group(offsets, (endless_along, endless_across))

@@ -119,7 +119,7 @@ def test_influence_coefficients(
     """Cold: every round tabulates anew."""
 
     def tabulate() -> NDArray[np.float64]:
-        influence._table.cache_clear()
+        influence._kept_table.cache_clear()
         return influence.influence_coefficients((nodes, nodes), kernel)
 
     table = benchmark(tabulate)

@@ -1,6 +1,5 @@
 """The fit of the border's weights: its samples, its areas, and the weights of the product."""
 
-import csv
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +7,7 @@ import pytest
 
 from bem.derived.border import WEIGHTS
 from bench import border_weights
+from bench.files import read_table
 
 PUBLISHED = Path(border_weights.__file__).parent / "results/border-weights"
 
@@ -52,6 +52,6 @@ def test_weights_are_fitted_for_each_term_and_number_of_aligned_edges():
 
 
 def test_the_published_fit_gives_the_weights_of_the_product_within_one_percent():
-    lines = csv.DictReader((PUBLISHED / "border-weights.csv").open(encoding="utf-8"))
+    _, lines = read_table(PUBLISHED / "border-weights.csv")
     fitted = [float(line["fitted"]) for line in lines]
     assert fitted == pytest.approx(WEIGHTS.ravel(), rel=0.01)

@@ -1,12 +1,12 @@
 """The ladder of tolerances behind the solver's default."""
 
-import csv
 from pathlib import Path
 
 import pytest
 
 from bem.problem import RTOL
 from bench import default_tolerance
+from bench.files import read_table
 
 
 @pytest.fixture(scope="module")
@@ -46,11 +46,7 @@ def test_the_loosest_is_right_as_are_all_tighter_ones(right_percents, chosen):
 
 
 def test_the_published_ladder_supports_the_default():
-    path = Path(default_tolerance.__file__).parent / "results/default-tolerance"
-    with (path / "default-tolerance.csv").open(encoding="utf-8") as lines:
-        percents = {
-            float(line["rtol"]): float(line["right_percent"])
-            for line in csv.DictReader(lines)
-        }
-    tighter = [percent for rtol, percent in percents.items() if rtol <= RTOL]
-    assert min(tighter) >= default_tolerance.RIGHT_PERCENT
+    folder = Path(default_tolerance.__file__).parent / "results/default-tolerance"
+    _, lines = read_table(folder / "default-tolerance.csv")
+    rows = [{name: float(value) for name, value in line.items()} for line in lines]
+    assert default_tolerance._loosest_right(rows) == f"{RTOL:g}"
