@@ -163,8 +163,8 @@ class Patch:
         Returns
         -------
         ndarray, shape (nx, ny)
-            Displacement, a view of a buffer that the next call of the same precision overwrites
-            [first side of a cell].
+            Displacement [first side of a cell]. It is a view of a buffer that the next call
+            overwrites, also one of another patch of this shape.
         """
         self.convolutions += 1
         matrix = self._exact if exactly else self._rough
