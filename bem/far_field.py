@@ -20,7 +20,7 @@ from bem.problem import NoSolution, Problem
 # the punch enters every solve on a compliant far field.
 FLAT_PUNCH_RTOL = 1e-13
 
-# Largest number of iterations for a flat punch, far above what any grid needs.
+# Largest number of iterations for a flat punch, far more than any grid needs.
 FLAT_PUNCH_ITERATIONS = 10_000
 
 

@@ -298,7 +298,7 @@ def _coefficients(
 ) -> Real:
     """Return the flat table of coefficients, read-only.
 
-    A mirrored table has offsets of either sign, others have offsets of 0 and above.
+    A mirrored table has offsets of either sign; without `mirrored`, offsets are not negative.
     """
     table = influence_coefficients(shape, kernel, aspect).astype(dtype)
     if mirrored:

@@ -2,9 +2,9 @@
 
 A single wave has Westergaard's closed form; two crossed waves have the area of a finer grid, of 128
 nodes a wave. Both come at all angles to the grid, with 3 to 64 nodes a wave and from light to
-nearly full contact. Least squares over all waves makes the weighted sum of the terms of a contact's
-edges equal to what the count of nodes has too much, where the variance of a wave's error is taken
-as proportional to its number of edges.
+nearly full contact. The weighted sum of the terms of a contact's edges has to equal the excess of
+its count of nodes over the area in the continuum. The weights fulfil this in the sense of least
+squares over all waves, with a variance in proportion to the number of edges.
 """
 
 import math
@@ -165,7 +165,7 @@ def border_weights(waves: int, aspect: float) -> Report:
     Returns
     -------
     Report
-        The table of the weights beside those of the product, and that of the areas' errors.
+        A table of the fitted weights beside the product's, and a table of the errors of the areas.
     """
     random = np.random.default_rng(SEED)
     samples = list(_samples(waves, aspect, random))
@@ -204,7 +204,7 @@ def _samples(waves: int, aspect: float, random: np.random.Generator) -> Iterator
         if not FEWEST_NODES <= math.sqrt(shape[0] * shape[1]) <= MOST_NODES:
             continue
         load = float(np.exp(random.uniform(np.log(0.003), np.log(0.85))))
-        if not crossed:  # whose area rises with the root of the load
+        if not crossed:  # the area of single waves rises with the root of the load
             load = random.uniform(0.02, 0.85)
         phases = random.uniform(0, 2 * np.pi, 2)
         wave = Wave(periods, phases, crossed, load)

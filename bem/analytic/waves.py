@@ -3,7 +3,7 @@
 Westergaard, Journal of Applied Mechanics 6 (1939); Johnson, Greenwood and Higginson, International
 Journal of Mechanical Sciences 27 (1985); Johnson, Contact Mechanics (1985), section 13.2.
 
-The conventions are those of `bem` on patches without edges. The heights z of a rigid surface are
+The conventions of `bem` on patches without edges apply. The heights z of a rigid surface are
 pressed down into the half-space. The amplitude is half of the height from valley to peak. The mean
 displacement of the half-space is zero. The approach Delta counts from the first touch of the
 highest point: the mean gap is max(z) - mean(z) - Delta, and contact is full at

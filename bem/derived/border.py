@@ -23,7 +23,7 @@ f = g / (g + kappa p h / E*), where kappa is the geometric mean of K along the a
 the place of the border between the two nodes. The ratios p / (p + p2) and g / (g + g2), with the
 pressure p2 of the next node inside and the gap g2 of the next node outside, correct f for curved
 borders and narrow spots. The offset of an edge is a weighted sum of one, f, and both ratios.
-Lengths are in spacings across the edge, so that oblong cells need no other formula.
+Lengths are in spacings across the edge, also on oblong cells. The weights belong to square cells.
 """
 
 import math
@@ -50,9 +50,9 @@ WEIGHTS = np.array(
     ]
 )
 
-# What uniform pressure on cells subtracts from the first column of `WEIGHTS` [spacing across the
-# edge]: the difference of the two offsets of the module's text, for each edge of a border along the
-# diagonal, between diagonal and grid, and along the grid.
+# Reduction of the first column of `WEIGHTS` for uniform pressure on cells [spacing]. It is the
+# difference of the offsets of both kernels in the text of this module, for each edge of a border
+# along the diagonal, between diagonal and grid, and along the grid.
 UNIFORM_PRESSURE = np.array([0.0095, 0.0105, 0.0152])
 
 # kappa: the geometric mean of a grid's compliance along an axis [spacing / E*].
@@ -67,10 +67,10 @@ USUAL_RATIOS = 0.278, 0.200
 # the two undeformed surfaces cut each other. The offset of a yielded node's edge is a mean of both.
 YIELDED = 4.0
 
-# Compliance of the layer that turns uniform pressure on a cell into a force at its centre, whose
-# displacement of its own node lacks the factor pi / 2 [spacing / E*]. It is the sum, over all
-# nodes, of the differences of the two kernels' coefficients. Its offset is layer / 8 times the
-# logarithm of the radius of spots.
+# Compliance of the layer that turns the kernel of uniform pressure into that of concentrated forces
+# [spacing / E*]. It is negative, because a concentrated force displaces its own node too little, by
+# a factor pi / 2. It is the sum, over all nodes, of the differences of the two kernels'
+# coefficients. The offset that it adds is layer / 8 times the logarithm of the radius of spots.
 LAYER = -0.47629
 
 # Offset of concentrated forces for a spot with a radius of one spacing, from Hertz's circle
@@ -98,7 +98,7 @@ RIM = 2
 
 @dataclass(frozen=True, eq=False)
 class BorderEdges:
-    """The e edges of cells between contact and gap that face the same way.
+    """The edges of cells between contact and gap that face one of four ways; e is their number.
 
     Attributes
     ----------
@@ -199,8 +199,8 @@ def border_edges(
     Yields
     ------
     BorderEdges
-        First the edges across the first axis that face its start and its end, then those across
-        the second axis.
+        First the edges across the first axis that face its start, then those that face its end;
+        then the edges across the second axis in the same order.
     """
     kernel = "uniform-pressure" if problem.boundary == "free" else "spectral"
     compliance = COMPLIANCE[kernel] / problem.modulus
@@ -279,7 +279,7 @@ def _edges_between(
 def _offsets(edges: BorderEdges, weights: Field) -> Values:
     """Return the distance from each edge back to the border, (e,) [spacing across the edge].
 
-    `weights` are those of `WEIGHTS`, corrected for the kernel, (3, 4).
+    `weights` has the form of `WEIGHTS`, (3, 4), and is corrected for the kernel.
     """
     offsets: Values = np.einsum("ij,ij->i", weights[edges.aligned], edges.terms)
     if edges.yielded is None:

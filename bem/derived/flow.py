@@ -36,7 +36,7 @@ STEP = 1e-2
 # Ratio to the widest gap below which a gap is closed [1].
 CLOSED = 1e-50
 
-# Least and largest widest gap whose cube double precision holds [um].
+# Bounds of the widest gap [um]: double precision holds its cube.
 WIDEST = 1e-90, 1e90
 
 # Number of solutions with the factor: after the first, each one corrects the result so far.
@@ -73,7 +73,7 @@ class Flow:
 
 @dataclass(frozen=True, eq=False)
 class _Levels:
-    """Pockets of all levels. Cells are numbers; one number more stands for both reservoirs.
+    """Pockets of all levels. Cells have numbers from 0; both reservoirs have the next number.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ class _Levels:
 
 @dataclass(frozen=True, eq=False)
 class _Unknowns:
-    """The unknown pressures, and how those of the cells follow from them.
+    """The unknown pressures, and how the pressures of the cells follow from them.
 
     Attributes
     ----------
@@ -128,17 +128,17 @@ class _Faces:
     Attributes
     ----------
     first : ndarray of int, shape (f,)
-        Cell on one side. The number of cells stands for both reservoirs.
+        Cell on one side. Both reservoirs have the number of all cells.
     second : ndarray of int, shape (f,)
         Cell on the other side, further along x or y.
     crossed_along_x : int
-        Number of faces, the first ones, that a flow along x crosses. The others are crossed
-        along y.
+        Number of faces that a flow along x crosses. They come first; the remaining faces are
+        crossed by a flow along y.
     root : ndarray, shape (f,)
         Square root of the conductance [reduced].
     drop : ndarray, shape (f, k)
-        Pressure that each of k drives takes off between the two cells, beside the difference of
-        their own pressures [dP].
+        Drop of pressure that each of k drives imposes between the two cells, in addition to the
+        difference of their pressures [dP].
     """
 
     first: Nodes
@@ -266,7 +266,7 @@ def _unknowns(gap: Field, cells: Nodes, *, periodic: bool) -> _Unknowns:
     lift = np.zeros((number + 1, len(levels.lift)))
     lift[cells] = np.moveaxis(levels.lift, 0, -1)
     lift[number] = 0.0
-    # The pressure of one cell of each region is where the others count from: it is no unknown.
+    # In each region the pressures count from that of the widest cell, which is no unknown.
     kept = flowing[levels.members] & (region[levels.pockets] != levels.pockets)
     members = levels.members[kept]
     pockets = levels.pockets[kept]
@@ -338,7 +338,7 @@ def _red_cells(number: int, columns: int, *, periodic: bool) -> Mask:
 
 
 def _ordered_unknowns(black: Mask, red: Mask, *, columns: int) -> Nodes:
-    """Return the cells that carry unknowns: first those of `black` from the rim inward, then `red`.
+    """Return the cells that carry unknowns: first `black` from the rim inward, then `red`.
 
     In this order the factor of the equations has fewer entries.
     """
@@ -413,7 +413,7 @@ def _conductance_roots(low: Values, high: Values, along_x: Mask, aspect: float) 
 def _solve_drops(faces: _Faces, unknowns: _Unknowns) -> Field:
     """Solve for the pressures; return drops at faces times the roots of conductances, (f, k).
 
-    The sum of their squares is the flow, and the pressures are those that make it least. Raises
+    The sum of the squared results is the flow, and the pressures minimise it. Raises
     ArithmeticError if the last solution still changes the flow by more than `RTOL`.
     """
     root = faces.root

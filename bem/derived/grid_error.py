@@ -6,7 +6,7 @@ there is no limit where roughness continues down to the grid.
 
 Two things make this difference small by chance, so that each has a part of the bar of its own. One
 is the place of the border within the cells: its part is proportional to what counting nodes adds to
-the area. The other is the highest node, from which Delta counts: it is below the summit of the
+the area. The other one is the highest node, from which Delta counts: it is below the summit of the
 surface by an unknown part of the height differences to its neighbours. How much a higher summit
 changes the answers at a given Delta follows from the work W that the load has done: a force F that
 grows with the power m of the approach d has W = F d / (m + 1), and W is known from pressure and
@@ -59,8 +59,8 @@ SMOOTH = 3e-3
 # continuum [1].
 LARGEST_DIFFERENCE = 0.3
 
-# Largest share of the area, beyond what bears the load at the hardness, for which yielding has
-# decided the area, whatever waves there are below the grid [1].
+# Largest share of the area beyond load / hardness for which yielding has decided the area, whatever
+# waves there are below the grid [1].
 NEARLY_YIELDED = 0.03
 
 # Fewest nodes along an axis of which half can be compared with all.
@@ -97,7 +97,7 @@ class GridError:
     summit : float
         Height by which the summit may be above the highest node [um].
     growth : float
-        Share by which such a summit makes area and force grow, 0 under a given load [1].
+        Share by which a summit of this height makes area and force grow, 0 under a given load [1].
     counted : float
         Share of the area in the continuum that counting nodes adds [1].
     spare : float
@@ -384,8 +384,8 @@ def area_within(contact: Contact, spacing: tuple[float, float] | None = None) ->
     contact : Contact
         The contact.
     spacing : tuple of float, optional
-        Spacing, along both axes, of the grid whose border cells bound the area; that of the contact
-        itself if left out [um].
+        Spacing along both axes of the grid that bounds the area, by default the contact's own grid
+        [um].
 
     Returns
     -------
@@ -537,7 +537,7 @@ def _read(heights: Field, axis: int, places: Values, boundary: Boundary) -> Fiel
 def _wave_interpolation(nodes: int, places: Values, boundary: Boundary) -> Field:
     """Return weights of the nodes in the values at places, by trigonometric interpolation, (m, n).
 
-    The waves are those of a patch that repeats itself, or cosines of a mirrored one.
+    The waves have the period of a patch that repeats itself, or are cosines on a mirrored one.
     """
     at_nodes = np.arange(nodes)
     weights: Field

@@ -42,7 +42,7 @@ PLAN_BYTES = 5 * 2**10
 # Largest memory of the filters that all threads together keep for later solves [bytes].
 KEPT_BYTES = 256 * 2**20
 
-# Largest memory of the same filters over that of the largest one, where this allows more [1].
+# Largest memory of these filters over that of the largest one [1]. The larger bound applies.
 KEPT_LARGEST = 4
 
 # Number of filters that each thread keeps whatever their memory is.
@@ -262,7 +262,7 @@ class LargeFilter:
         self.shape = shape
         self.largest = largest
         self.periods = periods
-        self._memory: dict[str, Real] = {}  # flat buffers by what they are for
+        self._memory: dict[str, Real] = {}  # flat buffers by the name of their use
         self._make_buffers(factors)
 
     def in_single_precision(self) -> "LargeFilter":
@@ -409,7 +409,7 @@ class _Lane:
         waves[:] = self._target[:columns, :rows].T
 
     def transform_back(self, part: slice) -> None:
-        """Transform a part of the rows of waves back, and keep what belongs to the field."""
+        """Transform a part of the rows of waves back, and keep the columns of the field."""
         rows = self._field[part]
         returned = self._returned[: len(rows)]
         backward = self._rows_backward[len(rows)]
@@ -465,7 +465,7 @@ def _wave_type(factors: Real) -> np.dtype[Any]:
 def _mirrored_half(factors: Real, period: int, repeats: int = 1) -> Real:
     """Return the factors beyond half a period, which mirror those before it.
 
-    `factors` has those up to half a period in each row, each of them `repeats` times.
+    Each row of `factors` has the factors up to half a period, each one `repeats` times.
     """
     missing = repeats * period - factors.shape[1]
     return factors[:, repeats : repeats + missing][:, ::-1]
@@ -532,7 +532,7 @@ def kept(make: Callable[[*Arguments], Kind]) -> Callable[[*Arguments], Kind]:
     """Let each thread keep the filters that a function makes, for later calls.
 
     Filters have buffers, so that no two threads can share one. If the filters of all threads exceed
-    their memory, the thread that makes another one forgets those it has not used for longest.
+    their memory, the thread that makes another one forgets the filters that it used least recently.
 
     Parameters
     ----------
@@ -564,9 +564,9 @@ def kept(make: Callable[[*Arguments], Kind]) -> Callable[[*Arguments], Kind]:
 
 
 def _forget_oldest() -> None:
-    """Forget filters of this thread that were not used for longest, if there is too much memory.
+    """Forget the least recently used filters of this thread while all filters take too much memory.
 
-    The latest `FEWEST_KEPT` stay.
+    The `FEWEST_KEPT` latest filters stay.
     """
     filters = _KEPT.filters
     largest = max(kept_filter.bytes for kept_filter in filters.values())

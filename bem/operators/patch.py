@@ -110,9 +110,9 @@ class Patch:
     count : int
         Number of its nodes.
     within : ndarray, shape (nx, ny)
-        The contact set as factors 1 and 0, if it is a large one. Those of small grids are in single
-        precision, which takes a third of the time; those of large grids are bools, which take the
-        least memory.
+        Factors 1 in the contact set and 0 outside, if the set is a large one. On small grids they
+        are in single precision, which takes a third of the time, and on large grids they are bools,
+        which take the least memory.
     singular : bool
         Whether the contact set is all of a patch without edges.
     """
@@ -295,7 +295,7 @@ class Patch:
             band = slice(first, first + BAND)
             blocks[band] += outside[band] * extension[band]
         self._inverse.transform()
-        # The transpose of the extension: what is outside goes back to the set.
+        # The transpose of the extension adds means of the outside to the set.
         means.field[:] = self._weights * _block_sums(field, self._outside)
         means.transform()
         blocks += means.field.repeat(BLOCK, axis=1)[:, np.newaxis]
@@ -313,7 +313,7 @@ class Patch:
         blocks[:] = means.field.repeat(BLOCK, axis=1)[:, np.newaxis]
         field[listed] = residual
         self._inverse.transform()
-        # The transpose of the extension: what is outside goes back to the set.
+        # The transpose of the extension adds means of the outside to the set.
         corrected: Real = field[listed]
         sums = _block_sums(field)
         self._sum_listed(corrected)
@@ -623,7 +623,7 @@ def _means_filter(
 def _block_means(blocks: tuple[int, int], aspect: float) -> Field:
     """Compute the spectrum of weighted means over (rows, columns) blocks that repeat themselves.
 
-    The weights are such that a uniform field has itself for its mean. The spectrum has the shape
+    The weights are normalised so that means of a uniform field equal it. The spectrum has the shape
     (rows, columns // 2 + 1).
     """
     along, across = (
