@@ -126,9 +126,8 @@ class _Claims:
     sources: Sequence[Source]  # the sources that hold at least one row of the chunk
     rows: range  # numbers of the rows of the chunk
     done: NDArray[np.bool_]  # whether a row is done in a source, shape (sources, rows)
-    finished: NDArray[
-        np.bool_
-    ]  # whether it is done or failed there, shape (sources, rows)
+    # Whether a row is done or failed in a source, shape (sources, rows).
+    finished: NDArray[np.bool_]
     # Index of the source whose values of a row are taken, shape (rows,). It has no meaning for rows
     # that no source has finished.
     owner: Indices
@@ -190,7 +189,7 @@ def file_bytes(scene: Scene, rows: int) -> int:
     Returns
     -------
     int
-        Size of the file [bytes]. The file may be a few bytes larger, because HDF5 aligns columns.
+        Size [bytes]. The real file may be a few bytes larger, because HDF5 aligns columns.
     """
     columns = stored_columns(scene)
     with TemporaryDirectory() as folder:
@@ -267,9 +266,10 @@ def merge(target: Path, sources: Sequence[Path]) -> Counts:
     """Merge databases of one scene whose rows were computed in different places.
 
     A row is done if it is done in a source, otherwise failed if it failed in a source, otherwise
-    pending. A row that is done in several sources must have the same values in them. The scene and
-    the attributes are those of the source with the largest number of samples, the first of several.
-    The merged database has checksums if all sources have them. They are copied: computed anew, they
+    pending. A row that is done in several sources must have equal values in them, apart from times,
+    ranks and hosts. The scene and the attributes are taken from the source with the largest number
+    of samples, or from the first such source; "physics_forced" is the largest one of all sources.
+    The merged database has checksums if all sources have them. They are copied, because new ones
     would hide damage of the sources.
 
     Parameters
@@ -381,9 +381,8 @@ def _claims_on(rows: range, sources: Sequence[Source]) -> _Claims:
     failed = status == Status.FAILED
     owner = np.zeros(len(rows), dtype=np.int64)
     if overlapping:
-        rank = (
-            2 * done + failed
-        )  # 2 for a done row, 1 for a failed one, 0 for a pending one
+        # A done row has the rank 2, a failed one 1, and a pending one 0.
+        rank = 2 * done + failed
         owner = rank.argmax(axis=0)  # the first source with the highest rank
     return _Claims(
         sources=overlapping, rows=rows, done=done, finished=done | failed, owner=owner
@@ -443,7 +442,7 @@ def _differ(first: NDArray[Any], second: NDArray[Any]) -> NDArray[np.bool_]:
 def _conflict(row: int, column: Column, first: Path, second: Path) -> InputError:
     """Return the error for a row that has different values of a column in two databases.
 
-    The message says in which of them the row is damaged, if its checksum is wrong in one.
+    If the checksum of the row is wrong in one of them, the message says so, and how to repair it.
     """
     differs = f"row {row}: {column.name} differs between {first} and {second}"
     for path in (first, second):
@@ -648,9 +647,8 @@ def _set(node: h5py.Dataset | h5py.File, name: str, value: str | int) -> None:
     # endlessly if the heap is damaged.
     if isinstance(value, str):
         text = value.encode()
-        kind = h5py.string_dtype(
-            "utf-8", max(1, len(text))
-        )  # HDF5 has no type of length 0
+        # HDF5 has no type of length 0.
+        kind = h5py.string_dtype("utf-8", max(1, len(text)))
         node.attrs.create(name, text, dtype=kind)
     else:
         node.attrs[name] = value

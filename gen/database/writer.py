@@ -205,15 +205,13 @@ class Writer(Reader):
     def __init__(
         self, path: Path, scene: Scene, communicator: Any = None, *, force: bool = False
     ) -> None:
-        ExitStack.__init__(
-            self
-        )  # not that of Reader, which opens the file for reading only
+        # The constructor of Reader would open the file for reading only.
+        ExitStack.__init__(self)
         self.path = path
         self._communicator = communicator
         self._unsynced: list[Unsynced] = []
-        self._last_sync = (
-            -math.inf
-        )  # time of `time.monotonic` [s]; -inf before the first sync
+        # Time of the last sync by `time.monotonic` [s]; -inf before the first one.
+        self._last_sync = -math.inf
         # If the file is refused, `opened` closes it. Otherwise this object takes over the closing.
         with ExitStack() as opened:
             file = self._open(opened)
@@ -464,9 +462,8 @@ class Writer(Reader):
         InputError
             If the disk fails, or the file has been replaced.
         """
-        failed = [
-            np.empty(0, dtype=np.int64)
-        ]  # numbers of the rows, an array for each chunk
+        # Numbers of the rows, an array for each chunk.
+        failed = [np.empty(0, dtype=np.int64)]
         for start, stop in chunks(self._positions(first, last), row_bytes=1):
             status = self._status[start:stop]
             positions = start + np.flatnonzero(status == Status.FAILED)
@@ -593,9 +590,8 @@ def _file_system_of(path: Path) -> str:
 
     Return "" if there is no such list.
     """
-    real = Path(
-        os.path.realpath(path)
-    )  # unlike `Path.resolve`, no error for a loop of links
+    # Unlike `Path.resolve`, this raises no error for a loop of links.
+    real = Path(os.path.realpath(path))
     try:
         mounts = MOUNTS.read_text(errors="surrogateescape").splitlines()
     except OSError:
@@ -619,12 +615,12 @@ def _file_system_of(path: Path) -> str:
 
 @contextmanager
 def disk_trouble(path: Path, consequence: Callable[[], str]) -> Iterator[None]:
-    """Turn an error of the disk during the block into an InputError of one line.
+    """Turn an error of the disk in the code under this context manager into an InputError.
 
     Parameters
     ----------
     path : Path
-        File that the block writes.
+        File that this code writes.
     consequence : callable
         Function without arguments that is called after an error. It returns the end of the message:
         what the file holds now, or how to continue.
@@ -637,7 +633,7 @@ def disk_trouble(path: Path, consequence: Callable[[], str]) -> Iterator[None]:
     ------
     InputError
         If the disk is full or fails, or if a new file cannot be given its name because another file
-        has got this name during the block.
+        has got this name in the meantime. The message has one line.
     """
     try:
         yield
