@@ -12,7 +12,13 @@ from gen.runtime.errors import InputError
 from learn import Surrogate
 from learn import cli as learn_cli
 from learn.comparison.folder import Folder
-from learn.population import Population, ScatterCorrelation, Whitened, _error_factor
+from learn.population import (
+    Equations,
+    Population,
+    ScatterCorrelation,
+    Whitened,
+    _error_factor,
+)
 
 
 def test_the_mean_is_found_within_its_error_and_surfaces_scatter_about_it():
@@ -70,7 +76,8 @@ def test_halves_that_disagree_make_errors_of_means_larger(apart, low, high):
     half = np.arange(400) < 200
     first, second = apart * random.normal(size=(2, 20))
     unit = np.where(half, seen @ first, seen @ second) + random.normal(size=400)
-    assert low <= _error_factor(seen, unit, np.eye(20), half) <= high
+    equations = Equations(seen, unit, seen.T @ seen, seen.T @ unit, np.eye(20))
+    assert low <= _error_factor(equations, half) <= high
 
 
 SCENE = """

@@ -30,7 +30,7 @@ def test_of_equal_truths_it_is_the_mean_with_its_standard_error():
     errors = np.random.default_rng(1).uniform(0, 2, 40)
     found = accuracy(errors, np.full(40, 4.0), np.arange(40))
     assert found.nmae == pytest.approx(25 * errors.mean())
-    assert found.error == pytest.approx(25 * errors.std(ddof=1) / math.sqrt(40))
+    assert found.standard_error == pytest.approx(25 * errors.std(ddof=1) / math.sqrt(40))
     assert found.groups == 40
 
 
