@@ -381,7 +381,7 @@ class Equations:
         for part in np.unique(parts):
             inside = parts == part
             rows = self.whitened[inside]
-            matrix = self.matrix - rows.T @ rows + self.penalty
+            matrix = self.matrix - rows.T @ self.whitened[inside] + self.penalty
             right = self.right - rows.T @ self.targets[inside]
             means[inside] = functions[inside] @ solve(matrix, right, assume_a="pos")
         return means
@@ -647,15 +647,16 @@ class DirectionScores(NamedTuple):
 
 def _direction_scores(equations: Equations, inside: NDArray[np.bool_]) -> DirectionScores:
     """Judge the mean of the rows outside a half, `inside` (n,), by the rows of this half."""
-    functions = equations.whitened[~inside]
-    matrix = functions.T @ functions + equations.penalty
+    outside = ~inside
+    functions = equations.whitened
+    matrix = functions[outside].T @ functions[outside] + equations.penalty
     inverse = np.linalg.inv(np.linalg.cholesky(matrix))
-    right = functions.T @ equations.targets[~inside]
+    right = functions[outside].T @ equations.targets[outside]
     mean = inverse.T @ (inverse @ right)
-    judging = equations.whitened[inside]
-    shares, directions = eigh(inverse @ (judging.T @ judging) @ inverse.T)
-    errors = equations.targets[inside] - judging @ mean
-    scores = directions.T @ (inverse @ (judging.T @ errors))
+    information = functions[inside].T @ functions[inside]
+    shares, directions = eigh(inverse @ information @ inverse.T)
+    errors = equations.targets[inside] - functions[inside] @ mean
+    scores = directions.T @ (inverse @ (functions[inside].T @ errors))
     # In other directions the scatter of the rows hides the error of the mean.
     telling = shares > SMALLEST_SHARE
     return DirectionScores(shares[telling], scores[telling] ** 2 / shares[telling])
