@@ -428,9 +428,10 @@ class Selection:
             np.asarray(part.columns[column.name], np.float64) for column in part.targets
         ]
         target = targets[number]
-        finite = np.isfinite(target)
+        deciding = [target]
         if self.common:
-            finite = np.isfinite(targets).all(axis=0)
+            deciding = targets
+        finite = np.asarray(np.isfinite(deciding).all(axis=0))
         with np.errstate(over="ignore", invalid="ignore"):
             inputs = self.features.of(part.quantities)
         reasons = self._reasons_against(part, inputs, finite)

@@ -316,7 +316,7 @@ class Growth:
             return True
         nmae = last.judged[last.worst].accuracy.nmae
         steepest = EXPONENTS[1]
-        smallest = nmae * (rows / self.row_limit) ** steepest
+        smallest: float = nmae * (rows / self.row_limit) ** steepest
         return smallest > self.mark
 
     def look(self, rows: int) -> Look | None:

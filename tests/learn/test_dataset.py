@@ -8,6 +8,8 @@ from learnt_rows import read
 
 from gen.database import Reader
 from gen.runtime.errors import InputError
+from gen.scene import columns_for
+from gen.schema import TABLE_1, Reason, Status
 from learn import dataset
 from learn.dataset import Request, results
 from learn.features.columns import NODES
@@ -148,6 +150,22 @@ def test_rows_of_every_population_have_the_displacement_that_was_solved(populati
         length = np.sqrt(np.prod(reader.scene.sides))
     np.testing.assert_allclose(found.scale, length * deltas[found.rows], rtol=1e-12)
     np.testing.assert_allclose(found.target * found.scale, force[found.rows], rtol=1e-12)
+
+
+def test_every_stored_column_of_a_population_is_filled_where_its_row_is_done(population):
+    """Surfaces that do not define all statistics are done, and lack these statistics alone."""
+    statistics = {column.name for column in TABLE_1}
+    with Reader(population) as reader:
+        done = reader.column("status") == Status.DONE
+        described = done & (reader.column("reason") != Reason.NO_STATISTICS)
+        assert described.any()
+        for column in columns_for(reader.scene):
+            values = reader.column(column.name)
+            rows = described if column.name in statistics else done
+            if values.dtype.kind == "f":
+                assert np.isfinite(values[rows]).all(), column.name
+            if values.dtype.kind == "S":
+                assert (values[rows] != b"").all(), column.name
 
 
 def test_targets_are_results_and_no_parameters(populations):

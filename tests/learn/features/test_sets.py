@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import bem
-from gen.quantities import stored_quantities
+from gen.quantities import LIKE_PRESSURES, Powers, stored_quantities
 from gen.runtime.errors import InputError
 from gen.scene import Scene
 from gen.schema import TABLE_1
@@ -125,6 +125,37 @@ WITHOUT_UNITS = [name for name, features in SETS.items() if features.scaled]
 def features_of(wanted, hardness_ratio=None):
     """Features of one surface at two displacements."""
     return wanted.of(patch(surface(4), 1000.0).rows(wanted, DELTA, hardness_ratio))
+
+
+DOUBLED = {
+    "heights": Powers(heights=1, lengths=0, modulus=0),
+    "lengths": Powers(heights=0, lengths=1, modulus=0),
+    "modulus": Powers(heights=0, lengths=0, modulus=1),
+}
+
+
+def features_by_pressure(name, heights, length, modulus):
+    """Features of one surface at two pressures, with all numbers in other units of measurement.
+
+    Pressures and the hardness are multiplied by the powers that `gen.quantities` declares.
+    """
+    powers = LIKE_PRESSURES
+    factor = heights**powers.heights * length**powers.lengths * modulus**powers.modulus
+    wanted = chosen(name, [scene(VARIED)], roots=True, load="pressure")
+    rough = patch(heights * surface(4), length * 1000.0)
+    pressures = factor * np.array([1e-4, 2e-3])
+    hardness = factor * 0.01
+    rows = rough.rows(wanted, pressures, hardness / modulus, e_star=modulus)
+    return wanted.of(rows)
+
+
+@pytest.mark.parametrize("name", WITHOUT_UNITS)
+@pytest.mark.parametrize("doubled", DOUBLED)
+def test_features_by_pressure_keep_when_a_unit_of_measurement_is_doubled(name, doubled):
+    factors = [2.0**power for power in DOUBLED[doubled]]
+    before = features_by_pressure(name, 1.0, 1.0, 1.0)
+    after = features_by_pressure(name, *factors)
+    np.testing.assert_allclose(after, before, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", WITHOUT_UNITS)
