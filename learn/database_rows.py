@@ -25,9 +25,8 @@ class Stored:
     versions: str  # versions of the libraries that made the database, a text in JSON
     rows: Indices  # (n,), numbers of the rows in the database
     columns: Mapping[str, NDArray[Any]]  # columns by name, (n,) each
-    quantities: (
-        Rows  # numbers from which features are computed; hybrid columns are added later
-    )
+    # numbers from which features are computed; hybrid columns are added later
+    quantities: Rows
     targets: Sequence[Column]  # columns of the targets, in the order of the request
     described: Values  # (n, 23), Delta and the 22 statistics
     damage: str  # remark of `gen.database.Reader.damage` on damaged rows; "" if there are none
@@ -40,9 +39,8 @@ class Origin(NamedTuple):
     sha256: str  # SHA-256 of the columns that decide what a model learns
     scene: Scene
     rows: int  # number of usable rows
-    versions: str = (
-        "{}"  # versions of the libraries that made the database, a text in JSON
-    )
+    # versions of the libraries that made the database, a text in JSON
+    versions: str = "{}"
     damage: str = ""  # remark of `gen.database.Reader.damage` on damaged rows
 
 
@@ -71,9 +69,8 @@ class Dataset:
     # it is not proportional to any.
     powers: Powers | None = None
     sha256: str = ""  # that of the origin, or of the joined ones of several origins
-    by_tile: bool = (
-        False  # True if all surfaces are windows of maps, and groups are tiles
-    )
+    # True if all surfaces are windows of maps, and groups are tiles
+    by_tile: bool = False
 
     @property
     def size(self) -> int:

@@ -48,9 +48,8 @@ class Request:
     output: Path = Path()  # a comparison folder, or the file of a surrogate
     targets: tuple[str, ...] = ("area",)  # columns, or short names in `TARGETS`
     models: tuple[str, ...] = ()  # names of models; empty for all nine
-    area_max: float | None = (
-        None  # rows with larger areas are left out [%]; None to keep all
-    )
+    # rows with larger areas are left out [%]; None to keep all
+    area_max: float | None = None
     normalisation: str = "l2"  # scaling of the inputs, see `learn.models.pipeline`
     features: str = "paper"  # name of a feature set, one of `learn.features.SETS`
     seed: int = 0  # of the split and of the models
@@ -60,9 +59,8 @@ class Request:
     roots: bool = False  # True for the features of surrogates, with square roots
     blocks: int | None = None  # blocks per side of hybrid features; None for the default
     calibrate_on: Path | None = None  # database whose rows calibrate the intervals
-    source: Path | None = (
-        None  # comparison folder from which the models' settings are taken
-    )
+    # comparison folder from which the models' settings are taken
+    source: Path | None = None
     # Load of the features, one of `learn.features.scene.LOADS`. "" is the load that the scene draws
     # for the feature set `scene`, and Delta for other sets.
     load: str = ""

@@ -135,9 +135,8 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
     lengths_: Values  # (d,), lengths of the Matern function
     places_: Values  # (m, d), centres over the lengths
     coefficients_: Values  # (m + 1 + d,), of the functions of `_functions`
-    left_out_: (
-        Values  # (n,), predictions without the part of each row, in the target's unit
-    )
+    # (n,), predictions without the part of each row, in the target's unit
+    left_out_: Values
     spread_: Values  # (m + 1 + d, q), independent errors of the coefficients
 
     def __init__(self, random_state: int = 0) -> None:
@@ -250,7 +249,8 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         targets = rows.white(rows.targets)
         matrix = whitened.T @ whitened
         count = len(centres)
-        # The plane's coefficients have variance 1; the others have the variance of the process.
+        # Prior covariances: 1 for the coefficients of the plane, which `PLANE` scales, and that of
+        # the process for the values of the Matern functions.
         penalty = np.eye(len(matrix)) * (1 + ROUNDING * np.trace(matrix))
         inverse_covariance = _among(self.places_).values / likely.variance
         penalty[:count, :count] += inverse_covariance - np.eye(count)

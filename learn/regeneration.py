@@ -189,7 +189,7 @@ class Cache:
         inputs = part.described
         if scene.contact.draws_hardness:
             inputs = np.column_stack([inputs, part.columns["hardness"]])
-        values = kept(path, key, inputs, columns=_width(pressed=pressed))
+        values = features_in(path, key, inputs, columns=_width(pressed=pressed))
         return cls(path=path, key=key, inputs=inputs, values=values)
 
     def save(self) -> str:
@@ -423,7 +423,9 @@ def _values(
     return values
 
 
-def kept(path: Path, key: str, inputs: Values, columns: int = len(HYBRID)) -> Values:
+def features_in(
+    path: Path, key: str, inputs: Values, columns: int = len(HYBRID)
+) -> Values:
     """Read the features of a file for the rows whose inputs have not changed.
 
     Parameters

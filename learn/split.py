@@ -49,9 +49,8 @@ class Split:
     test: Indices  # (k,), positions
     folds: Folds  # (m,), fold of each training row, 0 to `FOLDS` - 1
     seed: int  # of the draw
-    by_surface: (
-        bool  # False if all rows are of one surface, so that rows are split one by one
-    )
+    # False if all rows are of one surface, so that rows are split one by one
+    by_surface: bool
 
 
 def draw(

@@ -146,16 +146,13 @@ class FeatureSet(ABC):
     # "delta" or "pressure" for features of a surface; one of `learn.features.scene.LOADS` for those
     # of a scene, or "" before scenes are known
     load: str = "delta"
-    scaled: bool = (
-        False  # True if features have no units, and targets are divided by `scale`
-    )
+    # True if features have no units, and targets are divided by `scale`
+    scaled: bool = False
     needs_surface: bool = False  # True if the features need the heights of the surface
-    blocks: int = (
-        0  # blocks per side of the coarse solve; 0 unless `LOCAL` is among the features
-    )
-    elastic: bool = (
-        False  # True if some rows are of elastic bodies and others of bodies that yield
-    )
+    # blocks per side of the coarse solve; 0 unless `LOCAL` is among the features
+    blocks: int = 0
+    # True if some rows are of elastic bodies and others of bodies that yield
+    elastic: bool = False
 
     of_scene: ClassVar[bool]
     """True if the features are numbers of a scene, False if they are those of a surface."""

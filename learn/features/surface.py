@@ -198,12 +198,10 @@ class Undefined(InputError):
 class CoarseMeans(NamedTuple):
     """Means over the patch of a coarse contact."""
 
-    compliance: (
-        float  # mean displacement over F / (E* L), 0 for a patch without edges [1]
-    )
-    yielded_depth: (
-        float  # mean depth by which blocks have yielded, 0 for elastic bodies [um]
-    )
+    # mean displacement over F / (E* L), 0 for a patch without edges [1]
+    compliance: float
+    # mean depth by which blocks have yielded, 0 for elastic bodies [um]
+    yielded_depth: float
 
 
 @dataclass(frozen=True, eq=False)

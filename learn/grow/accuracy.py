@@ -199,7 +199,9 @@ def accuracy_of_mean(learnt: Learnt, rows: Dataset) -> Accuracy:
     )
 
 
-def drawn(numbers: Indices, seed: int, length: int = SHARE) -> NDArray[np.bool_]:
+def drawn_for_holdout(
+    numbers: Indices, seed: int, length: int = SHARE
+) -> NDArray[np.bool_]:
     """Draw surfaces or tiles for the holdout: one of every `length` successive numbers.
 
     The draw depends on the number and the seed alone. A surface of the holdout therefore stays in
@@ -257,10 +259,10 @@ def holdout(rows: Dataset) -> NDArray[np.bool_]:
         with Reader(Path(rows.name)) as reader:
             numbers = np.asarray(reader.column(TILE)[rows.rows], dtype=np.int64)
     _, first, group = np.unique(rows.surfaces, return_index=True, return_inverse=True)
-    return drawn(numbers[first], scene.seed, length)[group.ravel()]
+    return drawn_for_holdout(numbers[first], scene.seed, length)[group.ravel()]
 
 
-def parted(sets: list[Dataset], seed: int) -> Split:
+def split_by_holdout(sets: list[Dataset], seed: int) -> Split:
     """Split rows into the test rows of `holdout` and training rows in random order with folds.
 
     Parameters

@@ -43,9 +43,9 @@ from learn.grow.accuracy import (
     Look,
     advise,
     judge,
-    parted,
     size,
     size_with,
+    split_by_holdout,
 )
 from learn.metrics import LEVEL
 from learn.split import Split, require_tiles
@@ -88,9 +88,8 @@ class Stock:
 
     finished: int  # number of rows before the first pending one
     rows: int  # number of all rows
-    seconds: (
-        float  # time in which all done and failed rows were computed, with surfaces [s]
-    )
+    # time in which all done and failed rows were computed, with surfaces [s]
+    seconds: float
 
 
 def stock(path: Path) -> Stock:
@@ -345,7 +344,7 @@ class Growth:
             return None
         require_tiles(sets[0])
         sets = [target.at(np.flatnonzero(target.rows < rows)) for target in sets]
-        parts = parted(sets, request.seed)
+        parts = split_by_holdout(sets, request.seed)
         # The fit may take longer than the budget: it is a task that can be stopped.
         fitted = within(_fit, FitOrder(request, sets, parts), None, self.until)
         if isinstance(fitted, Ended):

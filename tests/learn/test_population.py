@@ -256,24 +256,31 @@ LINE = ["--at", "hurst=0.7,rms_height=1", "--pressure", "0.01"]
     ],
 )
 def test_wrong_numbers_are_refused_in_a_line(small, refused, options, said):
-    folder = small
     options = [
-        str(folder / each) if each.endswith((".npy", ".csv")) else each
-        for each in options
+        str(small / each) if each.endswith((".npy", ".csv")) else each for each in options
     ]
-    surrogate = folder / "s.surrogate"
-    assert said in refused(learn_cli, "predict", surrogate, *options)
-    if said == "not for surfaces: ask":
-        at = ["--at", "hurst=0.7,rms_height=1"]
-        for line, why in (
-            ([options[0]], "leave out surfaces"),
-            ([*at, "--delta", "1"], "give --pressure instead"),
-            (["--at", "hurst=0.7"], "rms_height not given"),
-        ):
-            assert why in refused(learn_cli, "law", surrogate, *line)
-        grown = ["grow", folder / "s.toml", "--features", "scene", "--model", "mlp"]
-        told = refused(learn_cli, *grown, "-o", folder / "g.surrogate")
-        assert "population alone knows the error" in told
+    assert said in refused(learn_cli, "predict", small / "s.surrogate", *options)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["surface.npy"], "leave out surfaces"),
+        (["--at", "hurst=0.7,rms_height=1", "--delta", "1"], "give --pressure instead"),
+        (["--at", "hurst=0.7"], "rms_height not given"),
+    ],
+)
+def test_wrong_numbers_of_a_law_are_refused_in_a_line(small, refused, options, said):
+    options = [str(small / each) if each.endswith(".npy") else each for each in options]
+    assert said in refused(learn_cli, "law", small / "s.surrogate", *options)
+
+
+def test_a_growth_of_scene_features_takes_no_model_without_an_error_of_its_mean(
+    small, refused
+):
+    line = ["grow", small / "s.toml", "--features", "scene", "--model", "mlp"]
+    told = refused(learn_cli, *line, "-o", small / "g.surrogate")
+    assert "population alone knows the error" in told
 
 
 @pytest.mark.long
