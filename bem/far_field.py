@@ -12,6 +12,7 @@ import numpy as np
 from bem.active_set import ActiveSet
 from bem.arrays import Field
 from bem.influence import Kernel
+from bem.iterate import Iterate
 from bem.operators.patch import Patch
 from bem.problem import NoSolution, Problem
 
@@ -88,19 +89,19 @@ def flat_punch(shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0) -> F
         If the iteration does not reach `FLAT_PUNCH_RTOL`.
     """
     patch = Patch(shape, "free", kernel, aspect)
-    solve = ActiveSet(
+    iterate = Iterate(
         patch,
         np.zeros(shape),
         shift=1.0,
         rtol=FLAT_PUNCH_RTOL,
-        most=FLAT_PUNCH_ITERATIONS,
+        max_iterations=FLAT_PUNCH_ITERATIONS,
     )
-    if not solve.run():
+    if not ActiveSet(iterate).run():
         raise ArithmeticError(
             f"flat punch on {shape[0]} x {shape[1]} nodes, kernel {kernel}: residual"
-            f" {max(solve.violation()):.1e} after {solve.iterations} iterations"
+            f" {iterate.violation().largest:.1e} after {iterate.iterations} iterations"
         )
-    pressure = solve.pressure
+    pressure = iterate.pressure
     pressure.setflags(write=False)
     return pressure
 

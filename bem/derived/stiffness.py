@@ -14,7 +14,7 @@ from bem.active_set import ActiveSet
 from bem.arrays import Nodes, Values
 from bem.far_field import flat_punch
 from bem.influence import Kernel
-from bem.iterate import Effort
+from bem.iterate import Effort, Iterate
 from bem.operators.patch import Patch
 from bem.problem import Problem, boxed
 
@@ -73,23 +73,27 @@ def punch_of(problem: Problem, nodes: Nodes) -> Punch:
         marked = marked[boxed(marked)]
     shape = len(marked), len(marked[0])
     patch = Patch(shape, problem.boundary, problem.kernel, problem.aspect)
-    solve = ActiveSet(
-        patch, np.zeros(marked.shape), shift=1.0, rtol=PUNCH_RTOL, most=MAX_ITERATIONS
+    iterate = Iterate(
+        patch,
+        np.zeros(marked.shape),
+        shift=1.0,
+        rtol=PUNCH_RTOL,
+        max_iterations=MAX_ITERATIONS,
     )
-    residual = solve.solve_on(marked, PUNCH_RTOL)
+    residual = ActiveSet(iterate).solve_on(marked, atol=PUNCH_RTOL)
     if not residual <= PUNCH_RTOL:
         raise ArithmeticError(
             f"stiffness of {nodes.size} nodes in contact: residual {residual:.1e} after"
-            f" {solve.iterations} iterations, asked for {PUNCH_RTOL:g}"
+            f" {iterate.iterations} iterations, asked for {PUNCH_RTOL:g}"
         )
     # The pressure is wrong in proportion to the residual r, the energy p (1 + r) in its square.
-    pressure = solve.pressure[marked]
-    force = float((pressure * (1 + solve.residual[marked].astype(np.float64))).sum())
+    pressure = iterate.pressure[marked]
+    force = float((pressure * (1 + iterate.residual[marked].astype(np.float64))).sum())
     return Punch(
         stiffness=force * problem.modulus * problem.spacing[1],
         pressure=pressure * (problem.modulus / problem.spacing[0]),
         residual=residual,
-        effort=Effort(solve.iterations, patch.convolutions),
+        effort=Effort(iterate.iterations, patch.convolutions),
     )
 
 

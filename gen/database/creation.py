@@ -1,4 +1,7 @@
-"""Make databases: create, extend and merge them, and give new files their names when whole."""
+"""Create, extend and merge databases.
+
+Each of these makes a new file under a temporary name, and gives it its final name when it is whole.
+"""
 
 import json
 import re
@@ -39,10 +42,11 @@ from gen.scene.faults import shown
 from gen.schema import CHECKSUM, PART, PHYSICS, RUNTIME, SCHEMA, STATUS, Column, Status
 
 LAYOUT: dict[str, Any] = {"libver": ("v108", "v110"), "track_order": True}
-"""Settings of new HDF5 files.
+"""Arguments of `h5py.File` for new files.
 
-Version 2 of the superblock: later ones mark a file as open, and a killed writer would leave the
-mark. Creation order is tracked so that readers list columns in the schema's order.
+The range of library versions gives the file's superblock version 2. Version 3 would mark a file
+that is open for writing, and a killed writer would leave the mark. The order of creation is stored
+so that other programs list the columns in the order of the schema.
 """
 
 Attributes = Mapping[str, str | int]
@@ -55,33 +59,56 @@ class Source:
 
     path: Path
     file: h5py.File
-    scene: Scene
-    rows: range  # numbers of the rows that it holds
+    scene: Scene  # the scene that the database has recorded
+    rows: range  # numbers of the rows that the file holds
 
     @classmethod
     def of(cls, path: Path, file: h5py.File) -> "Source":
-        """Check an open database, and read its scene and its rows."""
-        return cls(path, file, read_scene(file, path), rows_of(read_attributes(file)))
+        """Check an open database, and read its scene and its rows.
+
+        Parameters
+        ----------
+        path : Path
+            Path of the database.
+        file : h5py.File
+            The open file, which the caller closes.
+
+        Returns
+        -------
+        Source
+            The source.
+
+        Raises
+        ------
+        InputError
+            If the file is no database of this layout.
+        """
+        return cls(
+            path=path,
+            file=file,
+            scene=read_scene(file, path),
+            rows=rows_of(read_attributes(file)),
+        )
 
     @property
     def physics(self) -> int:
-        """Number of its results."""
+        """Physics number of the database, see `gen.schema.PHYSICS`."""
         return int(self.file.attrs["physics"])
 
     def read(self, column: Column, rows: range) -> NDArray[Any]:
-        """Read rows of a column, some of which the source holds; fill values stand for the others.
+        """Read the values of a column in some rows.
 
         Parameters
         ----------
         column : Column
             A column of the source.
         rows : range
-            Numbers of the rows.
+            Numbers of the rows, at least one of which the source holds.
 
         Returns
         -------
         ndarray, shape (rows,) or (rows, nx, ny)
-            Values of the rows.
+            Values of the rows. Rows that the source does not hold have the column's fill value.
         """
         values = _unwritten(column, len(rows), self.scene)
         first = max(rows.start, self.rows.start)
@@ -94,27 +121,31 @@ class Source:
 
 @dataclass(frozen=True, eq=False)
 class _Claims:
-    """Which of the sources have finished which rows of a chunk, and whose values are taken."""
+    """The sources of a chunk of rows: which rows they have finished, and whose values are taken."""
 
-    sources: Sequence[Source]  # those that hold some of the rows
+    sources: Sequence[Source]  # the sources that hold at least one row of the chunk
     rows: range  # numbers of the rows of the chunk
-    done: NDArray[np.bool_]  # (sources, rows), whether a source has solved a row
-    finished: NDArray[np.bool_]  # (sources, rows), solved or failed
-    owner: Indices  # (rows,), index of the source whose values are taken
+    done: NDArray[np.bool_]  # whether a row is done in a source, shape (sources, rows)
+    finished: NDArray[
+        np.bool_
+    ]  # whether it is done or failed there, shape (sources, rows)
+    # Index of the source whose values of a row are taken, shape (rows,). It has no meaning for rows
+    # that no source has finished.
+    owner: Indices
 
 
 def create(path: Path, scene: Scene, rows: range | None = None) -> None:
-    """Create a database whose rows are pending.
+    """Create a database whose rows are all pending.
 
     Parameters
     ----------
     path : Path
-        The new file, whose `gen.database.lock` the caller holds.
+        The new file. The caller holds its `gen.database.lock`.
     scene : Scene
         The completed scene.
     rows : range, optional
-        Numbers of the rows that the file holds, all rows of the scene by default; fewer rows make
-        a part.
+        Numbers of the rows that the file holds; all rows of the scene by default. A file with fewer
+        rows is a part.
 
     Raises
     ------
@@ -127,12 +158,16 @@ def create(path: Path, scene: Scene, rows: range | None = None) -> None:
 
 
 def _new_attributes() -> dict[str, str | int]:
-    """Return the attributes of a new file: numbers of its layout and results, versions, time."""
+    """Return the attributes of a new file that do not depend on its scene and rows, by their names.
+
+    They are the layout number, the physics number, versions of libraries, the commit of this
+    program, and the present time.
+    """
     numerics = versions(("asperity", "numpy", "scipy", "pyfftw", "h5py"))
     return {
         "schema": SCHEMA,
         "physics": PHYSICS,
-        "physics_forced": 0,
+        "physics_forced": 0,  # no rows of another physics number are in the file
         "versions": json.dumps(numerics | {"hdf5": h5py.version.hdf5_version}),
         "git_commit": git_commit(),
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -140,9 +175,10 @@ def _new_attributes() -> dict[str, str | int]:
 
 
 def file_bytes(scene: Scene, rows: int) -> int:
-    """Return the size of a database's file before anything of it is written.
+    """Compute the size that the file of a new database is going to have.
 
-    A temporary file of one row is laid out, for the size of names, units and the scene.
+    A temporary file with one row is written to measure the size of everything else, such as names,
+    units and the scene.
 
     Parameters
     ----------
@@ -154,26 +190,26 @@ def file_bytes(scene: Scene, rows: int) -> int:
     Returns
     -------
     int
-        Size of the file [bytes]. Further rows may need a few bytes more for alignment.
+        Size of the file [bytes]. The file may be a few bytes larger, because HDF5 aligns columns.
     """
     columns = stored_columns(scene)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "one-row.h5"
         with h5py.File(path, "w", locking=False, **LAYOUT) as file:
             _lay_out(file, scene, range(1), columns, _new_attributes())
-        of_one_row = path.stat().st_size
+        size_with_one_row = path.stat().st_size
     row_bytes = sum(column.row_bytes(scene.grid.shape) for column in columns)
-    return of_one_row + (rows - 1) * row_bytes
+    return size_with_one_row + (rows - 1) * row_bytes
 
 
 def open_or_create(
     path: Path, scene: Scene, rows: range | None = None, *, force: bool = False
 ) -> Literal["created", "resumed", "extended"]:
-    """Create, resume or extend a database, so that a run can write some rows.
+    """Create a database, or extend it if it lacks some of the wanted rows.
 
-    A file with more rows keeps them; rows between those of a part and the wanted rows become
-    pending. A file is extended by a copy of its rows in a new file, as contiguous datasets cannot
-    grow: a kill leaves the old file or the new one, whole.
+    An extended file has its old rows, the wanted rows, and all rows between them; the new rows are
+    pending. Contiguous datasets cannot grow, so that the old rows are copied into a new file, which
+    replaces the old one. A kill leaves either the old file or the new one.
 
     Parameters
     ----------
@@ -182,15 +218,17 @@ def open_or_create(
     scene : Scene
         The completed scene.
     rows : range, optional
-        Numbers of the rows that the run wants, all rows of the scene by default.
+        Numbers of the rows that the file has to hold; all rows of the scene by default. A file with
+        further rows keeps them.
     force : bool
-        Whether the file may have another physics number. It records then that rows of this
-        version's number are among its rows.
+        Whether the file may have another physics number. Its attribute "physics_forced" is then set
+        to the number of this version, whose rows are going to be among its rows.
 
     Returns
     -------
     str
-        What was done: "created", "resumed" or "extended".
+        "created" for a new file, "extended" for a file with new rows, or "resumed" if the file has
+        all rows already.
 
     Raises
     ------
@@ -206,7 +244,7 @@ def open_or_create(
         source = Source.of(path, file)
         require_scene(file, path, source.scene, scene, force=force)
         attributes = read_attributes(file)
-        if attributes["physics"] != PHYSICS:
+        if attributes["physics"] != PHYSICS:  # only with `force`
             file.attrs.modify("physics_forced", PHYSICS)
             attributes["physics_forced"] = PHYSICS
         extended = range(
@@ -214,6 +252,8 @@ def open_or_create(
         )
         if extended == source.rows:
             return "resumed"
+        # The new file records the scene with more samples. Powers of outputs were measured when the
+        # old file was made.
         recorded = source.scene
         if scene.samples > recorded.samples:
             recorded = scene.with_powers_of(recorded)
@@ -226,17 +266,18 @@ def open_or_create(
 def merge(target: Path, sources: Sequence[Path]) -> Counts:
     """Merge databases of one scene whose rows were computed in different places.
 
-    A row is done if it is done in any source, otherwise failed if it failed in any; rows that are
-    done twice have to agree. Attributes are those of the first source with the most samples.
-    Checksums are copied, never computed anew, as they would then vouch for damaged rows: the merged
-    database has them if all sources do.
+    A row is done if it is done in a source, otherwise failed if it failed in a source, otherwise
+    pending. A row that is done in several sources must have the same values in them. The scene and
+    the attributes are those of the source with the largest number of samples, the first of several.
+    The merged database has checksums if all sources have them. They are copied: computed anew, they
+    would hide damage of the sources.
 
     Parameters
     ----------
     target : Path
         The new database. Its lock is held during the call.
     sources : sequence of Path
-        Databases, at least one; parts may overlap and leave gaps.
+        Databases, at least one. Parts of a database may overlap, and rows may be missing.
 
     Returns
     -------
@@ -246,8 +287,8 @@ def merge(target: Path, sources: Sequence[Path]) -> Counts:
     Raises
     ------
     InputError
-        If the sources are of different scenes or results, or differ in a row that is done; if the
-        target exists, or the disk has no room for it.
+        If the sources have different scenes or physics numbers, if they differ in a row that is
+        done in several of them, if the target exists, or if the disk has no room for it.
     """
     if not sources:
         raise InputError(f"{target}: nothing to merge; give at least one database")
@@ -257,6 +298,7 @@ def merge(target: Path, sources: Sequence[Path]) -> Counts:
         opened = [Source.of(path, file) for path, file in files.items()]
         for source in opened[1:]:
             _require_mergeable(opened[0], source)
+        # `max` returns the first of several.
         largest = max(opened, key=lambda source: source.scene.samples)
         scene = largest.scene
         attributes = read_attributes(largest.file)
@@ -271,9 +313,9 @@ def merge(target: Path, sources: Sequence[Path]) -> Counts:
 
 
 def _require_mergeable(first: Source, second: Source) -> None:
-    """Refuse two databases whose scenes, measured powers or physics numbers differ."""
-    words = f"in {first.path}", f"in {second.path}"
-    different = differences(first.scene, second.scene, words)
+    """Raise InputError if scenes, measured powers or physics numbers of two databases differ."""
+    places = (f"in {first.path}", f"in {second.path}")
+    different = differences(first.scene, second.scene, places)
     if not different:
         different = _differing_powers(first.scene, second.scene)
     if not different and first.physics != second.physics:
@@ -288,7 +330,11 @@ def _require_mergeable(first: Source, second: Source) -> None:
 
 
 def _differing_powers(first: Scene, second: Scene) -> list[str]:
-    """Name the first output of a user's function that was measured to scale differently, if any."""
+    """Return a line about the first output whose measured powers differ in two scenes.
+
+    Outputs are those of a user's function, in the order of their names. The list is empty if all
+    powers are equal.
+    """
     powers_of_first = first.store.powers or {}
     powers_of_second = second.store.powers or {}
     for name in sorted({*powers_of_first, *powers_of_second}):
@@ -307,13 +353,15 @@ def _merge_rows(
     columns: Sequence[Column],
     scene: Scene,
 ) -> None:
-    """Write rows of a new file whose first row is `first`, in all columns.
+    """Write all columns of some rows of a new file, with the values of the sources.
 
-    The values of a row are those of the first source in which it is done, or else of the first one
-    in which it failed; a row that no source has finished gets fill values.
+    `first` is the number of the first row of the file. The values of a row are those of the first
+    source in which it is done, otherwise those of the first source in which it failed, otherwise
+    fill values. Raises InputError if a row is done in two sources with different values.
     """
     claims = _claims_on(rows, sources)
-    # A difference in a column also changes the checksum: the column is to be named, and is first.
+    # Different values in a column also give different checksums. The checksum comes last, so that
+    # an error names the column with the different values.
     for column in sorted(columns, key=lambda column: column == CHECKSUM):
         values = _merged(column, claims, scene)
         write_rows(file[column.path], rows.start - first, values)
@@ -333,12 +381,22 @@ def _claims_on(rows: range, sources: Sequence[Source]) -> _Claims:
     failed = status == Status.FAILED
     owner = np.zeros(len(rows), dtype=np.int64)
     if overlapping:
-        owner = (2 * done + failed).argmax(axis=0)  # the first one with the best status
-    return _Claims(overlapping, rows, done, done | failed, owner)
+        rank = (
+            2 * done + failed
+        )  # 2 for a done row, 1 for a failed one, 0 for a pending one
+        owner = rank.argmax(axis=0)  # the first source with the highest rank
+    return _Claims(
+        sources=overlapping, rows=rows, done=done, finished=done | failed, owner=owner
+    )
 
 
 def _merged(column: Column, claims: _Claims, scene: Scene) -> NDArray[Any]:
-    """Return the merged values of a column; refuse rows that are done twice and differ."""
+    """Return the values of a column in the rows of `claims`, each from the row's owner.
+
+    The shape is (rows,), or (rows, nx, ny) for a field. Rows that no source has finished have the
+    fill value. Raises InputError if a row is done in two sources with different values, unless the
+    column differs from run to run.
+    """
     merged = _unwritten(column, len(claims.rows), scene)
     for index, source in enumerate(claims.sources):
         if not claims.finished[index].any():
@@ -347,7 +405,8 @@ def _merged(column: Column, claims: _Claims, scene: Scene) -> NDArray[Any]:
         is_owner = claims.owner == index
         owned = np.flatnonzero(claims.finished[index] & is_owner)
         merged[owned] = values[owned]
-        # The owner of a row precedes all other sources in which the row is done.
+        # Rows that are done here and in an earlier source, which owns them: `merged` already has
+        # its values.
         repeated = np.flatnonzero(claims.done[index] & ~is_owner)
         if not column.deterministic or not repeated.size:
             continue
@@ -361,12 +420,19 @@ def _merged(column: Column, claims: _Claims, scene: Scene) -> NDArray[Any]:
 
 
 def _unwritten(column: Column, rows: int, scene: Scene) -> NDArray[Any]:
-    """Return an array of rows of a column that have not been written: fill values."""
+    """Return the values of a column in a number of rows that have not been written: fill values.
+
+    The shape is (rows,), or (rows, nx, ny) for a field.
+    """
     return np.full(column.shape(rows, scene.grid.shape), column.fill, dtype=column.dtype)
 
 
 def _differ(first: NDArray[Any], second: NDArray[Any]) -> NDArray[np.bool_]:
-    """Tell of each row whether two arrays differ in any bit; NaNs of the same bits are equal."""
+    """Tell for each row whether two arrays have different bytes in it; shape (rows,).
+
+    The arrays have the same type and shape, (rows,) or (rows, nx, ny). Two NaN with the same bytes
+    are equal.
+    """
     rows = len(first)
     bytes_of_first = first.view("u1").reshape(rows, -1)
     bytes_of_second = second.view("u1").reshape(rows, -1)
@@ -375,7 +441,10 @@ def _differ(first: NDArray[Any], second: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def _conflict(row: int, column: Column, first: Path, second: Path) -> InputError:
-    """Return the error for two databases that have different values of a finished row."""
+    """Return the error for a row that has different values of a column in two databases.
+
+    The message says in which of them the row is damaged, if its checksum is wrong in one.
+    """
     differs = f"row {row}: {column.name} differs between {first} and {second}"
     for path in (first, second):
         with Reader(path) as reader:
@@ -399,10 +468,12 @@ def _assemble(
     *,
     replaced: HeldFile | None = None,
 ) -> None:
-    """Make a file of some rows, and give it its name when it is whole.
+    """Make a file that holds some rows of a scene, and give it its name when it is whole.
 
-    Rows that no source has finished are pending. The file replaces the one that is held, if there
-    is one, and is refused if a file has the name otherwise.
+    The values of the rows come from the sources; rows that no source has finished are pending. The
+    new file replaces the file `replaced`, which has this path and is held open. Without it, the
+    path must be free. Raises InputError if the path is not free, the disk has no room, the file
+    cannot be written, or sources differ in a done row. An old file is unchanged then.
     """
     target = place_of(path)
     present: Present = "refuse"
@@ -418,17 +489,22 @@ def _assemble(
             _require_owner(path, target, temporary)
         with h5py.File(temporary, "w", locking=False, **LAYOUT) as file:
             _lay_out(file, scene, rows, columns, attributes)
-        with open_file(temporary, True) as file:
-            for start, stop in chunks(rows, max(row_bytes)):
-                chunk = range(start, stop)
+        # `_lay_out` does not write values. Every row is written here, if only with fill values.
+        with open_file(temporary, writing=True) as file:
+            for start, stop in chunks(rows, row_bytes=max(row_bytes)):
+                chunk = range(start, stop)  # numbers of rows
                 _merge_rows(file, rows.start, chunk, sources, columns, scene)
         if replaced is not None:
-            replaced.check()
+            replaced.check()  # the path must still lead to the file that is to be replaced
 
 
 def _require_room(path: Path, folder: Path, rows: int, row_bytes: int) -> None:
-    """Refuse a file of some rows that the disk of a folder has no room for; quotas show later."""
-    needed = rows * row_bytes
+    """Raise InputError if the disk of a folder has no room for a number of rows.
+
+    `row_bytes` is the size of a row [bytes]. `path` is that of the new file, for messages. A quota
+    is noticed only when the file is written.
+    """
+    needed = rows * row_bytes  # [bytes]
     free = shutil.disk_usage(folder).free
     if needed > free:
         raise InputError(
@@ -438,7 +514,11 @@ def _require_room(path: Path, folder: Path, rows: int, row_bytes: int) -> None:
 
 
 def _require_owner(path: Path, target: Path, temporary: Path) -> None:
-    """Refuse to replace a file whose owner and group a new file cannot have."""
+    """Raise InputError if a new file could not get the owner and the group of the file it replaces.
+
+    `target` is the old file, and `temporary` the new one, which has got the owner and the group as
+    far as this user may give them. `path` is the path of the old file for messages.
+    """
     old = target.stat()
     new = temporary.stat()
     if (new.st_uid, new.st_gid) != (old.st_uid, old.st_gid):
@@ -455,10 +535,14 @@ def _lay_out(
     columns: Sequence[Column],
     attributes: Attributes,
 ) -> None:
-    """Write the attributes, dimensions and columns of a new file, whose rows are not filled."""
+    """Write the attributes, the dimensions and the columns of a new file.
+
+    The columns get their disk space and descriptions, but no values: the rows have no defined
+    content. `attributes` are those that do not follow from the scene and the rows.
+    """
     for name, value in _attributes_of(scene, rows, attributes).items():
         _set(file, name, value)
-    axes = {"sample": len(rows)}
+    axes = {"sample": len(rows)}  # length of each dimension by its name
     if any(column.shape_of for column in columns):
         axes["x"], axes["y"] = scene.grid.shape
     scales = [_add_dimension(file, name, length) for name, length in axes.items()]
@@ -466,22 +550,24 @@ def _lay_out(
     for column in columns:
         shape = column.shape(len(rows), scene.grid.shape)
         dataset = _add_column(file, column, shape)
+        # A column of one value a row has only the first dimension.
         for axis, scale in enumerate(scales[: len(shape)]):
             dataset.dims[axis].attach_scale(scale)
         _describe(dataset, column)
 
 
 def _attributes_of(scene: Scene, rows: range, attributes: Attributes) -> Attributes:
-    """Return the attributes of a file that holds some rows of a scene, in the order of the file.
+    """Return all attributes of a file that holds some rows of a scene, in the order of the file.
 
-    Those given (versions, numbers, time) yield to what the scene and the rows decide.
+    Some of them follow from the scene and the rows. The other ones are taken from `attributes`, for
+    example the versions of libraries, the physics number and the time.
     """
     is_part = rows != range(scene.samples)
     decided: dict[str, str | int] = {
         "Conventions": "CF-1.11",
         "title": scene.title or "Contact of rough surfaces",
     }
-    # The names of the Attribute Convention for Data Discovery (ACDD).
+    # Names of the Attribute Convention for Data Discovery (ACDD), which spells "license" so.
     if scene.creator:
         decided["creator_name"] = scene.creator
     if scene.licence:
@@ -490,26 +576,33 @@ def _attributes_of(scene: Scene, rows: range, attributes: Attributes) -> Attribu
     decided["scene_hash"] = scene.fingerprint()
     decided["samples"] = scene.samples
     for name, value in attributes.items():
+        # Attributes of an old part are left out: the new file may be whole or have other rows.
         if name not in decided and name not in PART_NUMBERS:
             decided[name] = value
     decided["schema"] = PART if is_part else SCHEMA
     if is_part:
-        decided |= dict(zip(PART_NUMBERS, (rows.start, len(rows)), strict=True))
+        first_row, number_of_rows = PART_NUMBERS
+        decided[first_row] = rows.start
+        decided[number_of_rows] = len(rows)
     return decided
 
 
 def _add_dimension(file: h5py.File, name: str, length: int) -> h5py.Dataset:
-    """Add a dimension of netCDF-4, a scale without values or disk space, and return the scale."""
+    """Add a dimension as netCDF-4 stores it, and return its dataset.
+
+    HDF5 calls this dataset a dimension scale. It has no values, and takes no disk space.
+    """
     scale = file.create_dataset(name, shape=(length,), dtype=">f4")
+    # By this text, netCDF recognises a dimension without coordinates.
     scale.make_scale(f"This is a netCDF dimension but not a netCDF variable.{length:10d}")
     return scale
 
 
 def _add_column(file: h5py.File, column: Column, shape: tuple[int, ...]) -> h5py.Dataset:
-    """Add the dataset of a column, with disk space for all rows, and return it."""
+    """Add the dataset of a column and return it; it has disk space for all rows, but no values."""
     properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     properties.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
-    # HDF5 itself would crash on a full disk while it fills the dataset.
+    # HDF5 does not write the fill values itself, because it would crash on a full disk.
     properties.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
     return file.create_dataset(
         column.path,
@@ -521,32 +614,43 @@ def _add_column(file: h5py.File, column: Column, shape: tuple[int, ...]) -> h5py
 
 
 def _describe(dataset: h5py.Dataset, column: Column) -> None:
-    """Add the attributes of a column: its meaning and unit, measured powers, meanings of codes."""
+    """Add the attributes of a column to its dataset.
+
+    These are its meaning, its unit, the powers that were measured for it, and for a column of codes
+    the meaning of each code. The names of the attributes are those of the CF conventions, but for
+    the powers.
+    """
     _set(dataset, "long_name", column.long_name)
     if column.unit:
         _set(dataset, "units", column.unit)
     if column.measured and column.powers is not None:
-        # of heights, lengths and E*
+        # Powers of heights, lengths and E*, in this order.
         dataset.attrs["powers"] = np.array(column.powers, dtype="i1")
-    flags = FLAGS.get(column)
+    flags = FLAGS.get(column)  # meaning of each code; None for a column without codes
     if flags:
         dataset.attrs["flag_values"] = np.array(list(flags), dtype=column.dtype)
-        # CF's list of meanings is separated by blanks: each text has to be one word.
+        # Blanks separate the meanings, so that each of them has to be one word.
         words = [_one_word(text) for text in flags.values()]
         _set(dataset, "flag_meanings", " ".join(words))
 
 
 def _one_word(text: str) -> str:
-    """Return a text as one word of letters, digits and underscores; "none" if it has no letter."""
+    """Return a text with its blanks and other signs replaced by underscores.
+
+    Only letters and digits of ASCII are kept. The result is "none" if there are none.
+    """
     return re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_") or "none"
 
 
 def _set(node: h5py.Dataset | h5py.File, name: str, value: str | int) -> None:
-    """Add an attribute to a file or a column; a text has a fixed length."""
-    # HDF5 keeps texts of variable length in a heap, and may read for ever if that is damaged.
+    """Add an attribute to a file or to the dataset of a column."""
+    # A text gets a fixed length. HDF5 keeps texts of variable length in a heap, and may read
+    # endlessly if the heap is damaged.
     if isinstance(value, str):
         text = value.encode()
-        kind = h5py.string_dtype("utf-8", max(1, len(text)))
+        kind = h5py.string_dtype(
+            "utf-8", max(1, len(text))
+        )  # HDF5 has no type of length 0
         node.attrs.create(name, text, dtype=kind)
     else:
         node.attrs[name] = value
