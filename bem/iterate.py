@@ -439,9 +439,9 @@ class Iterate:
             else:
                 pressure *= self.load / carried
         if self.yields:
-            self.snap(pressure)
+            self.snap(pressure, LOST)
 
-    def snap(self, pressure: Field, share: float = LOST) -> None:
+    def snap(self, pressure: Field, share: float) -> None:
         """Set pressures just above zero or just below the hardness to it, in place.
 
         Parameters

@@ -2,8 +2,8 @@
 
 import pytest
 
-from bem.active_set import IDLE, PATIENCE, REDUCTION, TIGHTENING, Progress
 from bem.iterate import Violation
+from bem.progress import IDLE, PATIENCE, REDUCTION, TIGHTENING, Progress
 
 
 def violation_of(largest):
