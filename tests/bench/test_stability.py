@@ -76,7 +76,7 @@ def test_warnings_and_errors_fail():
 
     result = run_case(Case("test", "test", "", warn))
     assert not result.passed
-    assert "warning divide by zero" in result.worst.what
+    assert "warning divide by zero" in result.worst.name
     broken = run_case(Case("test", "test", "", lambda: 1 / 0))
     assert broken.out == "division by zero"
     assert not broken.passed
@@ -161,7 +161,9 @@ def test_another_pressure_is_told(wrong):
 def failed(asked, contact, **more):
     """Names of the findings that an answer fails by."""
     return [
-        each.what for each in judge(asked, contact, **more).findings if not each.passed
+        finding.name
+        for finding in judge(asked, contact, **more).findings
+        if not finding.passed
     ]
 
 
@@ -255,6 +257,6 @@ def test_wrong_coefficients_an_unflagged_row_and_silent_nonsense_fail():
     assert not all(finding.passed for finding in solves_its_equations(ridge))
     tree = fitted("decision-tree", "default", ordinary())
     other = replace(tree, train=replace(tree.train, target=tree.train.target[::-1]))
-    assert [f.what for f in models.sound(other) if not f.passed] == [
+    assert [f.name for f in models.sound(other) if not f.passed] == [
         "worse than a constant, unsaid"
     ]
