@@ -173,7 +173,8 @@ class _Load:
 
 def _drawn_load(random: np.random.Generator, slope: float) -> _Load:
     """Draw a load on a surface with an rms slope [1]."""
-    pressure = slope * math.exp(random.uniform(math.log(0.005), math.log(0.5)))
+    exponent = random.uniform(math.log(0.005), math.log(0.5))
+    pressure = slope * math.exp(exponent)
     hardness = None
     if random.random() >= 2 / 3:
         hardness = pressure * random.uniform(1.5, 20)
@@ -225,7 +226,8 @@ def _grid(random: np.random.Generator, *nodes: int) -> tuple[int, int]:
     There are at least 3 waves a side.
     """
     chosen = int(random.choice(nodes))
-    nodes_a_wave = math.exp(random.uniform(math.log(3.0), math.log(32)))
+    exponent = random.uniform(math.log(3.0), math.log(32))
+    nodes_a_wave = math.exp(exponent)
     return chosen, max(int(chosen / nodes_a_wave), 3)
 
 
@@ -278,7 +280,8 @@ def _sphere(random: np.random.Generator) -> Sample:
     def heights(n: int) -> Heights:
         x = np.linspace(0, 1, n) - tip[0]
         y = np.linspace(0, 1, n) - tip[1]
-        return np.asarray(-np.add.outer(x**2, y**2) / (2 * radius))
+        squares = np.add.outer(x**2, y**2)
+        return np.asarray(-squares / (2 * radius))
 
     return Sample("free", heights, nodes, finer=4)
 
@@ -291,10 +294,12 @@ def _regular(random: np.random.Generator, *, crossed: bool) -> Sample:
     phases = random.uniform(0, 2 * np.pi, 2)
 
     def heights(n: int) -> Heights:
-        x = 2 * np.pi * np.arange(n) / n
-        wave = np.cos(np.add.outer(along * x, across * x) + phases[0])
+        angles = 2 * np.pi * np.arange(n) / n
+        phase = np.add.outer(along * angles, across * angles)
+        wave = np.cos(phase + phases[0])
         if crossed:
-            wave = wave + np.cos(np.add.outer(-across * x, along * x) + phases[1])
+            phase = np.add.outer(-across * angles, along * angles)
+            wave = wave + np.cos(phase + phases[1])
         return np.asarray(0.01 * wave)
 
     finer = _finer(nodes, nodes / math.hypot(along, across))
@@ -311,8 +316,8 @@ def _turned(random: np.random.Generator) -> Sample:
     def heights(n: int) -> Heights:
         places = np.arange(n) / n
         from_middle = (places * grooves + 0.37) % 1 - 0.5
-        groove = from_middle**2
-        return np.asarray(0.2 / grooves * groove[:, None] + share * waves(places))
+        groove = 0.2 / grooves * from_middle**2
+        return np.asarray(groove[:, None] + share * waves(places))
 
     return Sample("periodic", heights, nodes, finer=8)
 
@@ -348,14 +353,16 @@ def _made_map(random: np.random.Generator) -> Sample:
     number = int(random.integers(1000))
     rms = random.uniform(0.3, 2.0)
     length = random.uniform(15, 40)
-    made = MadeMap(kind, number, (nodes, nodes), rms, length)
+    surface = made_surface(MadeMap(kind, number, (nodes, nodes), rms, length))
     places = np.linspace(0, 1, nodes)
-    spline = RectBivariateSpline(places, places, made_surface(made) / (nodes - 1))
+    spline = RectBivariateSpline(places, places, surface / (nodes - 1))
 
     def heights(n: int) -> Heights:
-        return np.asarray(spline(np.linspace(0, 1, n), np.linspace(0, 1, n)))
+        along = np.linspace(0, 1, n)
+        return np.asarray(spline(along, along))
 
-    return Sample("free", heights, (nodes - 1) * between + 1, finer=4)
+    judged_nodes = (nodes - 1) * between + 1
+    return Sample("free", heights, judged_nodes, finer=4)
 
 
 KINDS: dict[str, Draw] = {

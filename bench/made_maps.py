@@ -69,22 +69,22 @@ class MadeMap:
         return f"{self.kind}-{self.number}"
 
 
-def surface(made: MadeMap) -> Heights:
+def surface(description: MadeMap) -> Heights:
     """Make the surface of a map, without faults.
 
     Parameters
     ----------
-    made : MadeMap
+    description : MadeMap
         Description of the map.
 
     Returns
     -------
-    ndarray, shape `made.shape`
+    ndarray, shape `description.shape`
         Heights of zero mean [um].
     """
-    heights = KINDS[made.kind](made, _random(made))
+    heights = KINDS[description.kind](description, _random(description))
     heights -= heights.mean()
-    return np.asarray(heights * (made.rms / heights.std()))
+    return np.asarray(heights * (description.rms / heights.std()))
 
 
 def window(
@@ -114,53 +114,61 @@ def window(
     ndarray, shape `shape`
         Heights [um].
     """
+    rows, columns = shape
     number = int(rng.integers(2**31))
-    whole = (2 * shape[0], 2 * shape[1])
-    row = rng.integers(0, shape[0])
-    column = rng.integers(0, shape[1])
-    heights = surface(MadeMap("ground", number, whole, rms, length, spacing))
-    return heights[row : row + shape[0], column : column + shape[1]]
+    row = rng.integers(0, rows)
+    column = rng.integers(0, columns)
+    larger = MadeMap(
+        kind="ground",
+        number=number,
+        shape=(2 * rows, 2 * columns),
+        rms=rms,
+        length=length,
+        spacing=spacing,
+    )
+    heights = surface(larger)
+    return heights[row : row + rows, column : column + columns]
 
 
-def measured(made: MadeMap) -> Heights:
+def measured(description: MadeMap) -> Heights:
     """Make a map as an instrument would measure it.
 
     Parameters
     ----------
-    made : MadeMap
+    description : MadeMap
         Description of the map.
 
     Returns
     -------
-    ndarray, shape `made.shape`
+    ndarray, shape `description.shape`
         Heights with the map's faults [um], NaN in holes.
     """
-    heights = surface(made)
-    faults = made.faults
-    random = _random(made, FAULTS)
-    x, y = _coordinates(made)
+    heights = surface(description)
+    faults = description.faults
+    random = _random(description, FAULTS)
+    x, y = _coordinates(description)
     heights += faults.tilt[0] * x + faults.tilt[1] * y
-    place = int(random.uniform(0.3, 0.7) * made.shape[1])
+    place = int(random.uniform(0.3, 0.7) * description.shape[1])
     heights[:, place:] += faults.step
     spikes = random.choice(heights.size, faults.spikes, replace=False)
     spike_heights = random.uniform(SPIKE, 2 * SPIKE, faults.spikes)
-    heights.reshape(-1)[spikes] += made.rms * spike_heights
-    rows, columns = np.indices(made.shape, sparse=True)
+    heights.reshape(-1)[spikes] += description.rms * spike_heights
+    rows, columns = np.indices(description.shape, sparse=True)
     for _ in range(faults.holes):
-        row = random.uniform(0, made.shape[0])
-        column = random.uniform(0, made.shape[1])
+        row = random.uniform(0, description.shape[0])
+        column = random.uniform(0, description.shape[1])
         radius = random.uniform(1.5, 6.0)  # [nodes]
         inside = (rows - row) ** 2 + (columns - column) ** 2 <= radius**2
         heights[inside] = np.nan
     return heights
 
 
-def write(made: MadeMap, folder: Path) -> Path:
+def write(description: MadeMap, folder: Path) -> Path:
     """Write a map as an instrument would measure it, in the map's format.
 
     Parameters
     ----------
-    made : MadeMap
+    description : MadeMap
         Description of the map.
     folder : Path
         An existing folder.
@@ -172,12 +180,14 @@ def write(made: MadeMap, folder: Path) -> Path:
     """
     from SurfaceTopography import Topography
 
-    path = folder / f"{made.name}.{made.format}"
-    heights = np.ma.masked_invalid(measured(made))
-    sides = (made.shape[0] * made.spacing[0], made.shape[1] * made.spacing[1])
+    path = folder / f"{description.name}.{description.format}"
+    heights = np.ma.masked_invalid(measured(description))
+    nx, ny = description.shape
+    dx, dy = description.spacing
+    sides = (nx * dx, ny * dy)
     topography = Topography(heights, sides, unit="um")
     writers = {"x3p": "to_x3p", "nc": "to_netcdf", "gwy": "to_gwy"}
-    getattr(topography, writers[made.format])(str(path))
+    getattr(topography, writers[description.format])(str(path))
     return path
 
 
@@ -199,25 +209,27 @@ def write_all(folder: Path, maps: Iterable[MadeMap] | None = None) -> list[Path]
     make_folder(folder)
     if maps is None:
         maps = MAPS
-    return [write(made, folder) for made in maps]
+    return [write(description, folder) for description in maps]
 
 
-def _random(made: MadeMap, *key: int) -> np.random.Generator:
+def _random(description: MadeMap, *key: int) -> np.random.Generator:
     """Return a source of random numbers of a map; a key makes another, independent one."""
-    words = (list(KINDS).index(made.kind), made.number, *key)
+    words = (list(KINDS).index(description.kind), description.number, *key)
     seed = np.random.SeedSequence(SEED, spawn_key=words)
     return np.random.Generator(np.random.PCG64(seed))
 
 
-def _coordinates(made: MadeMap) -> tuple[Heights, Heights]:
+def _coordinates(description: MadeMap) -> tuple[Heights, Heights]:
     """Return the coordinates x and y of the nodes, of shapes (nx, 1) and (1, ny) [um]."""
-    x = made.spacing[0] * np.arange(made.shape[0], dtype=float)
-    y = made.spacing[1] * np.arange(made.shape[1], dtype=float)
+    nx, ny = description.shape
+    dx, dy = description.spacing
+    x = dx * np.arange(nx, dtype=float)
+    y = dy * np.arange(ny, dtype=float)
     return x[:, None], y[None, :]
 
 
 def _self_affine(
-    made: MadeMap,
+    description: MadeMap,
     random: np.random.Generator,
     roll_off: float,
     hurst: float,
@@ -229,47 +241,55 @@ def _self_affine(
     the factor `stretch`, at most 1. The surface is cut out of a larger periodic one, so that its
     opposite borders differ.
     """
-    rows, columns = (nodes + nodes // 2 for nodes in made.shape)
-    sides = (rows * made.spacing[0], columns * made.spacing[1])
-    cut_off = BLUR * max(made.spacing) / stretch
+    rows, columns = (nodes + nodes // 2 for nodes in description.shape)
+    sides = (rows * description.spacing[0], columns * description.spacing[1])
+    cut_off = BLUR * max(description.spacing) / stretch
     longest = max(roll_off / stretch, cut_off)
     spectrum = SelfAffineSpectrum(hurst, longest, cut_off, stretch)
-    whole = generate_spectral((rows, columns), sides, spectrum, random, rms_height=1.0)
-    heights = whole[: made.shape[0], : made.shape[1]]
+    larger = generate_spectral(
+        (rows, columns),
+        sides,
+        spectrum,
+        random,
+        rms_height=1.0,
+    )
+    heights = larger[: description.shape[0], : description.shape[1]]
     return np.asarray(heights / heights.std())
 
 
-def _turned(made: MadeMap, random: np.random.Generator) -> Heights:
+def _turned(description: MadeMap, random: np.random.Generator) -> Heights:
     """Return round grooves along y, left by the tool's nose, with sharp ridges between them.
 
     The heights are in any unit, as those of the other kinds: `surface` scales them.
     """
-    x, y = _coordinates(made)
-    waver = 0.06 * made.length * np.sin(2 * np.pi * y / random.uniform(150, 400))
-    position = (x + waver) / made.length + random.uniform()
+    x, y = _coordinates(description)
+    period = random.uniform(150, 400)  # [um]
+    waver = 0.06 * description.length * np.sin(2 * np.pi * y / period)
+    phase = random.uniform()
+    position = (x + waver) / description.length + phase
     groove = np.floor(position).astype(int)
     across = position - groove - 0.5
     depths = random.normal(0, 0.12, groove.max() + 1)
     grooves = 4 * across**2 - depths[groove]
-    along = _self_affine(made, random, made.length / 2, 0.6, stretch=0.1)
+    along = _self_affine(description, random, description.length / 2, 0.6, stretch=0.1)
     return np.asarray(grooves / grooves.std() + 0.25 * along)
 
 
-def _ground(made: MadeMap, random: np.random.Generator) -> Heights:
+def _ground(description: MadeMap, random: np.random.Generator) -> Heights:
     """Return long scratches of grains: waves along y are twelve times as long as along x."""
-    scratches = _self_affine(made, random, made.length, 0.7, stretch=1 / 12)
-    rough = _self_affine(made, random, made.length / 4, 0.7)
+    scratches = _self_affine(description, random, description.length, 0.7, stretch=1 / 12)
+    rough = _self_affine(description, random, description.length / 4, 0.7)
     return np.asarray(scratches + 0.15 * rough)
 
 
-def _sandblasted(made: MadeMap, random: np.random.Generator) -> Heights:
+def _sandblasted(description: MadeMap, random: np.random.Generator) -> Heights:
     """Return overlapping craters, round bowls of random diameters that grains have hit."""
-    heights = np.zeros(made.shape)
-    nx, ny = made.shape
-    dx, dy = made.spacing
+    heights = np.zeros(description.shape)
+    nx, ny = description.shape
+    dx, dy = description.spacing
     area = nx * dx * ny * dy
-    for _ in range(int(14 * area / made.length**2)):
-        radius = made.length / 2 * random.uniform(0.3, 1.0)
+    for _ in range(int(14 * area / description.length**2)):
+        radius = description.length / 2 * random.uniform(0.3, 1.0)
         middle_x = random.uniform(0, nx * dx)
         middle_y = random.uniform(0, ny * dy)
         first_row = max(0, int((middle_x - radius) / dx))
@@ -277,35 +297,41 @@ def _sandblasted(made: MadeMap, random: np.random.Generator) -> Heights:
         last_row = int((middle_x + radius) / dx) + 2
         last_column = int((middle_y + radius) / dy) + 2
         patch = heights[first_row:last_row, first_column:last_column]  # a view
-        x = dx * (first_row + np.arange(patch.shape[0])[:, None]) - middle_x
-        y = dy * (first_column + np.arange(patch.shape[1])[None, :]) - middle_y
-        patch -= np.maximum(radius - (x**2 + y**2) / radius, 0.0)
-    rough = _self_affine(made, random, made.length / 3, 0.8)
+        rows = first_row + np.arange(patch.shape[0])
+        columns = first_column + np.arange(patch.shape[1])
+        x = dx * rows[:, None] - middle_x
+        y = dy * columns[None, :] - middle_y
+        depth = radius - (x**2 + y**2) / radius
+        patch -= np.maximum(depth, 0.0)
+    rough = _self_affine(description, random, description.length / 3, 0.8)
     return np.asarray(heights / heights.std() + 0.2 * rough)
 
 
-def _honed(made: MadeMap, random: np.random.Generator) -> Heights:
+def _honed(description: MadeMap, random: np.random.Generator) -> Heights:
     """Return a fine plateau that two crossing families of deep grooves cut."""
-    x, y = _coordinates(made)
-    heights = 0.35 * _self_affine(made, random, made.length / 2, 0.6)
+    x, y = _coordinates(description)
+    heights = 0.35 * _self_affine(description, random, description.length / 2, 0.6)
     angle = np.radians(random.uniform(25, 40))
     for direction in (angle, -angle):
         across = x * np.cos(direction) + y * np.sin(direction)
         low = float(across.min())
         high = float(across.max())
-        for _ in range(int((high - low) / made.length)):
+        for _ in range(int((high - low) / description.length)):
             centre = random.uniform(low, high)
-            width = random.uniform(0.06, 0.16) * made.length
+            width = random.uniform(0.06, 0.16) * description.length
             depth = random.gamma(3.0, 0.9)
-            valley = -depth * np.maximum(1 - ((across - centre) / width) ** 2, 0.0)
+            form = 1 - ((across - centre) / width) ** 2
+            valley = -depth * np.maximum(form, 0.0)
             cut = np.minimum(heights, valley + 0.3 * heights)
             heights = np.where(valley < 0, cut, heights)
     return np.asarray(heights)
 
 
-def _fractal(made: MadeMap, random: np.random.Generator) -> Heights:
+def _fractal(description: MadeMap, random: np.random.Generator) -> Heights:
     """Return an isotropic self-affine surface with a random Hurst exponent."""
-    return _self_affine(made, random, made.length, random.uniform(0.6, 0.95))
+    return _self_affine(
+        description, random, description.length, random.uniform(0.6, 0.95)
+    )
 
 
 KINDS: dict[Kind, Callable[[MadeMap, np.random.Generator], Heights]] = {
@@ -323,6 +349,6 @@ MAPS = TypeAdapter(tuple[MadeMap, ...]).validate_python(
 """The maps: twenty of one instrument, with a node every um, and four of others."""
 
 ONE_INSTRUMENT: tuple[MadeMap, ...] = tuple(
-    made for made in MAPS if made.spacing == (1.0, 1.0)
+    description for description in MAPS if description.spacing == (1.0, 1.0)
 )
 """The maps with a node every um."""

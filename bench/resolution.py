@@ -42,7 +42,7 @@ TRUTH = 128
 CONTINUUM = "area in the continuum"
 COUNT = "count of nodes"
 TWO_GRIDS = "counts of two grids"
-"""Names of the ways to compute an area, beside those of `PERIMETER`."""
+"""Names of the methods to compute an area, beside those of `PERIMETER`."""
 
 PERIMETER = {
     # Yastrebov and others.
@@ -50,7 +50,7 @@ PERIMETER = {
     # The mean offset of the border, as of `bem.derived.border`.
     "count less 0.101 of the perimeter": 0.1014,
 }
-"""Areas by which counts are reduced [perimeter times spacing], by the names of the ways."""
+"""Areas by which counts are reduced [perimeter times spacing], by the names of the methods."""
 
 Surface = Callable[[Values], Heights]
 """A function that returns the heights, (n, n), at n places along both axes [side]."""
@@ -87,9 +87,11 @@ def random_waves(
     nonzero = np.where(size == 0, 1, size)
     amplitude = np.where(inside, nonzero ** -(hurst + 1.0), 0)
     waves = amplitude * np.exp(2j * np.pi * random.random(size.shape))
-    waves = (waves + np.conj(waves[::-1, ::-1])) / 2  # which makes the heights real
-    gradients = np.hypot(k[:, None], k) ** 2 * np.abs(waves) ** 2
-    slope = 2 * np.pi * np.sqrt(np.sum(gradients))
+    conjugates = np.conj(waves[::-1, ::-1])
+    waves = (waves + conjugates) / 2  # which makes the heights real
+    gradients = np.hypot(k[:, None], k) ** 2
+    squares = gradients * np.abs(waves) ** 2
+    slope = 2 * np.pi * np.sqrt(np.sum(squares))
 
     def heights(places: Values) -> Heights:
         phases = np.exp(2j * np.pi * np.outer(places, k))
@@ -102,12 +104,12 @@ def random_waves(
 Errors = dict[str, float]
 """Relative errors of an answer [1] by the quantity, and its time by "seconds" [s].
 
-All ways have the quantity "area"; the continuum also has displacement, mean gap and stiffness.
+All methods have the quantity "area"; the continuum also has displacement, mean gap and stiffness.
 """
 
 
 def resolution(surfaces: int, finest: int) -> list[Row]:
-    """Measure errors and times of every way to compute an area, by the nodes in a wave.
+    """Measure errors and times of every method to compute an area, by the nodes in a wave.
 
     Prints the progress on standard error.
 
@@ -121,9 +123,9 @@ def resolution(surfaces: int, finest: int) -> list[Row]:
     Returns
     -------
     list of Row
-        A row for each way, grid and pressure: root mean squares over the surfaces of the errors of
-        area, displacement, mean gap and stiffness [%], "" where the way has none, and the median
-        time [s].
+        A row for each method, grid and pressure: root mean squares over the surfaces of the errors
+        of area, displacement, mean gap and stiffness [%], "" where the method has none, and the
+        median time [s].
     """
     grids = [nodes for nodes in GRIDS if nodes <= finest]
     answers: dict[tuple[str, int, float], list[Errors]] = {}
@@ -132,20 +134,25 @@ def resolution(surfaces: int, finest: int) -> list[Row]:
             surface = random_waves(LONGEST, SHORTEST, hurst, np.random.default_rng(seed))
             for pressure in PRESSURES:
                 for answer in _answers(surface, pressure, grids):
-                    setting = (answer.way, answer.nodes, pressure)
+                    setting = (answer.method, answer.nodes, pressure)
                     answers.setdefault(setting, []).append(answer.errors)
             remark(f"H = {hurst:g}, surface {seed}")
     return [
-        {"way": way, "nodes_a_wave": nodes, "pressure": pressure, **_summary(errors)}
-        for (way, nodes, pressure), errors in answers.items()
+        {
+            "way": method,
+            "nodes_a_wave": nodes,
+            "pressure": pressure,
+            **_summary(errors),
+        }
+        for (method, nodes, pressure), errors in answers.items()
     ]
 
 
 @dataclass(frozen=True)
 class _GridAnswer:
-    """The errors of one way on one grid."""
+    """The errors of one method on one grid."""
 
-    way: str  # name of the way to compute the area
+    method: str  # name of the method to compute the area
     nodes: int  # nodes in the shortest wave
     errors: Errors
 
@@ -153,7 +160,7 @@ class _GridAnswer:
 def _answers(
     surface: Surface, pressure: float, grids: Sequence[int]
 ) -> list[_GridAnswer]:
-    """Press a surface by a mean pressure [E* slope] on all grids; return the errors of all ways.
+    """Press a surface by a mean pressure [E* slope] on all grids; return the errors of all methods.
 
     The grids are nodes in the shortest wave, rising.
     """
@@ -163,10 +170,10 @@ def _answers(
     for nodes in grids:
         contact = _TimedContact(surface(_grid(nodes)), pressure)
         counts[nodes] = contact.count
-        by_way = {CONTINUUM: contact.errors(exact)}
+        by_method = {CONTINUUM: contact.errors(exact)}
         areas = contact.corrected_counts()
-        for way, area in areas.items():
-            by_way[way] = contact.errors_of_area(area, exact)
+        for method, area in areas.items():
+            by_method[method] = contact.errors_of_area(area, exact)
         half = nodes // 2
         if nodes % 2 == 0 and half in counts:
             # The error of a count is proportional to the spacing.
@@ -175,8 +182,10 @@ def _answers(
             errors["seconds"] *= (
                 1.25  # with the coarser grid, which has a quarter of the nodes
             )
-            by_way[TWO_GRIDS] = errors
-        answers += [_GridAnswer(way, nodes, errors) for way, errors in by_way.items()]
+            by_method[TWO_GRIDS] = errors
+        answers += [
+            _GridAnswer(method, nodes, errors) for method, errors in by_method.items()
+        ]
     return answers
 
 
@@ -213,10 +222,10 @@ class _TimedContact:
         return self.contact.area_percent
 
     def corrected_counts(self) -> dict[str, float]:
-        """Return the count of nodes, and the counts less a share of the perimeter [%], by way."""
+        """Return the count of nodes, and counts less a share of the perimeter [%], by method."""
         areas = {COUNT: self.count}
-        for way, share in PERIMETER.items():
-            areas[way] = self.count - share * self.perimeter
+        for method, share in PERIMETER.items():
+            areas[method] = self.count - share * self.perimeter
         return areas
 
     def errors_of_area(self, area: float, exact: bem.Contact) -> Errors:

@@ -309,9 +309,9 @@ def nayak(interface: PerssonInterface) -> float:
         The parameter [1].
     """
     q = interface.wavenumbers
+    spectrum = interface.spectrum
     m0, m2, m4 = (
-        np.trapezoid(2 * np.pi * q ** (power + 1) * interface.spectrum, q)
-        for power in (0, 2, 4)
+        np.trapezoid(2 * np.pi * q ** (power + 1) * spectrum, q) for power in (0, 2, 4)
     )
     # Moments of a profile: m0, m2 / 2 and 3 m4 / 8 of those of the plane.
     return float(1.5 * m0 * m4 / m2**2)

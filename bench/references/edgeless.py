@@ -57,7 +57,8 @@ def axis_modes(nodes: int, side: float, boundary: Boundary) -> AxisModes:
     else:
         order = (number + 1) // 2  # 0, 1, 1, 2, 2 ...: a cosine and a sine of each order
         angles = 2 * np.pi * order * cells / nodes
-        waves = np.where(number % 2 == 1, np.cos(angles), np.sin(angles))
+        is_cosine = number % 2 == 1
+        waves = np.where(is_cosine, np.cos(angles), np.sin(angles))
         waves[0] = 1
         unit = 2 * np.pi / side
     waves /= np.sqrt(np.square(waves).sum(axis=1, keepdims=True))
@@ -161,6 +162,6 @@ class Patch:
             return float(solve(sprung).sum()) - load
 
         # Beside the spring, no load displaces the patch by more than the range of its heights.
-        most = 1.001 * (self.spring * load - float(self.below.min()))
-        sprung = float(brentq(excess, 0.0, most, xtol=CLOSE * most, rtol=CLOSE))
+        largest = 1.001 * (self.spring * load - float(self.below.min()))
+        sprung = float(brentq(excess, 0.0, largest, xtol=CLOSE * largest, rtol=CLOSE))
         return solve(sprung).reshape(self.shape)

@@ -60,18 +60,27 @@ def statistics(heights: Field, spacing: tuple[float, float]) -> dict[str, float]
     dx2 = Fraction(spacing[0]) ** 2
     dy2 = Fraction(spacing[1]) ** 2
     ratio = dx2 / dy2
-    # Second differences with the opposite sign, at nodes that have both neighbours on the axis.
-    along_x = 2 * z[1:-1] - z[:-2] - z[2:]
-    along_y = 2 * z[:, 1:-1] - z[:, :-2] - z[:, 2:]
-    # Peaks of the profiles along each axis; asperities are peaks along both.
-    on_x = (z[1:-1] > z[:-2]) & (z[1:-1] > z[2:])
-    on_y = (z[:, 1:-1] > z[:, :-2]) & (z[:, 1:-1] > z[:, 2:])
+    # Nodes with both neighbours on an axis: second differences with the opposite sign, and which
+    # of the nodes are peaks of the profile.
+    inner_x = z[1:-1]
+    before = z[:-2]
+    after = z[2:]
+    along_x = 2 * inner_x - before - after
+    on_x = (inner_x > before) & (inner_x > after)
+    inner_y = z[:, 1:-1]
+    before = z[:, :-2]
+    after = z[:, 2:]
+    along_y = 2 * inner_y - before - after
+    on_y = (inner_y > before) & (inner_y > after)
+    # Asperities are peaks along both axes.
     summits = on_x[:, 1:-1] & on_y[1:-1]
-    peaks = np.concatenate((z[1:-1][on_x], z[:, 1:-1][on_y]))
+    peaks = np.concatenate((inner_x[on_x], inner_y[on_y]))
     # Curvatures in whole numbers of unit / (dx2 denominator); the unit of sums of two is half.
     over = ratio.numerator
     under = ratio.denominator
-    on_peaks = np.concatenate((_times(along_x[on_x], under), _times(along_y[on_y], over)))
+    peaks_x = _times(along_x[on_x], under)
+    peaks_y = _times(along_y[on_y], over)
+    on_peaks = np.concatenate((peaks_x, peaks_y))
     summits_x = _times(along_x[:, 1:-1][summits], under)
     summits_y = _times(along_y[1:-1][summits], over)
     per_length = unit / dx2 / under
@@ -79,7 +88,8 @@ def statistics(heights: Field, spacing: tuple[float, float]) -> dict[str, float]
     height = moments(z.ravel(), unit)
     peak = moments(peaks, unit)
     peak_curvature = moments(on_peaks, per_length)
-    asperity = moments(z[1:-1, 1:-1][summits], unit)
+    inner = z[1:-1, 1:-1]
+    asperity = moments(inner[summits], unit)
     curvature = moments(summits_x + summits_y, per_length / 2)
     return {
         "peak_mean": peak.mean,
@@ -127,7 +137,8 @@ def integers(heights: Field) -> tuple[Whole, Fraction]:
     # The unit is a multiple of all denominators, as all are powers of two.
     lowest = ratios[0][0] * (unit // ratios[0][1])
     highest = ratios[-1][0] * (unit // ratios[-1][1])
-    if highest - lowest < SMALL_ENOUGH and unit < 2**40 and abs(lowest) < 2**53:
+    fits = unit < 2**40 and abs(lowest) < 2**53
+    if fits and highest - lowest < SMALL_ENOUGH:
         return (heights * unit).astype(np.int64) - lowest, Fraction(1, unit)
     steps = np.vectorize(
         lambda height: int(Fraction(height) * unit) - lowest, otypes=[object]

@@ -61,16 +61,16 @@ def _uniform_pressure(x: Long, y: Long, aspect: float) -> Long:
 
     Johnson (1985), eq. 3.25. Its terms cancel far away, which the longest numbers allow for.
     """
-    left = x - 0.5
-    right = x + 0.5
-    lower = y - 0.5 * aspect
-    upper = y + 0.5 * aspect
-    of_right = right * _log_ratio(right, upper, lower)
-    of_left = left * _log_ratio(left, upper, lower)
-    total: Long = of_right - of_left
-    of_upper = upper * _log_ratio(upper, right, left)
-    of_lower = lower * _log_ratio(lower, right, left)
-    total += of_upper - of_lower
+    x_low = x - 0.5
+    x_high = x + 0.5
+    y_low = y - 0.5 * aspect
+    y_high = y + 0.5 * aspect
+    of_x_high = x_high * _log_ratio(x_high, y_high, y_low)
+    of_x_low = x_low * _log_ratio(x_low, y_high, y_low)
+    total: Long = of_x_high - of_x_low
+    of_y_high = y_high * _log_ratio(y_high, x_high, x_low)
+    of_y_low = y_low * _log_ratio(y_low, x_high, x_low)
+    total += of_y_high - of_y_low
     return total / np.pi
 
 

@@ -36,15 +36,16 @@ def self_affine(random: Random, shape: Shape) -> Field:
     ndarray, shape `shape`
         Heights.
     """
-    periods = (2 * shape[0], 2 * shape[1])
-    along = np.fft.fftfreq(periods[0])[:, None]
-    across = np.fft.rfftfreq(periods[1])
+    rows, columns = shape
+    periods = (2 * rows, 2 * columns)
+    along = np.fft.fftfreq(2 * rows)[:, None]
+    across = np.fft.rfftfreq(2 * columns)
     frequency = np.hypot(along, across)
     frequency[0, 0] = np.inf
     noise = np.fft.rfft2(random.standard_normal(periods))
     amplitudes = noise * frequency ** -(1 + HURST)
     heights = np.fft.irfft2(amplitudes, s=periods)
-    return np.asarray(heights[: shape[0], : shape[1]])
+    return np.asarray(heights[:rows, :columns])
 
 
 def paraboloid(random: Random, shape: Shape) -> Field:
@@ -62,9 +63,10 @@ def paraboloid(random: Random, shape: Shape) -> Field:
     ndarray, shape `shape`
         Heights.
     """
-    x, y = np.ogrid[: shape[0], : shape[1]]
-    tip = random.uniform(0, shape)
-    return np.asarray(-((x - tip[0]) ** 2) - (y - tip[1]) ** 2)
+    rows, columns = shape
+    x, y = np.ogrid[:rows, :columns]
+    tip_x, tip_y = random.uniform(0, shape)
+    return np.asarray(-((x - tip_x) ** 2) - (y - tip_y) ** 2)
 
 
 def tilted_plane(random: Random, shape: Shape) -> Field:
@@ -82,9 +84,10 @@ def tilted_plane(random: Random, shape: Shape) -> Field:
     ndarray, shape `shape`
         Heights.
     """
-    x, y = np.ogrid[: shape[0], : shape[1]]
-    slope = random.standard_normal(2)
-    return np.asarray(slope[0] * x + slope[1] * y)
+    rows, columns = shape
+    x, y = np.ogrid[:rows, :columns]
+    slope_x, slope_y = random.standard_normal(2)
+    return np.asarray(slope_x * x + slope_y * y)
 
 
 def waves(random: Random, shape: Shape) -> Field:
@@ -103,8 +106,10 @@ def waves(random: Random, shape: Shape) -> Field:
         Heights.
     """
     # An axis has a wave or none, with even chances.
-    along, across = random.uniform(0, np.pi, 2) * random.integers(0, 2, 2)
-    x, y = np.ogrid[: shape[0], : shape[1]]
+    rows, columns = shape
+    angles = random.uniform(0, np.pi, 2)
+    along, across = angles * random.integers(0, 2, 2)
+    x, y = np.ogrid[:rows, :columns]
     return np.asarray(np.cos(along * x) + np.cos(across * y))
 
 
@@ -123,7 +128,9 @@ def spikes(random: Random, shape: Shape) -> Field:
     ndarray, shape `shape`
         Heights from 0 to 1.
     """
-    return np.where(random.random(shape) < 0.1, random.random(shape), 0.0)
+    is_spike = random.random(shape) < 0.1
+    heights = random.random(shape)
+    return np.where(is_spike, heights, 0.0)
 
 
 def plateaus(random: Random, shape: Shape) -> Field:
@@ -141,8 +148,11 @@ def plateaus(random: Random, shape: Shape) -> Field:
     ndarray, shape `shape`
         Heights of 0 and 1.
     """
-    rows = np.cumsum(random.random(shape[0]) < 0.3) % 2
-    columns = np.cumsum(random.random(shape[1]) < 0.3) % 2
+    # Along each axis the height changes at three nodes in ten.
+    changes_x = random.random(shape[0]) < 0.3
+    changes_y = random.random(shape[1]) < 0.3
+    rows = np.cumsum(changes_x) % 2
+    columns = np.cumsum(changes_y) % 2
     return (rows[:, None] ^ columns).astype(float)
 
 

@@ -14,7 +14,7 @@ import bem
 from bem.influence import KERNELS, Kernel
 from bem.operators.filters import filtered
 from bem.operators.patch import displacement_filter
-from bem.problem import node_spacing
+from bem.problem import Boundary, node_spacing
 from bench.references import dense, half_space
 from bench.references.half_space import Field
 from gen.runtime.installation import versions
@@ -63,7 +63,7 @@ class Case:
     @property
     def spacing(self) -> float:
         """Spacing of the nodes [um]."""
-        boundary = "free" if self.load is None else "periodic"
+        boundary: Boundary = "free" if self.load is None else "periodic"
         return node_spacing(self.nodes, self.side, boundary)
 
     def mean_pressure(self, force: float) -> float:

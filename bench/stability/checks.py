@@ -364,7 +364,7 @@ def contact_case(
     delta: float | Callable[[Field], float] = DELTA,
     *,
     checks: Sequence[Check] = (),
-    most: float = MOST_TIMES_ORDINARY,
+    largest_ratio: float = MOST_TIMES_ORDINARY,
     refusal: Refusal | None = None,
     slow: bool = False,
     **arguments: Any,
@@ -384,7 +384,7 @@ def contact_case(
         further arguments hold a load.
     checks : sequence of Check
         Checks besides those that every contact has to pass.
-    most : float
+    largest_ratio : float
         Largest ratio of the iterations to those of the ordinary contact on the grid.
     refusal : Refusal, optional
         How the input has to be refused.
@@ -412,7 +412,7 @@ def contact_case(
         if problem.pressure is not None:
             # The checks need the displacement that belongs to the mean pressure.
             problem = replace(problem, delta=contact.approach)
-        return judge(problem, contact, checks, most)
+        return judge(problem, contact, checks, largest_ratio)
 
     return Case(family, name, input="", examine=examine, refusal=refusal, slow=slow)
 
@@ -421,7 +421,7 @@ def judge(
     problem: Setup,
     contact: bem.Contact,
     checks: Sequence[Check] = (),
-    most: float = MOST_TIMES_ORDINARY,
+    largest_ratio: float = MOST_TIMES_ORDINARY,
 ) -> Answer:
     """Judge the contact that the solver has returned.
 
@@ -433,7 +433,7 @@ def judge(
         Its contact.
     checks : sequence of Check
         Checks besides complementarity and honesty, which every contact has to pass.
-    most : float
+    largest_ratio : float
         Largest ratio of the iterations to those of the ordinary contact on the grid.
 
     Returns
@@ -447,7 +447,7 @@ def judge(
         findings.extend(check(problem, contact))
     ratio = contact.iterations / ordinary
     findings.append(Finding("iterations", contact.iterations, problem.max_iterations))
-    findings.append(Finding("times ordinary", ratio, allowed=most))
+    findings.append(Finding("times ordinary", ratio, allowed=largest_ratio))
     findings.extend(honesty(problem, contact))
     numbers = {
         AREA.name: contact.area_percent,

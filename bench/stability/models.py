@@ -112,7 +112,8 @@ def ordinary(features: str = "paper") -> Dataset:
     """
     rows = solved()
     kind = chosen(features)
-    numbers = Rows(rows.described[:, 1:], rows.described[:, 0], SIDE)
+    delta = rows.described[:, 0]
+    numbers = Rows(rows.described[:, 1:], delta, SIDE)
     scale = kind.scale(AREA.powers, numbers, 1.0)
     zeros = np.zeros(ROWS, dtype=np.int64)
     return Dataset(
@@ -199,7 +200,8 @@ def doubled(rows: Dataset) -> Dataset:
     Dataset
         As many rows, of which the first half of the training rows appears twice.
     """
-    return rows.at(np.r_[: SEEN // 2, : SEEN // 2, SEEN : rows.size])
+    half = SEEN // 2
+    return rows.at(np.r_[:half, :half, SEEN : rows.size])
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,7 +263,7 @@ class FittedModel:
 
 def fitted(
     name: str,
-    way: str,
+    tuning: str,
     rows: Dataset,
     settings: Mapping[str, Any] | None = None,
     seen: int = SEEN,
@@ -272,7 +274,7 @@ def fitted(
     ----------
     name : str
         Name of the model in `MODELS`.
-    way : {"default", "tuned"}
+    tuning : {"default", "tuned"}
         Whether the settings are those of the model's library or the paper's tuned ones.
     rows : Dataset
         The rows.
@@ -298,18 +300,19 @@ def fitted(
         features=features.name,
         normalisation=features.normalisation,
     )
-    is_tuned = way == "tuned"
+    is_tuned = tuning == "tuned"
     if is_tuned:
         values = {**space_of(name, features.name).default, **FEWER.get(name, {})}
     else:
         values = baseline(name, features.name)
+    values = {**values, **(settings or {})}
     plan = plan_calibration(name, train, calibration)
     fit = fit_target(
         request,
         train,
         plan,
         np.zeros(train.size, np.int8),
-        settings=Settings({**values, **(settings or {})}, is_tuned, way),
+        settings=Settings(values, is_tuned, tuning),
         other=calibration,
     )
     card: dict[str, Any] = {
@@ -369,8 +372,8 @@ def constant(model: FittedModel) -> Iterator[Finding]:
     allowed = 1e-6
     if model.name == "svm":  # which ignores errors below its epsilon
         allowed = model.estimator.epsilon / abs(value)
-    error = np.abs(model.predicted(model.test) - value).max() / abs(value)
-    yield Finding("off the constant", float(error), allowed)
+    error = np.abs(model.predicted(model.test) - value).max()
+    yield Finding("off the constant", float(error / abs(value)), allowed)
 
 
 def flagged(model: FittedModel) -> Iterator[Finding]:
@@ -438,12 +441,14 @@ def solves_its_equations(model: FittedModel) -> Iterator[Finding]:
         gamma = ridge.gamma
         if gamma is None:
             gamma = 1 / np.longdouble(x.shape[1])
-        squares = ((x[:, None, :] - x[None, :, :]) ** 2).sum(axis=2)
+        differences = x[:, None, :] - x[None, :, :]
+        squares = (differences**2).sum(axis=2)
         matrix = np.exp(-squares * gamma)
     matrix += np.longdouble(ridge.alpha_used_) * np.eye(len(x))
     a = ridge.dual_coef_.reshape(-1).astype(np.longdouble)
     y = learnt.scaling.scaled(model.train.target).astype(np.longdouble)
-    size = np.abs(matrix).sum(axis=1).max() * np.abs(a).max() + np.abs(y).max()
+    norm = np.abs(matrix).sum(axis=1).max()
+    size = norm * np.abs(a).max() + np.abs(y).max()
     residual = np.abs(matrix @ a - y).max() / size
     yield Finding("residual of its equations", float(residual), allowed=BACKWARD)
 
@@ -493,13 +498,13 @@ class Spoilt:
         """
         parts: list[str] = []
         findings: list[Finding] = []
-        for way in ("default", "tuned"):
+        for tuning in ("default", "tuned"):
             rows = self.change(ordinary(self.features))
-            model = fitted(name, way, rows, self.settings, self.seen)
-            parts.append(f"{way}: {_in_words(model)}")
+            model = fitted(name, tuning, rows, self.settings, self.seen)
+            parts.append(f"{tuning}: {_in_words(model)}")
             for check in (sound, solves_its_equations, *self.checks):
                 findings.extend(
-                    replace(finding, name=f"{way}: {finding.name}")
+                    replace(finding, name=f"{tuning}: {finding.name}")
                     for finding in check(model)
                 )
         return Answer("; ".join(parts), findings)

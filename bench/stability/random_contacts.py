@@ -52,7 +52,7 @@ Comparison = Callable[[Setup, bem.Contact], Iterable[Finding]]
 
 
 def _blocks(
-    family: str, contacts: int, asked: str, draw: Problem, compare: Comparison
+    family: str, contacts: int, text: str, draw: Problem, compare: Comparison
 ) -> Iterator[Case]:
     """Yield the cases of a family, of `BLOCK` contacts each; all but the first are slow."""
     for first in range(0, contacts, BLOCK):
@@ -60,22 +60,22 @@ def _blocks(
         yield Case(
             family=family,
             name=f"seeds {first} to {first + BLOCK - 1}",
-            input=asked,
+            input=text,
             examine=partial(examine, seeds, draw, compare),
             slow=first > 0,
         )
 
 
 def _surface_and_aspect(
-    random: Random, fewest: int, most: int, largest_aspect: float
+    random: Random, fewest: int, largest: int, largest_aspect: float
 ) -> tuple[Field, float]:
     """Draw heights and the aspect of their cells.
 
-    The heights, (nx, ny), have `fewest` to `most` nodes a side and a range of 1 um, or of 0 if
+    The heights, (nx, ny), have `fewest` to `largest` nodes a side and a range of 1 um, or of 0 if
     they are flat. Half of the cells are square, the aspect of the others is log-uniform between
     `largest_aspect` and its inverse.
     """
-    rows, columns = (int(nodes) for nodes in random.integers(fewest, most + 1, 2))
+    rows, columns = (int(nodes) for nodes in random.integers(fewest, largest + 1, 2))
     kinds = list(surfaces.SURFACES.values())
     make = kinds[random.integers(len(kinds))]
     heights = make(random, (rows, columns))
@@ -169,8 +169,8 @@ def yielding_problem(seed: int) -> Setup:
         The problem, with E* = 1 MPa and a first side of a cell of 1 um.
     """
     random = np.random.default_rng((YIELDING_SEED, seed))
-    most = _most_nodes(seed, rare=33, seldom=20, usual=12)
-    heights, aspect = _surface_and_aspect(random, 2, most, largest_aspect=100.0)
+    largest = _most_nodes(seed, rare=33, seldom=20, usual=12)
+    heights, aspect = _surface_and_aspect(random, 2, largest, largest_aspect=100.0)
     # Concentrated forces are for square cells only.
     concentrated = aspect == 1.0 and random.random() < 0.4
     kernel: Kernel = "concentrated-force" if concentrated else "uniform-pressure"
@@ -180,8 +180,8 @@ def yielding_problem(seed: int) -> Setup:
     if seed % 2:
         elastic = dense.press(heights, delta, kernel, aspect)
         share = float(10 ** random.uniform(-2, 0))
-        largest = delta * elastic.pressure.max()
-        hardness = float(np.clip(share * largest, *HARDNESS))
+        hardest = delta * elastic.pressure.max()
+        hardness = float(np.clip(share * hardest, *HARDNESS))
     return Setup(
         heights,
         delta,
@@ -302,7 +302,7 @@ def edgeless() -> Iterator[Case]:
     yield from _blocks("cyclic shifts", 100, periodic, periodic_problem, judge_shift)
 
 
-def edgeless_problem(seed: int, most: int | None = None) -> Setup:
+def edgeless_problem(seed: int, largest: int | None = None) -> Setup:
     """Draw a problem without edges: its boundary, grid, cells, surface, modulus, load and hardness.
 
     The load is a mean pressure, a force or a displacement. Pressure and force are log-uniform, from
@@ -314,7 +314,7 @@ def edgeless_problem(seed: int, most: int | None = None) -> Setup:
     ----------
     seed : int
         Seed of the problem.
-    most : int, optional
+    largest : int, optional
         Most nodes a side; by default it depends on the seed.
 
     Returns
@@ -323,9 +323,9 @@ def edgeless_problem(seed: int, most: int | None = None) -> Setup:
         The problem, with a first side of a cell of 1 um.
     """
     random = np.random.default_rng((EDGELESS_SEED, seed))
-    if not most:
-        most = _most_nodes(seed, rare=24, seldom=16, usual=10)
-    heights, aspect = _surface_and_aspect(random, 1, most, largest_aspect=30.0)
+    if not largest:
+        largest = _most_nodes(seed, rare=24, seldom=16, usual=10)
+    heights, aspect = _surface_and_aspect(random, 1, largest, largest_aspect=30.0)
     # The order of the draws below decides what each seed means.
     boundary: Boundary = "mirror" if random.random() < 0.5 else "periodic"
     modulus = 1.0
@@ -467,7 +467,8 @@ def load_error(problem: Setup, contact: bem.Contact) -> float:
     if not force:
         return abs(contact.delta / problem.delta - 1)
     total = float(contact.pressure.mean()) * contact.pressure.size * problem.cell_area
-    return max(abs(contact.force / force - 1), abs(total / force - 1))
+    stated_off = abs(contact.force / force - 1)
+    return max(stated_off, abs(total / force - 1))
 
 
 def images(field: Field) -> Field:
@@ -483,7 +484,10 @@ def images(field: Field) -> Field:
     ndarray, shape (2 nx, 2 ny)
         The field and its three images.
     """
-    return np.block([[field, field[:, ::-1]], [field[::-1], field[::-1, ::-1]]])
+    reversed_y = field[:, ::-1]
+    reversed_x = field[::-1]
+    reversed_both = field[::-1, ::-1]
+    return np.block([[field, reversed_y], [reversed_x, reversed_both]])
 
 
 def judge_images(problem: Setup, contact: bem.Contact) -> Iterator[Finding]:

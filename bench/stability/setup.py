@@ -152,7 +152,9 @@ def checkerboard(nodes: int = NODES) -> Field:
     ndarray, shape (nodes, nodes)
         Heights [um]; the first corner is high.
     """
-    return np.where(np.indices((nodes, nodes)).sum(axis=0) % 2 == 0, 1.0, 0.0)
+    x, y = np.indices((nodes, nodes))
+    is_high = (x + y) % 2 == 0
+    return np.where(is_high, 1.0, 0.0)
 
 
 def step(nodes: int = NODES) -> Field:
@@ -168,7 +170,9 @@ def step(nodes: int = NODES) -> Field:
     ndarray, shape (nodes, nodes)
         Heights [um].
     """
-    return np.where(np.indices((nodes, nodes))[0] < nodes // 2, 1.0, 0.0)
+    x, _ = np.indices((nodes, nodes))
+    is_high = x < nodes // 2
+    return np.where(is_high, 1.0, 0.0)
 
 
 def white_noise(nodes: int = NODES) -> Field:

@@ -27,7 +27,7 @@ HEIGHT_ROUNDING = 1e-6
 Each height is then rounded again, so that two solves differ by their tolerance.
 """
 
-slow_case = partial(contact_case, most=math.inf)
+slow_case = partial(contact_case, largest_ratio=math.inf)
 """Makes a case of a contact that may take any number of iterations.
 
 Many iterations are needed by long cells, whose short side hardly counts; by concentrated forces,
@@ -62,8 +62,8 @@ def _one_cell(delta: float, spacing: float) -> Check:
 
     The modulus is E* = 1 MPa, and `spacing` is the side of the cell [um].
     """
-    own = float(influence_coefficients((1, 1), "uniform-pressure")[0, 0])
-    force = delta * spacing / own
+    compliance = float(influence_coefficients((1, 1), "uniform-pressure")[0, 0])
+    force = delta * spacing / compliance
     return partial(judged.has_force, "one cell", force, 1e-6)
 
 
@@ -153,10 +153,16 @@ def _grids() -> Iterator[Case]:
         yield case(name, corner(shape), 10.0, spacing=7.8125)
     yield case("a patch of 1:64", corner((3, 129)), side=(1000 / 64, 1000.0))
     for sides in LONG_CELLS:
-        name = f"cells of {sides[0] / 1000:g}:{sides[1] / 1000:g}"
+        name = _cells(sides)
         long = partial(slow_case, "grid", side=sides)
         yield long(name, paper)
         yield long(f"{name}, large contact", paper, 500.0)
+
+
+def _cells(sides: tuple[float, float]) -> str:
+    """Return the name of cells, which states the sides of the patch [um] in mm."""
+    first, second = (side / 1000 for side in sides)
+    return f"cells of {first:g}:{second:g}"
 
 
 def _roughness() -> Iterator[Case]:
@@ -284,7 +290,7 @@ def _compliant_far_fields() -> Iterator[Case]:
         name = f"Δ = {share:.10g} Δ*, {kernel}"
         delta_of = partial(_of_critical, share, kernel)
         if share < 1:
-            yield case(name, paper, delta_of, kernel=kernel, most=math.inf)
+            yield case(name, paper, delta_of, kernel=kernel, largest_ratio=math.inf)
         else:
             yield case(name, paper, delta_of, kernel=kernel, refusal=refusal)
     words = ("delta = 1e-09 um", "must stay below Delta* = 0 um")
@@ -350,8 +356,7 @@ def _yielding_surfaces() -> Iterator[Case]:
         name = f"{surface}, H = {hardness:g} E*, {kernel}"
         yield capped(name, make, delta, hardness=hardness, kernel=kernel)
     for sides, hardness in product(LONG_CELLS, (1e-4, 1e-3, 1e-2)):
-        cells = f"cells of {sides[0] / 1000:g}:{sides[1] / 1000:g}"
-        name = f"{cells}, H = {hardness:g} E*"
+        name = f"{_cells(sides)}, H = {hardness:g} E*"
         yield capped(name, paper, hardness=hardness, side=sides)
 
 

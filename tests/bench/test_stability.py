@@ -183,9 +183,9 @@ def test_numbers_that_the_pressure_does_not_bear_out_fail(stated, told):
 def test_many_iterations_fail_unless_a_case_takes_them():
     slow = replace(CONTACT, iterations=200)
     assert failed(ASKED, slow) == ["times ordinary"]
-    assert not failed(ASKED, slow, most=math.inf)
+    assert not failed(ASKED, slow, largest_ratio=math.inf)
     endless = replace(CONTACT, iterations=ASKED.max_iterations + 1)
-    assert failed(ASKED, endless, most=math.inf) == ["iterations"]
+    assert failed(ASKED, endless, largest_ratio=math.inf) == ["iterations"]
 
 
 @pytest.mark.parametrize(
