@@ -153,7 +153,8 @@ def growth(rows: list[Row]) -> str:
     """
     sizes = {int(row["nodes"]) for row in rows}
     finest = max(sizes)
-    largest = max(float(row["growth"]) for row in rows if int(row["nodes"]) == finest)
+    on_finest = [row for row in rows if int(row["nodes"]) == finest]
+    largest = max(float(row["growth"]) for row in on_finest)
     return (
         f"From {min(sizes)} to {finest:,} nodes a side the convolutions of a solve grow by a"
         f" factor of {largest:.2g} at most."
@@ -177,9 +178,10 @@ def comparison(rows: list[Row]) -> str:
     ours = _best(rows, "r2")
     if ours is None:
         return ""
+    r2 = float(ours["r2"])
     answer = (
         f"With a split by surfaces, the best of nine models ({ours['model']}) reaches R2"
-        f" {float(ours['r2']):.2f} % of the area"
+        f" {r2:.2f} % of the area"
     )
     papers = _best(rows, "paper_r2")
     if papers is None:
@@ -209,9 +211,12 @@ def exactness(rows: list[Row]) -> str:
     """
     hybrid = [row for row in rows if row["features"] == "hybrid"]
     best = max(hybrid, key=lambda row: int(row["trained"]))
+    nmae = float(best["nmae"])
+    r2 = float(best["r2"])
+    trained = int(best["trained"])
     return (
-        f"New surfaces of the same kind: nMAE {float(best['nmae']):.2f} % of the area, R2"
-        f" {float(best['r2']):.2f} %, learnt from {int(best['trained']):,} rows."
+        f"New surfaces of the same kind: nMAE {nmae:.2f} % of the area, R2"
+        f" {r2:.2f} %, learnt from {trained:,} rows."
     )
 
 
@@ -260,12 +265,13 @@ def scans(rows: list[Row]) -> str:
     if not of_all_maps:
         return ""
     of_all_maps.sort(key=lambda row: int(row["nodes"]))
-    sizes = "; ".join(
-        f"{row['nodes']} nodes a side: R2 {float(row['r2']):.2f} %,"
-        f" nMAE {float(row['nmae']):.2g} %"
-        for row in of_all_maps
-    )
-    return f"Parts of maps that were not trained on: {sizes}."
+    sizes: list[str] = []
+    for row in of_all_maps:
+        r2 = float(row["r2"])
+        nmae = float(row["nmae"])
+        nodes = row["nodes"]
+        sizes.append(f"{nodes} nodes a side: R2 {r2:.2f} %, nMAE {nmae:.2g} %")
+    return f"Parts of maps that were not trained on: {'; '.join(sizes)}."
 
 
 def grow(rows: list[Row]) -> str:
@@ -303,10 +309,12 @@ def cost(rows: list[Row]) -> str:
     """
     setting = {"asked": "new surfaces", "solver": "ours", "features": "hybrid"}
     (row,) = (row for row in rows if setting.items() <= row.items())
+    contacts = int(row["break_even"])
+    trained = int(row["rows"])
     ratio = float(row["query"]) / float(row["solve"])
     return (
-        f"From {int(row['break_even']):,} contacts of new surfaces on, with"
-        f" {int(row['rows']):,} rows to train on; an answer takes"
+        f"From {contacts:,} contacts of new surfaces on, with"
+        f" {trained:,} rows to train on; an answer takes"
         f" {ratio:.2g} of the time of a solve."
     )
 

@@ -176,7 +176,8 @@ def _compared(law: Sequence[Mapping[str, float]], printed: str) -> list[Row]:
         for name in QUANTITIES:
             row[f"{name}_calculix"] = by_calculix[name]
         for name in QUANTITIES:
-            row[f"{name}_off"] = 100 * (by_calculix[name] / by_law[name] - 1)
+            ratio = by_calculix[name] / by_law[name]
+            row[f"{name}_off"] = 100 * (ratio - 1)
         rows.append(row)
     return rows
 
@@ -207,7 +208,8 @@ def calculix(folder: Path) -> Report:
         home = folder / "decks" / f"hurst-{surface.hurst:g}-{body}"
         law = law_of(home, surface.hurst, surface.nodes, hardness)
         for row in pressed(home, law):
-            is_near = all(abs(row[f"{name}_off"]) <= ALLOWED for name in QUANTITIES)
+            differences = [abs(row[f"{name}_off"]) for name in QUANTITIES]
+            is_near = all(difference <= ALLOWED for difference in differences)
             rows.append(
                 {
                     "surface": surface.name,

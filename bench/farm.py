@@ -115,7 +115,8 @@ def launch(ranks: int, program: str, arguments: dict[str, Any], folder: Path) ->
         check=False,
     )
     if done.returncode:
-        reason = f"exit code {done.returncode}: {done.stderr.strip()[-500:]}"
+        errors = done.stderr.strip()[-500:]
+        reason = f"exit code {done.returncode}: {errors}"
         raise InputError(f"{program} on {ranks} ranks fails with {reason}")
     return json.loads(done.stdout.splitlines()[-1])
 
@@ -180,7 +181,8 @@ def speedup(rows: int, rounds: int) -> list[Row]:
                 "2 workers over a run alone, of that bound": copies / two_workers / 2,
             }
         )
-        remark(", ".join(f"{name} {seconds:.2f}" for name, seconds in times.items()))
+        texts = [f"{name} {seconds:.2f}" for name, seconds in times.items()]
+        remark(", ".join(texts))
     return table
 
 

@@ -263,9 +263,10 @@ def _mirrored(random: np.random.Generator) -> Sample:
     surface = random_waves(2, 2 * shortest, random.uniform(0.2, 0.9), random)
 
     def even(n: int) -> Heights:
-        # The mean of the surface and its mirror images is even along both axes.
+        # The sum of the surface and its mirror images is even along both axes.
         places = (np.arange(n) + 0.5) / (2 * n)
-        quarters = surface(np.concatenate([places, -places])).reshape(2, n, 2, n)
+        heights = surface(np.concatenate([places, -places]))
+        quarters = heights.reshape(2, n, 2, n)
         return np.asarray(quarters.sum(axis=(0, 2)) / 2)
 
     return Sample("mirror", even, nodes, finer=_finer(nodes, nodes / shortest))

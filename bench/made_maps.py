@@ -147,7 +147,8 @@ def measured(description: MadeMap) -> Heights:
     faults = description.faults
     random = _random(description, FAULTS)
     x, y = _coordinates(description)
-    heights += faults.tilt[0] * x + faults.tilt[1] * y
+    tilt_x, tilt_y = faults.tilt
+    heights += tilt_x * x + tilt_y * y
     place = int(random.uniform(0.3, 0.7) * description.shape[1])
     heights[:, place:] += faults.step
     spikes = random.choice(heights.size, faults.spikes, replace=False)
@@ -158,8 +159,8 @@ def measured(description: MadeMap) -> Heights:
         row = random.uniform(0, description.shape[0])
         column = random.uniform(0, description.shape[1])
         radius = random.uniform(1.5, 6.0)  # [nodes]
-        inside = (rows - row) ** 2 + (columns - column) ** 2 <= radius**2
-        heights[inside] = np.nan
+        squares = (rows - row) ** 2 + (columns - column) ** 2
+        heights[squares <= radius**2] = np.nan
     return heights
 
 
@@ -241,19 +242,21 @@ def _self_affine(
     the factor `stretch`, at most 1. The surface is cut out of a larger periodic one, so that its
     opposite borders differ.
     """
-    rows, columns = (nodes + nodes // 2 for nodes in description.shape)
-    sides = (rows * description.spacing[0], columns * description.spacing[1])
+    nx, ny = description.shape
+    dx, dy = description.spacing
+    rows = nx + nx // 2
+    columns = ny + ny // 2
     cut_off = BLUR * max(description.spacing) / stretch
     longest = max(roll_off / stretch, cut_off)
     spectrum = SelfAffineSpectrum(hurst, longest, cut_off, stretch)
     larger = generate_spectral(
         (rows, columns),
-        sides,
+        (rows * dx, columns * dy),
         spectrum,
         random,
         rms_height=1.0,
     )
-    heights = larger[: description.shape[0], : description.shape[1]]
+    heights = larger[:nx, :ny]
     return np.asarray(heights / heights.std())
 
 
@@ -264,7 +267,8 @@ def _turned(description: MadeMap, random: np.random.Generator) -> Heights:
     """
     x, y = _coordinates(description)
     period = random.uniform(150, 400)  # [um]
-    waver = 0.06 * description.length * np.sin(2 * np.pi * y / period)
+    amplitude = 0.06 * description.length
+    waver = amplitude * np.sin(2 * np.pi * y / period)
     phase = random.uniform()
     position = (x + waver) / description.length + phase
     groove = np.floor(position).astype(int)

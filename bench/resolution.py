@@ -86,7 +86,8 @@ def random_waves(
     inside = (size >= longest) & (size <= shortest)
     nonzero = np.where(size == 0, 1, size)
     amplitude = np.where(inside, nonzero ** -(hurst + 1.0), 0)
-    waves = amplitude * np.exp(2j * np.pi * random.random(size.shape))
+    phases = 2j * np.pi * random.random(size.shape)
+    waves = amplitude * np.exp(phases)
     conjugates = np.conj(waves[::-1, ::-1])
     waves = (waves + conjugates) / 2  # which makes the heights real
     gradients = np.hypot(k[:, None], k) ** 2
@@ -94,8 +95,9 @@ def random_waves(
     slope = 2 * np.pi * np.sqrt(np.sum(squares))
 
     def heights(places: Values) -> Heights:
-        phases = np.exp(2j * np.pi * np.outer(places, k))
-        surface: Heights = (phases @ waves @ phases.T).real * (SLOPE / slope)
+        exponents = 2j * np.pi * np.outer(places, k)
+        basis = np.exp(exponents)
+        surface: Heights = (basis @ waves @ basis.T).real * (SLOPE / slope)
         return surface
 
     return heights

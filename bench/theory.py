@@ -72,7 +72,8 @@ def pressed(kernel: Kernel | None, nodes: int, delta: float) -> Pressed:
     """
     if kernel is None:
         radius = SPHERE.contact_radius(delta)
-        return Pressed(SPHERE.force(delta), 100 * np.pi * radius**2 / PATCH**2)
+        area_percent = 100 * np.pi * radius**2 / PATCH**2
+        return Pressed(SPHERE.force(delta), area_percent)
     heights = SPHERE.heights(distances_to_centre((nodes, nodes), PATCH))
     below_tip = -float(heights.max())
     contact = bem.solve(heights, PATCH, delta - below_tip, kernel=kernel)
@@ -127,7 +128,13 @@ RMS_SLOPE = 0.1
 NODES_PER_WAVE = 8
 """Nodes in the shortest wave."""
 
-SPECTRA = ((0.8, 1), (0.8, 4), (0.8, 16), (0.5, 16), (0.3, 16))
+SPECTRA = (
+    (0.8, 1),
+    (0.8, 4),
+    (0.8, 16),
+    (0.5, 16),
+    (0.3, 16),
+)
 """Hurst exponents, and roll-off over cut-off wavelengths."""
 
 PRESSURES = np.geomspace(0.005, 1.0, 14)
@@ -261,14 +268,16 @@ def press(heights: Heights) -> Values:
     ndarray, shape (4, len(PRESSURES))
         Area [%], area in the continuum [%], mean gap [um] and compliance [um/MPa].
     """
-    loads = RMS_SLOPE * np.outer(PRESSURES, [STEP**-0.5, STEP**0.5])
+    ratios = [STEP**-0.5, STEP**0.5]
+    loads = RMS_SLOPE * np.outer(PRESSURES, ratios)
     contacts = bem.ladder(heights, SIDE, pressures=loads.ravel(), boundary="periodic")
     values = [
         (contact.area_percent, contact.continuum_area_percent, contact.mean_gap)
         for contact in contacts
     ]
     pairs = np.array(values).reshape(len(loads), 2, 3)
-    compliance = -np.diff(pairs[:, :, 2]) / np.diff(loads)
+    mean_gaps = pairs[:, :, 2]
+    compliance = -np.diff(mean_gaps) / np.diff(loads)
     return np.concatenate([pairs.mean(axis=1), compliance], axis=1).T
 
 

@@ -254,14 +254,14 @@ def press(
     ArithmeticError
         If `solve` finds no solution.
     """
-    interference = (((heights - heights.max()) + delta) / delta).reshape(-1)
+    overlap = (heights - heights.max()) + delta
+    interference = (overlap / delta).reshape(-1)
     nodes = np.flatnonzero(interference > 0)  # other nodes carry nothing
     matrix = influence_matrix(heights.shape, kernel, aspect, nodes)
     pressure = np.zeros(heights.size)
     pressure[nodes] = solve(matrix, interference[nodes])
     field = pressure.reshape(heights.shape)
-    overlap = interference.reshape(heights.shape)
-    gap = displacement(field, kernel, aspect) - overlap
+    gap = displacement(field, kernel, aspect) - interference.reshape(heights.shape)
     return DenseContact(field, gap)
 
 
@@ -406,7 +406,8 @@ class _ActiveSet:
         inside = self.inside
         before = pressure[inside]
         falling = np.flatnonzero(balanced <= 0)
-        falls = before[falling] - balanced[falling] + np.finfo(float).tiny
+        tiny = np.finfo(float).tiny
+        falls = before[falling] - balanced[falling] + tiny
         shares = before[falling] / falls
         pressure[inside] = before + shares.min() * (balanced - before)
         stopping = falling[shares.argmin()]
@@ -447,9 +448,10 @@ def press_by_nnls(
     ArithmeticError
         If rounding keeps the algorithm from ending. No contact is known with which it does.
     """
-    overlap = (((heights - heights.max()) + delta) / delta).reshape(-1)
-    nodes = np.flatnonzero(overlap > 0)
-    interference = overlap[nodes]
+    overlap = (heights - heights.max()) + delta
+    reduced = (overlap / delta).reshape(-1)
+    nodes = np.flatnonzero(reduced > 0)
+    interference = reduced[nodes]
     candidates = interference.size
     active = _ActiveSet(influence_matrix(heights.shape, kernel, nodes=nodes))
     pressure = np.zeros(candidates)

@@ -52,7 +52,8 @@ def axis_modes(nodes: int, side: float, boundary: Boundary) -> AxisModes:
     number = np.arange(nodes)[:, None]
     if boundary == "mirror":
         order = number
-        waves = np.cos(np.pi * number * (cells + 0.5) / nodes)
+        angles = np.pi * number * (cells + 0.5) / nodes
+        waves = np.cos(angles)
         unit = np.pi / side
     else:
         order = (number + 1) // 2  # 0, 1, 1, 2, 2 ...: a cosine and a sine of each order
@@ -61,8 +62,10 @@ def axis_modes(nodes: int, side: float, boundary: Boundary) -> AxisModes:
         waves = np.where(is_cosine, np.cos(angles), np.sin(angles))
         waves[0] = 1
         unit = 2 * np.pi / side
-    waves /= np.sqrt(np.square(waves).sum(axis=1, keepdims=True))
-    return AxisModes(np.asarray(unit * order[:, 0]), np.asarray(waves))
+    squares = np.square(waves).sum(axis=1, keepdims=True)
+    waves /= np.sqrt(squares)
+    wave_numbers = unit * order[:, 0]
+    return AxisModes(np.asarray(wave_numbers), np.asarray(waves))
 
 
 class Patch:
@@ -99,13 +102,15 @@ class Patch:
         hardness: float = np.inf,
     ) -> None:
         self.hardness = hardness
-        self.shape: tuple[int, int] = heights.shape[0], heights.shape[1]
+        rows, columns = heights.shape
+        self.shape = (rows, columns)
         self.below = (heights - heights.max()).reshape(-1)
-        along = axis_modes(self.shape[0], sides[0], boundary)
-        across = axis_modes(self.shape[1], sides[1], boundary)
+        along = axis_modes(rows, sides[0], boundary)
+        across = axis_modes(columns, sides[1], boundary)
         pairs = np.hypot.outer(along.wave_numbers, across.wave_numbers)
         wave_numbers = pairs.reshape(-1)
-        self.modes: Field = np.asarray(np.kron(along.modes, across.modes), np.float64)
+        modes = np.kron(along.modes, across.modes)
+        self.modes: Field = np.asarray(modes, np.float64)
         self.compliances = np.ones(heights.size)
         self.compliances[1:] = 2 / wave_numbers[1:]
         # The spring is as compliant as the most compliant wave; any compliance would do.
@@ -162,6 +167,7 @@ class Patch:
             return float(solve(sprung).sum()) - load
 
         # Beside the spring, no load displaces the patch by more than the range of its heights.
-        largest = 1.001 * (self.spring * load - float(self.below.min()))
+        span = -float(self.below.min())
+        largest = 1.001 * (self.spring * load + span)
         sprung = float(brentq(excess, 0.0, largest, xtol=CLOSE * largest, rtol=CLOSE))
         return solve(sprung).reshape(self.shape)

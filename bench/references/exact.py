@@ -135,11 +135,14 @@ def integers(heights: Field) -> tuple[Whole, Fraction]:
     ratios = [float(height).as_integer_ratio() for height in np.unique(heights)]
     unit = max(denominator for _, denominator in ratios)
     # The unit is a multiple of all denominators, as all are powers of two.
-    lowest = ratios[0][0] * (unit // ratios[0][1])
-    highest = ratios[-1][0] * (unit // ratios[-1][1])
+    numerator, denominator = ratios[0]
+    lowest = numerator * (unit // denominator)
+    numerator, denominator = ratios[-1]
+    highest = numerator * (unit // denominator)
     fits = unit < 2**40 and abs(lowest) < 2**53
     if fits and highest - lowest < SMALL_ENOUGH:
-        return (heights * unit).astype(np.int64) - lowest, Fraction(1, unit)
+        numbers = (heights * unit).astype(np.int64)
+        return numbers - lowest, Fraction(1, unit)
     steps = np.vectorize(
         lambda height: int(Fraction(height) * unit) - lowest, otypes=[object]
     )
@@ -168,7 +171,9 @@ def moments(values: Whole, unit: Fraction) -> Moments:
     total = _total(counts)
 
     def central(power: int) -> Fraction:
-        powers = (count * (number * value - total) ** power for value, count in counts)
+        # Deviations from the mean, times the number of values: whole numbers.
+        deviations = ((number * value - total, count) for value, count in counts)
+        powers = (count * deviation**power for deviation, count in deviations)
         return Fraction(sum(powers), number ** (power + 1))
 
     variance = central(2)

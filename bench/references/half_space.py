@@ -46,7 +46,9 @@ def influence_coefficients(
     ndarray, shape `shape`
         Coefficients, read-only [first side of a cell / E*].
     """
-    x, y = (index.astype(np.longdouble) for index in np.indices(shape))
+    rows, columns = np.indices(shape)
+    x = rows.astype(np.longdouble)
+    y = columns.astype(np.longdouble)
     if kernel == "uniform-pressure":
         table = _uniform_pressure(x, y * aspect, aspect)
     else:
@@ -76,7 +78,9 @@ def _uniform_pressure(x: Long, y: Long, aspect: float) -> Long:
 
 def _log_ratio(across: Long, far: Long, near: Long) -> Long:
     """Return the logarithm in a term of Love's solution, for an edge at the distance `across`."""
-    ratio = (far + np.hypot(across, far)) / (near + np.hypot(across, near))
+    to_far = np.hypot(across, far)
+    to_near = np.hypot(across, near)
+    ratio = (far + to_far) / (near + to_near)
     return np.asarray(np.log(ratio))
 
 

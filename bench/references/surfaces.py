@@ -66,7 +66,9 @@ def paraboloid(random: Random, shape: Shape) -> Field:
     rows, columns = shape
     x, y = np.ogrid[:rows, :columns]
     tip_x, tip_y = random.uniform(0, shape)
-    return np.asarray(-((x - tip_x) ** 2) - (y - tip_y) ** 2)
+    along = x - tip_x
+    across = y - tip_y
+    return np.asarray(-(along**2) - across**2)
 
 
 def tilted_plane(random: Random, shape: Shape) -> Field:
@@ -110,7 +112,9 @@ def waves(random: Random, shape: Shape) -> Field:
     angles = random.uniform(0, np.pi, 2)
     along, across = angles * random.integers(0, 2, 2)
     x, y = np.ogrid[:rows, :columns]
-    return np.asarray(np.cos(along * x) + np.cos(across * y))
+    waves_x = np.cos(along * x)
+    waves_y = np.cos(across * y)
+    return np.asarray(waves_x + waves_y)
 
 
 def spikes(random: Random, shape: Shape) -> Field:

@@ -98,7 +98,8 @@ class Case:
         """
         if nodes == self.nodes:
             return self
-        heights = np.full((nodes, nodes), self.heights.max() - 2 * self.delta)
+        below = self.heights.max() - 2 * self.delta
+        heights = np.full((nodes, nodes), below)
         heights[: self.nodes, : self.nodes] = self.heights
         return replace(self, heights=heights, side=self.spacing * (nodes - 1))
 
@@ -120,7 +121,8 @@ class Case:
     @property
     def interference(self) -> Field:
         """Overlap of the undeformed bodies, negative where they are apart, (n, n) [Delta]."""
-        overlap: Field = ((self.heights - self.heights.max()) + self.delta) / self.delta
+        below = self.heights - self.heights.max()
+        overlap: Field = (below + self.delta) / self.delta
         return overlap
 
     def displacement(self, pressure: Field) -> Field:
@@ -141,7 +143,8 @@ class Case:
             operator = displacement_filter(shape, "free", self.kernel, 1.0, "float64")
             return filtered(operator, pressure) * self.spacing
         along = np.fft.fftfreq(self.nodes, self.spacing)
-        orders = np.hypot.outer(along, np.abs(along[: self.nodes // 2 + 1]))
+        across = np.abs(along[: self.nodes // 2 + 1])
+        orders = np.hypot.outer(along, across)
         orders[0, 0] = np.inf  # which makes the mean zero
         waves = np.fft.rfft2(pressure) / (np.pi * orders)
         return np.asarray(np.fft.irfft2(waves, s=pressure.shape))

@@ -67,9 +67,21 @@ class Refusal:
         message = str(raised)
         missing = [word for word in self.words if word not in message]
         is_other = type(raised) is not self.error
-        yield Finding(f"other than {self.error.__name__}", int(is_other), 0)
-        yield Finding("lines", len(message.splitlines()), 1)
-        yield Finding(", ".join(["words missing", *missing]), len(missing), 0)
+        yield Finding(
+            name=f"other than {self.error.__name__}",
+            error=int(is_other),
+            allowed=0,
+        )
+        yield Finding(
+            name="lines",
+            error=len(message.splitlines()),
+            allowed=1,
+        )
+        yield Finding(
+            name=", ".join(["words missing", *missing]),
+            error=len(missing),
+            allowed=0,
+        )
 
 
 @dataclass(frozen=True)

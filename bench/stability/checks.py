@@ -59,11 +59,23 @@ def complementarity(problem: Setup, contact: bem.Contact) -> Iterator[Finding]:
     tension = int(np.count_nonzero(~(contact.pressure >= 0)))
     too_high = int(np.count_nonzero(contact.pressure > problem.bound))
     worst = violation(problem, contact.pressure)
-    yield Finding("gap", worst, allowed=problem.rtol + ROUNDING)
+    yield Finding(
+        name="gap",
+        error=worst,
+        allowed=problem.rtol + ROUNDING,
+    )
     if tension:
-        yield Finding("nodes in tension", tension, allowed=0)
+        yield Finding(
+            name="nodes in tension",
+            error=tension,
+            allowed=0,
+        )
     if too_high:
-        yield Finding("nodes above the hardness", too_high, allowed=0)
+        yield Finding(
+            name="nodes above the hardness",
+            error=too_high,
+            allowed=0,
+        )
 
 
 def honesty(
@@ -86,14 +98,23 @@ def honesty(
         Difference of the residual [Delta], of the force [1] and of the area [% of the patch].
     """
     recomputed = violation(problem, contact.pressure, displace)
-    off = abs(contact.residual - recomputed)
-    yield Finding("residual off", off, allowed=ROUNDING)
+    yield Finding(
+        name="residual off",
+        error=abs(contact.residual - recomputed),
+        allowed=ROUNDING,
+    )
     force = float(contact.pressure.sum()) * problem.cell_area
-    off = deviation(contact.force, force)
-    yield Finding("force off its pressure", off, allowed=1e-12)
+    yield Finding(
+        name="force off its pressure",
+        error=deviation(contact.force, force),
+        allowed=1e-12,
+    )
     percent = 100 * float(np.mean(contact.pressure > 0))
-    off = abs(contact.area_percent - percent)
-    yield Finding("area off its nodes", off, allowed=1e-12)
+    yield Finding(
+        name="area off its nodes",
+        error=abs(contact.area_percent - percent),
+        allowed=1e-12,
+    )
 
 
 def says_what_yields(
@@ -118,16 +139,27 @@ def says_what_yields(
     """
     yielded = contact.pressure == problem.hardness
     percent = 100 * float(yielded.mean())
-    off = abs(contact.yielded_percent - percent)
-    yield Finding("yielded share off", off, allowed=1e-12)
+    yield Finding(
+        name="yielded share off",
+        error=abs(contact.yielded_percent - percent),
+        allowed=1e-12,
+    )
     gap = gap_under(problem, contact.pressure, displace)
     depth = np.where(yielded, np.maximum(-gap, 0.0), 0.0)
-    off = float(np.abs(contact.yielded_depth / problem.delta - depth).max())
-    yield Finding("yielded depth off", off, allowed=1e-9)
+    stated = contact.yielded_depth / problem.delta
+    yield Finding(
+        name="yielded depth off",
+        error=float(np.abs(stated - depth).max()),
+        allowed=1e-9,
+    )
     flattened = problem.surface - contact.yielded_depth
     off = float(np.abs(contact.flattened - flattened).max())
     largest = float(np.abs(problem.surface).max()) or 1.0
-    yield Finding("flattened heights off", off / largest, allowed=1e-15)
+    yield Finding(
+        name="flattened heights off",
+        error=off / largest,
+        allowed=1e-15,
+    )
 
 
 def violation(
@@ -256,8 +288,11 @@ def has_force(
     Finding
         Relative deviation of the force [1].
     """
-    off = deviation(contact.force, force)
-    yield Finding(f"force off {name}", off, allowed)
+    yield Finding(
+        name=f"force off {name}",
+        error=deviation(contact.force, force),
+        allowed=allowed,
+    )
 
 
 @lru_cache(maxsize=1)
@@ -288,10 +323,16 @@ def scales(
         Relative deviation of the force [1], and number of nodes in contact in one of both only.
     """
     ordinary = _ordinary_contact()
-    off = deviation(contact.force, force * ordinary.force)
-    yield Finding("force off similarity", off, allowed)
-    nodes = unlike(contact.pressure > 0, ordinary.pressure > 0)
-    yield Finding("nodes off", nodes, allowed=0)
+    yield Finding(
+        name="force off similarity",
+        error=deviation(contact.force, force * ordinary.force),
+        allowed=allowed,
+    )
+    yield Finding(
+        name="nodes off",
+        error=unlike(contact.pressure > 0, ordinary.pressure > 0),
+        allowed=0,
+    )
 
 
 def is_nearly_elastic(problem: Setup, contact: bem.Contact) -> Iterator[Finding]:
@@ -310,10 +351,16 @@ def is_nearly_elastic(problem: Setup, contact: bem.Contact) -> Iterator[Finding]
         Relative deviation of the force [1], and number of nodes in contact in one of both only.
     """
     elastic = replace(problem, hardness=None).solve()
-    off = abs(contact.force / elastic.force - 1)
-    yield Finding("force off the elastic one", off, allowed=problem.rtol)
-    nodes = unlike(contact.pressure > 0, elastic.pressure > 0)
-    yield Finding("nodes off the elastic contact", nodes, allowed=0)
+    yield Finding(
+        name="force off the elastic one",
+        error=abs(contact.force / elastic.force - 1),
+        allowed=problem.rtol,
+    )
+    yield Finding(
+        name="nodes off the elastic contact",
+        error=unlike(contact.pressure > 0, elastic.pressure > 0),
+        allowed=0,
+    )
 
 
 def is_bearing_area(problem: Setup, contact: bem.Contact) -> Iterator[Finding]:
@@ -333,8 +380,11 @@ def is_bearing_area(problem: Setup, contact: bem.Contact) -> Iterator[Finding]:
     """
     overlap = problem.surface - problem.surface.max() + problem.delta > 0
     expected = np.where(overlap, problem.hardness or 0.0, 0.0)
-    nodes = unlike(contact.pressure, expected)
-    yield Finding("nodes off the bearing area", nodes, allowed=0)
+    yield Finding(
+        name="nodes off the bearing area",
+        error=unlike(contact.pressure, expected),
+        allowed=0,
+    )
 
 
 def deviation(value: float, expected: float) -> float:

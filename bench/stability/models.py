@@ -182,8 +182,10 @@ def collinear(rows: Dataset) -> Dataset:
         The changed rows.
     """
     inputs = rows.inputs.copy()
-    inputs[:, 1] = 2 * inputs[:, 3]
-    inputs[:, 2] = inputs[:, 3] + inputs[:, 0]
+    first = inputs[:, 0]
+    fourth = inputs[:, 3]
+    inputs[:, 1] = 2 * fourth
+    inputs[:, 2] = fourth + first
     return replace(rows, inputs=inputs)
 
 
@@ -346,11 +348,21 @@ def sound(model: FittedModel) -> Iterator[Finding]:
     Finding
         Number of predictions that are not finite, and whether a warning is missing.
     """
-    predicted = [model.predicted(rows) for rows in (model.test, model.train)]
-    not_finite = int(np.count_nonzero(~np.isfinite(np.concatenate(predicted))))
-    yield Finding("not finite", not_finite, allowed=0)
+    not_finite = 0
+    for rows in (model.test, model.train):
+        predicted = model.predicted(rows)
+        not_finite += int(np.count_nonzero(~np.isfinite(predicted)))
+    yield Finding(
+        name="not finite",
+        error=not_finite,
+        allowed=0,
+    )
     unsaid = int(model.worse_than_constant() and not model.remarks)
-    yield Finding("worse than a constant, unsaid", unsaid, allowed=0)
+    yield Finding(
+        name="worse than a constant, unsaid",
+        error=unsaid,
+        allowed=0,
+    )
 
 
 def constant(model: FittedModel) -> Iterator[Finding]:
@@ -373,7 +385,11 @@ def constant(model: FittedModel) -> Iterator[Finding]:
     if model.name == "svm":  # which ignores errors below its epsilon
         allowed = model.estimator.epsilon / abs(value)
     error = np.abs(model.predicted(model.test) - value).max()
-    yield Finding("off the constant", float(error / abs(value)), allowed)
+    yield Finding(
+        name="off the constant",
+        error=float(error / abs(value)),
+        allowed=allowed,
+    )
 
 
 def flagged(model: FittedModel) -> Iterator[Finding]:
@@ -400,7 +416,11 @@ def flagged(model: FittedModel) -> Iterator[Finding]:
             continue
         unflagged = sum(not reason for reason in prediction.reasons)
         name = f"statistics times {factor:g}"
-        yield Finding(f"{name} unflagged", unflagged, allowed=0)
+        yield Finding(
+            name=f"{name} unflagged",
+            error=unflagged,
+            allowed=0,
+        )
         areas = np.concatenate(
             [
                 prediction.values["target"],
@@ -410,7 +430,11 @@ def flagged(model: FittedModel) -> Iterator[Finding]:
         )
         is_possible = (areas >= 0) & (areas <= 100)
         impossible = int(np.count_nonzero(~is_possible))
-        yield Finding(f"{name} impossible", impossible, allowed=0)
+        yield Finding(
+            name=f"{name} impossible",
+            error=impossible,
+            allowed=0,
+        )
 
 
 def solves_its_equations(model: FittedModel) -> Iterator[Finding]:
@@ -450,7 +474,11 @@ def solves_its_equations(model: FittedModel) -> Iterator[Finding]:
     norm = np.abs(matrix).sum(axis=1).max()
     size = norm * np.abs(a).max() + np.abs(y).max()
     residual = np.abs(matrix @ a - y).max() / size
-    yield Finding("residual of its equations", float(residual), allowed=BACKWARD)
+    yield Finding(
+        name="residual of its equations",
+        error=float(residual),
+        allowed=BACKWARD,
+    )
 
 
 def unchanged(rows: Dataset) -> Dataset:

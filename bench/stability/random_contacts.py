@@ -75,14 +75,16 @@ def _surface_and_aspect(
     they are flat. Half of the cells are square, the aspect of the others is log-uniform between
     `largest_aspect` and its inverse.
     """
-    rows, columns = (int(nodes) for nodes in random.integers(fewest, largest + 1, 2))
+    rows, columns = random.integers(fewest, largest + 1, 2)
     kinds = list(surfaces.SURFACES.values())
-    make = kinds[random.integers(len(kinds))]
-    heights = make(random, (rows, columns))
+    kind = random.integers(len(kinds))
+    heights = kinds[kind](random, (int(rows), int(columns)))
+    span = np.ptp(heights) or 1.0
     aspect = 1.0
     if random.random() < 0.5:
-        aspect = float(largest_aspect ** random.uniform(-1, 1))
-    return heights / (np.ptp(heights) or 1.0), aspect
+        exponent = random.uniform(-1, 1)
+        aspect = float(largest_aspect**exponent)
+    return heights / span, aspect
 
 
 def examine(seeds: range, draw: Problem, compare: Comparison) -> Answer:
@@ -122,8 +124,9 @@ def examine(seeds: range, draw: Problem, compare: Comparison) -> Answer:
     middle, largest = np.percentile(iterations or [0], (50, 100))
     counts = f"{middle:.0f} iterations in the middle, {largest:.0f} at most"
     name = ", ".join(["without an answer", *unanswered[:3]])
-    out = f"{len(seeds)} solves, {counts}"
-    return Answer(out, [Finding(name, len(unanswered), allowed=0), *worst.values()])
+    findings = [Finding(name, len(unanswered), allowed=0)]
+    findings.extend(worst.values())
+    return Answer(f"{len(seeds)} solves, {counts}", findings)
 
 
 def _most_nodes(seed: int, *, rare: int, seldom: int, usual: int) -> int:
@@ -175,8 +178,10 @@ def yielding_problem(seed: int) -> Setup:
     concentrated = aspect == 1.0 and random.random() < 0.4
     kernel: Kernel = "concentrated-force" if concentrated else "uniform-pressure"
     deepest = dense.full_contact_delta(heights, kernel, aspect) or 1.0
-    delta = deepest * float(10 ** min(random.uniform(-3, 0.2), 0))
-    hardness = float(np.exp(random.uniform(*np.log(HARDNESS))))
+    exponent = min(random.uniform(-3, 0.2), 0)
+    delta = deepest * float(10**exponent)
+    lowest, highest = np.log(HARDNESS)
+    hardness = float(np.exp(random.uniform(lowest, highest)))
     if seed % 2:
         elastic = dense.press(heights, delta, kernel, aspect)
         share = float(10 ** random.uniform(-2, 0))
@@ -241,7 +246,11 @@ def judge_yielding(problem: Setup, contact: bem.Contact) -> Iterator[Finding]:
     pressure = reference.pressure
     gap = reference.gap
     force = float(pressure.sum()) * problem.aspect
-    yield Finding("force off least squares", abs(contact.force / force - 1), 1e-8)
+    yield Finding(
+        name="force off least squares",
+        error=abs(contact.force / force - 1),
+        allowed=1e-8,
+    )
     little = UNDECIDED * hardness
     close = UNDECIDED * problem.delta
     # Nodes with hardly any pressure and gap may count as in contact or not, and the nodes that
@@ -251,12 +260,24 @@ def judge_yielding(problem: Setup, contact: bem.Contact) -> Iterator[Finding]:
     is_decided = (hardness - pressure > little) | (gap < -close)
     yields = pressure >= hardness * (1 - 1e-15)
     yielded = unlike(contact.pressure == hardness, yields, is_decided)
-    yield Finding("nodes off least squares", touching + yielded, allowed=0)
+    yield Finding(
+        name="nodes off least squares",
+        error=touching + yielded,
+        allowed=0,
+    )
     is_possible = (contact.pressure >= 0) & (contact.pressure <= hardness)
     impossible = int(np.count_nonzero(~is_possible))
-    yield Finding("nodes in tension or above the hardness", impossible, allowed=0)
+    yield Finding(
+        name="nodes in tension or above the hardness",
+        error=impossible,
+        allowed=0,
+    )
     worst = violation(problem, contact.pressure, dense.displace)
-    yield Finding("gap", worst, allowed=RTOL + ROUNDING)
+    yield Finding(
+        name="gap",
+        error=worst,
+        allowed=RTOL + ROUNDING,
+    )
     for check in (honesty, says_what_yields):
         for finding in check(problem, contact, dense.displace):
             allowed = LIMITS.get(finding.name, finding.allowed)
@@ -399,10 +420,14 @@ def patch_of(problem: Setup) -> Patch:
         The patch for E* = 1 MPa: pressures and hardness are over the modulus.
     """
     rows, columns = problem.surface.shape
-    sides = (rows * problem.cell[0], columns * problem.cell[1])
-    hardness = problem.bound / problem.modulus
+    dx, dy = problem.cell
     boundary: Boundary = "mirror" if problem.boundary == "mirror" else "periodic"
-    return Patch(problem.surface, sides, boundary, hardness)
+    return Patch(
+        heights=problem.surface,
+        sides=(rows * dx, columns * dy),
+        boundary=boundary,
+        hardness=problem.bound / problem.modulus,
+    )
 
 
 def judge_edgeless(problem: Setup, contact: bem.Contact) -> Iterator[Finding]:
@@ -424,27 +449,50 @@ def judge_edgeless(problem: Setup, contact: bem.Contact) -> Iterator[Finding]:
     """
     reference = patch_of(problem)
     pressure = contact.pressure / problem.modulus
-    yield Finding("load off", load_error(problem, contact), allowed=1e-12)
+    yield Finding(
+        name="load off",
+        error=load_error(problem, contact),
+        allowed=1e-12,
+    )
     is_possible = (pressure >= 0) & (pressure <= reference.hardness)
     impossible = int(np.count_nonzero(~is_possible))
-    yield Finding("nodes in tension or above the hardness", impossible, allowed=0)
+    yield Finding(
+        name="nodes in tension or above the hardness",
+        error=impossible,
+        allowed=0,
+    )
     displacement = reference.matrix @ pressure.reshape(-1)
     gap = displacement - reference.below - contact.delta
     worst = worst_gap(pressure.reshape(-1), gap, reference.hardness)
     allowed = RTOL * contact.delta + ROUNDING
-    yield Finding("gap", worst, allowed)
-    off = abs(contact.residual * contact.delta - worst)
-    yield Finding("residual off", off, allowed=ROUNDING)
+    yield Finding(
+        name="gap",
+        error=worst,
+        allowed=allowed,
+    )
+    yield Finding(
+        name="residual off",
+        error=abs(contact.residual * contact.delta - worst),
+        allowed=ROUNDING,
+    )
     percent = 100 * float(np.mean(pressure > 0))
-    off = abs(contact.area_percent - percent)
-    yield Finding("area off", off, allowed=1e-12)
+    yield Finding(
+        name="area off",
+        error=abs(contact.area_percent - percent),
+        allowed=1e-12,
+    )
     # If all nodes have yielded, the pressure is the hardness, which is checked above.
     if pressure.min() < reference.hardness:
         compared = reference.press(float(pressure.sum()))
         # The stiffest mode turns a gap into at most this times the pressure.
-        stiffest = float(1 / reference.compliances.min()) * pressure.size**0.5
+        stiffness = float(1 / reference.compliances.min())
+        stiffest = stiffness * pressure.size**0.5
         error = float(np.linalg.norm(pressure - compared))
-        yield Finding("pressure off the reference", error, stiffest * 2 * allowed)
+        yield Finding(
+            name="pressure off the reference",
+            error=error,
+            allowed=stiffest * 2 * allowed,
+        )
 
 
 def load_error(problem: Setup, contact: bem.Contact) -> float:
@@ -466,7 +514,8 @@ def load_error(problem: Setup, contact: bem.Contact) -> float:
     force = problem.given_force
     if not force:
         return abs(contact.delta / problem.delta - 1)
-    total = float(contact.pressure.mean()) * contact.pressure.size * problem.cell_area
+    mean = float(contact.pressure.mean())
+    total = mean * contact.pressure.size * problem.cell_area
     stated_off = abs(contact.force / force - 1)
     return max(stated_off, abs(total / force - 1))
 
@@ -569,10 +618,20 @@ def alike(
     pressure = transform(contact.pressure)
     largest = float(pressure.max())
     off = float(np.abs(pressure - transformed.pressure).max())
-    yield Finding("pressure off", off / largest, allowed=1e-8)
+    yield Finding(
+        name="pressure off",
+        error=off / largest,
+        allowed=1e-8,
+    )
     displacement = replace(transformed, pressure=pressure).displacement
-    off = float(np.abs(transform(contact.displacement) - displacement).max())
+    compared = transform(contact.displacement)
+    off = float(np.abs(compared - displacement).max())
     rows, columns = contact.pressure.shape
-    longest = max(rows * problem.cell[0], columns * problem.cell[1])
+    dx, dy = problem.cell
+    longest = max(rows * dx, columns * dy)
     unit = largest / problem.modulus * longest
-    yield Finding("operator off", off / unit, allowed=1e-13)
+    yield Finding(
+        name="operator off",
+        error=off / unit,
+        allowed=1e-13,
+    )

@@ -82,8 +82,10 @@ def cropped_paper(shape: tuple[int, int]) -> Field:
     ndarray, shape `shape`
         Heights of a corner, read-only [um].
     """
-    nodes = 2 ** max(max(shape) - 2, 1).bit_length() + 1
-    return paper(nodes)[: shape[0], : shape[1]]
+    rows, columns = shape
+    steps = max(rows - 1, columns - 1, 2)
+    k = (steps - 1).bit_length()  # of the smallest power of two that is at least as large
+    return paper(2**k + 1)[:rows, :columns]
 
 
 def terraces(nodes: int = NODES) -> Field:
@@ -281,14 +283,17 @@ class Setup:
     @property
     def compliance(self) -> float:
         """First side of a cell over E* = E / (1 - nu^2) [um / MPa]."""
-        return self.cell[0] / (self.modulus / (1 - self.poisson**2))
+        e_star = self.modulus / (1 - self.poisson**2)
+        return self.cell[0] / e_star
 
     def describe(self) -> str:
         """Return the input in one line: grid, lengths in um, and fields that are no defaults."""
         heights = np.asarray(self.heights)
         parts = [" x ".join(str(nodes) for nodes in heights.shape)]
         if heights.size:
-            parts.append(f"z {heights.min():.9g} to {heights.max():.9g}")
+            lowest = heights.min()
+            highest = heights.max()
+            parts.append(f"z {lowest:.9g} to {highest:.9g}")
         parts.append(f"delta = {self.delta:.9g}")
         for argument in fields(self)[2:]:
             value = getattr(self, argument.name)

@@ -101,7 +101,12 @@ def _sizes() -> Iterator[Case]:
     for side in (1e-9, 1.0, 1e9):
         name = f"L = {side:g} um"
         yield _scaled("size", name, factor=1, force=side / SIDE, side=side)
-    factors = {"1e-12": 1e-12, "1e12": 1e12, "2^-40": 2.0**-40, "2^40": 2.0**40}
+    factors = {
+        "1e-12": 1e-12,
+        "1e12": 1e12,
+        "2^-40": 2.0**-40,
+        "2^40": 2.0**40,
+    }
     for text, factor in factors.items():
         name = f"heights and Δ times {text}"
         yield _scaled("size", name, factor=factor, force=factor)
@@ -145,13 +150,19 @@ def _grids() -> Iterator[Case]:
     case = partial(contact_case, "grid")
     corner = topographies.cropped_paper
     for k in range(1, 12):
-        yield case(f"k = {k}", partial(paper, 2**k + 1), slow=k >= 10)
+        surface = partial(paper, 2**k + 1)
+        yield case(f"k = {k}", surface, slow=k >= 10)
     check = _one_cell(3, 2)
     yield case("a single node", flat(1), 3.0, spacing=2.0, checks=(check,))
-    shapes = {"one row": (1, 129), "one column": (129, 1), "four nodes": (2, 2)}
+    shapes = {
+        "one row": (1, 129),
+        "one column": (129, 1),
+        "four nodes": (2, 2),
+    }
     for name, shape in shapes.items():
         yield case(name, corner(shape), 10.0, spacing=7.8125)
-    yield case("a patch of 1:64", corner((3, 129)), side=(1000 / 64, 1000.0))
+    narrow = corner((3, 129))
+    yield case("a patch of 1:64", narrow, side=(1000 / 64, 1000.0))
     for sides in LONG_CELLS:
         name = _cells(sides)
         long = partial(slow_case, "grid", side=sides)
@@ -177,7 +188,8 @@ def _roughness() -> Iterator[Case]:
         yield case(f"white noise, Δ = {delta:g} σ", topographies.white_noise, delta)
     plane = np.linspace(0.0, SIDE, NODES)[:, None]
     for delta in (1.0, 25.0, 700.0, 5000.0):
-        yield case(f"rough, tilted by 45°, Δ = {delta:g}", paper() + plane, delta)
+        name = f"rough, tilted by 45°, Δ = {delta:g}"
+        yield case(name, paper() + plane, delta)
     yield case("a plane tilted by 45°", flat() + plane, 700.0)
 
 
@@ -205,7 +217,8 @@ def _terraces() -> Iterator[Case]:
         ("plateaus of exact ties", topographies.terraces, (10.0, 25.0, 60.0)),
     ):
         for delta in deltas:
-            yield contact_case("feature", f"{name}, Δ = {delta:g}", surface, delta)
+            title = f"{name}, Δ = {delta:g}"
+            yield contact_case("feature", title, surface, delta)
 
 
 @dataclass(frozen=True)
@@ -286,7 +299,8 @@ def _compliant_far_fields() -> Iterator[Case]:
     """Yield displacements near Delta*, from which a compliant far field has no solution."""
     case = partial(contact_case, "compliant far field", far_field="compliant")
     refusal = Refusal(BeyondCriticalDelta, ("delta = ", "must stay below Delta* = "))
-    for kernel, share in product(KERNELS, (0.9, 0.99, 0.999, 1 + 1e-9, 2.0)):
+    shares = (0.9, 0.99, 0.999, 1 + 1e-9, 2.0)
+    for kernel, share in product(KERNELS, shares):
         name = f"Δ = {share:.10g} Δ*, {kernel}"
         delta_of = partial(_of_critical, share, kernel)
         if share < 1:

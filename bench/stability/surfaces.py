@@ -55,7 +55,12 @@ HURSTS = {
 }
 """Hurst exponents, some as near to 0 and 1 as floats are, by their names."""
 
-FACTORS = {"2^-40": 2.0**-40, "2^40": 2.0**40, "1e-12": 1e-12, "1e12": 1e12}
+FACTORS = {
+    "2^-40": 2.0**-40,
+    "2^40": 2.0**40,
+    "1e-12": 1e-12,
+    "1e12": 1e12,
+}
 """Factors of heights by their names [1]."""
 
 AMPLITUDES = {"0": 0.0, **FACTORS, "1e-300": 1e-300, "1e300": 1e300}
@@ -135,8 +140,10 @@ def _surface(
 def _answer(heights: Field, *findings: Finding) -> Answer:
     """Return the answer of a generator's case, which states the range and the rms height."""
     largest = float(heights.max()) or 1.0
-    rms = float((heights / largest).std()) * largest  # without the overflow of squares
-    return Answer(f"range {np.ptp(heights):.4g} um, rms {rms:.4g} um", findings)
+    # Heights over the largest, so that no squares overflow.
+    rms = float((heights / largest).std()) * largest
+    span = np.ptp(heights)
+    return Answer(f"range {span:.4g} um, rms {rms:.4g} um", findings)
 
 
 def _scaled(generator: str, sigma0: float, allowed: float) -> Answer:
@@ -157,9 +164,12 @@ def _nested(generator: str, nodes: int, hurst: float = 0.65) -> Answer:
     coarse = _surface(generator, max((nodes + 1) // 2, 3), hurst)
     step = (nodes - 1) // (len(coarse) - 1)
     shared = heights[::step, ::step]
-    difference = (shared - shared[0, 0]) - (coarse - coarse[0, 0])
-    off = float(np.abs(difference).max() / np.ptp(heights))
-    unlike = int(np.count_nonzero(heights != repeated)) + abs(heights.shape[0] - nodes)
+    above_corner = shared - shared[0, 0]
+    expected = coarse - coarse[0, 0]
+    difference = np.abs(above_corner - expected).max()
+    off = float(difference / np.ptp(heights))
+    unlike = int(np.count_nonzero(heights != repeated))
+    unlike += abs(heights.shape[0] - nodes)
     lowest = abs(float(heights.min()))
     return _answer(
         heights,
@@ -191,9 +201,10 @@ def described(heights: ArrayLike, spacing: Spacing = (G, G)) -> Answer:
     values = description.values
     errors = [_error(name, values[name], expected) for name in NAMES]
     worst = int(np.argmax(errors))
-    unlike = [
-        name for name in NAMES if math.isnan(values[name]) != math.isnan(expected[name])
-    ]
+    undefined = {name for name in NAMES if math.isnan(values[name])}
+    to_be_undefined = {name for name in NAMES if math.isnan(expected[name])}
+    in_one_only = undefined ^ to_be_undefined
+    unlike = [name for name in NAMES if name in in_one_only]
     findings = [
         Finding(f"off exact: {NAMES[worst]}", errors[worst], allowed=EXACT),
         Finding(", ".join(["defined unlike", *unlike]), len(unlike), allowed=0),
@@ -262,9 +273,12 @@ def in_words(description: Description) -> str:
         The line.
     """
     values = description.values
-    line = f"rms {values['height_rms']:.4g} um, mean {values['height_mean']:.4g} um"
-    if not math.isnan(values["asperity_density"]):
-        line += f", {values['asperity_density']:.3g} asperities a node"
+    rms = values["height_rms"]
+    mean = values["height_mean"]
+    density = values["asperity_density"]
+    line = f"rms {rms:.4g} um, mean {mean:.4g} um"
+    if not math.isnan(density):
+        line += f", {density:.3g} asperities a node"
     undefined = [name for name, value in values.items() if math.isnan(value)]
     if undefined:
         line += f"; {len(undefined)} undefined ({description.reason})"
@@ -334,6 +348,14 @@ def _case(
 LOST = "heights lost in rounding"
 """Words of the reason why a surface far above zero has no statistics."""
 
+LOST_HEIGHTS = (
+    (1e14, 12.0),
+    (1e16, 12.0),
+    (1e8, 1e-6),
+    (-1e300, 1e284),
+)
+"""Offsets at which rounding destroys surfaces, and amplitudes sigma0 of these [um]."""
+
 
 def _offsets() -> Iterator[Case]:
     """Yield surfaces far above or below zero, some of which rounding destroys."""
@@ -341,15 +363,18 @@ def _offsets() -> Iterator[Case]:
     grid = f"{NODES} x {NODES}"
     for offset in (1e4, -1e8, 1e8, 1e10, 1e12):
         text = f"{grid}, σ0 = 12 um in steps of 1/1024 um"
-        yield case(f"{offset:g} um", text, stepped() + offset)
+        heights = stepped() + offset
+        yield case(f"{offset:g} um", text, heights)
     for offset in (1e8, 1e12):
         name = f"{offset:g} um, heights as they were rounded"
         yield case(name, f"{grid}, σ0 = 12 um", rough() + offset)
-    for offset, sigma0 in ((1e14, 12.0), (1e16, 12.0), (1e8, 1e-6), (-1e300, 1e284)):
+    for offset, sigma0 in LOST_HEIGHTS:
         name = f"{offset:g} um, σ0 = {sigma0:g} um: lost in rounding"
-        yield case(name, grid, rough(sigma0=sigma0) + offset, LOST)
+        heights = rough(sigma0=sigma0) + offset
+        yield case(name, grid, heights, LOST)
     name = "1e6 um in single precision: lost in rounding"
-    yield case(name, f"{grid}, float32", (rough() + 1e6).astype(np.float32), LOST)
+    heights = rough() + 1e6
+    yield case(name, f"{grid}, float32", heights.astype(np.float32), LOST)
 
 
 def _cancellation() -> Iterator[Case]:
@@ -357,17 +382,20 @@ def _cancellation() -> Iterator[Case]:
     case = partial(_case, "cancellation")
     for spread in (1e-3, 1e-6, 1e-9, 1e-11):
         text = f"high nodes of a checkerboard differ by {spread:g} of their height"
-        noise = 1.0 + spread * np.random.default_rng(5).random((NODES, NODES))
-        yield case(f"asperities within {spread:g}", text, checkerboard(NODES) * noise)
+        noise = np.random.default_rng(5).random((NODES, NODES))
+        heights = checkerboard(NODES) * (1.0 + spread * noise)
+        yield case(f"asperities within {spread:g}", text, heights)
     text = "the others σ0 = 12 um"
     for depth in (1e4, 1e8, 1e10):
-        yield case(f"one node {depth:g} um deep", text, _with(stepped(), -depth))
+        heights = _with(stepped(), -depth)
+        yield case(f"one node {depth:g} um deep", text, heights)
     deepest = _with(stepped(), -1e16)
     yield case("one node 1e16 um deep", text, deepest, "lost in rounding")
     text = "σ0 = 12 um in steps of 1/1024 um"
     for slope in (1e3, 1e6):
-        plane = slope * np.arange(NODES)[:, None]
-        yield case(f"tilted by {slope:g} um a node", text, stepped() + plane)
+        plane = slope * np.arange(NODES)
+        heights = stepped() + plane[:, None]
+        yield case(f"tilted by {slope:g} um a node", text, heights)
 
 
 def _with(heights: Field, height: float, at: tuple[int, int] = (5, 7)) -> Field:
@@ -376,15 +404,25 @@ def _with(heights: Field, height: float, at: tuple[int, int] = (5, 7)) -> Field:
     return heights
 
 
+SPACINGS = (
+    (1e-15, 1e-15),
+    (1e15, 1e15),
+    (1e-15, 1e15),
+    (1e15, 1e-15),
+    (0.3, 0.7),
+)
+"""Spacings along x and y [um]."""
+
+
 def _sizes() -> Iterator[Case]:
     """Yield extreme units of heights and spacings."""
     case = partial(_case, "size")
     factors = {**FACTORS, "1e-290": 1e-290, "1e290": 1e290}
     for name, factor in factors.items():
         yield case(f"heights times {name}", "σ0 = 12 um", rough() * factor)
-    for pair in ((1e-15, 1e-15), (1e15, 1e15), (1e-15, 1e15), (1e15, 1e-15), (0.3, 0.7)):
-        name = f"spacings {pair[0]:g} and {pair[1]:g} um"
-        yield case(name, "σ0 = 12 um", rough(), spacing=pair)
+    for dx, dy in SPACINGS:
+        name = f"spacings {dx:g} and {dy:g} um"
+        yield case(name, "σ0 = 12 um", rough(), spacing=(dx, dy))
 
 
 SHAPES_OF_GRIDS = (
@@ -430,7 +468,8 @@ def _bodies() -> Iterator[Case]:
     """Yield bodies with one peak or none: their statistics, then the reason for undefined ones."""
     case = partial(_case, "feature")
     x = np.arange(NODES) - NODES // 2
-    bowl = (x[:, None] ** 2 + x**2) / 64
+    squares = x**2
+    bowl = (squares[:, None] + squares) / 64
     plane = 3.0 * x[:, None] - 2.0 * x
     level = np.full((NODES, NODES), 3.3)
     far_up = np.full((9, 9), 1e308)
