@@ -332,7 +332,7 @@ class Question:
 
     text: str
     part: str  # name of the part of the page
-    tables: str  # name of its table; a * in it stands for several tables
+    tables: str  # name of its table, or a pattern with * for several tables
     answer: Callable[
         [list[Row]], str
     ]  # puts their rows into words; "" if they lack the answer

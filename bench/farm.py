@@ -283,7 +283,7 @@ def writers(
     Raises
     ------
     InputError
-        If there are fewer than 2 ranks, no such folder or no mpiexec, or a measurement fails.
+        If there are fewer than 2 ranks, the folder or mpiexec is missing, or a measurement fails.
     """
     if min(ranks) < 2:
         raise InputError(f"ranks {min(ranks)}: give 2 or more each, rank 0 is the master")

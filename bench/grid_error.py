@@ -1,6 +1,6 @@
 """The share of true errors inside the bars of `Contact.grid_error`, on surfaces of eleven kinds.
 
-The true values are those of the surface on a finer grid, of at least 32 nodes in the shortest wave
+True values are computed on a finer grid of the surface, with at least 32 nodes in the shortest wave
 or four times as fine. Loads are forces or displacements. A third of them is on bodies that yield.
 """
 

@@ -1,7 +1,7 @@
 """Made maps that look like measured ones: five kinds of machined surfaces, an instrument's faults.
 
 Every map follows from its entry in `surrogates/maps.toml` alone. SurfaceTopography writes maps in
-three formats, and the readers of `gen` open the files like those of an instrument.
+three formats, and the readers of `gen` open them like files of an instrument.
 """
 
 from collections.abc import Callable, Iterable
@@ -27,7 +27,7 @@ SEED = 2611
 """First word of the seed of every map."""
 
 FAULTS = 1
-"""Key of the random numbers of faults, which leave those of the surface as they are."""
+"""Key of the random numbers of faults, so that a map with faults has its surface without them."""
 
 SPIKE = 8.0
 """Height of the lowest possible spike [rms height of the map]; the highest is twice as high."""
@@ -263,7 +263,7 @@ def _self_affine(
 def _turned(description: MadeMap, random: np.random.Generator) -> Heights:
     """Return round grooves along y, left by the tool's nose, with sharp ridges between them.
 
-    The heights are in any unit, as those of the other kinds: `surface` scales them.
+    The heights of each kind are in any unit: `surface` scales them.
     """
     x, y = _coordinates(description)
     period = random.uniform(150, 400)  # [um]

@@ -83,7 +83,7 @@ LOAD_ERROR = 1e-6
 MISPLACED_SHARE = 5e-4
 """Allowed number of nodes in contact in one solution only, over those in contact [1].
 
-One such node is always allowed.
+One node is always allowed.
 """
 
 TURN = 0.05
@@ -349,7 +349,7 @@ class Trial:
         }
 
     def _error_columns(self) -> Row:
-        """Return the errors by the names of their columns, which are those of `Errors`."""
+        """Return the errors by their columns, the fields of `Errors`; None without a tolerance."""
         if self._errors is None:
             return dict.fromkeys(error.name for error in fields(Errors))
         return asdict(self._errors)
@@ -367,7 +367,7 @@ def compare(
     cases : sequence of Case
         The contacts.
     solvers : sequence of Solver
-        The solvers. The first is ours, over whose time those of the others are taken.
+        The solvers. The first is ours; times of the others are over its time.
     rounds : int
         Number of turns of each solver.
 

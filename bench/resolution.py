@@ -42,7 +42,7 @@ TRUTH = 128
 CONTINUUM = "area in the continuum"
 COUNT = "count of nodes"
 TWO_GRIDS = "counts of two grids"
-"""Names of the methods to compute an area, beside those of `PERIMETER`."""
+"""Names of the methods to compute an area, beside the ones in `PERIMETER`."""
 
 PERIMETER = {
     # Yastrebov and others.

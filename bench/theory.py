@@ -8,7 +8,7 @@ of the paraboloid, which on an even number of nodes is a little above the highes
 its results are dimensionless: pressures are over E* h', with the rms slope h', the rms of the
 gradient's modulus; lengths are over the rms height.
 
-`conductance` presses the same surfaces of bodies that yield, beside Cooper, Mikic and Yovanovich:
+`conductance` presses these surfaces on bodies that yield, beside Cooper, Mikic and Yovanovich:
 h = 1.25 k (m / sigma) (p / H)^0.95. Here sigma is the rms height, and m the mean absolute slope of
 a profile, which is h' / sqrt(pi) for a Gaussian surface.
 """
@@ -322,7 +322,7 @@ def nayak(interface: PerssonInterface) -> float:
     m0, m2, m4 = (
         np.trapezoid(2 * np.pi * q ** (power + 1) * spectrum, q) for power in (0, 2, 4)
     )
-    # Moments of a profile: m0, m2 / 2 and 3 m4 / 8 of those of the plane.
+    # A profile has the moments m0, m2 / 2 and 3 m4 / 8, if the plane has m0, m2 and m4.
     return float(1.5 * m0 * m4 / m2**2)
 
 

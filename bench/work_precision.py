@@ -112,7 +112,7 @@ def compare(
     rtols: Sequence[float],
     rounds: int,
 ) -> Iterator[Row]:
-    """Time solvers on the same cases at the same tolerances, solver after solver.
+    """Time all solvers on every case at every tolerance, solver after solver.
 
     A first round, which is not timed, fills caches and leaves out settings with which a solver
     fails. Of the other rounds the shortest time counts, since other work on the machine can only

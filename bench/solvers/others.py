@@ -386,7 +386,7 @@ def installed(solvers: Iterable[Solver] = OTHERS) -> list[Solver]:
     Returns
     -------
     list of Solver
-        Those that are installed, in their order.
+        The installed ones, in their order.
     """
     return [solver for solver in solvers if solver.version]
 

@@ -1,4 +1,4 @@
-"""The contacts that solvers are measured on, their exact solutions, and what a solver is."""
+"""Contacts that solvers are measured on, their exact solutions, and the interface of a solver."""
 
 import math
 import time
@@ -42,7 +42,7 @@ Solvers scale the pressure that they return, which rounds it.
 class Case:
     """A contact on a rigid far field with E* = 1 MPa, of a free patch or of a periodic one."""
 
-    name: str  # name of the surface, with what tells it from others in a table
+    name: str  # name in tables: the surface and its load
     heights: Field  # heights of the surface, (n, n) [um]
     side: float  # scan length [um]
     delta: float  # displacement of the far field from first touch [um]
@@ -89,7 +89,7 @@ class Case:
         Parameters
         ----------
         nodes : int
-            Nodes a side, at least those of the case.
+            Nodes a side, at least as many as the case has.
 
         Returns
         -------
@@ -278,7 +278,7 @@ class Solver:
     control: Control = "displacement"
     kernels: tuple[Kernel, ...] = ("uniform-pressure",)  # kernels that it has
     plastic: bool = False  # whether it knows a hardness
-    # Returns the nodes a side that it runs on for those of a case; the rest is a margin.
+    # Returns the nodes a side of its grid for the nodes a side of a case; the rest is a margin.
     grid: Callable[[int], int] = int
     ladder: tuple[float, ...] = LADDER  # tolerances that are tried, falling
     largest_contact: float = math.inf  # most nodes in contact with which it is tried

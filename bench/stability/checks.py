@@ -31,7 +31,7 @@ FOUR_ULP = 4 * float(np.finfo(np.float64).eps)
 """Relative error that a handful of roundings may add up to."""
 
 MOST_TIMES_ORDINARY = 3.0
-"""Largest ratio of the iterations to those of the ordinary contact, unless a case allows more."""
+"""Largest ratio of the iterations to the ordinary contact's, unless a case allows more."""
 
 Check = Callable[[Setup, bem.Contact], Iterable[Finding]]
 """A function that judges the contact of a problem."""
@@ -81,7 +81,7 @@ def complementarity(problem: Setup, contact: bem.Contact) -> Iterator[Finding]:
 def honesty(
     problem: Setup, contact: bem.Contact, displace: Displace = displacement
 ) -> Iterator[Finding]:
-    """Compare the residual, force and area that a contact states with those of its pressure.
+    """Recompute the residual, force and area of a contact from its pressure, and compare.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def honesty(
 def says_what_yields(
     problem: Setup, contact: bem.Contact, displace: Displace = displacement
 ) -> Iterator[Finding]:
-    """Compare what a contact states about yielded nodes with its pressure.
+    """Recompute from its pressure what a contact states about yielded nodes, and compare.
 
     Parameters
     ----------
@@ -304,7 +304,7 @@ def _ordinary_contact() -> bem.Contact:
 def scales(
     force: float, allowed: float, _problem: Setup, contact: bem.Contact
 ) -> Iterator[Finding]:
-    """Compare a contact with the ordinary one, which is the same in other units.
+    """Compare a contact with the ordinary one, of which it is a copy in other units.
 
     Parameters
     ----------
@@ -336,12 +336,12 @@ def scales(
 
 
 def is_nearly_elastic(problem: Setup, contact: bem.Contact) -> Iterator[Finding]:
-    """Compare the force and the contact nodes with those of the elastic contact.
+    """Compare the force and the nodes in contact with the elastic contact.
 
     Parameters
     ----------
     problem : Setup
-        The problem, whose hardness hardly matters.
+        The problem, whose hardness is near the largest elastic pressure or above it.
     contact : bem.Contact
         Its contact.
 
@@ -433,9 +433,9 @@ def contact_case(
         Displacement [um], or a function that returns it for the heights. It is not used if the
         further arguments hold a load.
     checks : sequence of Check
-        Checks besides those that every contact has to pass.
+        Checks besides the ones of every contact.
     largest_ratio : float
-        Largest ratio of the iterations to those of the ordinary contact on the grid.
+        Largest ratio of the iterations to the ordinary contact's on the grid.
     refusal : Refusal, optional
         How the input has to be refused.
     slow : bool
@@ -484,7 +484,7 @@ def judge(
     checks : sequence of Check
         Checks besides complementarity and honesty, which every contact has to pass.
     largest_ratio : float
-        Largest ratio of the iterations to those of the ordinary contact on the grid.
+        Largest ratio of the iterations to the ordinary contact's on the grid.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Cases of the nine models: ordinary rows, changes that spoil them, and what fits have to do.
+"""Cases of the nine models: ordinary rows, changes that spoil rows, and checks of the fits.
 
 Models are fitted and asked by the functions with which the product does it.
 """
@@ -60,7 +60,7 @@ BACKWARD = 1e-12
 """Largest residual of a linear system after good elimination, over the size of its terms [1]."""
 
 FAR = (1e-12, 1e-3, 1e3, 1e12, 1e150, 1e300)
-"""Factors that put statistics far outside of those of the training rows [1]."""
+"""Factors that put statistics far outside of the range of the training rows [1]."""
 
 FEWER: dict[str, dict[str, Any]] = {
     "random-forest": {"n_estimators": 20},
@@ -277,7 +277,7 @@ def fitted(
     name : str
         Name of the model in `MODELS`.
     tuning : {"default", "tuned"}
-        Whether the settings are those of the model's library or the paper's tuned ones.
+        Whose settings are used: the defaults of the model's library, or the paper's tuned ones.
     rows : Dataset
         The rows.
     settings : mapping, optional
@@ -501,12 +501,12 @@ def unchanged(rows: Dataset) -> Dataset:
 class Spoilt:
     """A family of cases: rows that are spoilt in one way, for each of some models."""
 
-    family: str  # what is wrong with the rows
+    family: str  # fault of the rows
     input: str  # the input in words
     change: Change = unchanged  # makes the rows from ordinary ones
-    checks: tuple[Check, ...] = ()  # checks besides those that every fit has to pass
+    checks: tuple[Check, ...] = ()  # checks besides the ones of every fit
     features: str = "paper"  # kind of features, "paper" or "dimensionless"
-    # Settings that replace those of the models.
+    # Settings that replace the models' own.
     settings: Mapping[str, Any] = field(default_factory=dict)
     models: tuple[str, ...] = tuple(MODELS)  # names of the models
     seen: int = SEEN  # number of the first rows, which train

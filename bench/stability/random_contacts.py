@@ -142,7 +142,7 @@ HARDNESS = (1e-4, 10.0)
 """Smallest and largest hardness [E*]."""
 
 UNDECIDED = 1e-8
-"""Pressure over the hardness, or gap over Delta, below which a node may count either way [1]."""
+"""Pressure over the hardness, and gap over Delta, below which a node may count either way [1]."""
 
 LIMITS = dict.fromkeys(("residual off", "yielded depth off"), RTOL + ROUNDING)
 """Allowed numbers by the names of findings that have smaller bounds here than in their check."""
@@ -177,8 +177,9 @@ def yielding_problem(seed: int) -> Setup:
     # Concentrated forces are for square cells only.
     concentrated = aspect == 1.0 and random.random() < 0.4
     kernel: Kernel = "concentrated-force" if concentrated else "uniform-pressure"
+    # The displacement of full contact is 0 on a flat surface.
     deepest = dense.full_contact_delta(heights, kernel, aspect) or 1.0
-    exponent = min(random.uniform(-3, 0.2), 0)
+    exponent = min(random.uniform(-3, 0.2), 0)  # one in sixteen is full contact
     delta = deepest * float(10**exponent)
     lowest, highest = np.log(HARDNESS)
     hardness = float(np.exp(random.uniform(lowest, highest)))
@@ -239,7 +240,7 @@ def judge_yielding(problem: Setup, contact: bem.Contact) -> Iterator[Finding]:
     ------
     Finding
         Differences from least squares in the force [1] and in the sets of nodes, violations of the
-        conditions of contact, and differences between the pressure and what the contact states.
+        conditions of contact, and differences between the pressure and the stated results.
     """
     hardness = problem.bound
     reference = expected(problem)
@@ -253,8 +254,8 @@ def judge_yielding(problem: Setup, contact: bem.Contact) -> Iterator[Finding]:
     )
     little = UNDECIDED * hardness
     close = UNDECIDED * problem.delta
-    # Nodes with hardly any pressure and gap may count as in contact or not, and the nodes that
-    # are about to yield as yielded or not.
+    # Nodes with next to no pressure and no gap may count as in contact or not. Nodes next to the
+    # hardness and with next to no penetration may count as yielded or not.
     is_decided = (pressure > little) | (gap > close)
     touching = unlike(contact.pressure > 0, pressure > 0, is_decided)
     is_decided = (hardness - pressure > little) | (gap < -close)
@@ -369,7 +370,7 @@ def edgeless_problem(seed: int, largest: int | None = None) -> Setup:
     delta = _displacement(random, problem, reference)
     if delta > ROUNDING:
         return replace(problem, delta=delta)
-    return replace(problem, pressure=pressure)  # flat surfaces have no such displacement
+    return replace(problem, pressure=pressure)  # a flat surface is in full contact at 0
 
 
 def _mean_pressure(random: Random, problem: Setup, reference: Patch) -> float:
@@ -444,7 +445,7 @@ def judge_edgeless(problem: Setup, contact: bem.Contact) -> Iterator[Finding]:
     ------
     Finding
         Deviation of the load [1], violations of the conditions of contact [um], differences
-        between the pressure and what the contact states, and the difference from the reference
+        between the pressure and the stated results, and the difference from the reference
         [MPa for E* = 1 MPa], unless all nodes have yielded.
     """
     reference = patch_of(problem)

@@ -30,9 +30,9 @@ Each height is then rounded again, so that two solves differ by their tolerance.
 slow_case = partial(contact_case, largest_ratio=math.inf)
 """Makes a case of a contact that may take any number of iterations.
 
-Many iterations are needed by long cells, whose short side hardly counts; by concentrated forces,
-which resist a checkerboard seven times less than uniform pressures do; by compliant far fields
-near Delta*; and by bodies that yield, whose yielded nodes have to be found too.
+Many iterations are needed for long cells, whose short side matters little; for concentrated forces,
+which resist a checkerboard seven times less than uniform pressures do; for compliant far fields
+near Delta*; and for bodies that yield, whose yielded nodes have to be found too.
 """
 
 LONG_CELLS = ((1000.0, 64000.0), (64000.0, 1000.0))

@@ -68,7 +68,7 @@ AMPLITUDES = {"0": 0.0, **FACTORS, "1e-300": 1e-300, "1e300": 1e300}
 
 
 def cases() -> Iterator[Case]:
-    """Yield the generators' families, then those of the statistics."""
+    """Yield the families of the generators, then the families of the statistics."""
     yield from generator_cases()
     yield from _offsets()
     yield from _cancellation()
