@@ -208,20 +208,25 @@ def calculix(folder: Path) -> Report:
         home = folder / "decks" / f"hurst-{surface.hurst:g}-{body}"
         law = law_of(home, surface.hurst, surface.nodes, hardness)
         for row in pressed(home, law):
-            differences = [abs(row[f"{name}_off"]) for name in QUANTITIES]
-            is_near = all(difference <= ALLOWED for difference in differences)
             rows.append(
                 {
                     "surface": surface.name,
                     "hardness_MPa": hardness or "",
                     **row,
-                    "verdict": "passed" if is_near else "failed",
+                    "verdict": _verdict(row),
                 }
             )
         remark(f"{surface.name}, hardness {hardness}: pressed")
     passed = [row for row in rows if row["verdict"] == "passed"]
     text = f"{len(passed)} of {len(rows)} steps within {ALLOWED:g} % of the table"
     return Report({"calculix": rows}, text=text)
+
+
+def _verdict(row: Row) -> str:
+    """Return "passed" if all differences of a row of `pressed` are allowed, else "failed"."""
+    differences = [abs(row[f"{name}_off"]) for name in QUANTITIES]
+    is_near = all(difference <= ALLOWED for difference in differences)
+    return "passed" if is_near else "failed"
 
 
 def law_of(

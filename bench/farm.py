@@ -326,7 +326,7 @@ def time_writers(spec: Spec, path: Path, world: farm.World) -> Seconds:
     Returns
     -------
     dict
-        Times of the rounds by the name of the writer [s].
+        Times of the rounds on this rank, by the name of the writer [s].
 
     Raises
     ------
