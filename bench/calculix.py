@@ -207,26 +207,24 @@ def calculix(folder: Path) -> Report:
         body = "elastic" if hardness is None else "yielding"
         home = folder / "decks" / f"hurst-{surface.hurst:g}-{body}"
         law = law_of(home, surface.hurst, surface.nodes, hardness)
-        for row in pressed(home, law):
-            rows.append(
-                {
-                    "surface": surface.name,
-                    "hardness_MPa": hardness or "",
-                    **row,
-                    "verdict": _verdict(row),
-                }
-            )
+        steps = pressed(home, law)
+        rows += [_table_row(surface, hardness, step) for step in steps]
         remark(f"{surface.name}, hardness {hardness}: pressed")
     passed = [row for row in rows if row["verdict"] == "passed"]
     text = f"{len(passed)} of {len(rows)} steps within {ALLOWED:g} % of the table"
     return Report({"calculix": rows}, text=text)
 
 
-def _verdict(row: Row) -> str:
-    """Return "passed" if all differences of a row of `pressed` are allowed, else "failed"."""
-    differences = [abs(row[f"{name}_off"]) for name in QUANTITIES]
+def _table_row(surface: LawSurface, hardness: float | None, step: Row) -> Row:
+    """Return a row of the table: surface, hardness [MPa], the row of `pressed`, and the verdict."""
+    differences = [abs(step[f"{name}_off"]) for name in QUANTITIES]
     is_near = all(difference <= ALLOWED for difference in differences)
-    return "passed" if is_near else "failed"
+    return {
+        "surface": surface.name,
+        "hardness_MPa": hardness or "",
+        **step,
+        "verdict": "passed" if is_near else "failed",
+    }
 
 
 def law_of(
