@@ -656,8 +656,8 @@ def _draw_learning_curve(axis: Any, last: Look) -> None:
         capsize=4,
         label="all rows, with their bound",
     )
-    asked = f"asked for, {last.mark:g} %"
-    axis.axhline(last.mark, color=OUTSIDE_COLOUR, ls="--", label=asked)
+    label = f"asked for, {last.mark:g} %"
+    axis.axhline(last.mark, color=OUTSIDE_COLOUR, ls="--", label=label)
     axis.set(xlabel="rows of the database", ylabel="nMAE [%]")
     axis.set_title(f"Learning curve, {last.worst}")
     log_axis(axis.xaxis)
