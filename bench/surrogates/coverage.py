@@ -1,8 +1,8 @@
 """The share of rows inside their interval, among the rows that a surrogate does not flag.
 
-An interval is promised for rows like those of the training, and a flag says which rows are not like
-them. So the coverage of the rows without a flag has to be the promised one: on surfaces, grids and
-bodies that the surrogate has not been trained on, and for several draws of the training rows.
+An interval is promised for rows that resemble the training rows, and a flag marks the other rows.
+So the coverage of the rows without a flag has to be the promised one: on surfaces, grids and bodies
+that the surrogate has not been trained on, and for several draws of the training rows.
 """
 
 from collections.abc import Iterator, Sequence
@@ -35,7 +35,7 @@ TARGETS = ("area", FORCE.name, MEAN_GAP.name)
 """Targets of the surrogates."""
 
 FEW = 20
-"""Number of rows of a finer grid that are learnt together with those of the preset's grid."""
+"""Number of rows of a finer grid that train a surrogate, alone or together with the preset."""
 
 HARDNESS = (0.006, 0.05)
 """Smallest and largest hardness over E* of the rows that train; the preset has 0.003 to 0.1."""
@@ -59,7 +59,7 @@ PAPER = "paper"
 """Name of the paper preset's database."""
 
 MIDPOINT = "midpoint"
-"""Name of the database of the paper preset with the other algorithm of displacements."""
+"""Name of the database of the paper preset with the generator "midpoint"."""
 
 SPECTRAL = "broad-spectral"
 """Name of the database of broad spectral surfaces."""
@@ -245,12 +245,14 @@ def _cases_beside_preset(
     """
     name = pool[1]
     preset = _rows_of(pool, rows, [PAPER])
-    other = _rows_of(pool, rows, [name])
-    yield Case(trained_on="preset", tested_on=name, pool=pool, train=preset, judged=other)
+    of_database = _rows_of(pool, rows, [name])
+    yield Case(
+        trained_on="preset", tested_on=name, pool=pool, train=preset, judged=of_database
+    )
     if name not in FINE.values():
         return
-    few = np.random.default_rng(seed).permutation(other)[:FEW]
-    judged = np.setdiff1d(other, few)
+    few = np.random.default_rng(seed).permutation(of_database)[:FEW]
+    judged = np.setdiff1d(of_database, few)
     yield Case(
         trained_on=f"preset and {FEW} rows of {name}",
         tested_on=name,
@@ -493,8 +495,9 @@ def by_kind(table: Sequence[Row]) -> list[Row]:
     Returns
     -------
     list of Row
-        One row for each kind, with coverage and width [%] of all targets. `flagged` and
-        `unflagged` are those of the first target; `empty` is the sum over the targets.
+        One row for each kind, with the share of covered rows (0 to 1) and the width [%] of all
+        targets. `flagged` and `unflagged` are of the first target; `empty` is the sum over the
+        targets.
     """
     rows: dict[tuple[str, str], Row] = {}
     for row in table:
