@@ -369,13 +369,13 @@ def coverage(folder: Path, rows: int, seeds: int) -> Report:
 
 
 def _judged_pool(
-    pool: tuple[str, ...], rows: Dataset, target: str, largest: int, seed: int
+    pool: tuple[str, ...], rows: Dataset, target: str, row_limit: int, seed: int
 ) -> list[Row]:
     """Return the rows of the table for the cases of a pool, and print the coverage of each case."""
     judged: list[Row] = []
     for case in cases(pool, rows, seed):
         of_case = [
-            {"target": target, **row} for row in _judged(case, rows, largest, seed)
+            {"target": target, **row} for row in _judged(case, rows, row_limit, seed)
         ]
         share = of_case[0]["covered_unflagged"]
         remark(f"{case.trained_on}: {case.tested_on}, {target}: {share:.1%} in 90 %")
@@ -392,13 +392,13 @@ def _read(*paths: Path) -> list[Dataset]:
     return dataset.read(replace(REQUEST, databases=paths))
 
 
-def _judged(case: Case, rows: Dataset, largest: int, seed: int) -> list[Row]:
-    """Fit the surrogate of a case to `largest` rows or fewer, and judge it.
+def _judged(case: Case, rows: Dataset, row_limit: int, seed: int) -> list[Row]:
+    """Fit the surrogate of a case to `row_limit` rows or fewer, and judge it.
 
     The first row of the table is of all rows that judge. If these are of several databases, a row
     of each database follows.
     """
-    parts = _parts(case, rows, largest, seed)
+    parts = _parts(case, rows, row_limit, seed)
     fitted = fit(REQUEST, parts.train, parts.folds)
     names = {"trained_on": case.trained_on, "seed": seed, "trained": parts.train.size}
     if case.judged is None:
@@ -420,9 +420,9 @@ def _judged(case: Case, rows: Dataset, largest: int, seed: int) -> list[Row]:
     return table
 
 
-def _parts(case: Case, rows: Dataset, largest: int, seed: int) -> Parts:
-    """Split `largest` rows of a case or fewer, and add the rows that train in any case."""
-    chosen = np.sort(np.random.default_rng(seed).permutation(case.train)[:largest])
+def _parts(case: Case, rows: Dataset, row_limit: int, seed: int) -> Parts:
+    """Split `row_limit` rows of a case or fewer, and add `case.added` to the training rows."""
+    chosen = np.sort(np.random.default_rng(seed).permutation(case.train)[:row_limit])
     drawn = split.draw(rows.at(chosen), seed)
     train = chosen[drawn.train]
     folds = drawn.folds
@@ -439,8 +439,8 @@ def _parts(case: Case, rows: Dataset, largest: int, seed: int) -> Parts:
 def _scores(fitted: Fitted, judged: Dataset, always: NDArray[np.bool_]) -> Row:
     """Return shares of flagged and covered rows, the width of the intervals [%], and the error [%].
 
-    `always` has the rows that count as flagged whatever the surrogate says. The width is the mean
-    of the rows without a flag, over their mean target.
+    `always` marks the rows that count as flagged even if the surrogate does not flag them. The
+    width is the mean of the rows without a flag, over their mean target.
     """
     low, high = fitted.interval(judged, LEVEL)
     truth = judged.target * judged.scale
@@ -465,7 +465,9 @@ def _scores(fitted: Fitted, judged: Dataset, always: NDArray[np.bool_]) -> Row:
 
 
 def pooled(judged: Sequence[Row]) -> list[Row]:
-    """Average over the seeds, weighting each seed with the number of its unflagged rows.
+    """Average over the seeds.
+
+    Coverage and width weight each seed with the number of its unflagged rows.
 
     Parameters
     ----------
