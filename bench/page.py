@@ -39,6 +39,11 @@ class PartToShow:
     contents: Sequence[Content] = ()  # empty if nothing was made or can be shown
     failure: str = ""  # why an existing part cannot be shown; empty otherwise
 
+    @property
+    def is_missing(self) -> bool:
+        """Whether the part was not made, so that there is nothing to show or to report."""
+        return not self.contents and not self.failure
+
 
 @dataclass(frozen=True)
 class FilledPart:
@@ -77,7 +82,9 @@ def part_to_show(part: Part, inputs: Inputs) -> PartToShow:
     """
     record = read(inputs.path(part))
     if record is not None and not record.finished:
-        last_line = record.told[-1] if record.told else "it said nothing"
+        last_line = "it said nothing"
+        if record.told:
+            last_line = record.told[-1]
         failure = f"{record.command}: code {record.code}, {last_line}"
         return PartToShow(part=part, record=record, failure=failure)
     try:
@@ -153,21 +160,29 @@ def page_of(parts: Sequence[Part], inputs: Inputs) -> str:
 
 def _page_values(parts: Sequence[Part], inputs: Inputs) -> dict[str, Any]:
     """Return the values of the template by their names in it."""
-    present = [part for part in parts if not part.retired or read(inputs.path(part))]
-    shown = [part_to_show(part, inputs) for part in present]
-    filled = [_filled(part) for part in shown if part.contents or part.failure]
+    shown = [part_to_show(part, inputs) for part in _present(parts, inputs)]
+    filled = [_filled(part) for part in shown if not part.is_missing]
     chapters = groupby(filled, key=lambda filled_part: filled_part.part.chapter)
-    of_todays_code = [part for part in filled if part.contents and not part.part.retired]
     return {
         "output": inputs.output,
         "circumstances": circumstances(),
-        "states": states([part.record for part in of_todays_code]),
+        "states": states(_records_of_todays_parts(filled)),
         "judged": [part for part in filled if part.verdicts],
         "failures": sum(part.failures for part in filled),
         "answers": lines(parts, inputs),
         "chapters": {chapter: list(group) for chapter, group in chapters},
-        "missing": [s.part for s in shown if not s.contents and not s.failure],
+        "missing": [missing.part for missing in shown if missing.is_missing],
     }
+
+
+def _present(parts: Sequence[Part], inputs: Inputs) -> list[Part]:
+    """Return the parts without the retired ones that have no record."""
+    return [part for part in parts if not part.retired or read(inputs.path(part))]
+
+
+def _records_of_todays_parts(filled: list[FilledPart]) -> list[Record | None]:
+    """Return the records of the parts with contents that the code of today can make."""
+    return [part.record for part in filled if part.contents and not part.part.retired]
 
 
 def states(records: Sequence[Record | None]) -> str:
@@ -318,9 +333,9 @@ def _markdown_table(content: Table) -> str:
     rows = [[_escaped(cell.text) for cell in row] for row in table.rows[:LONGEST]]
     style = "long" if len(rows) > LONG else "wide"
     text = f":::{{container}} {style}-table\n\n{markdown(titles, rows)}\n:::"
-    further = len(table.rows) - len(rows)
-    if further:
-        text += f"\n\n{further:,} further rows are in `{content.data.name}`."
+    left_out = len(table.rows) - len(rows)
+    if left_out:
+        text += f"\n\n{left_out:,} further rows are in `{content.data.name}`."
     return text
 
 

@@ -249,12 +249,8 @@ def _drawable(panel: Mapping[str, Any], rows: Sequence[Row]) -> list[Row]:
     for row in rows:
         if {row[x], row[y]} & missing:
             continue
-        drawable.append(
-            {
-                name: replacement if value in missing else value
-                for name, value in row.items()
-            }
-        )
+        replaced = {name: replacement for name in row if row[name] in missing}
+        drawable.append({**row, **replaced})
     return drawable
 
 
@@ -288,10 +284,11 @@ def _draw_marks(axis: Any, panel: Mapping[str, Any]) -> None:
 
 def _set_axes(axis: Any, properties: Mapping[str, Any]) -> None:
     """Set the properties of a panel's axes."""
-    values = {}
+    values = dict(properties)
     for name, value in properties.items():
         # TOML has no null: a list of one number is a lower limit without an upper one.
-        values[name] = [*value, None][:2] if isinstance(value, list) else value
+        if isinstance(value, list) and len(value) == 1:
+            values[name] = [*value, None]
     axis.set(**values)
     if properties.get("xscale") == "log" and "xlim" not in properties:
         figures.log_axis(axis.xaxis)

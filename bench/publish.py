@@ -140,26 +140,37 @@ def _files_to_publish(folder: PartsOfFolder) -> Iterator[tuple[Path, bytes]]:
     Large tables and lines of JSON are compressed. In other files `report` replaces the path of the
     folder above, which is of no use to readers.
     """
-    if not folder.finished:
-        return
-    pictures = set()
-    for part in folder.finished:
-        contents = part.show(folder.folder)
-        pictures |= {item.picture for item in contents if isinstance(item, Figure)}
     above = bytes(folder.folder.resolve().parent)
-    for path in sorted(folder.folder.rglob("*")):
-        name = path.relative_to(folder.folder)
-        if not path.is_file() or LEFT_OUT.intersection(name.parts[:-1]):
-            continue
-        if path not in pictures and not _is_result(path):
-            continue
+    for path in _paths_to_publish(folder):
+        published = folder.home / path.relative_to(folder.folder)
         content = path.read_bytes()
         is_large_table = path.suffix == ".csv" and len(content) >= LARGE
         if path.suffix == ".jsonl" or is_large_table:
-            compressed = name.with_name(name.name + COMPRESSED)
-            yield folder.home / compressed, lzma.compress(content)
+            compressed = published.with_name(published.name + COMPRESSED)
+            yield compressed, lzma.compress(content)
         else:
-            yield folder.home / name, content.replace(above, b"report")
+            yield published, content.replace(above, b"report")
+
+
+def _paths_to_publish(folder: PartsOfFolder) -> Iterator[Path]:
+    """Yield the tables, words, records and shown pictures of a folder's finished parts, sorted."""
+    if not folder.finished:
+        return
+    pictures = _shown_pictures(folder)
+    for path in sorted(folder.folder.rglob("*")):
+        folders_inside = path.relative_to(folder.folder).parts[:-1]
+        if not path.is_file() or LEFT_OUT.intersection(folders_inside):
+            continue
+        if path in pictures or _is_result(path):
+            yield path
+
+
+def _shown_pictures(folder: PartsOfFolder) -> set[Path]:
+    """Return the pictures that the finished parts of a folder show."""
+    contents = [
+        content for part in folder.finished for content in part.show(folder.folder)
+    ]
+    return {content.picture for content in contents if isinstance(content, Figure)}
 
 
 def _is_result(path: Path) -> bool:

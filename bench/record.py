@@ -261,8 +261,9 @@ class Inputs:
         def words_in_brackets(match: re.Match[str]) -> str:
             words, name = match.groups()
             path = self.files[name]
-            exists = path.is_file() or any(path.glob("**/*.csv"))
-            return words if exists else ""
+            if path.is_file() or any(path.glob("**/*.csv")):
+                return words
+            return ""
 
         template = re.sub(r"\[([^]]*\{(\w+)\})\]", words_in_brackets, self.template(part))
         values = {"folder": self.folder(part), **self.files}

@@ -227,7 +227,9 @@ def _record_to_keep(part: Part, inputs: Inputs) -> Record | None:
     of_full_run = record.command == full_command != inputs.typed(part)
     if of_full_run and not inputs.full:
         return record
-    return None if inputs.stale(part) else record
+    if inputs.stale(part):
+        return None
+    return record
 
 
 def _run(part: Part, inputs: Inputs, interruption: Interruption) -> int:
@@ -337,7 +339,9 @@ def expected_seconds(part: Part, inputs: Inputs) -> float | None:
     if part.minutes:
         return 60 * part.minutes
     published = read(RESULTS / (part.folder or part.name) / f"{part.name}{RECORD}")
-    return None if published is None else published.seconds
+    if published is None:
+        return None
+    return published.seconds
 
 
 def in_words(seconds: float | None) -> str:
@@ -410,8 +414,9 @@ def _planned_line(part: Part, inputs: Inputs, *, to_make: bool) -> str:
     lane = "beside" if part.beside else "alone"
     installed = {*versions(part.needs), *filter(shutil.which, part.needs)}
     missing = ", ".join(name for name in part.needs if name not in installed)
-    remark_on_needs = f" (WITHOUT {missing}: not installed)" if missing else ""
-    title = f"{part.title}{remark_on_needs}"
+    title = part.title
+    if missing:
+        title += f" (WITHOUT {missing}: not installed)"
     return f"{part.name:20}{duration:>9}  {lane:6}  {reason:14}  {title}"
 
 
