@@ -136,8 +136,19 @@ def part_of(report: str, chapter: str = "") -> Part:
 
 
 CHAPTERS: Mapping[str, Sequence[str]] = {
-    "The contact area in the continuum": ["resolution", "grid-error", "mixed"],
-    "The contact solver: error against run time": ["solver", "peers", "growth", "hertz"],
+    "The contact area in the continuum": [
+        "resolution",
+        "grid-error",
+        "border-weights",
+        "mixed",
+    ],
+    "The contact solver: error against run time": [
+        "solver",
+        "default-tolerance",
+        "peers",
+        "growth",
+        "hertz",
+    ],
     "Bodies that yield": ["yielding", "hardness", "yielding-surrogate"],
     "Patches without edges, and theory": ["periodic", "theory"],
     "Stiff and extreme cases": ["stability"],

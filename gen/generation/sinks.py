@@ -140,9 +140,9 @@ class ParallelSink(_FileSink):
 def open_sink(
     path: Path, scene: Scene, world: farm.World, *, parallel: bool, force: bool = False
 ) -> Iterator[Sink]:
-    """Open the sink of this process, and close it at the end of the block of this context manager.
+    """Open the sink of this process, and close it when this context manager ends.
 
-    With the parallel writer, the beginning and the end of the block are collective.
+    With the parallel writer, opening and closing are collective.
 
     Parameters
     ----------
