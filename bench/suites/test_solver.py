@@ -130,7 +130,7 @@ def test_influence_coefficients(
     """Tabulate the influence coefficients; no round uses the table of an earlier one."""
 
     def tabulate() -> NDArray[np.float64]:
-        influence._table.cache_clear()
+        influence._kept_table.cache_clear()
         return influence.influence_coefficients((nodes, nodes), kernel)
 
     table = benchmark(tabulate)

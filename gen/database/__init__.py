@@ -7,7 +7,7 @@ shows later changes of its bytes, for example by a disk.
 
 HDF5's own locks fail on network file systems and are not used. `lock` keeps other writers away from
 a path, and a run writes only into the file that it has opened (`HeldFile` in
-`gen.database.writer`). A database is written by one process, or by all processes of an MPI run
+`gen.database.disk`). A database is written by one process, or by all processes of an MPI run
 together. Each of these two kinds of run can continue the work of the other.
 """
 
@@ -15,9 +15,9 @@ from gen.database.creation import create as create
 from gen.database.creation import file_bytes as file_bytes
 from gen.database.creation import merge as merge
 from gen.database.creation import open_or_create as open_or_create
+from gen.database.disk import coherent as coherent
 from gen.database.reader import Counts as Counts
 from gen.database.reader import Reader as Reader
 from gen.database.writer import Writer as Writer
-from gen.database.writer import coherent as coherent
 from gen.database.writer import parallel_hdf5 as parallel_hdf5
 from gen.runtime.files import lock as lock

@@ -3,13 +3,10 @@
 Each of these makes a new file under a temporary name, and gives it its final name when it is whole.
 """
 
-import json
-import re
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Literal
@@ -19,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Indices
+from gen.database.disk import HeldFile, disk_trouble
+from gen.database.layout import LAYOUT, Attributes, lay_out, new_attributes
 from gen.database.opening import (
-    PART_NUMBERS,
     SIGNATURE,
     has_checksums,
     open_file,
@@ -30,27 +28,15 @@ from gen.database.opening import (
     rows_of,
     stored_path,
 )
-from gen.database.reader import FLAGS, Counts, Reader, chunks
-from gen.database.writer import HeldFile, disk_trouble, write_rows
+from gen.database.reader import Counts, Reader, chunks
+from gen.database.writer import write_rows
 from gen.runtime.errors import InputError
 from gen.runtime.files import Present, lock, place_of, unfinished
-from gen.runtime.installation import git_commit, versions
 from gen.runtime.memory import format_bytes
 from gen.runtime.terminal import command_to_type
 from gen.scene import Scene, differences, stored_columns
 from gen.scene.faults import shown
-from gen.schema import CHECKSUM, PART, PHYSICS, RUNTIME, SCHEMA, STATUS, Column, Status
-
-LAYOUT: dict[str, Any] = {"libver": ("v108", "v110"), "track_order": True}
-"""Arguments of `h5py.File` for new files.
-
-The range of library versions gives the file's superblock version 2. Version 3 would mark a file
-that is open for writing, and a killed writer would leave the mark. The order of creation is stored
-so that other programs list the columns in the order of the schema.
-"""
-
-Attributes = Mapping[str, str | int]
-"""Attributes of a file by their names, as `gen.database.opening.read_attributes` returns them."""
+from gen.schema import CHECKSUM, PHYSICS, STATUS, Column, Status
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,9 +112,8 @@ class _Claims:
     sources: Sequence[Source]  # the sources that hold at least one row of the chunk
     rows: range  # numbers of the rows of the chunk
     done: NDArray[np.bool_]  # whether a row is done in a source, shape (sources, rows)
-    finished: NDArray[
-        np.bool_
-    ]  # whether it is done or failed there, shape (sources, rows)
+    # Whether a row is done or failed in a source, shape (sources, rows).
+    finished: NDArray[np.bool_]
     # Index of the source whose values of a row are taken, shape (rows,). It has no meaning for rows
     # that no source has finished.
     owner: Indices
@@ -154,24 +139,7 @@ def create(path: Path, scene: Scene, rows: range | None = None) -> None:
     """
     if rows is None:
         rows = range(scene.samples)
-    _assemble(path, scene, rows, stored_columns(scene), _new_attributes())
-
-
-def _new_attributes() -> dict[str, str | int]:
-    """Return the attributes of a new file that do not depend on its scene and rows, by their names.
-
-    They are the layout number, the physics number, versions of libraries, the commit of this
-    program, and the present time.
-    """
-    numerics = versions(("asperity", "numpy", "scipy", "pyfftw", "h5py"))
-    return {
-        "schema": SCHEMA,
-        "physics": PHYSICS,
-        "physics_forced": 0,  # no rows of another physics number are in the file
-        "versions": json.dumps(numerics | {"hdf5": h5py.version.hdf5_version}),
-        "git_commit": git_commit(),
-        "created": datetime.now(UTC).isoformat(timespec="seconds"),
-    }
+    _assemble(path, scene, rows, stored_columns(scene), new_attributes())
 
 
 def file_bytes(scene: Scene, rows: int) -> int:
@@ -190,13 +158,13 @@ def file_bytes(scene: Scene, rows: int) -> int:
     Returns
     -------
     int
-        Size of the file [bytes]. The file may be a few bytes larger, because HDF5 aligns columns.
+        Size [bytes]. The real file may be a few bytes larger, because HDF5 aligns columns.
     """
     columns = stored_columns(scene)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "one-row.h5"
         with h5py.File(path, "w", locking=False, **LAYOUT) as file:
-            _lay_out(file, scene, range(1), columns, _new_attributes())
+            lay_out(file, scene, range(1), columns, new_attributes())
         size_with_one_row = path.stat().st_size
     row_bytes = sum(column.row_bytes(scene.grid.shape) for column in columns)
     return size_with_one_row + (rows - 1) * row_bytes
@@ -267,9 +235,10 @@ def merge(target: Path, sources: Sequence[Path]) -> Counts:
     """Merge databases of one scene whose rows were computed in different places.
 
     A row is done if it is done in a source, otherwise failed if it failed in a source, otherwise
-    pending. A row that is done in several sources must have the same values in them. The scene and
-    the attributes are those of the source with the largest number of samples, the first of several.
-    The merged database has checksums if all sources have them. They are copied: computed anew, they
+    pending. A row that is done in several sources must have equal values in them, apart from times,
+    ranks and hosts. The scene and the attributes are taken from the source with the largest number
+    of samples, or from the first such source; "physics_forced" is the largest one of all sources.
+    The merged database has checksums if all sources have them. They are copied, because new ones
     would hide damage of the sources.
 
     Parameters
@@ -381,9 +350,8 @@ def _claims_on(rows: range, sources: Sequence[Source]) -> _Claims:
     failed = status == Status.FAILED
     owner = np.zeros(len(rows), dtype=np.int64)
     if overlapping:
-        rank = (
-            2 * done + failed
-        )  # 2 for a done row, 1 for a failed one, 0 for a pending one
+        # A done row has the rank 2, a failed one 1, and a pending one 0.
+        rank = 2 * done + failed
         owner = rank.argmax(axis=0)  # the first source with the highest rank
     return _Claims(
         sources=overlapping, rows=rows, done=done, finished=done | failed, owner=owner
@@ -443,7 +411,7 @@ def _differ(first: NDArray[Any], second: NDArray[Any]) -> NDArray[np.bool_]:
 def _conflict(row: int, column: Column, first: Path, second: Path) -> InputError:
     """Return the error for a row that has different values of a column in two databases.
 
-    The message says in which of them the row is damaged, if its checksum is wrong in one.
+    If the checksum of the row is wrong in one of them, the message says so, and how to repair it.
     """
     differs = f"row {row}: {column.name} differs between {first} and {second}"
     for path in (first, second):
@@ -488,8 +456,8 @@ def _assemble(
         if replaced is not None:
             _require_owner(path, target, temporary)
         with h5py.File(temporary, "w", locking=False, **LAYOUT) as file:
-            _lay_out(file, scene, rows, columns, attributes)
-        # `_lay_out` does not write values. Every row is written here, if only with fill values.
+            lay_out(file, scene, rows, columns, attributes)
+        # `lay_out` does not write values. Every row is written here, if only with fill values.
         with open_file(temporary, writing=True) as file:
             for start, stop in chunks(rows, row_bytes=max(row_bytes)):
                 chunk = range(start, stop)  # numbers of rows
@@ -526,131 +494,3 @@ def _require_owner(path: Path, target: Path, temporary: Path) -> None:
             f"{path} belongs to user {old.st_uid} and group {old.st_gid}: to extend it"
             " would make it yours; let its owner do that, or copy it"
         )
-
-
-def _lay_out(
-    file: h5py.File,
-    scene: Scene,
-    rows: range,
-    columns: Sequence[Column],
-    attributes: Attributes,
-) -> None:
-    """Write the attributes, the dimensions and the columns of a new file.
-
-    The columns get their disk space and descriptions, but no values: the rows have no defined
-    content. `attributes` are those that do not follow from the scene and the rows.
-    """
-    for name, value in _attributes_of(scene, rows, attributes).items():
-        _set(file, name, value)
-    axes = {"sample": len(rows)}  # length of each dimension by its name
-    if any(column.shape_of for column in columns):
-        axes["x"], axes["y"] = scene.grid.shape
-    scales = [_add_dimension(file, name, length) for name, length in axes.items()]
-    file.create_group(RUNTIME, track_order=True)
-    for column in columns:
-        shape = column.shape(len(rows), scene.grid.shape)
-        dataset = _add_column(file, column, shape)
-        # A column of one value a row has only the first dimension.
-        for axis, scale in enumerate(scales[: len(shape)]):
-            dataset.dims[axis].attach_scale(scale)
-        _describe(dataset, column)
-
-
-def _attributes_of(scene: Scene, rows: range, attributes: Attributes) -> Attributes:
-    """Return all attributes of a file that holds some rows of a scene, in the order of the file.
-
-    Some of them follow from the scene and the rows. The other ones are taken from `attributes`, for
-    example the versions of libraries, the physics number and the time.
-    """
-    is_part = rows != range(scene.samples)
-    decided: dict[str, str | int] = {
-        "Conventions": "CF-1.11",
-        "title": scene.title or "Contact of rough surfaces",
-    }
-    # Names of the Attribute Convention for Data Discovery (ACDD), which spells "license" so.
-    if scene.creator:
-        decided["creator_name"] = scene.creator
-    if scene.licence:
-        decided["license"] = scene.licence
-    decided["scene"] = scene.text()
-    decided["scene_hash"] = scene.fingerprint()
-    decided["samples"] = scene.samples
-    for name, value in attributes.items():
-        # Attributes of an old part are left out: the new file may be whole or have other rows.
-        if name not in decided and name not in PART_NUMBERS:
-            decided[name] = value
-    decided["schema"] = PART if is_part else SCHEMA
-    if is_part:
-        first_row, number_of_rows = PART_NUMBERS
-        decided[first_row] = rows.start
-        decided[number_of_rows] = len(rows)
-    return decided
-
-
-def _add_dimension(file: h5py.File, name: str, length: int) -> h5py.Dataset:
-    """Add a dimension as netCDF-4 stores it, and return its dataset.
-
-    HDF5 calls this dataset a dimension scale. It has no values, and takes no disk space.
-    """
-    scale = file.create_dataset(name, shape=(length,), dtype=">f4")
-    # By this text, netCDF recognises a dimension without coordinates.
-    scale.make_scale(f"This is a netCDF dimension but not a netCDF variable.{length:10d}")
-    return scale
-
-
-def _add_column(file: h5py.File, column: Column, shape: tuple[int, ...]) -> h5py.Dataset:
-    """Add the dataset of a column and return it; it has disk space for all rows, but no values."""
-    properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
-    properties.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
-    # HDF5 does not write the fill values itself, because it would crash on a full disk.
-    properties.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
-    return file.create_dataset(
-        column.path,
-        shape=shape,
-        dtype=column.dtype,
-        fillvalue=column.fill,
-        dcpl=properties,
-    )
-
-
-def _describe(dataset: h5py.Dataset, column: Column) -> None:
-    """Add the attributes of a column to its dataset.
-
-    These are its meaning, its unit, the powers that were measured for it, and for a column of codes
-    the meaning of each code. The names of the attributes are those of the CF conventions, but for
-    the powers.
-    """
-    _set(dataset, "long_name", column.long_name)
-    if column.unit:
-        _set(dataset, "units", column.unit)
-    if column.measured and column.powers is not None:
-        # Powers of heights, lengths and E*, in this order.
-        dataset.attrs["powers"] = np.array(column.powers, dtype="i1")
-    flags = FLAGS.get(column)  # meaning of each code; None for a column without codes
-    if flags:
-        dataset.attrs["flag_values"] = np.array(list(flags), dtype=column.dtype)
-        # Blanks separate the meanings, so that each of them has to be one word.
-        words = [_one_word(text) for text in flags.values()]
-        _set(dataset, "flag_meanings", " ".join(words))
-
-
-def _one_word(text: str) -> str:
-    """Return a text with its blanks and other signs replaced by underscores.
-
-    Only letters and digits of ASCII are kept. The result is "none" if there are none.
-    """
-    return re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_") or "none"
-
-
-def _set(node: h5py.Dataset | h5py.File, name: str, value: str | int) -> None:
-    """Add an attribute to a file or to the dataset of a column."""
-    # A text gets a fixed length. HDF5 keeps texts of variable length in a heap, and may read
-    # endlessly if the heap is damaged.
-    if isinstance(value, str):
-        text = value.encode()
-        kind = h5py.string_dtype(
-            "utf-8", max(1, len(text))
-        )  # HDF5 has no type of length 0
-        node.attrs.create(name, text, dtype=kind)
-    else:
-        node.attrs[name] = value

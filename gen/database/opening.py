@@ -170,9 +170,8 @@ def open_file(path: Path, writing: bool = False, communicator: Any = None) -> h5
 
 def _not_opened(path: Path, error: OSError) -> InputError:
     """Return the InputError for a file that HDF5 has failed to open with an `error`."""
-    number = errno_of(
-        error
-    )  # 0 if the system has opened the file and HDF5 refuses its content
+    # The number is 0 if the system has opened the file, and HDF5 refuses its content.
+    number = errno_of(error)
     if number == errno.ENOENT:
         return InputError(f"{path} does not exist; check the name")
     if number:

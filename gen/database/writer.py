@@ -6,15 +6,13 @@ is to wait until its data are on the disk, takes milliseconds. The statuses of a
 `SYNC_SECONDS` therefore wait for one sync.
 """
 
-import errno
 import math
 import os
-import re
 import socket
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar, cast
 
@@ -23,10 +21,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gen.arrays import Columns, Indices
-from gen.database.opening import first_line, open_file, require_scene, stored_path
+from gen.database.disk import HeldFile, disk_trouble
+from gen.database.opening import open_file, require_scene, stored_path
 from gen.database.reader import Reader, checksums_of, chunks
-from gen.runtime.errors import InputError, errno_of
-from gen.runtime.files import require_writable
+from gen.runtime.errors import InputError
 from gen.scene import Scene
 from gen.schema import CHECKSUM, STATUS, Status
 
@@ -35,116 +33,6 @@ T = TypeVar("T")
 SYNC_SECONDS = 5.0
 """Smallest time between two syncs of a writer [s]. A kill or a power cut costs about this time of
 work."""
-
-FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
-"""Errors of the system that mean a full disk, a used quota, or a file of the largest size."""
-
-MOUNTS = Path("/proc/self/mountinfo")
-"""File with Linux's list of mounted file systems."""
-
-INCOHERENT = frozenset({"nfs", "nfs4", "cifs", "smb3"})
-"""Types of file systems with which two machines cannot write neighbouring rows at the same time.
-
-Each machine writes whole pages of a file, with old bytes of the rows that the other one has
-written.
-"""
-
-
-class HeldFile(ExitStack):
-    """A context manager that keeps a file open, to notice if it is replaced or overwritten.
-
-    The open descriptor belongs to the file itself, whatever happens to its path. The lock
-    `gen.database.lock`, by contrast, belongs to the path, and keeps other writers away.
-
-    Parameters
-    ----------
-    path : Path
-        An existing file.
-
-    Raises
-    ------
-    InputError
-        If the file may not be written.
-    """
-
-    def __init__(self, path: Path) -> None:
-        super().__init__()
-        self.path = path
-        self._fixed: tuple[range, ...] = ()  # offsets of the bytes that no writer changes
-        self._content: list[bytes] = []  # the bytes of each of these ranges
-        require_writable(path)
-        self._descriptor = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
-        self.callback(os.close, self._descriptor)
-
-    def remember(self, *fixed: range) -> None:
-        """Read and keep the bytes that no writer changes; `intact` compares them with later ones.
-
-        Parameters
-        ----------
-        *fixed : range
-            Offsets of bytes in the file. Offsets beyond the end of the file are allowed.
-        """
-        self._fixed = fixed
-        self._content = self._read_fixed()
-
-    def _read_fixed(self) -> list[bytes]:
-        """Read the present bytes of each fixed range, as far as the file reaches."""
-        return [
-            os.pread(self._descriptor, len(offsets), offsets.start)
-            for offsets in self._fixed
-        ]
-
-    def check(self) -> None:
-        """Refuse to continue if the file has been replaced, moved, deleted or overwritten.
-
-        Raises
-        ------
-        InputError
-            If the path leads to another file or to no file, or if bytes that no writer changes have
-            changed since `remember`.
-        """
-        fate = self._fate()
-        if fate:
-            raise InputError(
-                f"{self.path} was {fate} while it was being written; nothing more is written, and"
-                " what this run has computed is in the old file, if that still exists"
-            )
-
-    def _fate(self) -> str:
-        """Return the fate of the file as words that follow "was"; "" if it is as it was."""
-        try:
-            is_same = os.path.samestat(self.path.stat(), os.fstat(self._descriptor))
-        except (FileNotFoundError, NotADirectoryError):
-            return "moved or deleted"
-        if not is_same:
-            return "replaced by another file"
-        if not self.intact():
-            return "overwritten with something else"
-        return ""
-
-    def intact(self) -> bool:
-        """Tell whether the bytes that no writer changes are as they were when `remember` read them.
-
-        The path does not matter: the file may have been moved or deleted.
-
-        Returns
-        -------
-        bool
-            False if another program has overwritten the file.
-        """
-        return self._read_fixed() == self._content
-
-    def sync(self) -> None:
-        """Wait until all data that this machine has written into the file are on the disk.
-
-        Raises
-        ------
-        OSError
-            If the disk is full or fails.
-        """
-        # The syncs of HDF5 and MPI are collective, this one is not. The kernel reports each error
-        # since the descriptor was opened, which was before the writer opened the file.
-        os.fsync(self._descriptor)
 
 
 class Unsynced(NamedTuple):
@@ -205,15 +93,13 @@ class Writer(Reader):
     def __init__(
         self, path: Path, scene: Scene, communicator: Any = None, *, force: bool = False
     ) -> None:
-        ExitStack.__init__(
-            self
-        )  # not that of Reader, which opens the file for reading only
+        # The constructor of Reader would open the file for reading only.
+        ExitStack.__init__(self)
         self.path = path
         self._communicator = communicator
         self._unsynced: list[Unsynced] = []
-        self._last_sync = (
-            -math.inf
-        )  # time of `time.monotonic` [s]; -inf before the first sync
+        # Time of the last sync by `time.monotonic` [s]; -inf before the first one.
+        self._last_sync = -math.inf
         # If the file is refused, `opened` closes it. Otherwise this object takes over the closing.
         with ExitStack() as opened:
             file = self._open(opened)
@@ -247,7 +133,9 @@ class Writer(Reader):
         _require_one_file(path, communicator)
         held = _on_all(communicator, lambda: HeldFile(path))
         self._held = opened.enter_context(held)
-        file = _on_all(communicator, lambda: open_file(path, True, communicator))
+        file = _on_all(
+            communicator, lambda: open_file(path, writing=True, communicator=communicator)
+        )
         return opened.enter_context(file)
 
     def _outside_of_columns(self) -> tuple[range, range]:
@@ -276,7 +164,7 @@ class Writer(Reader):
         self._held.check()
 
     def _protect_overwritten_file(self) -> None:
-        """Protect a file that another program has overwritten from the bytes of closing.
+        """Keep HDF5 from writing into a file that another program has overwritten.
 
         HDF5 writes some bytes when it closes a file. If `confirm` fails, HDF5's descriptor is
         redirected to a temporary file, which takes these bytes. With a communicator nothing is
@@ -317,6 +205,7 @@ class Writer(Reader):
                 f"rows {start} to {stop} of {self.rows.start} to {self.rows.stop}"
             )
         arrays = self._arrays_of(columns, stop - start)
+        # The checksum is already that of the finished row: it includes the status.
         if self.has_checksums:
             guarded = {
                 column.name: arrays[column.name]
@@ -327,12 +216,12 @@ class Writer(Reader):
         self.confirm()
         status = arrays.pop(STATUS.name)
         with disk_trouble(self.path, self._save):
-            for run in _runs(status != Status.PENDING):
-                position = start - self.rows.start + run.start
+            for span in _true_ranges(status != Status.PENDING):
+                position = start - self.rows.start + span.start
                 for name, values in arrays.items():
                     dataset = self._datasets[name]
-                    write_rows(dataset, position, values[run.start : run.stop])
-                statuses = status[run.start : run.stop]
+                    write_rows(dataset, position, values[span.start : span.stop])
+                statuses = status[span.start : span.stop]
                 self._unsynced.append(Unsynced(position=position, status=statuses))
         self.sync_when_due()
 
@@ -437,12 +326,12 @@ class Writer(Reader):
             status = self._status[start:stop]
             finished = (status == Status.DONE) | (status == Status.FAILED)
             first_row = self.rows.start + start  # number of the first row of the chunk
-            for run in _runs(~finished):
-                begin = first_row + run.start
+            for span in _true_ranges(~finished):
+                begin = first_row + span.start
                 # A range that reaches the border of two chunks is continued, not begun anew.
                 if pending and pending[-1].stop == begin:
                     begin = pending.pop().start
-                pending.append(range(begin, first_row + run.stop))
+                pending.append(range(begin, first_row + span.stop))
         return pending
 
     def retry_failed(self, first: int = 0, last: int | None = None) -> int:
@@ -464,9 +353,8 @@ class Writer(Reader):
         InputError
             If the disk fails, or the file has been replaced.
         """
-        failed = [
-            np.empty(0, dtype=np.int64)
-        ]  # numbers of the rows, an array for each chunk
+        # Numbers of the rows, an array for each chunk.
+        failed = [np.empty(0, dtype=np.int64)]
         for start, stop in chunks(self._positions(first, last), row_bytes=1):
             status = self._status[start:stop]
             positions = start + np.flatnonzero(status == Status.FAILED)
@@ -504,7 +392,7 @@ class Writer(Reader):
             self._held.sync()
 
 
-def _runs(mask: NDArray[np.bool_]) -> Iterator[range]:
+def _true_ranges(mask: NDArray[np.bool_]) -> Iterator[range]:
     """Yield the ranges of consecutive indices at which a mask is True, as long as possible."""
     # Indices at which the mask changes, in pairs: the first True, and the False behind the last.
     edges = np.flatnonzero(np.diff(mask, prepend=False, append=False))
@@ -569,87 +457,3 @@ def parallel_hdf5() -> bool:
         False for the wheels of h5py on the Python package index.
     """
     return bool(h5py.get_config().mpi)
-
-
-def coherent(path: Path) -> bool:
-    """Tell whether several machines can write neighbouring rows of a file at the same time.
-
-    Parameters
-    ----------
-    path : Path
-        File, which need not exist.
-
-    Returns
-    -------
-    bool
-        False on network file systems that do not allow it (NFS and SMB). True on all other file
-        systems, and if the type of the file system is unknown.
-    """
-    return _file_system_of(path) not in INCOHERENT
-
-
-def _file_system_of(path: Path) -> str:
-    """Return the type of the file system of a path from Linux's list of mounts, such as "nfs4".
-
-    Return "" if there is no such list.
-    """
-    real = Path(
-        os.path.realpath(path)
-    )  # unlike `Path.resolve`, no error for a loop of links
-    try:
-        mounts = MOUNTS.read_text(errors="surrogateescape").splitlines()
-    except OSError:
-        return ""
-    file_system = ""
-    # The file is in the file system whose mount point is the longest one above it. Of two equal
-    # mount points, the later one hides the earlier one.
-    longest = 0  # letters of the longest mount point until now
-    for line in mounts:
-        # The fifth field is the mount point, in which blanks and backslashes are octal codes. The
-        # type of the file system follows a lone hyphen (`man 5 proc_pid_mountinfo`).
-        fields = line.split(" ")
-        mount_point = re.sub(
-            r"\\([0-7]{3})", lambda code: chr(int(code[1], 8)), fields[4]
-        )
-        if real.is_relative_to(mount_point) and len(mount_point) >= longest:
-            file_system = fields[fields.index("-") + 1]
-            longest = len(mount_point)
-    return file_system
-
-
-@contextmanager
-def disk_trouble(path: Path, consequence: Callable[[], str]) -> Iterator[None]:
-    """Turn an error of the disk during the block into an InputError of one line.
-
-    Parameters
-    ----------
-    path : Path
-        File that the block writes.
-    consequence : callable
-        Function without arguments that is called after an error. It returns the end of the message:
-        what the file holds now, or how to continue.
-
-    Yields
-    ------
-    None
-
-    Raises
-    ------
-    InputError
-        If the disk is full or fails, or if a new file cannot be given its name because another file
-        has got this name during the block.
-    """
-    try:
-        yield
-    except FileExistsError:
-        raise InputError(f"{path} has appeared meanwhile; give another name") from None
-    except (OSError, RuntimeError, ValueError, KeyError) as error:
-        # h5py raises errors of several types for an error of the system.
-        number = errno_of(error)
-        if not number and not isinstance(error, OSError):
-            raise  # no error of the disk
-        reason = os.strerror(number) if number else first_line(error)
-        fault = f"cannot be written: {reason}"
-        if number in FULL:
-            fault = f"the disk is full ({reason})"
-        raise InputError(f"{path}: {fault}; {consequence()}") from None

@@ -58,7 +58,8 @@ HALVINGS = 8
 """Number of loads that are tried until one has a solution, each of them half of the last one."""
 
 LEAST_LOAD = 0.01
-"""Ratio to the largest load of the load that is tried if the smallest load of a scene is 0."""
+"""Load at which powers are measured if the smallest load of a scene is 0, as a share of the largest
+load."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,24 +100,22 @@ class SampleProblem:
         if settings["hardness"] is not None:
             settings["hardness"] *= _doubling(PRESSURE.powers, doubled)
         settings["modulus"] *= 2.0**doubled.modulus
-        longer = 2.0**doubled.lengths
-        settings["spacing"] = tuple(longer * step for step in settings["spacing"])
+        stretch = 2.0**doubled.lengths  # factor of all lengths along the surface
+        settings["spacing"] = tuple(stretch * step for step in settings["spacing"])
         load = absolute_load(self.scene, self.heights, self.load)
         settings[load.kind] = load.value * _doubling(LOADS[load.kind].powers, doubled)
         side_x, side_y = self.scene.grid.sides  # [um]
-        sides = (longer * side_x, longer * side_y)
+        sides = (stretch * side_x, stretch * side_y)
         return bem.solve(self.heights * 2.0**doubled.heights, sides, **settings)
 
 
 def _doubling(powers: Powers | None, doubled: Powers) -> float:
     """Return the factor by which a quantity changes if some sizes are doubled.
 
-    `powers` are those with which the quantity scales. `doubled` has 1 for each doubled size, else
-    0.
+    The quantity scales with `powers` of these sizes. `doubled` has 1 for a doubled size, else 0.
     """
-    assert (
-        powers is not None
-    )  # loads and pressures have powers; other quantities may have None
+    # Loads and pressures have powers; other quantities may have None.
+    assert powers is not None
     exponent = (
         powers.heights * doubled.heights
         + powers.lengths * doubled.lengths
@@ -191,10 +190,10 @@ def completed(
 
 
 def _with_outputs(scene: Scene, limit: float | None) -> Scene:
-    """Try the function on the first row that has a solution, and return a scene that has outputs.
+    """Try the function on the first row that has a solution, and return the scene with its outputs.
 
-    If the scene lists its outputs, they are compared with those of the function, and the scene is
-    returned unchanged. Otherwise the names and units that the function returns are added to it.
+    If the scene lists its outputs, the outputs of the function are compared with this list, and the
+    scene is returned unchanged. Otherwise the names and units of the function's outputs are added.
     `limit` is the largest time of the trial [s]. Raises SourceError if the function fails or its
     outputs are not the listed ones, and InputError if outputs are not listed and the trial finds
     none.
@@ -207,9 +206,8 @@ def _with_outputs(scene: Scene, limit: float | None) -> Scene:
             if problem is None:
                 fault = f"none of the first {TRIED_ROWS} rows has a solution"
             elif store.outputs is not None:
-                outputs_for_row(
-                    store, problem.solve(), problem.row
-                )  # only for its errors
+                # Called only for the errors that it raises.
+                outputs_for_row(store, problem.solve(), problem.row)
             else:
                 outputs = call_function(store, problem.solve(), problem.row)
                 units = {name: output.unit or "1" for name, output in outputs.items()}
@@ -220,7 +218,7 @@ def _with_outputs(scene: Scene, limit: float | None) -> Scene:
     except Overtime:
         fault = f"its trial on one row takes longer than --sample-limit {limit:g} s"
     if store.outputs is not None:
-        return scene  # a trial without a result does not matter then
+        return scene  # the outputs are known, also if the trial had no result
     raise InputError(
         f"{store.function}, {fault}, so its outputs are unknown; give store.outputs ="
         " { name = 'unit' }"
@@ -230,8 +228,8 @@ def _with_outputs(scene: Scene, limit: float | None) -> Scene:
 def _rehearse_surface(scene: Scene, limit: float | None) -> None:
     """Make and solve the first rows, so that a generator that fails does so before a run.
 
-    Raises SourceError if the user's generator fails. It ends without an error as soon as a row has
-    a solution, or the largest time `limit` has passed [s].
+    Raises SourceError if the user's generator fails. The trial ends without an error as soon as a
+    row has a solution, after `TRIED_ROWS` rows, or after the largest time `limit` [s].
     """
     try:
         with time_limit(limit):

@@ -61,9 +61,7 @@ class RunResult(NamedTuple):
 
     counts: Counts  # numbers of pending, done and failed rows of the whole file
     signal: int  # number of the signal that stopped the run; 0 if none did
-    overdue: int = (
-        0  # number of rows left pending because they took longer than the limit
-    )
+    overdue: int = 0  # number of rows that stay pending: they took longer than the limit
 
 
 @dataclass(frozen=True)
@@ -74,9 +72,8 @@ class _Request:
     rows: range | None  # numbers of the wanted rows; None for all rows of the scene
     retry_failed: bool  # whether failed rows among these are computed again
     force: bool  # whether the database may have another physics number
-    limit: (
-        float | None
-    )  # largest time for a surface, and for each contact [s]; None: no limit
+    # Largest time for a surface, and for each contact [s]; None for no limit.
+    limit: float | None
     writer: WriterOption  # which processes write rows, as the user asks for it
 
 
@@ -93,9 +90,8 @@ class _Preparation:
     """Facts that the master knows before it hands out the first block."""
 
     job: _Job
-    pending: list[
-        range
-    ]  # numbers of the rows that are to be computed, in ascending order
+    # Numbers of the rows that are to be computed, in ascending order.
+    pending: list[range]
     remarks: list[str]  # lines for the user, printed when the run begins
 
 
@@ -107,17 +103,17 @@ class _Worker:
     folder: Path  # folder of the database, with prepared maps that all processes share
     sink: Sink
     rank: int  # MPI rank of this process
-    limit: (
-        float | None
-    )  # largest time for a surface, and for each contact [s]; None: no limit
+    # Largest time for a surface, and for each contact [s]; None for no limit.
+    limit: float | None
 
     def compute(self, block: range) -> Columns:
         """Compute a block of rows, give it to the sink, and return the columns for the master.
 
-        `block` has the numbers of the rows. The columns are all columns of the rows by their names
-        if the master writes them, or the statuses alone if this process has written them.
+        `block` has the numbers of the rows. The result has all columns of the rows by their names
+        if the master writes the rows, or the column "status" alone if this process has written
+        them.
         """
-        # The master has checked the prepared maps.
+        # The master has checked the prepared maps for damage.
         self.scene.surface.make_ready(self.folder, verify=False)
         rows = compute_rows(
             self.scene, block.start, block.stop, rank=self.rank, limit=self.limit
@@ -262,7 +258,7 @@ def _farm_out(
     world: farm.World,
     interruption: Interruption,
 ) -> int:
-    """Have the workers compute the pending rows, and have them written; run by the master.
+    """Let the workers compute the pending rows and the sinks write them, on the master.
 
     Return the number of overdue rows. With the parallel writer, all processes open and close the
     file together. Nothing may fail between the opening of the master's sink and `farm.run`, because
@@ -321,7 +317,7 @@ def _completed(name: str, request: _Request) -> Scene:
     if scene.store.function is not None:
         announcement.start()
     try:
-        # A file that exists has recorded the outputs already: the function is tried for a new one.
+        # The functions are tried before a new file is made. For an old file this was done then.
         return completed(scene, path.parent, rehearsed=is_new, limit=request.limit)
     finally:
         announcement.cancel()
@@ -331,10 +327,10 @@ def _completed(name: str, request: _Request) -> Scene:
 def _prepared(
     complete: Scene, request: _Request, world: farm.World
 ) -> Iterator[_Preparation]:
-    """Create, extend or check the database on the master, and hold its lock during the block.
+    """Create, extend or check the database on the master, and yield the first facts of the run.
 
-    Failed rows are made pending if the request says so. A few rows are tried for the warnings. The
-    context manager yields the job, the pending rows and the remarks.
+    The lock of the database is held until this context manager ends. Failed rows are made pending
+    if the request says so. A few rows are tried for the warnings, but not written.
     """
     from gen import database
 

@@ -117,9 +117,8 @@ class _Samples:
     scene: Scene
     plan: Plan  # planned parameters of the samples
     columns: Columns  # all columns by their names; the methods fill them in
-    limit: (
-        float | None
-    )  # largest time for a surface, and for each contact [s]; None: no limit
+    # Largest time for a surface, and for each contact [s]; None for no limit.
+    limit: float | None
 
     def compute(self, first: int, last: int) -> None:
         """Compute the rows first to last - 1, which share a surface, and fill in their columns."""
@@ -144,9 +143,9 @@ class _Samples:
     def _make_surface(self, first: int, last: int) -> Heights | None:
         """Make the surface of the rows first to last - 1, and return its heights [um].
 
-        Its statistics, its reason NO_STATISTICS if one is undefined, and its time are filled in. If
-        the surface cannot be made or described, its rows become failed ones, and the result is
-        None. If it takes too long, its rows stay pending, and the result is None too.
+        The columns of its statistics and its time are filled in, and the reason NO_STATISTICS if a
+        statistic is undefined. The result is None in two cases: if the surface takes too long, its
+        rows stay pending; if it cannot be made or described, its rows become failed ones.
         """
         rows = slice(first, last)
         began = time.perf_counter()
@@ -176,8 +175,8 @@ class _Samples:
     def _solve(self, heights: Heights, row: int) -> Reason:
         """Solve the contact of a row on a surface with these heights [um], and fill in its columns.
 
-        Return the reason why the contact failed, or NONE if it is solved. Errors of the user's
-        function for outputs are raised, except for an ArithmeticError, which is a reason.
+        Return the reason for which the row fails, or NONE if it is done. A SourceError of the
+        user's function for outputs is raised.
         """
         scene = self.scene
         try:
@@ -205,8 +204,9 @@ class _Samples:
     def _fill_results(self, contact: bem.Contact, row: int) -> Reason:
         """Fill in the quantities of a solved contact, and the outputs of the user's function.
 
-        Return NOT_FINITE if an output is infinite or NaN, otherwise NONE. Errors of the function
-        are raised. Quantities that need a solve of their own may raise ArithmeticError.
+        Return NOT_FINITE if an output is infinite or NaN, otherwise NONE. Raises a SourceError or
+        an ArithmeticError of the function, and an ArithmeticError of a quantity that needs another
+        solve.
         """
         store = self.scene.store
         outputs = {}

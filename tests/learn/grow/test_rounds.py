@@ -117,7 +117,7 @@ STAGES = {
     "in later rows": (Writer, "write_block", 4),
     "before a fit": (Growth, "look", 2),
     "before a surrogate is written": (Surrogate, "save", 1),
-    "between two databases": (database.creation, "_lay_out", 2),
+    "between two databases": (database.creation, "lay_out", 2),
 }
 
 
