@@ -4,4 +4,7 @@ The commands `compare` and `tune` begin in `jobs`, which reads the rows, fits an
 `paper` has the paper's numbers, and `grid` the candidates of its Table 2 that differ. `search` fits
 these candidates on the workers, by the fits of `fits`. `folder` keeps the results as files, and
 `tables` shows them beside the paper's Tables 3 and 4. `importance` ranks the inputs.
+
+`docs/results/models.md` leads from each table and figure of the paper to its command and to the
+function that makes its numbers. `bench.paper` sets the results of a folder beside the paper's.
 """

@@ -6,6 +6,9 @@ serves every alpha of kernel ridge.
 
 No fit is done twice, whatever interrupts a search: each model and target has one file of lines
 (JSON), to which the master appends a line when a fit has come back.
+
+`learn.comparison.search` decides which fits are made; their scores decide the winners of the
+paper's Tables 3 and 4.
 """
 
 import json

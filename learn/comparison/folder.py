@@ -11,6 +11,8 @@
 Each target has a folder (here area). A file is written under another name and then renamed.
 Somebody may have edited a file, or received it from a stranger: every file is checked whenever it
 is read, and what is read is the checked document.
+
+`learn.comparison.tables` and `bench.paper.models` make our Tables 2 to 4 from these files.
 """
 
 import csv

@@ -10,6 +10,9 @@ Between rows of d standardised features they are about sqrt(2 d), which is 7 for
 gamma is some thousandths, and a length is about 10. So kernel methods have grids of their own
 (`SCALED`) for features without units. The targets of these features have mean 0 and deviation 1
 over the training rows as well. The tables name the grid that was searched.
+
+In the story of the paper's tables this is the step from the values of Table 2
+(`learn.comparison.paper`) to the candidates that `learn.comparison.search` fits.
 """
 
 from collections.abc import Iterable, Mapping

@@ -4,6 +4,9 @@ The worth of an input is the loss of R2 when its values are shuffled over the te
 22 statistics are almost the same, and one of two twins can be shuffled without harm. Models are
 therefore also fitted anew to fewer and fewer inputs, down to one; to two where rows are scaled to
 unit length, after which a single input is the same number in all rows.
+
+The command `learn importance` calls `write_report`. It uses the winner of a search, if the folder
+has one, and writes into the folder of `compare` and `tune`.
 """
 
 from collections.abc import Callable, Iterator

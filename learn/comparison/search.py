@@ -8,6 +8,9 @@ Within a given time, successive halving on the number of training rows decides w
 judged, as in scikit-learn's HalvingGridSearchCV: all candidates are fitted to few rows, the best
 third to three times as many, and so on. scikit-learn's own halving knows rows, not hours, shares no
 fits, and can be neither spread over machines nor resumed.
+
+The search of Table 2's grids gives the numbers of the paper's Table 3: `GridSearch.report` the
+winners, and `GridSearch.seconds` the times.
 """
 
 import math

@@ -86,23 +86,28 @@ def test_libraries_tell_users_nothing_in_their_own_words(model, samples):
         assert all(each in {UNFINISHED, AT_BOUND} for each in said), said
 
 
-@pytest.mark.parametrize("factor", [1.0, 2.0**-40, 2.0**40])
-def test_targets_of_another_size_are_brought_to_an_areas_by_a_power_of_two(
-    database, change, factor
-):
+def scaled_forces(database, change, factor):
+    """Forces of a database that are its areas times a factor, with their scaling."""
     rows = read(database, "area")
     change("force", slice(None), rows.target.copy() * factor)
     forces = read(database, "force")
-    scaling = scaling_of(forces, np.arange(forces.size))
-    if factor == 1:
-        assert scaling == Scaling()
-        return
+    return forces.target, scaling_of(forces, np.arange(forces.size))
+
+
+def test_targets_of_the_size_of_an_area_are_not_scaled(database, change):
+    _, scaling = scaled_forces(database, change, 1.0)
+    assert scaling == Scaling()
+
+
+@pytest.mark.parametrize("factor", [2.0**-40, 2.0**40])
+def test_targets_of_another_size_are_brought_to_an_areas_by_a_power_of_two(
+    database, change, factor
+):
+    forces, scaling = scaled_forces(database, change, factor)
     assert scaling.mean == 0
     assert np.log2(scaling.deviation) % 1 == 0
-    assert 4 <= np.median(scaling.scaled(forces.target)) < 8
-    np.testing.assert_array_equal(
-        scaling.restored(scaling.scaled(forces.target)), forces.target
-    )
+    assert 4 <= np.median(scaling.scaled(forces)) < 8
+    np.testing.assert_array_equal(scaling.restored(scaling.scaled(forces)), forces)
 
 
 def answers(surrogate, path):
@@ -166,23 +171,35 @@ def test_a_growth_to_a_negative_target_does_not_meet_its_mark_by_the_sign(
 
 
 @pytest.mark.long
-def test_columns_are_cut_at_their_own_bounds_only(kinds, tmp_path):
-    """An output without bounds may be negative; with `store.least` and `most` it keeps to them."""
+def test_a_share_is_cut_at_100_percent_and_an_output_without_bounds_is_not(kinds):
     surrogate = fitted(kinds / "free.h5", targets=("area", "negative"))
     assert surrogate.learnt["area"].bounds == (0.0, 100.0)
     assert surrogate.learnt["negative"].bounds == (-np.inf, np.inf)
-    text = (
-        kinds / "free.toml"
-    ).read_text() + "least = { signed = -4 }\nmost = { signed = 96 }\n"
+
+
+@pytest.fixture(scope="module")
+def bounded(kinds, tmp_path_factory):
+    """A loaded surrogate of an output with bounds in `[store]`, and its database."""
+    bounds = "least = { signed = -4 }\nmost = { signed = 96 }\n"
+    text = (kinds / "free.toml").read_text() + bounds
     with contextlib.chdir(kinds):
-        bounded = fitted(
-            database_of(Path(), text, "bounded", "--trust"), targets=("signed",)
-        )
-    bounded.save(tmp_path / "b.surrogate")
-    loaded = Surrogate.load(tmp_path / "b.surrogate")
-    assert loaded.learnt["signed"].bounds == (-4.0, 96.0)
-    tight = {"signed": replace(loaded.learnt["signed"], bounds=(0.0, 0.5))}
-    cut = answers(replace(loaded, learnt=tight), kinds / "bounded.h5")
+        database_of(Path(), text, "bounded", "--trust")
+    path = tmp_path_factory.mktemp("bounded") / "b.surrogate"
+    fitted(kinds / "bounded.h5", targets=("signed",)).save(path)
+    return Surrogate.load(path), kinds / "bounded.h5"
+
+
+@pytest.mark.long
+def test_an_output_has_the_bounds_that_its_scene_gives(bounded):
+    surrogate, _ = bounded
+    assert surrogate.learnt["signed"].bounds == (-4.0, 96.0)
+
+
+@pytest.mark.long
+def test_answers_and_intervals_are_cut_at_the_bounds_of_their_column(bounded):
+    surrogate, path = bounded
+    tight = {"signed": replace(surrogate.learnt["signed"], bounds=(0.0, 0.5))}
+    cut = answers(replace(surrogate, learnt=tight), path)
     for each in (cut.values, cut.low, cut.high):
         assert each["signed"].min() >= 0.0
         assert each["signed"].max() <= 0.5

@@ -12,7 +12,13 @@ from gen.runtime.errors import InputError
 from learn import Surrogate
 from learn import cli as learn_cli
 from learn.comparison.folder import Folder
-from learn.population import Population, ScatterCorrelation, Whitened, _error_factor
+from learn.population import (
+    Equations,
+    Population,
+    ScatterCorrelation,
+    Whitened,
+    _error_factor,
+)
 
 
 def test_the_mean_is_found_within_its_error_and_surfaces_scatter_about_it():
@@ -70,7 +76,8 @@ def test_halves_that_disagree_make_errors_of_means_larger(apart, low, high):
     half = np.arange(400) < 200
     first, second = apart * random.normal(size=(2, 20))
     unit = np.where(half, seen @ first, seen @ second) + random.normal(size=400)
-    assert low <= _error_factor(seen, unit, np.eye(20), half) <= high
+    equations = Equations(seen, unit, seen.T @ seen, seen.T @ unit, np.eye(20))
+    assert low <= _error_factor(equations, half) <= high
 
 
 SCENE = """
@@ -249,51 +256,72 @@ LINE = ["--at", "hurst=0.7,rms_height=1", "--pressure", "0.01"]
     ],
 )
 def test_wrong_numbers_are_refused_in_a_line(small, refused, options, said):
-    folder = small
     options = [
-        str(folder / each) if each.endswith((".npy", ".csv")) else each
-        for each in options
+        str(small / each) if each.endswith((".npy", ".csv")) else each for each in options
     ]
-    surrogate = folder / "s.surrogate"
-    assert said in refused(learn_cli, "predict", surrogate, *options)
-    if said == "not for surfaces: ask":
-        at = ["--at", "hurst=0.7,rms_height=1"]
-        for line, why in (
-            ([options[0]], "leave out surfaces"),
-            ([*at, "--delta", "1"], "give --pressure instead"),
-            (["--at", "hurst=0.7"], "rms_height not given"),
-        ):
-            assert why in refused(learn_cli, "law", surrogate, *line)
-        grown = ["grow", folder / "s.toml", "--features", "scene", "--model", "mlp"]
-        told = refused(learn_cli, *grown, "-o", folder / "g.surrogate")
-        assert "population alone knows the error" in told
+    assert said in refused(learn_cli, "predict", small / "s.surrogate", *options)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["surface.npy"], "leave out surfaces"),
+        (["--at", "hurst=0.7,rms_height=1", "--delta", "1"], "give --pressure instead"),
+        (["--at", "hurst=0.7"], "rms_height not given"),
+    ],
+)
+def test_wrong_numbers_of_a_law_are_refused_in_a_line(small, refused, options, said):
+    options = [str(small / each) if each.endswith(".npy") else each for each in options]
+    assert said in refused(learn_cli, "law", small / "s.surrogate", *options)
+
+
+def test_a_growth_of_scene_features_takes_no_model_without_an_error_of_its_mean(
+    small, refused
+):
+    line = ["grow", small / "s.toml", "--features", "scene", "--model", "mlp"]
+    told = refused(learn_cli, *line, "-o", small / "g.surrogate")
+    assert "population alone knows the error" in told
+
+
+@pytest.fixture(scope="module")
+def compared(tmp_path_factory):
+    """Options of a database, the folder of its comparison, and R2 of both models compared."""
+    made = tmp_path_factory.mktemp("compared")
+    folder = made / "out"
+    of_scene = ["--features", "scene", "--model", "population"]
+    asked = [str(database_of(made, SCENE)), "-o", str(folder), *of_scene]
+    assert learn_cli.main(["compare", *asked, "--model", "decision-tree"]) == 0
+    results = Folder(folder / "area").results()
+    return asked, folder, {stored.model: stored.result.test.r2 for stored in results}
 
 
 @pytest.mark.long
-def test_compare_and_tune_know_it_and_say_what_fit_takes(tmp_path, capsys):
-    database, folder = str(database_of(tmp_path, SCENE)), tmp_path / "compared"
-    asked = [database, "-o", str(folder), "--features", "scene", "--model", "population"]
-    assert learn_cli.main(["compare", *asked, "--model", "decision-tree"]) == 0
-    found = Folder(folder / "area").results()
-    r2 = {stored.model: stored.result.test.r2 for stored in found}
+def test_a_comparison_of_scene_features_has_the_population_ahead(compared):
+    _, _, r2 = compared
     assert r2["population"] > r2["decision-tree"]
+
+
+@pytest.mark.long
+def test_a_comparison_of_scene_features_says_which_model_fit_takes(compared, capsys):
+    asked, _, _ = compared
+    assert learn_cli.main(["compare", *asked]) == 0
     assert "takes Population Mean unless told otherwise" in capsys.readouterr().out
-    assert learn_cli.main(["tune", *asked]) == 0
-    line = [
-        "fit",
-        database,
-        "--features",
-        "scene",
-        "--model",
-        "population",
-        "--target",
-        "area",
-    ]
-    for options in ([], ["--from", str(folder)]):
-        kept = str(tmp_path / "s.surrogate")
-        assert learn_cli.main([*line, *options, "-o", kept]) == 0
-        scores = Surrogate.load(kept).card["targets"]["area"]["scores"]
-        assert scores["r2"] == pytest.approx(r2["population"], rel=0.01)  # cut at 100 %
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("tuned", [False, True])
+def test_a_fit_to_a_scene_is_as_good_as_its_comparison(compared, tmp_path, tuned):
+    asked, folder, r2 = compared
+    database, _, _, *of_scene = asked
+    options = []
+    if tuned:
+        assert learn_cli.main(["tune", *asked]) == 0
+        options = ["--from", str(folder)]
+    path = tmp_path / "s.surrogate"
+    line = ["fit", database, *of_scene, "--target", "area", *options, "-o", str(path)]
+    assert learn_cli.main(line) == 0
+    scores = Surrogate.load(path).card["targets"]["area"]["scores"]
+    assert scores["r2"] == pytest.approx(r2["population"], rel=0.01)  # cut at 100 %
 
 
 def test_the_force_is_no_target_at_a_pressure(small, refused):

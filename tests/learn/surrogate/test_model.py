@@ -285,7 +285,7 @@ def test_a_prediction_that_is_not_finite_is_never_inside(ridge, heights, tmp_pat
         with pytest.raises(
             InputError, match=r"h\.npy: the surrogate has no finite .* at Delta = 5"
         ):
-            law.make(spoilt, order)
+            law.law_of_surfaces(spoilt, order)
 
 
 def test_an_answer_at_a_bound_has_an_interval_with_width(solved, heights, monkeypatch):
