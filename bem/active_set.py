@@ -192,16 +192,37 @@ class Constraint:
     stiffness: float
 
     def mean(self, residual: Real) -> float:
-        """Return the mean of a residual in contact weighted by the pressure; 0 without a load."""
+        """Compute the mean of a residual, weighted by the pressure.
+
+        Parameters
+        ----------
+        residual : ndarray of float32
+            Residual in contact [unit of displacement].
+
+        Returns
+        -------
+        float
+            Mean under a given load, 0 at a given displacement [unit of displacement].
+        """
         if not self.carried:
             return 0.0
         return inner(self.base, residual) / self.carried
 
     def applied(self, correction: Real, residual: Real) -> Real:
-        """Change a correction in place, and return it.
+        """Apply the constraint to a correction of the pressure, in place.
 
-        It carries no load in all if the load is given, else it is conjugate to the pressure if the
-        displacement by the pressure is known. `residual` is the residual that it corrects.
+        Parameters
+        ----------
+        correction : ndarray of float32
+            Correction in contact; overwritten [reduced].
+        residual : ndarray of float32
+            Residual in contact that it corrects [unit of displacement].
+
+        Returns
+        -------
+        ndarray of float32
+            `correction`: it carries no load in all if the load is given, else it is conjugate to
+            the pressure if the displacement by the pressure is known.
         """
         if self.carried:
             excess = correction.sum(dtype=np.float64) / self.carried
@@ -234,7 +255,10 @@ class _Directions:
         return pressure
 
     def turn(self, correction: Real, residual: Real) -> None:
-        """Take the next direction: the correction of a residual, conjugate to those before."""
+        """Take the next direction: the correction of a residual, conjugate to all directions before.
+
+        The constraint is applied to `correction` in place.
+        """
         correction = self.constraint.applied(correction, residual)
         product = inner(residual, correction)
         self.direction *= np.float32(product / self.product)
@@ -253,7 +277,9 @@ class _Directions:
         length = np.float32(full)
         if self.longest < math.inf:
             length = min(length, np.float32(self.longest / np.abs(self.direction).max()))
-        self.shortened = bool(length < full * 0.999)
+        self.shortened = bool(
+            length < full * 0.999
+        )  # by more than single precision rounds
         return length
 
 
