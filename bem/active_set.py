@@ -255,7 +255,7 @@ class _Directions:
         return pressure
 
     def turn(self, correction: Real, residual: Real) -> None:
-        """Take the next direction: the correction of a residual, conjugate to all directions before.
+        """Take the next direction: a residual's correction, conjugate to all directions before.
 
         The constraint is applied to `correction` in place.
         """
