@@ -26,7 +26,8 @@ from gen.schema import Status
 from learn.comparison import paper, tables
 from learn.comparison.folder import Folder, SearchReport
 from learn.comparison.paper import OPTIMA, SPACES
-from learn.comparison.tables import DOTS, NOT_SEARCHED
+from learn.comparison.plots import DOTS
+from learn.comparison.tables import NOT_SEARCHED
 from learn.models import MODELS
 
 # So far may the paper's nMSE and R2 of a model be from those of its others, relatively.
@@ -157,7 +158,7 @@ def table_4(comparison: Path) -> Report:
     rows = [
         (
             _title(model),
-            tables.label(model, kind),
+            tables.kind_text(model, kind),
             *_scores_and_times(model, kind, result, here),
         )
         for model, kind, result in _scored(ours)

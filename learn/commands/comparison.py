@@ -172,14 +172,14 @@ def _led(
 
 
 def _write_and_print(folder: Path, *, pictures: bool) -> list[Tables]:
-    from learn.comparison import tables
+    from learn.comparison import plots, printing, tables
     from learn.comparison.folder import targets
 
     shown = [tables.read(part) for part in targets(folder)]
     for found in shown:
         tables.write(found)
-        tables.show(found)
-        for path in tables.draw(found) if pictures else ():
+        printing.show(found)
+        for path in plots.draw(found) if pictures else ():
             echo(f"wrote {path}")
     return shown
 
