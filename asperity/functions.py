@@ -1,11 +1,12 @@
-"""Contact as a function of numbers: keyword arguments in, an array out.
+"""Contact as a function of numbers, which takes keyword arguments and returns an array.
 
 Codes that ask many questions, for uncertainty, sensitivity, calibration or optimisation, call a
-Python function with a value of each of their parameters. Here are two: the solver on the surfaces
-of a scene, with the number of nodes as its fidelity, and a surrogate. `asperity serve` answers with
-the same objects. Points that share a surface make it once, and a surrogate predicts all points of a
-call together. No call changes what a later one answers: threads may share a function, and a copy
-that was pickled answers as the original does.
+Python function with a value of each of their parameters. Here are two of them: `SceneFunction` is
+the solver on the surfaces of a scene, with the number of nodes as its fidelity, and
+`SurrogateFunction` is a surrogate. `asperity serve` answers with the same objects. Points of a call
+that share a surface make it once, and a surrogate predicts all points of a call together. No call
+changes the answers of a later one: threads may share a function, and a copy that was pickled gives
+the same answers.
 """
 
 import math
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
     from learn.features.rows import Rows
     from learn.surrogate import Prediction, Surrogate
 
-KNOWN = (
+SOLVER_OUTPUTS = (
     *USUAL,
     *sorted(
         quantity.name
@@ -47,25 +48,26 @@ KNOWN = (
         if quantity.name not in USUAL and not quantity.per_node
     ),
 )
-"""Outputs that the solver may be asked for: columns that have one number of each contact."""
+"""Names of the outputs that the solver can give: columns with one number for each contact."""
 
 STEP = 1e-4
-"""Relative step of the differences that are a surrogate's gradient."""
+"""Step over the value of an input, in the differences that give a surrogate's gradient."""
 
 SURFACES = 2**32
-"""Indices of surfaces are below this number."""
+"""Number of indices that surfaces can have, from 0."""
 
 COVERAGE = Range(0, 1, "a coverage between 0 and 1, as 0.9")
+"""Levels of intervals that are allowed, with the words of an error."""
 
 Nodes = int | list[int] | None
-"""Nodes a side, or along both axes; those of the scene if None."""
+"""Nodes along both axes, or a list of those along x and along y; None for those of the scene."""
 
 Outside = Literal["warn", "nan", "raise"]
-"""What a surrogate does with points outside its training."""
+"""What a surrogate does with points outside its training; see `SurrogateFunction`."""
 
 
 class Unsolved(ArithmeticError):
-    """A contact problem without a solution, or one that did not converge."""
+    """The error of a contact problem that has no solution, or did not converge."""
 
 
 class OutsideTraining(UserWarning):
@@ -74,55 +76,70 @@ class OutsideTraining(UserWarning):
 
 @dataclass(frozen=True)
 class Inputs:
-    """The inputs of a function: drawn parameters of the surface, load and hardness."""
+    """The names of the inputs of a function: drawn parameters, a load and perhaps a hardness."""
 
-    parameters: tuple[str, ...]
-    load: str  # its quantity, see `gen.scene.load`
-    hardness: str = ""  # its name, if it is an input
+    parameters: tuple[str, ...]  # parameters of the surface
+    load: str  # quantity of the load, one of `gen.scene.tables.UNITS` or of a scene's features
+    hardness: str = ""  # name of the hardness; "" if it is no input
 
     @classmethod
     def of(cls, scene: Scene) -> "Inputs":
-        """Return the inputs that a scene leaves open: drawn parameters, load, drawn hardness."""
-        drawn = (
-            name for name, given in scene.drawn_parameters.items() if is_drawn(given)
-        )
-        return cls(
-            tuple(drawn), scene.quantity, "hardness" * scene.contact.draws_hardness
-        )
+        """Return the inputs that a scene leaves open: drawn parameters, load, drawn hardness.
+
+        Parameters
+        ----------
+        scene : Scene
+            A completed scene.
+
+        Returns
+        -------
+        Inputs
+            The inputs; a parameter or a hardness with a fixed value is none.
+        """
+        drawn = [
+            name for name, value in scene.drawn_parameters.items() if is_drawn(value)
+        ]
+        hardness = "hardness" if scene.contact.draws_hardness else ""
+        return cls(tuple(drawn), scene.quantity, hardness)
 
     @property
     def load_name(self) -> str:
-        """Name of the load's keyword argument: `load` where its quantity is a quotient."""
+        """Name of the load's keyword argument: its quantity, or "load" if that is a quotient."""
         return self.load if self.load.isidentifier() else "load"
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the keyword arguments, in order."""
-        return (
-            *self.parameters,
-            self.load_name,
-            *([self.hardness] if self.hardness else []),
-        )
+        """Names of the keyword arguments: parameters, load, and the hardness if it is an input."""
+        names = (*self.parameters, self.load_name)
+        if self.hardness:
+            names = (*names, self.hardness)
+        return names
 
     @property
     def sizes(self) -> list[int]:
-        """Sizes of the vectors of UM-Bridge: parameters if there are any, load, hardness."""
-        surface = [len(self.parameters)] if self.parameters else []
-        return [*surface, 1, *([1] if self.hardness else [])]
+        """Sizes of the input vectors of UM-Bridge.
+
+        The parameters are one vector, if there are any. Load and hardness have one each.
+        """
+        sizes = [len(self.parameters)] if self.parameters else []
+        sizes.append(1)
+        if self.hardness:
+            sizes.append(1)
+        return sizes
 
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Questions to a function, n of them, which share a grid and a seed.
+    """The n points of a call, which share a grid and a seed.
 
     Attributes
     ----------
     numbers : mapping of str to ndarray, shape (n,)
-        The values of each keyword argument.
+        The values of each keyword argument by its name.
     surface : ndarray of int, shape (n,)
-        Indices of the surfaces, which decide their random numbers.
+        Index of the surface of each point, which decides the surface's random numbers.
     nodes : int, list of int or None
-        Nodes a side or along both axes; those of the scene if None.
+        Nodes along both axes, or along x and along y; those of the scene if None.
     seed : int or None
         Seed of the surfaces; that of the scene if None.
     """
@@ -134,13 +151,13 @@ class Points:
 
     @property
     def of_scene(self) -> bool:
-        """True if the points leave surface, nodes and seed as the scene has them."""
+        """True if all points have the surface 0, and neither nodes nor a seed is given."""
         return self.nodes is None and self.seed is None and not self.surface.any()
 
 
 @dataclass(frozen=True, eq=False)
 class OneSurface:
-    """A surface, and the points that ask about it.
+    """A surface, and the k points of a call that have it.
 
     Attributes
     ----------
@@ -149,7 +166,7 @@ class OneSurface:
     heights : ndarray, shape (nx, ny)
         Heights of the surface [um].
     places : ndarray of int, shape (k,)
-        Places of the points among all points.
+        Places of these points among all points of the call.
     kind : str
         "delta", "pressure" or "force": what the loads are.
     loads : ndarray, shape (k,)
@@ -167,14 +184,14 @@ class OneSurface:
 
 
 def surfaces_of(scene: Scene, inputs: Inputs, points: Points) -> Iterator[OneSurface]:
-    """Make the surfaces that points ask about, each once, in the order of their first points.
+    """Make the surfaces of the points of a call, each once, in the order of their first points.
 
     Parameters
     ----------
     scene : Scene
         The scene, whose parameters the points set.
     inputs : Inputs
-        What the numbers of the points are.
+        Names of the numbers of the points: parameters, load and hardness.
     points : Points
         The points.
 
@@ -188,31 +205,61 @@ def surfaces_of(scene: Scene, inputs: Inputs, points: Points) -> Iterator[OneSur
     InputError
         If a value is not allowed, with its name.
     """
-    for name in (inputs.load_name, inputs.hardness):
-        values = points.numbers.get(name, np.ones(1))
-        wrong = values[~(values > 0)]
-        if wrong.size:
-            raise InputError(f"input: {name} = {wrong[0]:g}; allowed: a number above 0")
+    _require_positive(inputs, points)
     if isinstance(scene.surface, ScanSurface) and points.nodes is not None:
         raise InputError(
             "nodes: the surfaces are windows of maps, which have the scene's"
         )
+    for places in _points_by_surface(inputs, points):
+        first = int(places[0])
+        parameters = {
+            name: float(points.numbers[name][first]) for name in inputs.parameters
+        }
+        fixed = scene.with_parameters(parameters, nodes=points.nodes, seed=points.seed)
+        heights = surface_numbered(fixed, int(points.surface[first]))
+        kind = inputs.load
+        loads = points.numbers[inputs.load_name][places]
+        # Another load than the scene's, which a surrogate may have learnt, is absolute already.
+        if kind == fixed.quantity:
+            kind, loads = absolute_load(fixed, heights, loads)
+        hardness: Values | None = None
+        if inputs.hardness:
+            hardness = points.numbers[inputs.hardness][places]
+        yield OneSurface(
+            scene=fixed,
+            heights=heights,
+            places=places,
+            kind=kind,
+            loads=loads,
+            hardness=hardness,
+        )
+
+
+def _require_positive(inputs: Inputs, points: Points) -> None:
+    """Refuse loads and hardnesses that are not above 0."""
+    for name in (inputs.load_name, inputs.hardness):
+        if name not in points.numbers:  # no hardness
+            continue
+        values = points.numbers[name]
+        wrong = values[~(values > 0)]
+        if wrong.size:
+            raise InputError(f"input: {name} = {wrong[0]:g}; allowed: a number above 0")
+
+
+def _points_by_surface(inputs: Inputs, points: Points) -> list[Indices]:
+    """Return the places of the points of each surface, in the order of their first points.
+
+    Points with the same parameters and the same index have the same surface.
+    """
+    if not points.surface.size:
+        return []
     parameters = [points.numbers[name] for name in inputs.parameters]
     keys = np.column_stack([points.surface, *parameters])
     _, group, sizes = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
-    order = np.argsort(group.ravel(), kind="stable")
-    groups = np.split(order, np.cumsum(sizes)[:-1]) if order.size else []
-    for places in sorted(groups, key=lambda group: int(group[0])):
-        place = int(places[0])
-        drawn = {name: float(points.numbers[name][place]) for name in inputs.parameters}
-        fixed = scene.with_parameters(drawn, nodes=points.nodes, seed=points.seed)
-        heights = surface_numbered(fixed, int(points.surface[place]))
-        loads = points.numbers[inputs.load_name][places]
-        kind = inputs.load
-        if kind == fixed.quantity:
-            kind, loads = absolute_load(fixed, heights, loads)
-        hardness = points.numbers[inputs.hardness][places] if inputs.hardness else None
-        yield OneSurface(fixed, heights, places, kind, loads, hardness)
+    # A stable sort keeps the points of each group in their order.
+    places = np.argsort(group.ravel(), kind="stable")
+    groups = np.split(places, np.cumsum(sizes)[:-1])
+    return sorted(groups, key=lambda of_surface: int(of_surface[0]))
 
 
 class Function(ABC):
@@ -221,9 +268,9 @@ class Function(ABC):
     Attributes
     ----------
     inputs : Inputs
-        What these numbers are.
+        The numbers.
     outputs : tuple of str
-        Names of the numbers of an answer.
+        Names of the numbers of an answer, in order.
     """
 
     inputs: Inputs
@@ -231,7 +278,7 @@ class Function(ABC):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the keyword arguments, each of which has to be given."""
+        """Names of the keyword arguments, all of which have to be given."""
         return self.inputs.names
 
     def __call__(
@@ -246,25 +293,26 @@ class Function(ABC):
         experiment_name: object = None,
         **numbers: ArrayLike,
     ) -> Values:
-        """Answer one question, or one for each element of arrays.
+        """Compute the outputs at one point, or at each point of arrays.
 
         Parameters
         ----------
         surface : int or array of int
             Index of the surface, which decides its random numbers.
         nodes : int or pair of int, optional
-            Nodes a side, the fidelity; those of the scene if left out.
+            Nodes along both axes, or along x and y: the fidelity. By default those of the scene.
         seed : int, optional
             Seed of the surfaces; that of the scene if left out.
         job_id, num_procs, experiment_dir, experiment_name : object
-            What drivers of many jobs pass along; ignored.
+            Arguments that drivers of many jobs add; ignored.
         **numbers : float or array
-            A value for each of `names`: parameters of the surface, load, hardness [MPa].
+            A value for each of `names`: parameters of the surface, load, hardness [MPa]. Arrays are
+            broadcast to one shape, with `surface` too.
 
         Returns
         -------
         ndarray, shape (..., outputs)
-            The outputs, behind the dimensions that arrays broadcast to.
+            The outputs in the order of `outputs`, after the dimensions of the arrays.
 
         Raises
         ------
@@ -279,7 +327,7 @@ class Function(ABC):
 
     @abstractmethod
     def _answers(self, points: Points) -> Values:
-        """Return the outputs of n points, (n, outputs)."""
+        """Return the outputs of the n points of a call, (n, outputs)."""
 
     def gradient(
         self,
@@ -289,15 +337,15 @@ class Function(ABC):
         seed: int | None = None,
         **numbers: float,
     ) -> Values:
-        """Return the derivatives of outputs by inputs that are cheap; the others are NaN.
+        """Compute the derivatives of outputs by inputs that are cheap; the other ones are NaN.
 
-        The solver has those of force and Delta by the load, by one linear solve. A surrogate has
-        those of all outputs but `inside`, by differences.
+        The solver has the derivatives of force and Delta by the load, from one linear solve. A
+        surrogate has the derivatives of all outputs but `inside`, from differences.
 
         Parameters
         ----------
         surface, nodes, seed : int, optional
-            As in a call.
+            Surface, fidelity and seed, as in a call.
         **numbers : float
             A value for each of `names`.
 
@@ -318,7 +366,7 @@ class Function(ABC):
 
     @abstractmethod
     def _slopes(self, point: Points) -> Values:
-        """Return what `gradient` does, at one point."""
+        """Return the derivatives of `gradient` at the only point, (outputs, inputs)."""
 
     def _points(
         self,
@@ -327,8 +375,11 @@ class Function(ABC):
         nodes: int | Sequence[int] | None,
         seed: int | None,
     ) -> tuple[Points, tuple[int, ...]]:
-        """Check what a caller has passed; return it as points, and the shape of the answer."""
-        if {*numbers} != {*self.names}:
+        """Check the arguments of a call; return its points, and the shape of its arrays.
+
+        Raises InputError for arguments that are not allowed.
+        """
+        if numbers.keys() != set(self.names):
             passed = ", ".join(numbers) or "nothing"
             raise InputError(
                 f"{passed} given: the function takes {', '.join(self.names)}"
@@ -336,27 +387,42 @@ class Function(ABC):
         with input_errors("input"):
             arrays = {name: real_array(name, numbers[name]) for name in self.names}
             arrays["surface"] = real_array("surface", surface)
-        try:
-            shape = np.broadcast_shapes(*(array.shape for array in arrays.values()))
-        except ValueError:
-            shapes = ", ".join(
-                f"{n} {each.shape}" for n, each in arrays.items() if each.ndim
-            )
-            raise InputError(
-                f"input: arrays of shapes {shapes} do not belong together: give arrays of one"
-                " length, or shapes that NumPy broadcasts"
-            ) from None
+        shape = _broadcast_shape(arrays)
         flat = {
             name: np.broadcast_to(array, shape).ravel() for name, array in arrays.items()
         }
-        index = flat.pop("surface")
-        wrong = index[~((index >= 0) & (index < SURFACES) & (index == np.floor(index)))]
-        if wrong.size:
-            raise InputError(
-                f"surface = {wrong[0]:g}: allowed: a whole number from 0 to {SURFACES - 1}"
-            )
-        grid = list(nodes) if isinstance(nodes, Sequence) else nodes
-        return Points(flat, index.astype(np.int64), grid, seed), shape
+        indices = _surface_indices(flat.pop("surface"))
+        if isinstance(nodes, Sequence):
+            nodes = list(nodes)
+        return Points(numbers=flat, surface=indices, nodes=nodes, seed=seed), shape
+
+
+def _broadcast_shape(arrays: Mapping[str, Values]) -> tuple[int, ...]:
+    """Return the shape to which the arrays of a call are broadcast.
+
+    Raises InputError, with the shapes of the arrays, if there is none.
+    """
+    try:
+        return np.broadcast_shapes(*(array.shape for array in arrays.values()))
+    except ValueError:
+        shapes = ", ".join(
+            f"{name} {array.shape}" for name, array in arrays.items() if array.ndim
+        )
+        raise InputError(
+            f"input: arrays of shapes {shapes} do not belong together: give arrays of one"
+            " length, or shapes that NumPy broadcasts"
+        ) from None
+
+
+def _surface_indices(numbers: Values) -> Indices:
+    """Return indices of surfaces, (n,), as integers; refuse numbers that are no indices."""
+    is_index = (numbers >= 0) & (numbers < SURFACES) & (numbers == np.floor(numbers))
+    wrong = numbers[~is_index]
+    if wrong.size:
+        raise InputError(
+            f"surface = {wrong[0]:g}: allowed: a whole number from 0 to {SURFACES - 1}"
+        )
+    return numbers.astype(np.int64)
 
 
 class SceneFunction(Function):
@@ -370,55 +436,69 @@ class SceneFunction(Function):
         Columns of a database: area_percent, force, delta, or others as mean_gap, stiffness,
         continuum_area_percent or hydraulic_aperture_x.
     trust : bool
-        Whether to run the function of the user's own that makes the scene's surfaces.
+        True to run the Python function that the scene names for its surfaces.
+
+    Raises
+    ------
+    InputError
+        If the scene cannot be used, or an output is unknown.
     """
 
     def __init__(
         self, scene: Scene | str, outputs: Sequence[str] = USUAL, *, trust: bool = False
     ) -> None:
-        self.outputs = _among(KNOWN, outputs)
+        self.outputs = _require_available(SOLVER_OUTPUTS, outputs)
         self._trust = trust or TRUSTED.get()
-        with self._trusted():  # as a surrogate knows it: parameters in alphabetical order
-            read = load(scene) if isinstance(scene, str) else scene
-            self.scene = Scene.from_text(completed(read).text())
+        with self._trusted():
+            if isinstance(scene, str):
+                scene = load(scene)
+            # The text has the parameters in alphabetical order, as the scene of a surrogate.
+            self.scene = Scene.from_text(completed(scene).text())
         self.inputs = Inputs.of(self.scene)
 
     def _answers(self, points: Points) -> Values:
-        """Solve the contact problems, surface by surface."""
+        """Solve the contact of each point, surface by surface; return the outputs, (n, outputs)."""
         answers = np.empty((points.surface.size, len(self.outputs)))
-        with self._trusted(), _in_words():
+        with self._trusted(), _solver_errors():
             for surface in surfaces_of(self.scene, self.inputs, points):
                 for number, place in enumerate(surface.places):
                     contact = _solved(surface, number)
-                    answers[place] = [
-                        float(QUANTITIES[name].of(contact)) for name in self.outputs
-                    ]
+                    for column, name in enumerate(self.outputs):
+                        answers[place, column] = float(QUANTITIES[name].of(contact))
         return answers
 
     def _slopes(self, point: Points) -> Values:
-        """Return derivatives of force and Delta by the load; see `gradient`."""
-        with self._trusted(), _in_words():
+        """Return derivatives of force and Delta by the load, (outputs, inputs); see `gradient`.
+
+        The scene's load may be relative to the surface, and is then proportional to Delta or to
+        the force.
+        """
+        with self._trusted(), _solver_errors():
             (surface,) = surfaces_of(self.scene, self.inputs, point)
             contact = _solved(surface, 0)
-            stiffness = contact.loading_stiffness
-        load = float(surface.loads[0])
+            stiffness = contact.loading_stiffness  # dF / dDelta [uN / um]
+        load = float(surface.loads[0])  # Delta [um] or force [uN]
         if surface.kind == "pressure":
             load *= math.prod(contact.problem.spacing) * contact.pressure.size
-        per_load = load / float(point.numbers[self.inputs.load_name][0])
-        of_delta, of_force = per_load, stiffness * per_load
-        if contact.problem.delta is None:
-            of_delta, of_force = per_load / stiffness, per_load
+        per_input = load / float(point.numbers[self.inputs.load_name][0])
+        if contact.problem.delta is None:  # the load is a force
+            slope_of_force = per_input
+            slope_of_delta = per_input / stiffness
+        else:
+            slope_of_delta = per_input
+            slope_of_force = stiffness * per_input
+        column = len(self.inputs.parameters)  # the load follows the parameters
         derivatives = np.full((len(self.outputs), len(self.names)), np.nan)
         for row, name in enumerate(self.outputs):
             if name == DELTA.name:
-                derivatives[row, len(self.inputs.parameters)] = of_delta
+                derivatives[row, column] = slope_of_delta
             elif name == FORCE.name:
-                derivatives[row, len(self.inputs.parameters)] = of_force
+                derivatives[row, column] = slope_of_force
         return derivatives
 
     @contextmanager
     def _trusted(self) -> Iterator[None]:
-        """Let the scene's function run, if this object trusts it."""
+        """Let the function that the scene names run in the block, if this object trusts it."""
         token = TRUSTED.set(self._trust)
         try:
             yield
@@ -426,23 +506,30 @@ class SceneFunction(Function):
             TRUSTED.reset(token)
 
 
-def _among(known: Collection[str], outputs: Sequence[str]) -> tuple[str, ...]:
-    """Return outputs, or refuse those that are unknown."""
-    if unknown := {*outputs} - {*known}:
-        raise InputError(f"{', '.join(sorted(unknown))}: outputs are {', '.join(known)}")
+def _require_available(
+    available: Collection[str], outputs: Sequence[str]
+) -> tuple[str, ...]:
+    """Return the names of outputs as a tuple; refuse names that are not `available`."""
+    unknown = set(outputs) - set(available)
+    if unknown:
+        raise InputError(
+            f"{', '.join(sorted(unknown))}: outputs are {', '.join(available)}"
+        )
     return tuple(outputs)
 
 
 def _solved(surface: OneSurface, number: int) -> bem.Contact:
-    """Solve the contact of a surface at the load of one of its points."""
-    hardness = None if surface.hardness is None else float(surface.hardness[number])
+    """Solve the contact of a surface at the load of one of its points, 0 for the first."""
+    hardness: float | None = None
+    if surface.hardness is not None:
+        hardness = float(surface.hardness[number])
     load = {surface.kind: float(surface.loads[number])}
     return solve_contact(surface.scene, surface.heights, hardness=hardness, **load)
 
 
 @contextmanager
-def _in_words() -> Iterator[None]:
-    """Turn what the solver raises into the errors of a function."""
+def _solver_errors() -> Iterator[None]:
+    """Raise errors of the solver in the block as InputError, or as `Unsolved`."""
     try:
         yield
     except bem.OutOfRange as error:
@@ -454,37 +541,64 @@ def _in_words() -> Iterator[None]:
 
 
 @dataclass(frozen=True)
-class Part:
-    """What an output of a surrogate is."""
+class SurrogateOutput:
+    """An output of a surrogate: a value, an end of its interval, or the flag of the training."""
 
-    target: str  # short name, as "area"; "" for the flag of points inside the training
+    target: (
+        str  # short name, as "area"; "" for the flag: 1 inside the training, 0 outside
+    )
     end: Literal["", "low", "high"] = ""  # of the interval; "" for the value
     mean: bool = False  # True for the mean over all surfaces of the parameters
 
 
-def _parts_of(surrogate: "Surrogate") -> dict[str, Part]:
-    """Return what a surrogate may be asked for, by the names of the outputs."""
+def _outputs_of(surrogate: "Surrogate") -> dict[str, SurrogateOutput]:
+    """Return all outputs of a surrogate by name: first the targets, then the further ones.
+
+    A target with the name of a further output takes its place.
+    """
     from learn.models import POPULATION
 
-    parts = {target: Part(target) for target in surrogate.learnt}
-    further = {"inside": Part("")}
+    outputs = {target: SurrogateOutput(target) for target in surrogate.learnt}
+    of_targets = {"inside": SurrogateOutput("")}
     for target in surrogate.learnt:
-        further[f"{target}_low"] = Part(target, "low")
-        further[f"{target}_high"] = Part(target, "high")
+        of_targets[f"{target}_low"] = SurrogateOutput(target, "low")
+        of_targets[f"{target}_high"] = SurrogateOutput(target, "high")
         if surrogate.features.of_scene:
-            further[f"{target}_mean"] = Part(target, mean=True)
+            of_targets[f"{target}_mean"] = SurrogateOutput(target, mean=True)
         if surrogate.card["model"] == POPULATION.name:
-            further[f"{target}_mean_low"] = Part(target, "low", mean=True)
-            further[f"{target}_mean_high"] = Part(target, "high", mean=True)
-    return parts | {name: part for name, part in further.items() if name not in parts}
+            low = SurrogateOutput(target, "low", mean=True)
+            high = SurrogateOutput(target, "high", mean=True)
+            of_targets[f"{target}_mean_low"] = low
+            of_targets[f"{target}_mean_high"] = high
+    for name, output in of_targets.items():
+        outputs.setdefault(name, output)
+    return outputs
+
+
+@dataclass(frozen=True, eq=False)
+class RowsOfPoints:
+    """The rows to predict for the n points of a call, surface by surface."""
+
+    rows: "Rows"
+    places: Indices  # (n,), place of each row's point in the call
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedPoints:
+    """The outputs of a surrogate at the n points of a call."""
+
+    outputs: Values  # (n, outputs)
+    reasons: list[
+        str
+    ]  # for each point why it is outside the training; "" if it is inside
 
 
 class SurrogateFunction(Function):
     """A surrogate as a function; it predicts all points of a call together.
 
-    The load is Delta [um], or the pressure [MPa] that the surrogate has learnt. One of the scene's
-    own numbers takes theirs, and no surface is made. Intervals are of 90 %, or the largest level
-    below that the surrogate reaches: `level`.
+    The load is Delta [um], or the pressure [MPa] that the surrogate has learnt. A surrogate of a
+    scene's own numbers takes these numbers, and makes no surface. `level` is the coverage of its
+    intervals.
 
     Parameters
     ----------
@@ -493,16 +607,16 @@ class SurrogateFunction(Function):
     outputs : sequence of str, optional
         Targets, as "area"; the ends of their intervals, as "area_low" and "area_high"; and
         "inside", 1 inside the training and 0 outside. A surrogate of a scene's own numbers also
-        has the mean over all surfaces of the parameters, "area_mean", and one of the model
-        population the ends of its interval, "area_mean_low" and "area_mean_high". All targets if
-        left out.
-    outside : str
-        What to do with points outside the training: "warn" gives the first call with such points
-        an `OutsideTraining` warning, "nan" answers them with NaN, "raise" refuses them.
-        Intervals do not hold there: their ends are NaN.
+        has the mean over all surfaces of the parameters, "area_mean". If its model is the
+        population, it has the ends of the interval of this mean, "area_mean_low" and
+        "area_mean_high". By default all targets.
+    outside : {"warn", "nan", "raise"}
+        What to do with points outside the training: "warn" answers them, and the first call with
+        such a point gives an `OutsideTraining` warning; "nan" answers them with NaN; "raise"
+        refuses them. Intervals do not hold there: their ends are NaN.
     level : float, optional
-        Coverage of the intervals; 90 %, or the largest level below that the surrogate reaches, if
-        left out.
+        Coverage of the intervals. By default 0.9, or the largest level below it that the surrogate
+        reaches.
 
     Raises
     ------
@@ -519,101 +633,99 @@ class SurrogateFunction(Function):
         outside: Outside = "warn",
         level: float | None = None,
     ) -> None:
-        from learn.features.scene import HARDNESSES
         from learn.surrogate import Surrogate
         from learn.surrogate.level import level_of
 
         if outside not in {"warn", "nan", "raise"}:
             raise InputError(f"outside = {outside!r}: allowed: warn, nan, raise")
-        self._path = Path(path).absolute()
         if level is not None:
             with input_errors():
                 level = float(real_number("level", level, COVERAGE))
+        self._path = Path(path).absolute()
         self._outside = outside
         self._warned = False
         self._lock = Lock()
         self.surrogate = Surrogate.load(self._path)
         self.level = level_of(self.surrogate, level)
         self.of_scene = self.surrogate.features.of_scene
-        known = _parts_of(self.surrogate)
-        self.outputs = _among(
-            known, tuple(self.surrogate.learnt if outputs is None else outputs)
-        )
-        self._parts = [known[name] for name in self.outputs]
+        if outputs is None:
+            outputs = tuple(self.surrogate.learnt)
+        available = _outputs_of(self.surrogate)
+        self.outputs = _require_available(available, outputs)
+        self._descriptions = [available[name] for name in self.outputs]
         if self.of_scene:
-            *drawn, load = self.surrogate.features.names
-            hard = [name for name in drawn if name in HARDNESSES]
-            parameters = tuple(name for name in drawn if name not in HARDNESSES)
-            self.inputs = Inputs(parameters, load, *hard)
-            return
-        self.scene = Scene.from_text(self.surrogate.card["scene"], str(path))
-        if isinstance(self.scene.surface, PythonSurface):
-            raise InputError(
-                f"{path}: its surfaces come from {self.scene.surface.function}, and no code runs"
-                " for a surrogate; give `learn predict` the surfaces themselves"
-            )
-        inputs, load = Inputs.of(self.scene), self.surrogate.features.load
-        limits = self.surrogate.hardness_limits  # of all databases of the training
-        self.inputs = replace(
-            inputs,
-            load=inputs.load if inputs.load.startswith(load) else load,
-            hardness="hardness" if limits is not None and limits[0] < limits[1] else "",
-        )
+            self.inputs = _inputs_of_numbers(self.surrogate)
+        else:
+            self.scene = _scene_without_code(self.surrogate, path)
+            self.inputs = _inputs_of_surfaces(self.surrogate, self.scene)
 
     def __reduce__(self) -> tuple[Callable[[Path], "SurrogateFunction"], tuple[Path]]:
-        """Read the file again where a copy is unpickled: no estimator travels."""
-        remade = partial(
+        """Return how a copy is unpickled: it reads the file again, so that no estimator travels."""
+        make_copy = partial(
             SurrogateFunction,
             outputs=self.outputs,
             outside=self._outside,
             level=self.level,
         )
-        return remade, (self._path,)
+        return make_copy, (self._path,)
 
     def _answers(self, points: Points) -> Values:
-        """Predict all points together."""
+        """Predict the n points of a call together; return the outputs, (n, outputs)."""
         if points.surface.size == 0:
             return np.empty((0, len(self.outputs)))
-        columns, reasons = self._columns(points)
-        self._tell(reasons)
-        return self._withheld(columns, reasons)
+        predicted = self._predicted(points)
+        self._refuse_or_warn(predicted.reasons)
+        return self._withheld(predicted.outputs, predicted.reasons)
 
     def _slopes(self, point: Points) -> Values:
-        """Return differences of the predictions; see `gradient`."""
+        """Return central differences of the predictions, (outputs, inputs); see `gradient`."""
         numbers = {name: float(values[0]) for name, values in point.numbers.items()}
         steps = {name: STEP * (abs(number) or 1.0) for name, number in numbers.items()}
-        places = [numbers]
+        # The point itself, then two neighbours for each input: above and below.
+        neighbours = [numbers]
         for name, step in steps.items():
-            places.append({**numbers, name: numbers[name] + step})
-            places.append({**numbers, name: numbers[name] - step})
-        moved = {name: np.array([place[name] for place in places]) for name in numbers}
-        near = replace(
-            point, numbers=moved, surface=np.repeat(point.surface, len(places))
-        )
-        columns, reasons = self._columns(near)
-        self._tell(reasons[:1])
-        more, less = columns[1::2], columns[2::2]
-        derivatives = (more - less) / (2 * np.array([*steps.values()])[:, None])
-        derivatives[:, [part.target == "" for part in self._parts]] = np.nan
-        return self._withheld(derivatives, reasons[:1] * len(steps)).T
+            neighbours.append({**numbers, name: numbers[name] + step})
+            neighbours.append({**numbers, name: numbers[name] - step})
+        moved = {name: np.array([near[name] for near in neighbours]) for name in numbers}
+        surfaces = np.repeat(point.surface, len(neighbours))
+        predicted = self._predicted(replace(point, numbers=moved, surface=surfaces))
+        reasons_of_point = predicted.reasons[:1]
+        self._refuse_or_warn(reasons_of_point)
+        above = predicted.outputs[1::2]
+        below = predicted.outputs[2::2]
+        widths = 2 * np.array(list(steps.values()))
+        derivatives = (above - below) / widths[:, None]
+        is_flag = [output.target == "" for output in self._descriptions]
+        derivatives[:, is_flag] = np.nan
+        return self._withheld(derivatives, reasons_of_point * len(steps)).T
 
-    def _columns(self, points: Points) -> tuple[Values, list[str]]:
-        """Predict n points: the outputs, (n, outputs), and why each is outside the training."""
-        rows, places = self._rows(points)
-        ends = any(part.end and not part.mean for part in self._parts)
-        prediction = self.surrogate.predict_rows(rows, level=self.level if ends else None)
-        means = prediction
-        if any(part.end and part.mean for part in self._parts):
-            means = self.surrogate.predict_rows(rows, level=self.level, mean=True)
-        columns = np.empty((places.size, len(self._parts)))
-        for column, part in enumerate(self._parts):
-            columns[places, column] = _output(means if part.mean else prediction, part)
+    def _predicted(self, points: Points) -> PredictedPoints:
+        """Predict the n points of a call."""
+        question = self._rows(points)
+        needs_ends = any(out.end and not out.mean for out in self._descriptions)
+        needs_ends_of_mean = any(out.end and out.mean for out in self._descriptions)
+        level = self.level if needs_ends else None
+        prediction = self.surrogate.predict_rows(question.rows, level=level)
+        # The values are equal; only the intervals of the mean need a second prediction.
+        of_mean = prediction
+        if needs_ends_of_mean:
+            of_mean = self.surrogate.predict_rows(
+                question.rows, level=self.level, mean=True
+            )
+        places = question.places
+        outputs = np.empty((places.size, len(self._descriptions)))
+        for column, output in enumerate(self._descriptions):
+            source = of_mean if output.mean else prediction
+            outputs[places, column] = _output(source, output)
         reasons = np.empty(places.size, dtype=object)
         reasons[places] = prediction.reasons
-        return columns, reasons.tolist()
+        return PredictedPoints(outputs, reasons.tolist())
 
-    def _rows(self, points: Points) -> tuple["Rows", Indices]:
-        """Return rows to predict, and the place of each among the n points."""
+    def _rows(self, points: Points) -> RowsOfPoints:
+        """Return the rows to predict for the n points of a call.
+
+        Raises InputError if a surrogate of a scene's own numbers is asked about a surface.
+        """
         from learn.features.rows import joined
 
         if self.of_scene:
@@ -623,47 +735,98 @@ class SurrogateFunction(Function):
                 )
             names = dict(zip(self.names, self.surrogate.features.names, strict=True))
             numbers = {names[name]: values for name, values in points.numbers.items()}
-            return self.surrogate.of_numbers(numbers), np.arange(points.surface.size)
-        parts, places = [], []
+            rows = self.surrogate.of_numbers(numbers)
+            return RowsOfPoints(rows, np.arange(points.surface.size))
+        parts: list[Rows] = []
+        places: list[Indices] = []
         for surface in surfaces_of(self.scene, self.inputs, points):
             on_surface = self.surrogate.for_surface(surface.heights, surface.scene.sides)
             parts.append(on_surface.rows(surface.loads, hardness=surface.hardness))
             places.append(surface.places)
-        return joined(parts), np.concatenate(places)
+        return RowsOfPoints(joined(parts), np.concatenate(places))
 
-    def _tell(self, reasons: Sequence[str]) -> None:
-        """Refuse points outside the training, or warn of the first ones."""
+    def _refuse_or_warn(self, reasons: Sequence[str]) -> None:
+        """Refuse points outside the training, or warn of the first ones, as `outside` says.
+
+        `reasons` say for each point why it is outside; "" if it is inside.
+        """
         outside = [reason for reason in reasons if reason]
         if not outside or self._outside == "nan":
             return
         text = (
-            f"{len(outside)} of {len(reasons)} points lie outside what {self._path.name} was"
-            f" trained on: {outside[0]}"
+            f"{len(outside)} of {len(reasons)} points lie outside what {self._path.name}"
+            f" was trained on: {outside[0]}"
         )
         if self._outside == "raise":
             raise InputError(text)
         with self._lock:
-            first = not self._warned
+            is_first = not self._warned
             self._warned = True
-        if first:
+        if is_first:
             advice = 'the output "inside" tells which; further calls do not warn'
+            # The warning names the line of the user's call, four frames up.
             warnings.warn(f"{text}; {advice}", OutsideTraining, stacklevel=4)
 
-    def _withheld(self, columns: Values, reasons: Sequence[str]) -> Values:
-        """Take out of n answers, (n, outputs), what does not hold outside the training."""
-        outside = np.array([reason != "" for reason in reasons])
-        for column, part in enumerate(self._parts):
-            if part.end or (part.target and self._outside == "nan"):
-                columns[outside, column] = np.nan
-        return columns
+    def _withheld(self, outputs: Values, reasons: Sequence[str]) -> Values:
+        """Return outputs, (n, outputs), with NaN for those that do not hold outside the training.
+
+        These are the ends of intervals, and all but the flag if `outside` is "nan". The array is
+        changed in place.
+        """
+        is_outside = np.array([reason != "" for reason in reasons])
+        for column, output in enumerate(self._descriptions):
+            is_value = output.target != ""
+            if output.end or (is_value and self._outside == "nan"):
+                outputs[is_outside, column] = np.nan
+        return outputs
 
 
-def _output(prediction: "Prediction", part: Part) -> Values:
-    """Return one output of n predicted points, (n,)."""
-    if not part.target:
+def _inputs_of_numbers(surrogate: "Surrogate") -> Inputs:
+    """Return the inputs of a surrogate of a scene's own numbers."""
+    from learn.features.scene import HARDNESSES
+
+    *drawn, load = surrogate.features.names
+    parameters = [name for name in drawn if name not in HARDNESSES]
+    hardnesses = [name for name in drawn if name in HARDNESSES]  # one, or none
+    return Inputs(tuple(parameters), load, *hardnesses)
+
+
+def _scene_without_code(surrogate: "Surrogate", path: Path | str) -> Scene:
+    """Return the scene of a surrogate's training; refuse one whose surfaces a function makes.
+
+    `path` is the file of the surrogate in messages.
+    """
+    scene = Scene.from_text(surrogate.card["scene"], str(path))
+    if isinstance(scene.surface, PythonSurface):
+        raise InputError(
+            f"{path}: its surfaces come from {scene.surface.function}, and no code runs"
+            " for a surrogate; give `learn predict` the surfaces themselves"
+        )
+    return scene
+
+
+def _inputs_of_surfaces(surrogate: "Surrogate", scene: Scene) -> Inputs:
+    """Return the inputs of a surrogate of surfaces, which a scene makes.
+
+    The load is the scene's, if the surrogate has learnt this load, relative or not; otherwise the
+    learnt one. The hardness is an input if it differs between the databases of the training or
+    inside one.
+    """
+    inputs = Inputs.of(scene)
+    load = surrogate.features.load
+    if inputs.load.startswith(load):
+        load = inputs.load
+    limits = surrogate.hardness_limits
+    varies = limits is not None and limits[0] < limits[1]
+    return replace(inputs, load=load, hardness="hardness" if varies else "")
+
+
+def _output(prediction: "Prediction", output: SurrogateOutput) -> Values:
+    """Return one output of n predicted points, (n,); the prediction has the intervals it needs."""
+    if not output.target:
         return prediction.inside.astype(np.float64)
-    if part.end == "low":
-        return prediction.low[part.target]
-    if part.end == "high":
-        return prediction.high[part.target]
-    return prediction.values[part.target]
+    if output.end == "low":
+        return prediction.low[output.target]
+    if output.end == "high":
+        return prediction.high[output.target]
+    return prediction.values[output.target]

@@ -1,7 +1,7 @@
 """The programs of `gen`, `learn` and `bench` under the name of one command, `asperity`.
 
 A program is imported only when its command line runs or is completed, so that `asperity --help` and
-`asperity --version` are quick.
+`asperity --version` do not wait for it.
 """
 
 from collections.abc import Sequence
@@ -15,10 +15,10 @@ from gen.runtime import command_line
 
 
 class Program(NamedTuple):
-    """A program: the module of its `app` and `main`, and its help."""
+    """A program of the command."""
 
-    module: str
-    summary: str
+    module: str  # dotted name of the module with its `app` and `main`
+    summary: str  # line in the help of the command
 
 
 PROGRAMS = {
@@ -34,32 +34,34 @@ PROGRAMS = {
     ),
     "serve": Program(
         "asperity.serving.cli",
-        "A server of solver and surrogates for UM-Bridge's clients (needs the extra 'serve').",
+        "A server of solver and surrogates for UM-Bridge's clients (needs the extra"
+        " 'serve').",
     ),
 }
 """The programs by their names, in the order of the help."""
 
 
 class Programs(TyperGroup):
-    """A group of programs, each of which is imported only when its own words are looked at."""
+    """The group of all programs. It imports a program only to parse the words after its name."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Return name, command and remaining words; the command is the program's own group."""
-        name, _, rest = super().resolve_command(ctx, args)
+        """Return the program's name, its group of commands, and the words after the name.
+
+        The group takes the place of `_stand_in`, which Typer has found.
+        """
+        name, _, words = super().resolve_command(ctx, args)
         program = import_module(PROGRAMS[str(name)].module)
-        return name, typer.main.get_command(program.app), rest
+        return name, typer.main.get_command(program.app), words
 
 
 app = typer.Typer(cls=Programs, rich_markup_mode=None)
-
-
 app.callback(
     help="Contact of rough surfaces: solve it, make databases of it, learn from them."
 )(command_line.take_version)
 
 
 def _stand_in() -> None:
-    """Stand for a program in the help; `Programs` puts the program itself in its place."""
+    """Do nothing. This command stands for a program in the help, and `Programs` replaces it."""
 
 
 for _name, _program in PROGRAMS.items():
@@ -67,15 +69,32 @@ for _name, _program in PROGRAMS.items():
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run a command line in a `gen.runtime.farm.process`; return its exit code."""
-    name, *rest = arguments or [""]
-    if program := PROGRAMS.get(name):
-        code: int = import_module(program.module).main(rest, name=f"asperity {name}")
+    """Run a command line of `asperity`.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        Words after the command's name, beginning with the program. The caller has entered
+        `gen.runtime.farm.process`.
+
+    Returns
+    -------
+    int
+        Exit code, the same one on all MPI ranks.
+    """
+    if arguments and arguments[0] in PROGRAMS:
+        name, *words = arguments
+        program = import_module(PROGRAMS[name].module)
+        code: int = program.main(words, name=f"asperity {name}")
         return code
+    # The help, the version, or an error about the words.
     return command_line.main(app, arguments, "asperity")
 
 
 def complete() -> None:
-    """Print the words that can complete the command line of a shell, and end this process."""
+    """Print the words that complete a shell's command line, and end this process.
+
+    The command line is in environment variables that the shell has set.
+    """
     command: Any = typer.main.get_command(app)
     command(prog_name="asperity")

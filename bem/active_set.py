@@ -1,30 +1,40 @@
 """One active set for all contacts: 0 <= p <= P at a given displacement, or under a given load.
 
 The gap is w = H p - u - s, with the interference u and the displacement s of the far field, and the
-residual -w is the penetration. Where p = 0 the gap is open, w >= 0; between the bounds it is
-closed, w = 0; and where p is the hardness P the body has yielded, w <= 0. Elastic bodies have P =
-inf. This is a semi-smooth Newton method (Hintermueller, Ito and Kunisch 2002): the equations of the
-free nodes are solved loosely by preconditioned conjugate gradients, pressures are brought back
-between the bounds, and the sets are taken anew, until they stand.
+residual -w is the penetration. Where p = 0 the gap is open, w >= 0. Between the bounds it is
+closed, w = 0. Where p is the hardness P the body has yielded, w <= 0. Elastic bodies have P = inf.
+
+This is a semi-smooth Newton method (Hintermueller, Ito and Kunisch 2002) in rounds. Nodes are open,
+free (between the bounds) or yielded. A round takes these sets from the present pressure and
+residual, solves the equations of the free nodes loosely by preconditioned conjugate gradients, and
+brings pressures back between the bounds. Rounds end when the sets no longer change and the residual
+is small.
 
 A given load fixes the sum of all corrections, and s follows from the balance of the free nodes
 (projected conjugate gradients: Gould, Hribar and Nocedal 2001). At a given displacement corrections
-are kept conjugate to the pressure (deflation: Nicolaides 1987). Sets that no longer come nearer are
-damped by the energy p H p / 2 - p u, which the solution has least. Where that is not enough,
-projected gradients lower it for certain (Bertsekas 1976), so that every solve ends.
+are kept conjugate to the pressure (deflation: Nicolaides 1987). Rounds that no longer come nearer
+are damped by the energy p H p / 2 - p u, which is least for the solution. Where damping is not
+enough, projected gradients lower the energy for certain (Bertsekas 1976), so that every solve ends.
+
+Which counts of the ledger a constant moves: `python -m tests.ledger --halved bem.active_set.NAME`,
+or `--doubled`.
 """
 
 import math
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
-from bem.arrays import Field, Mask, Nodes, Real
+from bem.arrays import Field, Mask, Nodes, Real, Values
 from bem.dense import MOST_SETS, ContactFactor
 from bem.iterate import (
     BELOW_HARDNESS,
     CERTAIN,
     CLOSE,
     Iterate,
+    State,
     Violation,
     cut_to_load,
     inner,
@@ -32,412 +42,881 @@ from bem.iterate import (
 from bem.operators.filters import filtered
 from bem.threads import on_one_blas_thread
 
-# Factor by which conjugate gradients reduce the residual before the sets are checked, and the
-# factor on it whenever new sets have raised the energy: the last ones were then left too early.
-# Reductions from 0.3 to 0.55 take nearly the same convolutions on the paper's distribution (`pytest
-# bench -k solve_paper`).
-REDUCTION, TIGHTENING = 0.4, 0.5
+# Factor by which conjugate gradients reduce the residual before the sets are checked [1]. From 0.3
+# to 0.55 it takes nearly the same convolutions on the paper's distribution (`pytest bench -k
+# solve_paper`).
+REDUCTION = 0.4
+
+# Factor on the reduction whenever a round has raised the energy [1]: the sets before were then left
+# too early.
+TIGHTENING = 0.5
 
 # Share of the preconditioned residual that is added when pressures are brought back between the
-# bounds: a whole step would put too many nodes into contact.
+# bounds [1]: all of it would put too many nodes into contact.
 ADVANCE = 0.5
 
-# Shares of the tolerance that solves aim at, and that conjugate gradients reach.
-AIM, REACHED = 0.9, 0.8
+# Share of the tolerance that rounds aim at [1], so that an exact residual also meets it.
+AIM = 0.9
 
-# Share of its last exact value below which a residual updated in single precision is not trusted:
-# single precision carries about seven digits.
+# Share of the rounds' aim at which conjugate gradients end [1].
+REACHED = 0.8
+
+# Share of the last exact violation below which a residual updated in single precision is not
+# trusted [1]: single precision carries about seven digits.
 ROUNDING = 1e-6
 
-# Steps of conjugate gradients without a smaller residual after which single precision leaves none:
-# each step gains a factor of 2 or so.
+# Steps of conjugate gradients without a smaller residual after which single precision allows none:
+# otherwise a step gains a factor of about 2.
 STAGNANT = 30
 
-# Violation, over the displacement, from which a round is ended by an exact residual instead of one
-# in single precision, where that is needed next.
+# Largest violation, over the displacement, at which a round ends with an exact residual instead of
+# one in single precision, if the exact one is needed next anyway [1].
 POLISHED = 0.02
 
-# Share of the contact that leaves in one round at most where a displacement barely fixes the load.
+# Largest share of the contact that may leave in one round where a displacement barely fixes the
+# load [1].
 MOST_LEAVING = 0.4
 
-# Exact residuals in a row, none below half of the smallest, after which only rounding is left.
+# Exact residuals in a row, none below half of the smallest one, after which only rounding is left.
 IDLE = 5
 
-# Rounds in a row without a smaller violation from which the energy damps them, and after which
-# projected gradients take over, for this many steps; and rounds in all after which they do.
-DAMPED, PATIENCE, SAFE_STEPS, ROUNDS = 3, 12, 4, 40
+# Rounds without a smaller violation after which the energy damps further rounds.
+DAMPED = 3
 
-# Least gap of yielded nodes that are freed, as a share of the largest: freeing all of them at once
-# raises the load too far, and the sets cycle. The second share is for sets that gain too little.
-FREED, FREED_SLOWLY = 0.1, 0.7
+# Rounds without a smaller violation after which projected gradients or splitting take over.
+PATIENCE = 12
 
-# Share of the contact under tension up to which yielded nodes are freed before the free ones are
-# nearer to equilibrium: more tension means too much load, under which gaps open everywhere.
+# Steps of projected gradients that are then taken.
+SAFE_STEPS = 4
+
+# Rounds after which projected gradients or splitting take over, whatever the violations are.
+ROUNDS = 40
+
+# Least gap of yielded nodes that are freed, as a share of the largest such gap [1]: freeing all of
+# them at once raises the load too far, and the sets cycle.
+FREED = 0.1
+
+# The least gap of freed nodes, as such a share, while rounds gain too little [1].
+FREED_SLOWLY = 0.7
+
+# Share of the contact under tension up to which yielded nodes are freed although the free nodes are
+# further from equilibrium [1]. More tension means too much load, under which gaps open everywhere.
 LITTLE_TENSION = 0.1
 
-# Largest factor on the free pressures for the load that capping takes off their neighbours.
+# Largest factor on the free pressures that makes up for the load that capping takes off others [1].
 LARGEST_SCALE = 2.0
 
-# Nodes outside with the smallest gaps that are factorised with a contact set, as its share, and the
-# exact residuals that are computed before iterations take over.
-SPARE, RENEWALS = 0.08, 5
+# Passes that scale the free pressures after capping: each caps more nodes, and a few passes come
+# near enough.
+CAPPINGS = 4
 
-# Share of the largest set worth factorising up to which the factor is in double precision, which
-# saves a convolution at the end (`pytest bench -k few_in_contact`).
+# Open nodes with the smallest gaps that are factorised with a contact set, as a share of it [1].
+SPARE = 0.08
+
+# Exact residuals that dense algebra computes at most, before rounds take over.
+RENEWALS = 5
+
+# Share of the largest set worth factorising up to which the factor is in double precision [1],
+# which saves a convolution at the end (`pytest bench -k few_in_contact`).
 DOUBLE_SHARE = 0.5
 
-# Solves on nodes that are given: the factor by which the residual falls between looks at it, and
-# exact residuals at most.
-LINEAR_REDUCTION, LINEAR_RENEWALS = 0.1, 8
+# Factor by which `solve_on` reduces the residual between two checks of single precision [1].
+LINEAR_REDUCTION = 0.1
+
+# Exact residuals that `solve_on` computes at most.
+LINEAR_RENEWALS = 8
 
 # Free nodes of bodies that yield, as a share of the largest set worth factorising, up to which a
-# factor replaces conjugate gradients.
+# factor replaces conjugate gradients [1].
 FEW_FREE = 0.4
 
-# Splitting: the share of the new waves, the rest being the pressure between the bounds, that is cut
-# off; passes between two checks; and passes at most for each iteration that a problem allows: one
-# takes about a quarter of a step of conjugate gradients with its preconditioner.
-OVER, CHECKED, PASSES = 1.6, 10, 4
+# Share of the new waves that splitting mixes with the pressure between the bounds [1]. It is an
+# over-relaxation: the share of the pressure is negative.
+OVER = 1.6
+
+# Passes of splitting between two exact residuals.
+CHECKED = 10
+
+# Passes of splitting for each iteration that a problem allows. A pass takes about a quarter of a
+# step of conjugate gradients with its preconditioner.
+PASSES = 4
 
 
-class ActiveSet(Iterate):
-    """Takes an `Iterate` to equilibrium: by dense algebra on few nodes, or in rounds."""
+@dataclass(eq=False)
+class Progress:
+    """What the rounds so far tell: how near they are, and for how long they have come no nearer.
+
+    Attributes
+    ----------
+    violation : Violation
+        Departures from equilibrium after the last round [unit of displacement].
+    renewed : float
+        Largest violation of the last exact residual; 1 before the first one
+        [unit of displacement].
+    energy : float
+        Energy after the last round, inf before the first one [reduced].
+    reduction : float
+        Factor by which conjugate gradients reduce the residual before the sets are checked [1].
+    following : bool
+        Whether the last round took a step ahead on the next set.
+    smallest : float
+        Smallest largest violation since the patience was last restored [unit of displacement].
+    patience : int
+        Rounds without a smaller violation that are still allowed.
+    smallest_renewed : float
+        Smallest largest violation of all exact residuals [unit of displacement].
+    idle : int
+        Exact residuals in a row, none below half of the smallest one.
+    rounds : int
+        Rounds so far, plus exact residuals computed between them.
+    """
+
+    violation: Violation
+    renewed: float
+    energy: float = math.inf
+    reduction: float = REDUCTION
+    following: bool = False
+    smallest: float = math.inf
+    patience: int = PATIENCE
+    smallest_renewed: float = math.inf
+    idle: int = 0
+    rounds: int = 0
+
+    @property
+    def largest(self) -> float:
+        """Largest violation after the last round [unit of displacement]."""
+        return self.violation.largest
+
+    @property
+    def resolved(self) -> float:
+        """Least violation that single precision resolves [unit of displacement]."""
+        return ROUNDING * self.renewed
+
+    @property
+    def impatient(self) -> bool:
+        """Whether projected gradients or splitting have to come before the next round."""
+        return self.patience <= 0 or self.rounds % ROUNDS == ROUNDS - 1
+
+    @property
+    def slow(self) -> bool:
+        """Whether rounds have gained too little for half of the patience."""
+        return self.patience <= PATIENCE // 2
+
+    @property
+    def to_be_damped(self) -> bool:
+        """Whether the energy has to damp the next round."""
+        return self.patience <= PATIENCE - DAMPED
+
+    @property
+    def stalled(self) -> bool:
+        """Whether exact residuals no longer fall, so that only rounding is left."""
+        return self.idle >= IDLE
+
+    def restore_patience(self) -> None:
+        """Count rounds without a smaller violation anew."""
+        self.smallest = math.inf
+        self.patience = PATIENCE
+
+    def note_round(
+        self, violation: Violation, *, energy: float, exact: bool, following: bool
+    ) -> None:
+        """Take in the results of a round, and tighten the reduction if the energy has risen.
+
+        Parameters
+        ----------
+        violation : Violation
+            Departures from equilibrium after the round [unit of displacement].
+        energy : float
+            Energy after the round [reduced].
+        exact : bool
+            Whether the round ended with an exact residual.
+        following : bool
+            Whether the round took a step ahead on the next set.
+        """
+        if energy > self.energy:
+            self.reduction *= TIGHTENING
+        self.energy = energy
+        self.violation = violation
+        self.following = following
+        largest = self.largest
+        if exact:
+            self.renewed = largest
+        if largest < self.smallest:
+            self.patience = PATIENCE
+        else:
+            self.patience -= 1
+        self.smallest = min(self.smallest, largest)
+
+    def note_renewal(self, violation: Violation) -> None:
+        """Take in the violation of an exact residual between rounds, and restore the patience.
+
+        Parameters
+        ----------
+        violation : Violation
+            Departures from equilibrium by the exact residual [unit of displacement].
+        """
+        self.violation = violation
+        self.renewed = self.largest
+        if self.renewed < self.smallest_renewed / 2:
+            self.idle = 0
+        else:
+            self.idle += 1
+        self.smallest_renewed = min(self.smallest_renewed, self.renewed)
+        self.restore_patience()
+
+    def note_yielding(self, violation: Violation) -> None:
+        """Begin anew with bodies that yield; the reduction and the exact residuals stay counted.
+
+        Parameters
+        ----------
+        violation : Violation
+            Departures from equilibrium of the pressure cut off at the hardness
+            [unit of displacement].
+        """
+        self.violation = violation
+        self.renewed = 1.0
+        self.energy = math.inf
+        self.following = False
+        self.restore_patience()
+
+
+class Solved(NamedTuple):
+    """What solving the equations of the free nodes leaves.
+
+    Attributes
+    ----------
+    in_residual : ndarray, shape (nx, ny)
+        Pressure whose displacement the residual contains [reduced].
+    left : float
+        Largest residual of the free nodes; inf if it was not computed [unit of displacement].
+    dense : bool
+        Whether the equations were solved by dense algebra, which leaves the residual as it is.
+    """
+
+    in_residual: Field
+    left: float
+    dense: bool
+
+
+class Goals(NamedTuple):
+    """Where a stage of conjugate gradients looks at its sets, and where it ends.
+
+    Attributes
+    ----------
+    reduction : float
+        Factor by which the residual falls between two checks of the sets [1].
+    floor : float
+        Largest residual at which the stage ends [unit of displacement].
+    """
+
+    reduction: float
+    floor: float
+
+
+@dataclass(frozen=True, eq=False)
+class Constraint:
+    """What corrections of the free pressures keep: the load, or conjugacy to the pressure.
+
+    Arrays are values in contact, see `Patch.in_contact`.
+
+    Attributes
+    ----------
+    base : ndarray of float32
+        Pressure on the free nodes [reduced].
+    carried : float
+        Load that `base` carries if the load is given; 0 at a given displacement [reduced].
+    image : ndarray of float32
+        Displacement by `base`, used only if `stiffness` is above 0 [unit of displacement].
+    stiffness : float
+        Product of `base` and `image`; 0 if the load is given, or the displacement is not known.
+    """
+
+    base: Real
+    carried: float
+    image: Real
+    stiffness: float
+
+    def mean(self, residual: Real) -> float:
+        """Return the mean of a residual in contact weighted by the pressure; 0 without a load."""
+        if not self.carried:
+            return 0.0
+        return inner(self.base, residual) / self.carried
+
+    def applied(self, correction: Real, residual: Real) -> Real:
+        """Change a correction in place, and return it.
+
+        It carries no load in all if the load is given, else it is conjugate to the pressure if the
+        displacement by the pressure is known. `residual` is what it was computed from.
+        """
+        if self.carried:
+            excess = correction.sum(dtype=np.float64) / self.carried
+            correction -= np.float32(excess) * self.base
+        elif self.stiffness:
+            along = inner(residual, self.base) - inner(correction, self.image)
+            correction += np.float32(along / self.stiffness) * self.base
+        return correction
+
+
+class _Directions:
+    """Conjugate search directions of one stage, and the change of pressure along them.
+
+    Arrays are values in contact, see `Patch.in_contact`.
+    """
+
+    def __init__(self, constraint: Constraint, *, longest: float) -> None:
+        """Begin without a direction; no node may change by more than `longest` in a step."""
+        self.constraint = constraint
+        self.longest = longest
+        self.direction: Real = np.zeros(constraint.base.shape, np.float32)
+        self.change: Real = np.zeros(constraint.base.shape, np.float32)
+        self.product = math.inf  # of the last residual and its correction
+        self.shortened = False  # whether `longest` has cut off the last step
+
+    @property
+    def pressure(self) -> Real:
+        """Pressure on the free nodes after the steps so far [reduced]."""
+        pressure: Real = self.constraint.base + self.change
+        return pressure
+
+    def turn(self, correction: Real, residual: Real) -> None:
+        """Take the next direction: the correction of a residual, conjugate to those before."""
+        correction = self.constraint.applied(correction, residual)
+        product = inner(residual, correction)
+        self.direction *= np.float32(product / self.product)
+        self.direction += correction
+        self.product = product
+
+    def length(self, displaced: Real) -> np.float32 | None:
+        """Return the length of the step that reduces the energy most; None if rounding is left.
+
+        `displaced` is the displacement by the direction, on the free nodes.
+        """
+        curvature = inner(self.direction, displaced)
+        if not (self.product > 0 and curvature > 0):
+            return None
+        full = self.product / curvature
+        length = np.float32(full)
+        if self.longest < math.inf:
+            length = min(length, np.float32(self.longest / np.abs(self.direction).max()))
+        self.shortened = bool(length < full * 0.999)
+        return length
+
+
+class _Watch:
+    """Tells of a stage when it ends for its residual, and when its sets are due to be checked."""
+
+    def __init__(self, goals: Goals, iterations: int) -> None:
+        """Begin after some iterations of the solve."""
+        self._goals = goals
+        self._next_check: float | None = None  # residual at which sets are checked
+        self._least = math.inf  # smallest residual of the stage
+        self._least_at = iterations  # iterations at which it was reached
+
+    def has_ended(self, largest: float, iterations: int) -> bool:
+        """Return whether the largest residual is small or nan, or falls no longer."""
+        if largest < self._least:
+            self._least = largest
+            self._least_at = iterations
+        above = largest > self._goals.floor
+        return not above or iterations - self._least_at >= STAGNANT
+
+    def is_due(self, largest: float) -> bool:
+        """Return whether sets are to be checked at a largest residual, and set the next goal."""
+        if self._next_check is None:
+            self._next_check = self._goals.reduction * largest
+        if largest > self._next_check:
+            return False
+        self._next_check = max(
+            self._goals.reduction * self._next_check, self._goals.floor
+        )
+        return True
+
+
+class ActiveSet:
+    """Takes an `Iterate` to equilibrium: by dense algebra on few nodes, or in rounds.
+
+    Parameters
+    ----------
+    iterate : Iterate
+        The pressure to begin with. Solves change it, and leave the result in it.
+
+    Attributes
+    ----------
+    iterate : Iterate
+        The present pressure.
+    stalled : bool
+        Whether rounding leaves no step that would come nearer to equilibrium.
+    """
+
+    def __init__(self, iterate: Iterate) -> None:
+        self.iterate = iterate
+        self.stalled = False
+        self._patch = iterate.patch
+        self._tension = 0.0  # share of the contact that the last round left under tension
 
     # Dense algebra
 
     def settle_few(self) -> bool:
-        """Solve by dense algebra if few nodes are in contact; return whether that succeeded."""
-        touching = self.touching()
-        number = np.count_nonzero(touching)
-        if self.yields or self.iterations >= self.most:
+        """Solve by dense algebra if few nodes are in contact.
+
+        Returns
+        -------
+        bool
+            Whether the tolerance is met. If not, the iterate holds the nearer one of the pressure
+            before and the last one that was tried.
+        """
+        iterate = self.iterate
+        if iterate.yields or iterate.iterations >= iterate.max_iterations:
             return False
-        if number * (1 + SPARE) > self.patch.few:
-            if self.load is None and number > self.patch.few:
-                return False
-            touching = self.pressure > 0  # under a load, most others will leave again
-        nodes = np.flatnonzero(touching)
-        many = min(math.ceil(SPARE * nodes.size), touching.size - nodes.size)
-        if not 0 < nodes.size <= self.patch.few - many:
+        candidates = self._candidates()
+        if candidates is None:
             return False
-        gaps = np.where(touching, np.inf, -self.residual).reshape(-1)
-        spare: Nodes = (
-            np.argpartition(gaps, many)[:many] if many < gaps.size else nodes[:0]
-        )
-        before, largest = (
-            (self.pressure, self.residual, self.shift),
-            max(self.violation()),
-        )
+        before = iterate.state()
+        largest = iterate.violation().largest
         try:
             with on_one_blas_thread(), np.errstate(over="raise"):
-                settled = self._settle(np.concatenate([nodes, spare]))
+                settled = self._settle(candidates)
         except (np.linalg.LinAlgError, FloatingPointError):
             settled = False
-        if not settled and not max(self.violation()) <= largest:
-            (self.pressure, self.residual, self.shift), self.exact = before, False
-        return settled and not self.pressure.max() > self.hardness
+        if not settled and not iterate.violation().largest <= largest:
+            iterate.restore(before)
+        return settled and not iterate.pressure.max() > iterate.hardness
+
+    def _candidates(self) -> Nodes | None:
+        """Return the flat indices of nodes that may be in contact, None if these are too many.
+
+        They are the nodes that touch, and as many again as `SPARE` says with the smallest gaps.
+        """
+        iterate = self.iterate
+        few = self._patch.few
+        touching = iterate.touching()
+        number = np.count_nonzero(touching)
+        if number * (1 + SPARE) > few:
+            if iterate.load is None and number > few:
+                return None
+            touching = iterate.pressure > 0  # under a load, most others will leave again
+        nodes = np.flatnonzero(touching)
+        number_spare = min(math.ceil(SPARE * nodes.size), touching.size - nodes.size)
+        if not 0 < nodes.size <= few - number_spare:
+            return None
+        gaps = np.where(touching, np.inf, -iterate.residual).reshape(-1)
+        spare: Nodes = nodes[:0]
+        if number_spare < gaps.size:
+            spare = np.argpartition(gaps, number_spare)[:number_spare]
+        return np.concatenate([nodes, spare])
 
     def _settle(self, nodes: Nodes) -> bool:
-        """Solve on the candidate set, then check all nodes.
+        """Solve on the candidate set, then check all nodes; return whether the tolerance is met.
 
         If nodes outside penetrate, enlarge the set and factorise again; otherwise correct rounding.
         """
-        factor, shift = None, self.shift if self.load is None else 0.0
-        interference = (self.below + shift).reshape(-1)
+        iterate = self.iterate
+        shift = iterate.shift if iterate.load is None else 0.0
+        interference = (iterate.below + shift).reshape(-1)
+        factor = None
         for _ in range(RENEWALS):
             if factor is None:
-                if nodes.size > self.patch.few or self.iterations >= self.most:
+                if not self._may_factorise(nodes):
                     return False
-                order = np.lexsort(
-                    (-self.residual.flat[nodes], -self.pressure.flat[nodes])
-                )
-                precision = (
-                    "float64"
-                    if nodes.size <= DOUBLE_SHARE * self.patch.few
-                    else "float32"
-                )
-                factor = ContactFactor(
-                    lambda some, dtype=precision: self.patch.entries(some, dtype),  # type: ignore[misc]
-                    nodes[order],
-                )
-                sets = min(MOST_SETS, self.most - self.iterations)
-                solution = factor.solve(interference, self.load, sets)
-                self.iterations += solution.sets
-                values = solution.pressure
-                if not solution.settled:
+                factor = self._factor(nodes)
+                values = self._solved_densely(factor, interference)
+                if values is None:
                     return False
             else:
-                values = self.pressure.reshape(-1)[factor.nodes]
-                values = values + factor.correct(
-                    self.residual.reshape(-1), None if self.load is None else 0.0
-                )
-            self.pressure = np.zeros(self.below.shape)
-            self.pressure.reshape(-1)[factor.nodes] = np.maximum(values, 0)
-            self.renew()
-            if max(self.violation()) <= self.tolerance:
+                values = self._corrected_densely(factor)
+            iterate.pressure = np.zeros(iterate.below.shape)
+            iterate.pressure.reshape(-1)[factor.nodes] = np.maximum(values, 0)
+            iterate.renew()
+            if iterate.violation().largest <= iterate.tolerance:
                 return True
-            touching = np.flatnonzero(self.touching())
+            touching = np.flatnonzero(iterate.touching())
             if not np.isin(touching, factor.nodes, assume_unique=True).all():
-                nodes, factor = touching, None
+                nodes = touching
+                factor = None
         return False
+
+    def _may_factorise(self, nodes: Nodes) -> bool:
+        """Return whether nodes are worth factorising, and the bound on iterations allows it."""
+        few_enough = nodes.size <= self._patch.few
+        return few_enough and self.iterate.iterations < self.iterate.max_iterations
+
+    def _factor(self, nodes: Nodes) -> ContactFactor:
+        """Factorise the matrix of some nodes, ordered by their pressure, then by penetration."""
+        iterate = self.iterate
+        order = np.lexsort((-iterate.residual.flat[nodes], -iterate.pressure.flat[nodes]))
+        is_small = nodes.size <= DOUBLE_SHARE * self._patch.few
+        precision = "float64" if is_small else "float32"
+        return ContactFactor(partial(self._patch.entries, dtype=precision), nodes[order])
+
+    def _solved_densely(
+        self, factor: ContactFactor, interference: Values
+    ) -> Values | None:
+        """Return the pressure on the nodes of a factor; None if its sets have not settled.
+
+        Each set that was tried is an iteration.
+        """
+        iterate = self.iterate
+        sets = min(MOST_SETS, iterate.max_iterations - iterate.iterations)
+        solution = factor.solve(interference, iterate.load, sets)
+        iterate.iterations += solution.sets
+        return solution.pressure if solution.settled else None
+
+    def _corrected_densely(self, factor: ContactFactor) -> Values:
+        """Return the pressure on the nodes of a factor, corrected by the present residual."""
+        iterate = self.iterate
+        carried = None if iterate.load is None else 0.0
+        pressure = iterate.pressure.reshape(-1)[factor.nodes]
+        return pressure + factor.correct(iterate.residual.reshape(-1), carried)
 
     # Rounds
 
     def run(self) -> bool:
-        """Solve from the pressure that there is; return whether the tolerance is met.
+        """Solve in rounds from the present pressure.
 
-        The residual has then been recomputed from the pressure.
+        The residual has been recomputed from the pressure when this returns.
+
+        Returns
+        -------
+        bool
+            Whether the tolerance is met. If not, either rounding allows no smaller violation, as
+            `stalled` then says, or the bound on iterations is reached, or numbers are nan.
         """
-        violation = self.violation()
-        largest = max(violation)
-        renewed = largest if self.exact else 1.0
-        energy, reduction, following = math.inf, REDUCTION, False
-        smallest, patience, smallest_renewed, idle = math.inf, PATIENCE, math.inf, 0
-        rounds = -1
+        iterate = self.iterate
+        violation = iterate.violation()
+        progress = Progress(violation, violation.largest if iterate.exact else 1.0)
         while True:
-            rounds += 1
-            certain = largest <= CERTAIN * max(self.shift, self.least)
-            elastic = self.hardness < math.inf and not self.yields  # so far
-            if certain and elastic and self.pressure.max() > self.hardness:
-                self._let_yield()
-                violation, renewed = self.violation(), 1.0
-                largest = max(violation)
-                energy, smallest, patience, following = (
-                    math.inf,
-                    math.inf,
-                    PATIENCE,
-                    False,
-                )
-            floor = max(AIM * self.tolerance, ROUNDING * renewed)
-            out_of_steps = max(self.iterations, rounds) >= self.most
-            if not largest > floor or out_of_steps:
-                if not self.exact:
-                    self.renew()
-                    violation = self.violation()
-                    renewed = largest = max(violation)
-                    idle = 0 if renewed < smallest_renewed / 2 else idle + 1
-                    smallest_renewed = min(smallest_renewed, renewed)
-                    smallest, patience = math.inf, PATIENCE
-                self.stalled = idle >= IDLE
-                met = largest <= self.tolerance
-                if met or self.stalled or out_of_steps or math.isnan(largest):
+            if self._has_to_yield(progress.largest):
+                iterate.let_yield()
+                progress.note_yielding(iterate.violation())
+            floor = max(AIM * iterate.tolerance, progress.resolved)
+            steps = max(iterate.iterations, progress.rounds)
+            out_of_steps = steps >= iterate.max_iterations
+            if progress.largest > floor and not out_of_steps:
+                self._take_round(progress, floor)
+            else:
+                if not iterate.exact:
+                    iterate.renew()
+                    progress.note_renewal(iterate.violation())
+                self.stalled = progress.stalled
+                met = progress.largest <= iterate.tolerance
+                if met or self.stalled or out_of_steps or math.isnan(progress.largest):
                     return met
-                continue
-            if patience <= 0 or rounds % ROUNDS == ROUNDS - 1:
-                if not self._split():
-                    self._descend()
-                smallest, patience, following = math.inf, PATIENCE, False
-            yielded = self._take_sets(
-                violation, floor, following, slowly=patience <= PATIENCE // 2
-            )
-            polishing = ROUNDING * renewed > self.tolerance / 2 and largest <= POLISHED
-            damped = self._soft or patience <= PATIENCE - DAMPED
-            following = self._round(
-                yielded, (reduction, REACHED * floor), damped, polishing
-            )
-            energy, last = self._energy(), energy
-            reduction *= TIGHTENING if energy > last else 1.0
-            violation = self.violation()
-            largest = max(violation)
-            renewed = largest if self.exact else renewed
-            patience = PATIENCE if largest < smallest else patience - 1
-            smallest = min(smallest, largest)
+            progress.rounds += 1
 
-    def _take_sets(
-        self, violation: Violation, floor: float, following: bool, *, slowly: bool
-    ) -> Mask | None:
-        """Take the free nodes for conjugate gradients, and return the yielded ones.
+    def _has_to_yield(self, largest: float) -> bool:
+        """Return whether bodies taken for elastic are certain to exceed the hardness."""
+        iterate = self.iterate
+        elastic = iterate.hardness < math.inf and not iterate.yields
+        certain = largest <= CERTAIN * max(iterate.shift, iterate.least_displacement)
+        return elastic and certain and bool(iterate.pressure.max() > iterate.hardness)
+
+    def _take_round(self, progress: Progress, floor: float) -> None:
+        """Take one round, after safe steps if rounds no longer come nearer; note what it brings.
+
+        `floor` is the largest violation that the round has to reach [unit of displacement].
+        """
+        iterate = self.iterate
+        if progress.impatient:
+            if not self._split():
+                self._descend()
+            progress.restore_patience()
+            progress.following = False
+        yielded = self._take_sets(progress, floor)
+        exact_is_next = progress.resolved > iterate.tolerance / 2
+        following = self._solve_round(
+            yielded,
+            Goals(reduction=progress.reduction, floor=REACHED * floor),
+            damped=iterate.soft or progress.to_be_damped,
+            polishing=exact_is_next and progress.largest <= POLISHED,
+        )
+        energy = iterate.energy()
+        progress.note_round(
+            iterate.violation(), energy=energy, exact=iterate.exact, following=following
+        )
+
+    def _take_sets(self, progress: Progress, floor: float) -> Mask | None:
+        """Hand the free nodes to the patch, and return the yielded ones; None for elastic bodies.
 
         After a step ahead on a set, no other nodes join it, so that sets do not flicker.
         """
-        if not self.yields:
-            if not (following and self.load is not None):
-                self.patch.take_contact(self.touching())
-                self._rescale()
+        iterate = self.iterate
+        patch = self._patch
+        if not iterate.yields:
+            if not (progress.following and iterate.load is not None):
+                patch.take_contact(iterate.touching())
+                iterate.rescale()
             return None
-        yielded: Mask = self.pressure >= self.hardness
-        nearer = violation.opening >= max(violation.penetration, violation.gap)
-        if violation.opening > floor and (nearer or self._tension <= LITTLE_TENSION):
-            share = FREED_SLOWLY if slowly else FREED
-            yielded &= self.residual >= -np.float32(share * violation.opening)
-        free = self.touching() & ~yielded
-        if following:
-            free &= self.patch.contact | (self.pressure > 0)
-        self.patch.take_contact(free)
+        violation = progress.violation
+        yielded: Mask = iterate.pressure >= iterate.hardness
+        opens_most = violation.opening >= max(violation.penetration, violation.gap)
+        may_free = opens_most or self._tension <= LITTLE_TENSION
+        if violation.opening > floor and may_free:
+            share = FREED_SLOWLY if progress.slow else FREED
+            yielded &= iterate.residual >= -np.float32(share * violation.opening)
+        free = iterate.touching() & ~yielded
+        if progress.following:
+            free &= patch.contact | (iterate.pressure > 0)
+        patch.take_contact(free)
         if not yielded.any():
-            self._rescale()
+            iterate.rescale()
         return yielded
 
-    def _round(
-        self,
-        yielded: Mask | None,
-        goals: tuple[float, float],
-        damped: bool,
-        polishing: bool,
+    def _solve_round(
+        self, yielded: Mask | None, goals: Goals, *, damped: bool, polishing: bool
     ) -> bool:
-        """Solve loosely on the free nodes and bring their pressure back between the bounds.
+        """Solve loosely on the free nodes, and bring their pressure back between the bounds.
 
         Where the free nodes meet the tolerance, the round is likely to be the last, so that its
-        residual is computed in double precision at once. Returns whether a step ahead was taken on
-        the next set.
+        residual is computed in double precision at once; so it is if `polishing`. Return whether a
+        step ahead was taken on the next set.
         """
-        before, shift, residual, energy = self.pressure, self.shift, self.residual, 0.0
-        self.exact = False
-        if damped:  # else nothing is kept, to save memory
-            residual, energy = residual.copy(), self._energy()
-            self.pressure = before.copy()
-        dense, left = self.yields and self._solve_few_free(), math.inf
-        if not dense:
-            left = self._solve_free(yielded, goals)
-            if self._soft:
-                self._hold_back(before, residual)
-        solved = before if dense else self.pressure
-        ahead = self._between_bounds(yielded, onwards=not dense)
+        iterate = self.iterate
+        before = None  # unless damped, nothing is kept, to save memory
+        energy = 0.0
+        if damped:
+            before = self._copied_state()
+            energy = iterate.energy()
+        iterate.exact = False
+        solved = self._solve_equations(yielded, goals, before)
+        ahead = self._between_bounds(yielded, onwards=not solved.dense)
         changed = ahead is not None
-        if not (changed or dense):
-            return False
-        ahead = self.pressure if ahead is None else ahead
-        self.pressure = ahead
-        last = left <= self.tolerance and not damped
-        if (polishing or last) and not self.yields:
-            self.renew()
+        if ahead is None:
+            if not solved.dense:
+                return False
+            ahead = iterate.pressure
+        iterate.pressure = ahead
+        is_last = solved.left <= iterate.tolerance and not damped
+        if (polishing or is_last) and not iterate.yields:
+            iterate.renew()
             return True
-        change = np.subtract(ahead, solved, out=None if damped or dense else solved)
-        self.residual -= self.patch.displace(change)
-        if self._soft:
-            self._rescale()
-        if damped and self._energy() > energy:
-            self._shorten(before, residual, shift, self.pressure if dense else solved)
-        if self.load is not None:
-            self._balance(self.residual)
+        self._update_residual(solved, free_memory=not (damped or solved.dense))
+        if before is not None and iterate.energy() > energy:
+            target = iterate.pressure if solved.dense else solved.in_residual
+            self._shorten(before, target)
+        if iterate.load is not None:
+            iterate.balance(iterate.residual)
         return changed
 
-    def solve_on(self, nodes: Mask, rtol: float) -> float:
-        """Solve the equations of some nodes alone, whatever the bounds; return the residual left.
+    def _solve_equations(
+        self, yielded: Mask | None, goals: Goals, before: State | None
+    ) -> Solved:
+        """Solve the equations of the free nodes, whatever the bounds: densely, or else loosely.
+
+        Where the displacement barely fixes the load, go back towards the state before if much of
+        the contact would leave.
+        """
+        iterate = self.iterate
+        in_residual = iterate.pressure
+        if iterate.yields and self._solve_few_free():
+            return Solved(in_residual=in_residual, left=math.inf, dense=True)
+        left = self._solve_free(yielded, goals)
+        if iterate.soft and before is not None:
+            self._hold_back(before)
+        return Solved(in_residual=iterate.pressure, left=left, dense=False)
+
+    def _update_residual(self, solved: Solved, *, free_memory: bool) -> None:
+        """Update the residual to the present pressure, by one convolution.
+
+        With `free_memory`, the solved pressure is overwritten.
+        """
+        iterate = self.iterate
+        buffer = solved.in_residual if free_memory else None
+        change = np.subtract(iterate.pressure, solved.in_residual, out=buffer)
+        iterate.residual -= self._patch.displace(change)
+        if iterate.soft:
+            iterate.rescale()
+
+    def _copied_state(self) -> State:
+        """Return the present state, which the iterate's own arrays no longer share."""
+        iterate = self.iterate
+        state = State(
+            pressure=iterate.pressure,
+            residual=iterate.residual.copy(),
+            shift=iterate.shift,
+        )
+        iterate.pressure = iterate.pressure.copy()
+        return state
+
+    def _hold_back(self, before: State) -> None:
+        """Go back towards an earlier state until no more than `MOST_LEAVING` of the contact leaves.
+
+        Where a displacement barely fixes the load, equations on a set that is too large let all of
+        it go.
+        """
+        iterate = self.iterate
+        leaving = iterate.pressure < 0
+        allowed = int(MOST_LEAVING * self._patch.count)
+        if np.count_nonzero(leaving) <= allowed:
+            return
+        loaded = before.pressure[leaving]
+        leaves_at = loaded / (loaded - iterate.pressure[leaving])  # share of the step
+        step = float(np.partition(leaves_at, allowed)[allowed])
+        iterate.pressure = before.pressure + step * (iterate.pressure - before.pressure)
+        iterate.residual = before.residual + np.float32(step) * (
+            iterate.residual - before.residual
+        )
+
+    def _shorten(self, before: State, solved: Field) -> None:
+        """Take a shorter step from an earlier state towards the pressure that equations gave.
+
+        Its length is that of the least energy on the line to the present pressure, but it goes
+        along the bounds, so that nodes leave the contact.
+        """
+        iterate = self.iterate
+        change = iterate.pressure - before.pressure
+        image = before.residual - iterate.residual
+        if iterate.load is not None:
+            image = image + np.float32(iterate.shift - before.shift)
+        slope = inner(before.residual, change)
+        curvature = inner(change, image)
+        step = 1.0
+        if curvature > 0:
+            step = min(max(slope / curvature, 0.0), 1.0)
+        towards = before.pressure + step * (solved - before.pressure)
+        iterate.pressure = np.clip(towards, 0, iterate.limit)
+        iterate.admit(iterate.pressure)
+        iterate.shift = before.shift
+        iterate.residual = before.residual - self._patch.displace(
+            iterate.pressure - before.pressure
+        )
+        if iterate.soft:
+            iterate.rescale()
+
+    # Equations of the free nodes
+
+    def solve_on(self, nodes: Mask, atol: float) -> float:
+        """Solve the equations of some nodes alone, whatever the bounds.
+
+        The iterate then holds the pressure and its exact residual.
 
         Parameters
         ----------
-        nodes : ndarray, shape (nx, ny)
-            The nodes that are displaced by u + s; the pressure of the others is zero.
-        rtol : float
-            Largest residual wanted [unit of displacement].
+        nodes : ndarray of bool, shape (nx, ny)
+            Mask of the nodes that are displaced by u + s. The pressure of all other nodes has to be
+            zero, and stays so.
+        atol : float
+            Largest absolute residual that is accepted [unit of displacement].
+
+        Returns
+        -------
+        float
+            Largest absolute residual of these nodes; above `atol`, or nan, if the equations were
+            not solved [unit of displacement].
         """
-        self.patch.take_contact(nodes)
+        goals = Goals(reduction=LINEAR_REDUCTION, floor=atol / 2)
+        self._patch.take_contact(nodes)
         left = math.inf
         for _ in range(LINEAR_RENEWALS):
-            self._solve_free(None, (LINEAR_REDUCTION, rtol / 2), checked=False)
-            self.renew()
-            left = float(np.abs(self.residual[nodes]).max())
-            if not left > rtol:  # also where it is nan
+            self._solve_free(None, goals, checked=False)
+            self.iterate.renew()
+            left = float(np.abs(self.iterate.residual[nodes]).max())
+            if not left > atol:  # also where it is nan
                 break
         return left
 
     def _solve_free(
-        self, yielded: Mask | None, goals: tuple[float, float], *, checked: bool = True
+        self, yielded: Mask | None, goals: Goals, *, checked: bool = True
     ) -> float:
         """Run conjugate gradients on the free nodes until their set has to change.
 
-        Returns the largest residual left of them.
-
-        The set is checked whenever the residual has fallen by the first of the goals; a residual
-        below the second ends the stage. The residual of all nodes is updated, because the
-        convolution yields it at no extra cost. On all nodes of a patch without edges a uniform
-        pressure displaces nothing, so that a stage ends with the first pressure out of bounds.
+        Sets are checked, if `checked`, whenever the residual has fallen by the goals' reduction.
+        The residual of all nodes is updated, because the convolution yields it at no extra cost.
+        Return the largest residual of the free nodes [unit of displacement].
         """
-        patch, residual, (reduction, floor) = self.patch, self.residual, goals
-        base, carried, deflation = self._constraint(yielded)
-        direction, change = (
-            np.zeros(base.shape, np.float32),
-            np.zeros(base.shape, np.float32),
-        )
-        previous, goal, mean = math.inf, 0.0, 0.0
-        least, last = math.inf, self.iterations
-        largest, singular = math.inf, self.load is None and patch.singular
-        while self.iterations < self.most:
-            here = patch.in_contact(residual)
-            if carried:
-                mean = inner(base, here) / carried
-                here -= (
-                    np.float32(mean)
-                    if here.ndim == 1
-                    else np.float32(mean) * patch.within
-                )
-            largest = max(float(here.max()), -float(here.min())) if here.size else 0.0
-            least, last = min((largest, self.iterations), (least, last))
-            if not largest > floor or self.iterations - last >= STAGNANT:
+        iterate = self.iterate
+        constraint = self._constraint(yielded)
+        directions = _Directions(constraint, longest=self._longest_change())
+        watch = _Watch(goals, iterate.iterations)
+        largest = math.inf
+        while iterate.iterations < iterate.max_iterations:
+            free, mean = self._free_residual(constraint)
+            largest = max(float(free.max()), -float(free.min())) if free.size else 0.0
+            if watch.has_ended(largest, iterate.iterations):
                 break
-            goal = goal or reduction * largest
-            if largest <= goal:
-                if checked and self._has_to_change(
-                    base + change, yielded, floor, largest, mean
-                ):
+            is_due = watch.is_due(largest)
+            if checked and is_due:
+                pressure = directions.pressure
+                if self._has_to_change(pressure, yielded, goals.floor, largest, mean):
                     break
-                goal = max(reduction * goal, floor)
-            correction = self._constrained(
-                patch.correct(here), here, base, carried, deflation
-            )
-            product = inner(here, correction)
-            direction *= np.float32(product / previous)
-            direction += correction
-            previous = product
-            moved = patch.displace(direction)
-            curvature = inner(direction, patch.in_contact(moved))
-            if not (product > 0 and curvature > 0):  # only rounding is left
+            if not self._step(directions, free):
                 break
-            length = np.float32(product / curvature)
-            if singular and self.yields:
-                length = min(length, np.float32(self.hardness / np.abs(direction).max()))
-            moved *= length
-            residual -= moved
-            change += length * direction
-            self.iterations += 1
-            if singular and (
-                length < product / curvature * 0.999 or (base + change).min() < 0
-            ):
-                break
-        if carried:
-            mean = inner(base, patch.in_contact(residual)) / carried
-            residual -= np.float32(mean)
-            self.shift -= mean
-        patch.add_to(self.pressure, change)
+        if constraint.carried:
+            mean = constraint.mean(self._patch.in_contact(iterate.residual))
+            iterate.residual -= np.float32(mean)
+            iterate.shift -= mean
+        self._patch.add_to(iterate.pressure, directions.change)
         return largest
 
-    def _constraint(self, yielded: Mask | None) -> tuple[Real, float, tuple[Real, float]]:
-        """Return a pressure on the free nodes, the load that it carries, and its deflation.
+    def _is_singular(self) -> bool:
+        """Return whether a uniform pressure of the free nodes displaces none of them.
 
-        The load is 0 at a given displacement. The deflation is the displacement by an elastic
-        pressure and their product: rounding puts errors along the pressure back into the residual,
-        and every correction removes them again (A-DEF2 of Tang, Nabben, Vuik and Erlangga 2009).
-        The product is 0 where the displacement is not known, or the load is given.
+        So it is on all nodes of a patch without edges, unless the load fixes the mean.
         """
-        patch = self.patch
-        base = patch.in_contact(self.pressure)
-        if self.load is not None:
-            if not base.any():
-                base = patch.in_contact(np.ones_like(self.residual))
-            return base, float(base.sum(dtype=np.float64)), (base, 0.0)
-        if yielded is not None and yielded.any():
-            return base, 0.0, (base, 0.0)
-        image = patch.in_contact(self.below) - patch.in_contact(self.residual)
-        image += np.float32(self.shift) * (1 if image.ndim == 1 else patch.within)
-        stiffness = inner(base, image)
-        return base, 0.0, (image, stiffness if stiffness > 0 else 0.0)
+        return self.iterate.load is None and self._patch.singular
 
-    def _constrained(
-        self,
-        correction: Real,
-        here: Real,
-        base: Real,
-        carried: float,
-        by: tuple[Real, float],
-    ) -> Real:
-        """Return a correction that carries no load in all, or is conjugate to the pressure."""
-        image, stiffness = by
-        if carried:
-            correction -= np.float32(correction.sum(dtype=np.float64) / carried) * base
-        elif stiffness:
-            along = inner(here, base) - inner(correction, image)
-            correction += np.float32(along / stiffness) * base
-        return correction
+    def _longest_change(self) -> float:
+        """Return by how much a step may change a pressure: singular ones go far [reduced]."""
+        if self._is_singular() and self.iterate.yields:
+            return self.iterate.hardness
+        return math.inf
+
+    def _step(self, directions: _Directions, free: Real) -> bool:
+        """Take one step of conjugate gradients from the residual of the free nodes.
+
+        Return whether the stage goes on: not where rounding leaves no step, and not where the
+        matrix is singular and pressures have come out of bounds.
+        """
+        iterate = self.iterate
+        patch = self._patch
+        directions.turn(patch.correct(free), free)
+        displaced = patch.displace(directions.direction)
+        length = directions.length(patch.in_contact(displaced))
+        if length is None:
+            return False
+        displaced *= length
+        iterate.residual -= displaced
+        directions.change += length * directions.direction
+        iterate.iterations += 1
+        if not self._is_singular():
+            return True
+        return not (directions.shortened or directions.pressure.min() < 0)
+
+    def _free_residual(self, constraint: Constraint) -> tuple[Real, float]:
+        """Return the residual of the free nodes, and the mean subtracted from it under a load."""
+        free = self._patch.in_contact(self.iterate.residual)
+        mean = constraint.mean(free)
+        if constraint.carried and free.ndim == 1:
+            free -= np.float32(mean)
+        elif constraint.carried:
+            free -= np.float32(mean) * self._patch.within
+        return free, mean
+
+    def _constraint(self, yielded: Mask | None) -> Constraint:
+        """Return what corrections of the free pressures have to keep.
+
+        At a given displacement, rounding puts errors along the pressure back into the residual.
+        Every correction removes them again (A-DEF2 of Tang, Nabben, Vuik and Erlangga 2009), unless
+        nodes have yielded, whose displacement is not known apart.
+        """
+        iterate = self.iterate
+        patch = self._patch
+        base = patch.in_contact(iterate.pressure)
+        if iterate.load is not None:
+            if not base.any():
+                base = patch.in_contact(np.ones_like(iterate.residual))
+            carried = float(base.sum(dtype=np.float64))
+            return Constraint(base=base, carried=carried, image=base, stiffness=0.0)
+        if yielded is not None and yielded.any():
+            return Constraint(base=base, carried=0.0, image=base, stiffness=0.0)
+        image = patch.in_contact(iterate.below) - patch.in_contact(iterate.residual)
+        image += np.float32(iterate.shift) * (1 if image.ndim == 1 else patch.within)
+        stiffness = inner(base, image)
+        return Constraint(
+            base=base,
+            carried=0.0,
+            image=image,
+            stiffness=stiffness if stiffness > 0 else 0.0,
+        )
 
     def _has_to_change(
         self,
@@ -447,174 +926,173 @@ class ActiveSet(Iterate):
         largest: float,
         mean: float,
     ) -> bool:
-        """Return whether a set has to change: by tension, penetration outside, excess or
-        opening.
+        """Return whether the sets have to change during a stage.
 
-        The residual is above its true value by the mean.
+        They have to if a free node is under tension or beyond the hardness, if an open node
+        penetrates, or if a yielded node opens by more than the largest residual of the free nodes.
+
+        `pressure` is that of the free nodes, `floor` the least departure that matters, and `mean`
+        what the residual of all nodes is above its true value.
         """
         if pressure.min() < 0:
             return True
-        outside = self.residual * ~self.patch.contact
+        outside = self.iterate.residual * ~self._patch.contact
         if yielded is None:
             return bool(outside.max() > floor + mean)
-        if pressure.max() > self.hardness:
+        if pressure.max() > self.iterate.hardness:
             return True
         if -float((outside * yielded).min()) > max(floor, largest) - mean:
             return True
         return bool((outside * ~yielded).max() > floor + mean)
 
     def _solve_few_free(self) -> bool:
-        """Solve for few free nodes by dense algebra; the residual is left as it is."""
-        if not 0 < self.patch.count <= FEW_FREE * self.patch.few:
+        """Solve for few free nodes by dense algebra, which leaves the residual as it is.
+
+        Return whether the pressure was solved for; it is a new array then.
+        """
+        iterate = self.iterate
+        if not 0 < self._patch.count <= FEW_FREE * self._patch.few:
             return False
-        nodes = np.flatnonzero(self.patch.contact)
+        nodes = np.flatnonzero(self._patch.contact)
         try:
             with on_one_blas_thread(), np.errstate(over="raise"):
                 factor = ContactFactor(
-                    lambda some: self.patch.entries(some, "float64"), nodes
+                    partial(self._patch.entries, dtype="float64"), nodes
                 )
                 change = factor.correct(
-                    self.residual.reshape(-1).astype(np.float64),
-                    None if self.load is None else 0.0,
+                    iterate.residual.reshape(-1).astype(np.float64),
+                    None if iterate.load is None else 0.0,
                 )
         except (np.linalg.LinAlgError, FloatingPointError):
             return False
-        self.pressure = self.pressure.copy()
-        self.pressure.reshape(-1)[nodes] += change
-        self.iterations += 1
+        iterate.pressure = iterate.pressure.copy()
+        iterate.pressure.reshape(-1)[nodes] += change
+        iterate.iterations += 1
         return True
 
-    def _between_bounds(self, yielded: Mask | None, *, onwards: bool) -> Field | None:
-        """Cut off tension, cap pressures at the hardness, and step ahead on the next set.
+    # Bounds
 
-        Load that capping takes off goes on the free nodes, as far as scaling them allows. Returns
-        the pressure, or None where none is out of bounds.
+    def _between_bounds(self, yielded: Mask | None, *, onwards: bool) -> Field | None:
+        """Cut off tension, cap pressures at the hardness, and take the next set.
+
+        With `onwards`, also step ahead on the next set by a share of its preconditioned residual.
+        Return a new pressure, or None where no pressure is out of bounds.
         """
-        patch, pressure = self.patch, self.pressure
+        iterate = self.iterate
+        patch = self._patch
+        pressure = iterate.pressure
         tension = pressure < 0
-        excess = self.yields and bool((pressure > self.hardness).any())
+        excess = iterate.yields and bool((pressure > iterate.hardness).any())
         pulled = np.count_nonzero(tension)
         self._tension = pulled / max(patch.count, 1)
         if not (pulled or excess):
             return None
         ahead = np.maximum(pressure, 0)
         if excess and yielded is not None:
-            free, factor = np.where(yielded, 0.0, ahead) if yielded.any() else ahead, 1.0
-            carried = float(pressure.sum()) - self.hardness * np.count_nonzero(yielded)
-            for _ in range(
-                4
-            ):  # each time more nodes are capped; a few rounds come near enough
-                capped = free >= self.hardness / factor
-                rest = float((free * ~capped).sum())
-                missing = carried - self.hardness * np.count_nonzero(capped)
-                if not (rest > 0 and missing > 0):
-                    break
-                last, factor = factor, min(max(missing / rest, 1.0), LARGEST_SCALE)
-                if factor == last:
-                    break
-            ahead = np.minimum(
-                np.where(yielded, self.hardness, factor * free), self.hardness
-            )
-        following = ((ahead > 0) | (self.residual > 0)) & ~tension
-        if self.yields:
-            following &= ahead < self.hardness
+            ahead = self._capped(ahead, yielded)
+        following = ((ahead > 0) | (iterate.residual > 0)) & ~tension
+        if iterate.yields:
+            following &= ahead < iterate.hardness
         patch.take_contact(following)
         if onwards:
-            residual = patch.in_contact(self.residual)
-            patch.add_to(ahead, np.float32(ADVANCE) * patch.correct(residual))
+            correction = patch.correct(patch.in_contact(iterate.residual))
+            patch.add_to(ahead, np.float32(ADVANCE) * correction)
             np.maximum(ahead, 0, out=ahead)
-        if self.yields:
-            np.minimum(
-                ahead, np.maximum(pressure, BELOW_HARDNESS * self.hardness), out=ahead
-            )
-        self._admit(ahead)
+        if iterate.yields:
+            highest = np.maximum(pressure, BELOW_HARDNESS * iterate.hardness)
+            np.minimum(ahead, highest, out=ahead)
+        iterate.admit(ahead)
         return ahead
 
-    def _hold_back(self, pressure: Field, residual: Real) -> None:
-        """Go back towards an earlier pressure until no more than a share of the contact leaves.
+    def _capped(self, ahead: Field, yielded: Mask) -> Field:
+        """Cap a pressure that is nowhere negative at the hardness, and return it.
 
-        Where a displacement barely fixes the load, equations on a set that is too large let all of
-        it go.
+        Load that capping takes off goes on the free nodes, as far as scaling them by at most
+        `LARGEST_SCALE` allows.
         """
-        leaving = self.pressure < 0
-        most = int(MOST_LEAVING * self.patch.count)
-        if np.count_nonzero(leaving) <= most:
-            return
-        before, after = pressure[leaving], self.pressure[leaving]
-        step = float(np.partition(before / (before - after), most)[most])
-        self.pressure = pressure + step * (self.pressure - pressure)
-        self.residual = residual + np.float32(step) * (self.residual - residual)
+        iterate = self.iterate
+        hardness = iterate.hardness
+        free = np.where(yielded, 0.0, ahead) if yielded.any() else ahead
+        load = float(iterate.pressure.sum()) - hardness * np.count_nonzero(yielded)
+        factor = 1.0
+        for _ in range(CAPPINGS):
+            capped = free >= hardness / factor
+            scaled_load = float((free * ~capped).sum())
+            missing = load - hardness * np.count_nonzero(capped)
+            if not (scaled_load > 0 and missing > 0):
+                break
+            last = factor
+            factor = min(max(missing / scaled_load, 1.0), LARGEST_SCALE)
+            if factor == last:
+                break
+        return np.minimum(np.where(yielded, hardness, factor * free), hardness)
 
-    def _shorten(
-        self, pressure: Field, residual: Real, shift: float, solved: Field
-    ) -> None:
-        """Take a shorter step from an earlier pressure towards the one that equations gave.
-
-        Its length is that of the least energy on the line to the present pressure, but it goes
-        along the bounds, so that nodes leave the contact.
-        """
-        change, image = self.pressure - pressure, residual - self.residual
-        if self.load is not None:
-            image = image + np.float32(self.shift - shift)
-        slope, curvature = inner(residual, change), inner(change, image)
-        step = min(max(slope / curvature, 0.0), 1.0) if curvature > 0 else 1.0
-        self.pressure = np.clip(pressure + step * (solved - pressure), 0, self.limit)
-        self._admit(self.pressure)
-        self.shift = shift
-        self.residual = residual - self.patch.displace(self.pressure - pressure)
-        if self._soft:
-            self._rescale()
+    # Safe steps
 
     def _descend(self) -> None:
-        """Take projected gradients, of which each lowers the energy for certain."""
-        self.exact = False
+        """Take a few steps of projected gradients, each of which lowers the energy for certain."""
+        iterate = self.iterate
+        iterate.exact = False
         for _ in range(SAFE_STEPS):
-            ahead = self._projected(self.pressure + self.residual / self.patch.norm)
-            change = ahead - self.pressure
-            image = self.patch.displace(change)
-            if not (inner(self.residual, change) > 0 and inner(change, image) > 0):
+            ahead = self._projected(
+                iterate.pressure + iterate.residual / self._patch.norm
+            )
+            change = ahead - iterate.pressure
+            image = self._patch.displace(change)
+            if not (inner(iterate.residual, change) > 0 and inner(change, image) > 0):
                 return
-            self.residual -= image
-            self.pressure = ahead
-            if self.load is not None:
-                self._balance(self.residual)
+            iterate.residual -= image
+            iterate.pressure = ahead
+            if iterate.load is not None:
+                iterate.balance(iterate.residual)
+
+    def _projected(self, pressure: Field) -> Field:
+        """Return the nearest pressure between the bounds that carries the load."""
+        iterate = self.iterate
+        if iterate.load is None:
+            return np.clip(pressure, 0, iterate.limit)
+        projected = cut_to_load(pressure, iterate.load, iterate.limit)
+        iterate.admit(projected)
+        return projected
 
     def _split(self) -> bool:
         """Solve by waves and bounds in turn, without edges; return whether the patch allows it.
 
         The alternating direction method of multipliers has no sets that could cycle. It minimises
-        the same energy: in turn over all pressures, which waves do by one transform each way, and
-        over those between the bounds. It converges from any start because the energy is convex
-        (Boyd, Parikh, Chu, Peleato and Eckstein 2011, Foundations and Trends in Machine Learning 3,
-        sections 3.2 and 3.4.3).
+        the same energy in turn over all pressures, which waves do by one transform each way, and
+        over the pressures between the bounds. It converges from any start because the energy is
+        convex (Boyd, Parikh, Chu, Peleato and Eckstein 2011, Foundations and Trends in Machine
+        Learning 3, sections 3.2 and 3.4.3). It ends at the tolerance, or at a bound on the passes.
         """
-        splitting = self.patch.splitting()
+        splitting = self._patch.splitting()
         if splitting is None:
             return False
         inverse, penalty = splitting
-        interference = self.below + (self.shift if self.load is None else 0.0)
-        within, price = self.pressure, self.residual / penalty
-        for number in range(1, PASSES * self.most + 1):
+        iterate = self.iterate
+        shift = iterate.shift if iterate.load is None else 0.0
+        interference = iterate.below + shift
+        within = iterate.pressure  # between the bounds
+        price = iterate.residual / penalty  # scaled multiplier of their equality
+        for number in range(1, PASSES * iterate.max_iterations + 1):
             free = filtered(inverse, interference + penalty * (within - price))
-            if self.load is not None:
-                free = free + (self.load / free.size - free.mean())
+            if iterate.load is not None:
+                free = free + (iterate.load / free.size - free.mean())
             mixed = OVER * free + (1 - OVER) * within
-            within = np.clip(mixed + price, 0, self.limit)
+            within = np.clip(mixed + price, 0, iterate.limit)
             price = price + mixed - within
-            if number % CHECKED == 0 and within.any():
-                self.patch.convolutions += CHECKED
-                self.pressure = within.copy()
-                if self.yields:
-                    self._snap(self.pressure, CLOSE)
-                self.renew()
-                if max(self.violation()) <= self.tolerance:
-                    break
+            if number % CHECKED == 0 and within.any() and self._is_solved_by(within):
+                break
         return True
 
-    def _projected(self, pressure: Field) -> Field:
-        """Return the nearest pressure between the bounds that carries the load."""
-        if self.load is None:
-            return np.clip(pressure, 0, self.limit)
-        cut = cut_to_load(pressure, self.load, self.limit)
-        self._admit(cut)
-        return cut
+    def _is_solved_by(self, within: Field) -> bool:
+        """Take a pressure of splitting with its exact residual; return whether it is near enough.
+
+        Its passes are counted as convolutions.
+        """
+        iterate = self.iterate
+        self._patch.convolutions += CHECKED
+        iterate.pressure = within.copy()
+        if iterate.yields:
+            iterate.snap(iterate.pressure, CLOSE)
+        iterate.renew()
+        return iterate.violation().largest <= iterate.tolerance

@@ -1,8 +1,9 @@
-"""Dense algebra for few nodes: the factor of their influence matrix, with pressures that are fixed.
+"""Dense algebra for few nodes: a factor of their influence matrix, with pressures that are fixed.
 
 Where few nodes are in contact, a Cholesky factor of their matrix costs less than convolutions.
-Nodes under tension, and nodes beyond the hardness, are fixed at zero and at the hardness in the
-factor that is there, which costs far less than factorising the matrix of the rest.
+Nodes under tension are fixed at zero pressure, and nodes beyond the hardness at the hardness. The
+factor stays and is bordered by the fixed nodes, which costs far less than factorising the matrix of
+the free nodes.
 """
 
 from collections.abc import Callable
@@ -13,36 +14,60 @@ import numpy as np
 
 from bem.arrays import Mask, Nodes, Real, Values
 
-# Sets tried before iterations take over: sets that do not cycle need fewer.
+# Sets of fixed nodes that are tried before iterations take over. Sets that do not cycle need fewer.
 MOST_SETS = 20
 
-# Share of nodes under tension above which a new factor of the rest is cheaper than fixing them.
+# Share of the nodes under tension above which factorising the matrix of the rest is cheaper than
+# fixing them [1].
 MANY = 0.15
 
 # BLAS may set the processor's flag of an invalid operation for numbers that no result contains, of
-# which numpy would warn; a pressure that is not finite is refused where it comes out.
+# which numpy would warn. A pressure that is not finite is refused where it is computed.
 NO_WARNING = np.errstate(invalid="ignore")
 
 
 class DenseSolution(NamedTuple):
-    """The pressure on some nodes, and what it leaves there.
+    """The pressure on some nodes that dense algebra has computed.
 
     Attributes
     ----------
+    nodes : ndarray, shape (n,)
+        Flat indices of the nodes. Nodes that the factor has lost are missing; their pressure is
+        zero. Only if `settled` do these indices belong to `pressure`.
     pressure : ndarray, shape (n,)
-        Pressure between zero and the hardness.
+        Pressure of these nodes, between zero and the hardness [reduced].
     shift : float
-        Displacement of the far field in addition to the interference.
+        Displacement of the far field in addition to the interference; 0 without a given load
+        [unit of displacement].
     sets : int
-        Sets of fixed nodes tried.
+        Number of sets of fixed nodes that were tried.
     settled : bool
-        Whether the last of them stands.
+        Whether the last set is in equilibrium on these nodes.
     """
 
+    nodes: Nodes
     pressure: Values
     shift: float
     sets: int
     settled: bool
+
+
+class _Backward(NamedTuple):
+    """What a factor gives back for one interference.
+
+    Attributes
+    ----------
+    pressure : ndarray, shape (n,)
+        Pressure of all nodes of the factor [reduced].
+    residual : ndarray, shape (number fixed,)
+        Penetration of the fixed nodes, negative for gaps [unit of displacement].
+    shift : float
+        Displacement of the far field that a given load needs, else 0 [unit of displacement].
+    """
+
+    pressure: Values
+    residual: Values
+    shift: float
 
 
 class ContactFactor:
@@ -51,34 +76,35 @@ class ContactFactor:
     Let A = L L^T on all nodes, V = L^-1 E, where E selects the fixed nodes, and b their pressures.
     The pressure under u is L^-T (y - V q) with y = L^-1 u and V^T V q = V^T y - b, and q is the
     residual u - A p of the fixed nodes: penetration where it is positive. Where many nodes are
-    under tension at a time and bodies are elastic, the matrix of the rest is factorised instead,
-    and these cannot return.
+    under tension at a time and bodies are elastic, the matrix of the other nodes is factorised
+    instead, and the nodes under tension cannot return.
 
     Parameters
     ----------
     entries : callable
-        Returns the lower triangle of the matrix of some nodes, in Fortran's order.
+        Function of (n,) node indices that returns the lower triangle of their (n, n) matrix, in
+        Fortran's order.
     nodes : ndarray, shape (n,)
-        Flat indices, best ordered with those first that are least likely to be fixed: fixing the
-        last ones costs less.
+        Flat indices. Nodes that are likely to be fixed are best put last, where fixing costs less.
     hardness : float
         Largest pressure, inf for elastic bodies [reduced].
 
     Attributes
     ----------
     nodes : ndarray, shape (n,)
-        The nodes that the factor contains.
+        The nodes that the factor contains now.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        If the matrix of these nodes is not positive definite in its precision.
+        If the matrix of these nodes is not positive definite in its precision, or there are none.
     """
 
     def __init__(
         self, entries: Callable[[Nodes], Real], nodes: Nodes, hardness: float = np.inf
     ) -> None:
-        self._entries, self._hardness = entries, hardness
+        self._entries = entries
+        self._hardness = hardness
         self._factorise(nodes)
 
     def _factorise(self, nodes: Nodes) -> None:
@@ -89,9 +115,9 @@ class ContactFactor:
         matrix = self._entries(nodes)
         self._routines = routines("s" if matrix.dtype == np.float32 else "d")
         self._lower = self._by(self._routines.potrf, matrix, clean=0, overwrite_a=1)
-        self._fixed = np.zeros(0, np.intp)  # positions in `nodes`
-        self._at = np.zeros(0)
-        self._columns = np.zeros((len(nodes), 0), self._lower.dtype, order="F")
+        self._fixed = np.zeros(0, np.intp)  # positions of the fixed nodes in `nodes`
+        self._at = np.zeros(0)  # their pressures, zero or the hardness
+        self._columns = np.zeros((len(nodes), 0), self._lower.dtype, order="F")  # V
         self._gram: Real | None = None  # factor of V^T V, once it is needed
 
     @NO_WARNING
@@ -100,14 +126,21 @@ class ContactFactor:
     ) -> DenseSolution:
         """Fix and free nodes until no pressure is out of bounds and every residual has its sign.
 
+        The factor may lose nodes on the way.
+
         Parameters
         ----------
         interference : ndarray, shape of the grid, flat
-            Interference u without the displacement that a load adds [any unit of length].
+            Interference u, without the displacement that a load adds [unit of displacement].
         load : float or None
-            Sum of the pressure if it is given.
+            Sum of the pressure, None if it is not given [reduced].
         most_sets : int
-            Bound on the sets.
+            Bound on the sets of fixed nodes.
+
+        Returns
+        -------
+        DenseSolution
+            The pressure, cut off at the bounds if the sets have not settled.
 
         Raises
         ------
@@ -116,18 +149,22 @@ class ContactFactor:
         """
         forward = self._forward(interference[self.nodes], load)
         for sets in range(1, most_sets + 1):
-            pressure, residual, shift = self._backward(forward, self._at, load)
+            backward = self._backward(forward, self._at, load)
+            pressure = backward.pressure
             free = np.ones(len(pressure), bool)
             free[self._fixed] = False
             tension = free & (pressure < 0)
             excess = free & (pressure > self._hardness)
             changing = bool(tension.any() or excess.any())
-            # Yielded nodes return last: load that others lose may close their gaps again.
-            returning = (residual > 0) & (self._at == 0)
-            if not changing:
-                returning |= (residual < 0) & (self._at > 0)
+            returning = (backward.residual > 0) & (self._at == 0)
+            if (
+                not changing
+            ):  # yielded nodes return last: lost load may close their gaps again
+                returning |= (backward.residual < 0) & (self._at > 0)
             if not (changing or returning.any()):
-                return DenseSolution(pressure, shift, sets, settled=True)
+                return DenseSolution(
+                    self.nodes, pressure, backward.shift, sets, settled=True
+                )
             many = np.count_nonzero(tension) > MANY * len(pressure)
             if many and self._hardness == np.inf:
                 self._factorise(self.nodes[free & ~tension])
@@ -136,9 +173,8 @@ class ContactFactor:
                 self._free(returning)
                 self._fix(np.flatnonzero(tension), 0.0)
                 self._fix(np.flatnonzero(excess), self._hardness)
-        return DenseSolution(
-            np.clip(pressure, 0, self._hardness), shift, most_sets, settled=False
-        )
+        within = np.clip(pressure, 0, self._hardness)
+        return DenseSolution(self.nodes, within, backward.shift, most_sets, settled=False)
 
     @NO_WARNING
     def correct(self, residual: Values, load: float | None) -> Values:
@@ -147,27 +183,38 @@ class ContactFactor:
         Parameters
         ----------
         residual : ndarray, shape of the grid, flat
-            Remaining part of u [unit of u].
+            Remaining penetration u - H p [unit of displacement].
         load : float or None
-            None, or 0 for a change that carries no load.
+            None at a given displacement, or 0 for a change that carries no load [reduced].
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Change of pressure, zero on fixed nodes [reduced].
         """
-        left = residual[self.nodes]
-        left[self._fixed] = 0  # an open gap, which rounding would carry into the contact
-        return self._backward(self._forward(left, load), np.zeros_like(self._at), load)[0]
+        remaining = residual[self.nodes]
+        remaining[self._fixed] = 0  # rounding would carry an open gap into the contact
+        forward = self._forward(remaining, load)
+        return self._backward(forward, np.zeros_like(self._at), load).pressure
 
     def _forward(self, interference: Values, load: float | None) -> Real:
-        """Apply L^-1 to u, and to a unit displacement if a load is given."""
-        sides = np.ones(
-            (len(interference), 1 if load is None else 2), self._lower.dtype, order="F"
-        )
+        """Return L^-1 u as a column, and beside it that of a unit displacement if a load is given.
+
+        `interference` is u on the nodes of the factor.
+        """
+        columns = 1 if load is None else 2
+        sides = np.ones((len(interference), columns), self._lower.dtype, order="F")
         sides[:, 0] = interference
         return self._by(self._routines.trtrs, self._lower, sides)
 
-    def _backward(
-        self, forward: Real, at: Values, load: float | None
-    ) -> tuple[Values, Values, float]:
-        """Return the pressure, the residual of the fixed nodes, and the shift that a load needs."""
-        inside, residuals = forward, np.zeros((0, forward.shape[1]))
+    def _backward(self, forward: Real, at: Values, load: float | None) -> _Backward:
+        """Return pressure, residual and shift for what `_forward` has returned.
+
+        `at` holds the pressures of the fixed nodes. Raise LinAlgError if no displacement carries
+        the load, or pressures are not finite.
+        """
+        inside = forward
+        residuals = np.zeros((0, forward.shape[1]))
         if len(self._fixed):
             sides = np.asfortranarray(self._columns.T @ forward)
             sides[:, 0] -= at
@@ -182,43 +229,49 @@ class ContactFactor:
         pressures[self._fixed, 0] = at
         shift = 0.0
         if load is not None:
-            plain, uniform = pressures.sum(axis=0)
-            if not uniform > 0:
+            carried, by_unit_shift = pressures.sum(axis=0)
+            if not by_unit_shift > 0:
                 raise np.linalg.LinAlgError
-            shift = float((load - plain) / uniform)
+            shift = float((load - carried) / by_unit_shift)
             pressures[:, 0] += shift * pressures[:, 1]
             residuals = residuals[:, :1] + shift * residuals[:, 1:]
-        if not np.isfinite(pressures[:, 0].sum()):
+        pressure = pressures[:, 0]
+        if not np.isfinite(pressure.sum()):
             raise np.linalg.LinAlgError
-        return pressures[:, 0].copy(), residuals[:, 0], shift
+        return _Backward(pressure=pressure.copy(), residual=residuals[:, 0], shift=shift)
 
     def _fix(self, places: Nodes, at: float) -> None:
-        """Add the columns of V that keep the pressure of some nodes where it is put."""
+        """Add the columns of V that hold the nodes at some positions at a pressure [reduced]."""
         if not places.size:
             return
         columns = np.zeros((len(self._lower), len(places)), self._lower.dtype, order="F")
         columns[places, np.arange(len(places))] = 1
-        first = int(places.min())  # above it, columns of V are zero
-        below = self._lower[first:, first:]
-        columns[first:] = self._by(self._routines.trtrs, below, columns[first:])
+        first = int(places.min())  # the rows of V before this one are zero
+        lower_right = self._lower[first:, first:]
+        columns[first:] = self._by(self._routines.trtrs, lower_right, columns[first:])
         self._columns = np.concatenate([self._columns, columns], axis=1)
         self._fixed = np.concatenate([self._fixed, places])
         self._at = np.concatenate([self._at, np.full(len(places), at)])
         self._gram = None
 
     def _free(self, returning: Mask) -> None:
-        """Drop the columns of V of some fixed nodes, which are free again."""
+        """Drop the columns of V of some fixed nodes, by their mask, which are free again."""
         if not returning.any():
             return
-        self._columns, self._fixed = self._columns[:, ~returning], self._fixed[~returning]
-        self._at, self._gram = self._at[~returning], None
+        self._columns = self._columns[:, ~returning]
+        self._fixed = self._fixed[~returning]
+        self._at = self._at[~returning]
+        self._gram = None
 
-    def _by(self, routine: Callable[..., Any], *matrices: Real, **how: int) -> Real:
-        """Apply one of LAPACK's routines, for which the first matrix is a lower triangle."""
-        found, wrong = routine(*matrices, lower=1, **how)
-        if wrong:
+    def _by(self, routine: Callable[..., Any], *matrices: Real, **options: int) -> Real:
+        """Return what one of LAPACK's routines computes; its first matrix is a lower triangle.
+
+        Raise LinAlgError if the routine reports a failure.
+        """
+        computed, failure = routine(*matrices, lower=1, **options)
+        if failure:
             raise np.linalg.LinAlgError
-        result: Real = found
+        result: Real = computed
         return result
 
 
@@ -242,7 +295,18 @@ class Routines(NamedTuple):
 
 @lru_cache(maxsize=2)
 def routines(precision: str) -> Routines:
-    """Return LAPACK's routines for single ("s") or double ("d") precision."""
+    """Return LAPACK's routines for a precision.
+
+    Parameters
+    ----------
+    precision : str
+        "s" for single and "d" for double precision.
+
+    Returns
+    -------
+    Routines
+        The routines, which overwrite no argument unless they are told to.
+    """
     from scipy.linalg import lapack  # a tenth of a second, which most commands never need
 
     return Routines(*(getattr(lapack, precision + name) for name in Routines._fields))

@@ -1,23 +1,26 @@
-"""From a checked problem to its equilibrium: units, starts, and the loads of given displacements.
+"""From a checked problem to its equilibrium: units, starts, and parts of the grid.
 
-Displacements are in units of a length of the problem, and pressures in units of this length times
-E* over the cell's first side. Few nodes that may touch are solved by dense algebra alone. Every
-other problem is solved by one active set (`bem.active_set`), which begins from a pressure near by,
-from a loose solution on a coarser grid, or from a first guess.
+Displacements are in units of a length of the problem. Pressures are in units of this length times
+E* over the first side of a cell; pressures and loads in these units are called reduced. Few nodes
+that may touch are solved by dense algebra alone. Every other problem is solved by one active set
+(`bem.active_set`), which begins from a pressure near by, from a loose solution on a coarser grid,
+or from a first guess.
+
+Which counts of the ledger a constant moves: `python -m tests.ledger --halved bem.equilibrium.NAME`,
+or `--doubled`.
 """
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
 from bem.active_set import ActiveSet
-from bem.arrays import Field
-from bem.dense import MOST_SETS, ContactFactor
+from bem.arrays import Field, Nodes, Values
+from bem.dense import MOST_SETS, ContactFactor, DenseSolution
 from bem.far_field import critical_delta, give_of
 from bem.influence import InfluenceMatrix
-from bem.iterate import Effort, cut_to_load
+from bem.iterate import Effort, Iterate, cut_to_load
 from bem.operators.patch import Patch
 from bem.problem import Overlap, Problem, overlap
 from bem.threads import on_one_blas_thread
@@ -26,49 +29,80 @@ from bem.threads import on_one_blas_thread
 # (`pytest bench -k few_candidates`).
 FEW_NODES = 250
 
-# Nodes a side from which on a solve starts from a loose solve on a coarser grid, and the tolerance
-# of that one. Under the mean pressure below, over E* times the rms slope, or at the Delta below,
-# over the mean depth of the surface, little comes into contact and it pays from more nodes on (seen
-# on diamond-square surfaces of 512 and 513 nodes a side).
-NESTED, NESTED_FAINT, NESTED_RTOL = 500, 1000, 6e-2
-FAINT_PRESSURE, FAINT_DELTA = 4e-3, 0.6
+# Least number of nodes a side with which a solve starts from a loose solve on a coarser grid.
+NESTED = 500
 
-# Mean pressure, over E* times the rms slope, from which on a patch without edges starts from full
-# contact on its own grid, which is then the nearer (seen on spectral and diamond-square surfaces of
-# 512 and 1,024 nodes).
+# That number where little comes into contact, so that such a start pays on larger grids only.
+NESTED_FAINT = 1000
+
+# Tolerance of the loose solve [displacement].
+NESTED_RTOL = 6e-2
+
+# Mean pressure, over E* times the rms slope, below which little comes into contact [1]. This and
+# `FAINT_DELTA` were measured on diamond-square surfaces of 512 and 513 nodes a side.
+FAINT_PRESSURE = 4e-3
+
+# Delta, over the mean depth of the surface, below which little comes into contact [1].
+FAINT_DELTA = 0.6
+
+# Mean pressure, over E* times the rms slope, above which full contact on its own grid is nearer to
+# the solution of a patch without edges than a coarser grid is [1]. Measured on spectral and
+# diamond-square surfaces of 512 and 1,024 nodes a side.
 NESTED_FULL = 1.1
 
-# The coarser grid is solved up to this share of its own largest Delta, that of full contact or
-# Delta*: it has no equilibrium beyond it, where the finer one still may.
+# Largest Delta at which the coarser grid is solved, over its own Delta of full contact or Delta*
+# [1]: it has no equilibrium beyond, where the finer grid still may have one.
 NESTED_BELOW = 0.9999
 
-# Contact set up to which no first step is taken before dense algebra, as a share of the largest one
-# worth factorising: on free patches from a first guess, and else, where a step gains less.
-ENOUGH_FREE, ENOUGH = 0.5, 0.9
+# Contact set up to which no first step is taken before dense algebra, as a share of the largest set
+# worth factorising [1]: on free patches from a first guess.
+ENOUGH_FREE = 0.5
+
+# That share for all other starts, where a step gains less [1].
+ENOUGH = 0.9
 
 # Mean pressure, over E* times the rms slope, up to which a start on the highest nodes of a patch
-# without edges is nearer to the solution than one from full contact; and the share of nodes that it
-# takes, over this pressure. The slope is that of rows and columns some nodes apart.
-LIGHT, PEAKS, SAMPLED = 0.1, 8.0, 16
+# without edges is nearer to the solution than a start from full contact [1].
+LIGHT = 0.1
 
-# Nodes of a free patch that overlap at least and at most under a light load, as a share over the
-# mean pressure divided by E* times the rms slope (seen are 6 to 30 on diamond-square surfaces of
-# 129 to 513 nodes); the share from which the whole grid is solved; and the factor on a displacement
-# that is known from a coarser grid, or from a part that was too small.
-LEAST_OVERLAPPING, OVERLAPPING, MOST_OVERLAPPING, FURTHER = 6.0, 20.0, 0.3, 1.1
+# Share of the nodes that a start on the highest nodes takes, over the mean pressure divided by E*
+# times the rms slope [1].
+PEAKS = 8.0
+
+# Distance, in nodes, of the rows and columns from which the rms slope is computed.
+SAMPLED = 16
+
+# Shares of the nodes of a free patch that overlap at least and at most under a light load, over the
+# mean pressure divided by E* times the rms slope [1]. Shares from 6 to 30 were seen on
+# diamond-square surfaces of 129 to 513 nodes a side.
+LEAST_OVERLAPPING = 6.0
+OVERLAPPING = 20.0
+
+# Share of overlapping nodes above which the whole grid is solved [1].
+MOST_OVERLAPPING = 0.3
+
+# Factor on a displacement that is known from a coarser grid, or from a part that was too small [1].
+FURTHER = 1.1
 
 # Unit of length under the smallest loads, over the displacement of one cell that carries all of the
-# load. Single precision holds pressures and depths at once only where they are not too far apart.
+# load [1]. Single precision holds pressures and depths at once only where they are not too far
+# apart.
 REACH = 1e3
 
-# Displacement, over the unit of length, that the tolerance refers to while a load has brought none.
+# Displacement, over the unit of length, that the tolerance refers to while a load has brought none
+# [1].
 LEAST = 1e-3
 
-# Share of the Delta of full contact from which a start from its pressure is the better one, the
-# trials of the constant that is added to it, and the least mean gap over that Delta they aim at.
-NEARLY_FULL, CONSTANTS, LEAST_GAP = 0.9, 4, 1e-6
+# Delta, over that of full contact, above which full contact is the better start [1].
+NEARLY_FULL = 0.9
 
-# Largest residual [Delta] of a start that is better than none.
+# Trials of the constant that is added to the pressure of full contact.
+CONSTANTS = 4
+
+# Least mean gap that these trials aim at, over Delta of full contact [1].
+LEAST_GAP = 1e-6
+
+# Largest residual of a start that is better than no pressure [Delta].
 FARTHEST = 10.0
 
 
@@ -87,10 +121,10 @@ class Equilibrium:
     approach : float
         Total displacement of the far field [um].
     violation : float
-        Largest violation of complementarity, over the approach, or over Delta if that was given
+        Largest violation of complementarity, over the approach, or over Delta if that is given
         [1].
     effort : Effort
-        Work that it took.
+        Work that the solve took.
     converged : bool
         Whether the tolerance is met.
     stalled : bool
@@ -114,17 +148,19 @@ class Equilibrium:
     presumably_elastic: bool = False
 
 
-class Start(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Start:
     """A pressure near the solution, from which a solve begins.
 
     Attributes
     ----------
     pressure : ndarray, shape (nx, ny)
-        Pressure [E*].
+        Pressure, nowhere negative [E*].
     displacement : ndarray, shape (nx, ny), or None
         Displacement under that pressure, nan where it is unknown; it saves a convolution [um].
     spent : int
-        Convolutions that it took.
+        Convolutions that the pressure took; above 0 only if it was interpolated from a coarser
+        grid.
     reach : float or None
         Displacement beyond which no node is likely to touch, None if it is unknown [um].
     """
@@ -148,42 +184,73 @@ def equilibrium_of(problem: Problem, near: Start | None = None) -> Equilibrium |
     Returns
     -------
     Equilibrium or None
-        None if the bodies are apart or just touch.
+        The equilibrium, whose `converged` tells whether it meets the tolerance; None if the bodies
+        are apart or just touch.
     """
-    if not (problem.force if problem.delta is None else problem.delta > 0):
+    if not _is_loaded(problem):
         return None
     compliant = problem.far_field == "compliant"
     give = give_of(problem) if compliant else 0.0
-    found = _on_few_nodes(problem, give) if problem.boundary == "free" else None
-    if found is None:
-        at = _under_load if problem.delta is None else _at_displacement
-        nested = near is None and min(problem.heights.shape) >= NESTED
-        found = at(problem, _on_coarser_grid(problem) if nested else near, give)
-    if found.presumably_elastic and (problem.delta is None or _has_elastic(problem)):
-        found = _elastic_after_all(problem, found, near)
+    solution = None
+    if problem.boundary == "free":
+        solution = _on_few_nodes(problem, give)
+    if solution is None:
+        solution = _on_many_nodes(problem, near, give)
+    if solution.presumably_elastic and _has_elastic(problem):
+        solution = _elastic_after_all(problem, solution, near)
     if compliant and problem.delta is None:
         given_way = give * _reduced_load(problem)
-        found = replace(found, delta=max(found.approach - given_way, 0.0))
-    return found
+        delta = max(solution.approach - given_way, 0.0)
+        solution = replace(solution, delta=delta)
+    return solution
+
+
+def _is_loaded(problem: Problem) -> bool:
+    """Return whether the force or the displacement is above zero."""
+    if problem.delta is None:
+        return bool(problem.force)
+    return problem.delta > 0
+
+
+def _on_many_nodes(problem: Problem, near: Start | None, give: float) -> Equilibrium:
+    """Solve by one active set, from a pressure near by or from one on a coarser grid.
+
+    `give` is how far the far field gives way under a unit load [reduced].
+    """
+    # Starts are made in the call, so that the callee alone holds them and can free their memory.
+    if problem.delta is None:
+        return _under_load(problem, _start_of(problem, near))
+    return _at_displacement(problem, _start_of(problem, near), give)
+
+
+def _start_of(problem: Problem, near: Start | None) -> Start | None:
+    """Return the start near by, or one on a coarser grid if the grid is large; None without any."""
+    if near is None and min(problem.heights.shape) >= NESTED:
+        return _on_coarser_grid(problem)
+    return near
 
 
 def _has_elastic(problem: Problem) -> bool:
-    """Return whether elastic bodies have an equilibrium at the displacement."""
-    depth = float((problem.heights.max() - problem.heights).mean())
-    return problem.boundary == "free" or (problem.delta or 0.0) < depth
+    """Return whether elastic bodies have an equilibrium at the displacement or under the force."""
+    if problem.delta is None or problem.boundary == "free":
+        return True
+    return problem.delta < _mean_depth(problem.heights)
 
 
 def _elastic_after_all(
-    problem: Problem, found: Equilibrium, near: Start | None
+    problem: Problem, yielding: Equilibrium, near: Start | None
 ) -> Equilibrium:
-    """Return the elastic solution, to the last bit, unless it exceeds the hardness."""
+    """Return the elastic solution, to the last bit, unless it exceeds the hardness.
+
+    `yielding` is the solution with the hardness; the effort of both is added up.
+    """
     elastic = equilibrium_of(replace(problem, hardness=None), near)
     assert elastic is not None
-    effort = found.effort + elastic.effort
+    effort = yielding.effort + elastic.effort
     largest = float(elastic.pressure.max())
     if elastic.converged and not largest > problem.reduced_hardness(elastic.length):
         return replace(elastic, effort=effort)
-    return replace(found, effort=effort)
+    return replace(yielding, effort=effort)
 
 
 def _reduced_load(problem: Problem) -> float:
@@ -192,156 +259,204 @@ def _reduced_load(problem: Problem) -> float:
     return problem.force / problem.modulus / problem.spacing[1]
 
 
+def _mean_depth(heights: Field) -> float:
+    """Return the mean depth of a surface below its highest node [um]."""
+    return float((heights.max() - heights).mean())
+
+
 # Few nodes that may touch
 
 
 def _on_few_nodes(problem: Problem, give: float) -> Equilibrium | None:
     """Solve by dense algebra where few nodes of a free patch may touch; None if more may.
 
-    Nothing touches where the undeformed bodies do not overlap: pressure displaces every node
-    downwards.
+    Nothing touches where the undeformed bodies do not overlap, because pressure displaces every
+    node downwards. `give` is how far the far field gives way under a unit load [reduced].
     """
     delta = problem.delta
-    if (
-        delta is None
-        and LEAST_OVERLAPPING * _relative_load(problem) * problem.heights.size > FEW_NODES
-    ):
-        return None
-    if delta is None or problem.far_field == "compliant":
-        heights = problem.heights.reshape(-1)
-        many = min(FEW_NODES + 1, heights.size)
-        delta = float(heights.max() - np.partition(heights, -many)[-many])
+    if delta is None:
+        overlapping = LEAST_OVERLAPPING * _relative_load(problem) * problem.heights.size
+        if overlapping > FEW_NODES:
+            return None
+    if delta is None or problem.far_field == "compliant":  # the far field may go further
+        delta = _depth_of_few(problem.heights)
         if not delta > 0:
             return None
     touching = overlap(problem, delta)
     if np.count_nonzero(touching.below > -1) > FEW_NODES:
         return None
-    return _solve_densely(
-        problem, touching, delta, 0.0 if problem.delta is None else give
-    )
+    if problem.delta is None:
+        give = 0.0  # a force is carried by the same pressure on either far field
+    return _solve_densely(problem, touching, delta, give)
+
+
+def _depth_of_few(heights: Field) -> float:
+    """Return the depth of the first node that is too deep for `FEW_NODES` above it [um]."""
+    flat = heights.reshape(-1)
+    rank = min(FEW_NODES + 1, flat.size)
+    return float(flat.max() - np.partition(flat, -rank)[-rank])
 
 
 @on_one_blas_thread()
 def _solve_densely(
-    problem: Problem, touching: Overlap, delta: float, give: float
+    problem: Problem, touching: Overlap, length: float, give: float
 ) -> Equilibrium | None:
-    """Solve on all nodes that may touch; None if the load needs more, or no solution is found."""
-    load = None if problem.delta is not None else _reduced_load(problem) / delta
-    hardness = math.inf if problem.hardness is None else problem.reduced_hardness(delta)
+    """Solve by dense algebra on all nodes that may touch.
+
+    `touching` holds them in units of `length` [um]. Return None if the load needs more nodes, or no
+    solution meets the tolerance.
+    """
+    hardness = problem.reduced_hardness(length)
     matrix = InfluenceMatrix(touching.below.shape, problem.kernel, problem.aspect)
     below = touching.below.reshape(-1)
-    shift = 0.0 if problem.delta is None else problem.delta / delta
-    interference = below + shift
-    sets = min(MOST_SETS, problem.max_iterations)
     nodes = np.flatnonzero(below > -1)
     nodes = nodes[np.argsort(-below[nodes], kind="stable")]
-    try:  # elastic bodies first, to the last bit
+    shift = 0.0 if problem.delta is None else problem.delta / length
+    solution = _dense_solution(problem, matrix, nodes, below + shift, length, give)
+    if solution is None:
+        return None
+    if problem.delta is None:
+        shift = solution.shift
+    approach = shift + give * float(solution.pressure.sum())
+    if not solution.settled or not 0 < approach <= 1:  # beyond 1, more nodes may touch
+        return None
+    values = np.zeros(below.size)
+    values[solution.nodes] = solution.pressure
+    pressure = values[nodes]
+    entries = matrix.between(nodes, nodes)
+    residual = below[nodes] + approach - np.einsum("ij,j->i", entries, pressure)
+    departures = np.where(pressure > 0, np.abs(residual), residual)
+    yielded = pressure >= hardness
+    departures[yielded] = -residual[yielded]
+    violation = max(float(departures.max()), 0.0) / shift
+    if not violation <= problem.rtol:
+        return None
+    return Equilibrium(
+        pressure=touching.unfolded(values.reshape(touching.below.shape)),
+        length=length,
+        delta=shift * length if problem.delta is None else problem.delta,
+        approach=approach * length,
+        violation=violation,
+        effort=Effort(iterations=solution.sets, convolutions=solution.sets),
+        converged=True,
+    )
+
+
+def _dense_solution(
+    problem: Problem,
+    matrix: InfluenceMatrix,
+    nodes: Nodes,
+    interference: Values,
+    length: float,
+    give: float,
+) -> DenseSolution | None:
+    """Solve densely for elastic bodies, and again for yielding ones if the hardness is exceeded.
+
+    `nodes` are flat indices of the box, highest first; `interference` is flat, of the whole box
+    [length]. Return None if a matrix is not positive definite, or numbers overflow.
+    """
+    load = None if problem.delta is not None else _reduced_load(problem) / length
+    hardness = problem.reduced_hardness(length)
+    sets = min(MOST_SETS, problem.max_iterations)
+    try:
         with np.errstate(over="raise"):
-            factor = ContactFactor(lambda some: matrix.among(some, give), nodes)
+            factor = ContactFactor(lambda among: matrix.among(among, give), nodes)
             solution = factor.solve(interference, load, sets)
             if float(solution.pressure.max()) > hardness:
                 factor = ContactFactor(matrix.among, nodes, hardness)
                 solution = factor.solve(interference, load, sets)
     except (np.linalg.LinAlgError, FloatingPointError):
         return None
-    if load is not None:
-        shift = solution.shift
-    approach = shift + give * float(solution.pressure.sum())
-    if not solution.settled or not 0 < approach <= 1:
-        return None
-    values = np.zeros(below.size)
-    values[factor.nodes] = solution.pressure
-    entries = matrix.between(nodes, nodes)
-    residual = below[nodes] + approach - np.einsum("ij,j->i", entries, values[nodes])
-    loaded, yielded = values[nodes] > 0, values[nodes] >= hardness
-    wrong = np.where(loaded, np.abs(residual), residual)
-    wrong[yielded] = -residual[yielded]
-    violation = max(float(wrong.max()), 0.0) / shift
-    if not violation <= problem.rtol:
-        return None
-    return Equilibrium(
-        pressure=touching.unfolded(values.reshape(touching.below.shape)),
-        length=delta,
-        delta=shift * delta if problem.delta is None else problem.delta,
-        approach=approach * delta,
-        violation=violation,
-        effort=Effort(solution.sets, solution.sets),
-        converged=True,
-    )
+    return solution
 
 
 # At a given displacement
 
 
 def _at_displacement(problem: Problem, near: Start | None, give: float) -> Equilibrium:
-    """Solve at a given displacement; a compliant far field gives way under a unit load."""
+    """Solve at a given displacement, from a start if there is one.
+
+    `give` is how far a compliant far field gives way under a unit load, 0 if it is rigid [reduced].
+    """
     delta = problem.delta
     assert delta is not None
-    whole = problem.boundary != "free"
-    if whole and problem.hardness is not None and np.ptp(problem.heights) <= delta:
+    edgeless = problem.boundary != "free"
+    if edgeless and problem.hardness is not None and np.ptp(problem.heights) <= delta:
         return _all_yielded(problem, delta)
-    touching = overlap(problem, math.inf if whole or give else delta, delta)
-    solve = _new(problem, touching, delta, give=give)
-    with np.errstate(over="ignore", invalid="ignore"):
+    all_may_touch = edgeless or give > 0
+    touching = overlap(problem, math.inf if all_may_touch else delta, delta)
+    iterate = _new(problem, touching, delta, give=give)
+    with np.errstate(over="ignore", invalid="ignore"):  # such starts are worthless
         if near is not None:
-            solve.begin(*_reduced(problem, near, touching, delta))
-            poor = solve.worthless(FARTHEST)
+            _begin_from(iterate, problem, near, touching, delta)
+            is_poor = iterate.worthless(FARTHEST)
         else:
-            poor = whole and not _begun_nearly_full(solve)
-    if poor:
-        solve = _new(problem, touching, delta, give=give)
+            is_poor = edgeless and not _begun_nearly_full(iterate)
+    if is_poor:
+        iterate = _new(problem, touching, delta, give=give)
     spent = 0 if near is None else near.spent
     del near  # its memory is free again
-    if whole and problem.hardness is not None:
-        solve.expect_yielding()  # elastic contacts may be full before this displacement
-    if not solve.pressure.any():
-        solve.take_first_steps(solve.patch.few / 2)
+    if edgeless and problem.hardness is not None:
+        iterate.expect_yielding()  # elastic contacts may be full before this displacement
+    if not iterate.pressure.any():
+        iterate.take_first_steps(iterate.patch.few / 2)
     elif spent:
-        solve.approach(solve.patch.few / 2, interpolated=True)
-    if not solve.settle_few():
-        solve.run()
-    return _result(problem, solve, touching, delta, spent)
+        iterate.approach(iterate.patch.few / 2, interpolated=True)
+    return _solved(problem, iterate, touching, delta, spent)
 
 
-def _begun_nearly_full(solve: ActiveSet) -> bool:
+def _begun_nearly_full(iterate: Iterate) -> bool:
     """Begin from the pressure of full contact plus a constant, cut off below zero.
 
     The mean gap falls nearly exponentially with the load (Persson 2007); trials tell how fast.
-    Returns whether that is a start, which it is not too far from full contact.
+    Return whether this is a useful start: it is if the displacement is not too far from that of
+    full contact.
     """
-    below = solve.below
+    below = iterate.below
     depth = -float(below.mean())
     if depth < 1 or 1 / depth < NEARLY_FULL:
         return False
-    full = solve.patch.unbalanced(below)
+    full = iterate.patch.unbalanced(below)
     scale = float(full.std()) / 2
     for _ in range(CONSTANTS):
         constant = -scale * math.log(max(1 - 1 / depth, LEAST_GAP))
         pressure = np.maximum(full + constant, 0)
-        solve.begin(pressure)
-        left = float(solve.residual.mean(where=pressure > 0))
+        iterate.begin(pressure)
+        left = float(iterate.residual.mean(where=pressure > 0))
         gap = 1 - (1 - left) / depth
         if left > 0 or not 0 < gap < 1:
             break
         scale = constant / -math.log(gap)
-    return not solve.worthless(math.inf)
+    return not iterate.worthless(math.inf)
 
 
-def _reduced(
-    problem: Problem, near: Start, touching: Overlap, length: float
-) -> tuple[Field, Field | None]:
-    """Return a start's pressure and displacement in units of a length, in the part solved."""
+def _begin_from(
+    iterate: Iterate, problem: Problem, near: Start, touching: Overlap, length: float
+) -> None:
+    """Begin an iterate from a start on the whole grid.
+
+    `touching` is the part that is solved, and `length` the unit of length [um]. The start's
+    displacement is used only if all of its pressure is in this part.
+    """
     pressure = near.pressure[touching.box] * (problem.spacing[0] / length)
+    displacement = None
     inside = np.count_nonzero(pressure) == np.count_nonzero(near.pressure)
-    if near.displacement is None or not inside:
-        return pressure, None
-    return pressure, near.displacement[touching.box] / length
+    if near.displacement is not None and inside:
+        displacement = near.displacement[touching.box] / length
+    iterate.begin(pressure, displacement)
 
 
 def _all_yielded(problem: Problem, delta: float) -> Equilibrium:
     """Return the hardness on all nodes, which displaces nothing: all of the surface penetrates."""
-    pressure = np.full(problem.heights.shape, problem.reduced_hardness(delta))
-    return Equilibrium(pressure, delta, delta, delta, 0.0, Effort(), converged=True)
+    return Equilibrium(
+        pressure=np.full(problem.heights.shape, problem.reduced_hardness(delta)),
+        length=delta,
+        delta=delta,
+        approach=delta,
+        violation=0.0,
+        effort=Effort(),
+        converged=True,
+    )
 
 
 def _new(
@@ -351,91 +466,120 @@ def _new(
     *,
     load: float | None = None,
     give: float = 0.0,
-) -> ActiveSet:
-    """Return an active set for a problem in units of a length, without any pressure."""
-    below = touching.below
-    shape = below.shape[0], below.shape[1]
-    return ActiveSet(
-        Patch(shape, problem.boundary, problem.kernel, problem.aspect, give),
-        below,
+) -> Iterate:
+    """Return an iterate without any pressure for the part of a problem that may touch.
+
+    `length` is the unit of length [um]. Without `load` [reduced], the displacement is given and is
+    the unit of length.
+    """
+    shape = touching.below.shape[0], touching.below.shape[1]
+    patch = Patch(shape, problem.boundary, problem.kernel, problem.aspect, give)
+    return Iterate(
+        patch,
+        touching.below,
         shift=1.0 if load is None else None,
         load=load,
-        hardness=math.inf
-        if problem.hardness is None
-        else problem.reduced_hardness(length),
+        hardness=problem.reduced_hardness(length),
         rtol=problem.rtol,
-        most=problem.max_iterations,
-        least=LEAST,
+        max_iterations=problem.max_iterations,
+        least_displacement=LEAST,
     )
 
 
-def _result(
-    problem: Problem, solve: ActiveSet, touching: Overlap, length: float, spent: int
+def _solved(
+    problem: Problem, iterate: Iterate, touching: Overlap, length: float, spent: int
 ) -> Equilibrium:
-    """Put the result of an active set on the grid, and add the convolutions spent before it."""
-    if not solve.exact:
-        solve.renew()
-    assert solve.displacement is not None
-    unit = 1.0 if solve.load is None else solve.shift if solve.shift > 0 else LEAST
-    exact = solve.below + solve.shift
-    exact -= solve.displacement
-    violation = max(solve.violation(exact)) / unit
-    give, yielded = solve.patch.give, solve.pressure >= solve.hardness
-    given_way = give * float(solve.pressure.sum()) if give else 0.0
+    """Take an iterate to equilibrium, and put the result on the whole grid.
+
+    `length` is the unit of length [um]; `spent` are convolutions that the start took.
+    """
+    active_set = ActiveSet(iterate)
+    if not active_set.settle_few():
+        active_set.run()
+    if not iterate.exact:
+        iterate.renew()
+    assert iterate.displacement is not None
+    unit = 1.0
+    if iterate.load is not None:
+        unit = iterate.shift if iterate.shift > 0 else LEAST
+    exact_residual = iterate.below + iterate.shift
+    exact_residual -= iterate.displacement
+    violation = iterate.violation(exact_residual).largest / unit
+    give = iterate.patch.give
+    given_way = give * float(iterate.pressure.sum()) if give else 0.0
+    displacement = iterate.displacement.copy()  # the next solve overwrites the original
     return Equilibrium(
-        pressure=touching.unfolded(solve.pressure),
+        pressure=touching.unfolded(iterate.pressure),
         length=length,
-        delta=problem.delta if problem.delta is not None else solve.shift * length,
-        approach=(solve.shift + given_way) * length,
+        delta=iterate.shift * length if problem.delta is None else problem.delta,
+        approach=(iterate.shift + given_way) * length,
         violation=violation,
-        effort=Effort(solve.iterations, solve.patch.convolutions + spent),
+        effort=Effort(
+            iterations=iterate.iterations,
+            convolutions=iterate.patch.convolutions + spent,
+        ),
         converged=violation <= problem.rtol,
-        stalled=solve.stalled,
-        displacement=touching.unfolded(solve.displacement.copy(), np.nan),
-        presumably_elastic=solve.yields
-        and not float((solve.residual * yielded).max()) > solve.tolerance,
+        stalled=active_set.stalled,
+        displacement=touching.unfolded(displacement, np.nan),
+        presumably_elastic=iterate.yields and not _is_certain_to_yield(iterate),
     )
+
+
+def _is_certain_to_yield(iterate: Iterate) -> bool:
+    """Return whether a node at the hardness still penetrates by more than the tolerance."""
+    yielded = iterate.pressure >= iterate.hardness
+    return float((iterate.residual * yielded).max()) > iterate.tolerance
 
 
 # Under a given load
 
 
-def _under_load(problem: Problem, near: Start | None, _: float) -> Equilibrium:
+def _under_load(problem: Problem, near: Start | None) -> Equilibrium:
     """Solve under a given force; the displacement follows from the balance of the free nodes.
 
-    A light load presses on a few summits of a free patch, so that a part of the grid is solved, the
-    one that overlaps at a guess of the displacement that is reached. Where the displacement turns
-    out to be larger, a larger part is solved from there: one that overlaps at this displacement,
-    which is never below that of the whole grid.
+    A light load presses on a few summits of a free patch, so that a part of the grid is solved:
+    the one that overlaps at a guess of the displacement that is reached. Where the displacement
+    turns out to be larger, a larger part is solved from there: one that overlaps at this
+    displacement, which is never below that of the whole grid.
     """
     load = _reduced_load(problem)
-    depth = float((problem.heights.max() - problem.heights).mean())
+    depth = _mean_depth(problem.heights)
     length = min(depth or problem.spacing[0], REACH * load)
-    reached = None if near is None else near.reach
-    if reached is None:
-        reached = _guessed_reach(problem) if problem.boundary == "free" else math.inf
+    reached = _reach(problem, near)
     touching = overlap(problem, reached, length)
-    solve = _new(problem, touching, length, load=load / length)
+    iterate = _new(problem, touching, length, load=load / length)
     if near is not None and near.pressure[touching.box].any():
-        solve.begin(*_reduced(problem, near, touching, length))
+        _begin_from(iterate, problem, near, touching, length)
     else:
-        pressure, closed = _first_pressure(problem, solve)
-        if closed:
-            return _full_contact(problem, pressure, length)
-        solve.begin(pressure)
+        relative_load = _relative_load(problem)
+        full = _full_pressure(problem, iterate, relative_load)
+        if full is None:
+            iterate.begin(_pressure_on_summits(problem, iterate, relative_load))
+        elif full.min() >= 0 and full.max() <= iterate.hardness:
+            return _full_contact(problem, full, length)
+        else:
+            iterate.begin(cut_to_load(full, load / length))
     spent = 0 if near is None else near.spent
-    first = problem.boundary == "free" and (near is None or spent > 0)
-    enough = solve.patch.few * (ENOUGH_FREE if first else ENOUGH)
+    first_guess = problem.boundary == "free" and (near is None or spent > 0)
+    enough = iterate.patch.few * (ENOUGH_FREE if first_guess else ENOUGH)
     del near  # its memory is free again
-    solve.approach(enough, interpolated=spent > 0)
-    if not solve.settle_few():
-        solve.run()
-    found = _result(problem, solve, touching, length, spent)
-    if solve.below.shape == problem.heights.shape or not found.delta > reached:
-        return found
-    pressure = found.pressure * (length / problem.spacing[0])
-    further = _under_load(problem, Start(pressure, reach=FURTHER * found.delta), _)
-    return replace(further, effort=found.effort + further.effort)
+    iterate.approach(enough, interpolated=spent > 0)
+    solution = _solved(problem, iterate, touching, length, spent)
+    on_all_nodes = iterate.below.shape == problem.heights.shape
+    if on_all_nodes or not solution.delta > reached:
+        return solution
+    pressure = solution.pressure * (length / problem.spacing[0])
+    larger = _under_load(problem, Start(pressure, reach=FURTHER * solution.delta))
+    return replace(larger, effort=solution.effort + larger.effort)
+
+
+def _reach(problem: Problem, near: Start | None) -> float:
+    """Return the displacement beyond which no node is likely to touch, inf if unknown [um]."""
+    if near is not None and near.reach is not None:
+        return near.reach
+    if problem.boundary == "free":
+        return _guessed_reach(problem)
+    return math.inf
 
 
 def _guessed_reach(problem: Problem) -> float:
@@ -448,54 +592,75 @@ def _guessed_reach(problem: Problem) -> float:
         return math.inf
     highest = np.partition(problem.heights, size - number, axis=None)[size - number]
     depth = float(problem.heights.max() - highest)
-    return (
-        math.nextafter(depth, math.inf) if depth > 0 else math.inf
-    )  # equally high nodes too
+    if not depth > 0:
+        return math.inf
+    return math.nextafter(depth, math.inf)  # nodes of this height overlap too
 
 
-def _first_pressure(problem: Problem, solve: ActiveSet) -> tuple[Field, bool]:
-    """Guess a pressure that carries a load; also return whether it is that of full contact.
+def _full_pressure(
+    problem: Problem, iterate: Iterate, relative_load: float
+) -> Field | None:
+    """Return the pressure of full contact that carries the load, of any sign [reduced].
 
-    Without edges, the pressure of full contact is known, and its projection onto pressures that are
-    not negative is near under larger loads. Otherwise the highest nodes are pressed as deep as a
-    plane at their foot would, and a constant is subtracted from their pressure until it carries the
-    load.
+    Its projection onto pressures that are not negative is near the solution under larger loads.
+    Return None on free patches, where it is not known, and under light loads. See `_relative_load`.
     """
-    patch, below, load = solve.patch, solve.below, solve.load
-    assert load is not None
-    light = _relative_load(problem)
-    if problem.boundary != "free" and light >= LIGHT:
-        full = patch.unbalanced(below) + load / below.size
-        if full.min() >= 0 and full.max() <= solve.hardness:
-            return full, True
-        return cut_to_load(full, load), False
-    number = min(int(min(PEAKS * light, 1.0) * problem.heights.size) + 1, below.size)
+    if problem.boundary == "free" or not relative_load >= LIGHT:
+        return None
+    assert iterate.load is not None
+    return iterate.patch.unbalanced(iterate.below) + iterate.load / iterate.below.size
+
+
+def _pressure_on_summits(
+    problem: Problem, iterate: Iterate, relative_load: float
+) -> Field:
+    """Guess a pressure on the highest nodes that carries the load [reduced].
+
+    They are pressed as deep as a plane at their foot would press them, and a constant is subtracted
+    from their pressure until it carries the load. This changes the patch's contact set. See
+    `_relative_load`, which decides how many nodes these are.
+    """
+    patch = iterate.patch
+    below = iterate.below
+    assert iterate.load is not None
+    share = min(PEAKS * relative_load, 1.0)
+    number = min(int(share * problem.heights.size) + 1, below.size)
     foot = np.partition(below, -number, axis=None)[-number]
     high = below >= foot
     patch.take_contact(high)
-    pressed: Field = np.zeros(below.shape)
-    patch.add_to(pressed, patch.correct(patch.in_contact(below - foot)))
-    pressed[high] = cut_to_load(pressed[high], load)
-    if not pressed.any():
-        pressed[high] = 1.0
-    return pressed, False
+    pressure: Field = np.zeros(below.shape)
+    patch.add_to(pressure, patch.correct(patch.in_contact(below - foot)))
+    pressure[high] = cut_to_load(pressure[high], iterate.load)
+    if not pressure.any():  # rounding has left none
+        pressure[high] = 1.0
+    return pressure
 
 
 def _relative_load(problem: Problem) -> float:
-    """Return a load's mean pressure over E* times the rms slope of some rows and columns [1]."""
+    """Return a load's mean pressure over E* times the rms slope of some rows and columns [1].
+
+    It is infinite for surfaces without a slope.
+    """
     unit = float(np.ptp(problem.heights))
     if not unit > 0:
         return math.inf
     along = np.diff(problem.heights[:, ::SAMPLED], axis=0) / unit
     across = np.diff(problem.heights[::SAMPLED], axis=1) / unit
-    rows, columns = (float((d * d).sum()) / max(d.size, 1) for d in (along, across))
-    slope = math.sqrt(rows + columns / problem.aspect**2)
+    slope = math.sqrt(_mean_square(along) + _mean_square(across) / problem.aspect**2)
     load = _reduced_load(problem) / problem.heights.size / unit
     return load / slope if slope > 0 else math.inf
 
 
+def _mean_square(differences: Field) -> float:
+    """Return the mean square of an array, 0 of an empty one."""
+    return float((differences * differences).sum()) / max(differences.size, 1)
+
+
 def _full_contact(problem: Problem, pressure: Field, length: float) -> Equilibrium:
-    """Return the pressure of full contact as the solution that it is where it pushes."""
+    """Return full contact, which is the solution where its reduced pressure is within bounds.
+
+    `length` is the unit of length [um].
+    """
     below = (problem.heights - problem.heights.max()) / length
     depth = -float(below.mean()) * length
     return Equilibrium(
@@ -514,62 +679,93 @@ def _full_contact(problem: Problem, pressure: Field, length: float) -> Equilibri
 
 
 def _on_coarser_grid(problem: Problem) -> Start | None:
-    """Solve loosely on a grid with twice the spacing; None where that gains nothing."""
+    """Solve loosely on a grid with twice the spacing; return None where that gains nothing."""
+    coarse = _coarse_problem(problem) if _gains_by_nesting(problem) else None
+    if coarse is None:
+        return None
+    loose = equilibrium_of(coarse)
+    assert loose is not None
+    pressure = loose.pressure * (loose.length / coarse.spacing[0])
+    free = problem.boundary == "free"
+    if free:
+        for axis, nodes in enumerate(problem.heights.shape):
+            pressure = _between(pressure, axis, nodes)
+    else:  # each coarse cell covers two by two cells
+        pressure = pressure.repeat(2, axis=0).repeat(2, axis=1)
+    reach = None
+    if free and coarse.delta is None:
+        cut_off = float(problem.heights.max() - coarse.heights.max())
+        reach = FURTHER * (loose.delta + cut_off)
+    share = coarse.heights.size / problem.heights.size
+    spent = math.ceil(share * loose.effort.convolutions)
+    return Start(pressure, spent=spent, reach=reach)
+
+
+def _gains_by_nesting(problem: Problem) -> bool:
+    """Return whether a start on a coarser grid saves work.
+
+    It does not where little comes into contact, nor near full contact without edges. Nor can it be
+    made without edges if a side has an odd number of nodes.
+    """
     rows, columns = problem.heights.shape
     if min(rows, columns) < NESTED_FAINT and _is_faint(problem):
-        return None
-    compliant = problem.far_field == "compliant"
+        return False
+    if problem.boundary == "free":
+        return True
+    if rows % 2 or columns % 2:
+        return False
+    return problem.delta is not None or not _relative_load(problem) >= NESTED_FULL
+
+
+def _coarse_problem(problem: Problem) -> Problem | None:
+    """Return the problem on a grid with twice the spacing; None if it has no equilibrium.
+
+    Free patches leave out every second row and column, whose outer nodes stay on the border.
+    Without edges, heights are means over cells of two by two nodes.
+    """
+    rows, columns = problem.heights.shape
     free = problem.boundary == "free"
-    nearly_full = problem.delta is None and _relative_load(problem) >= NESTED_FULL
-    if not free and (nearly_full or rows % 2 or columns % 2):
-        return None
     if free:
         heights = problem.heights[::2, ::2]
     else:
-        heights = problem.heights.reshape(rows // 2, 2, columns // 2, 2).mean(axis=(1, 3))
+        cells = problem.heights.reshape(rows // 2, 2, columns // 2, 2)
+        heights = cells.mean(axis=(1, 3))
     delta = problem.delta
     if delta is not None:
-        delta -= float(problem.heights.max() - heights.max())
-        most = math.inf
-        if compliant:
-            most = critical_delta(heights, problem.kernel, problem.aspect)
+        delta -= float(problem.heights.max() - heights.max())  # from its own highest node
+        end = math.inf
+        if problem.far_field == "compliant":
+            end = critical_delta(heights, problem.kernel, problem.aspect)
         elif not free and problem.hardness is None:
-            most = float((heights.max() - heights).mean())
-        if delta <= 0 or delta >= NESTED_BELOW * most:
+            end = _mean_depth(heights)
+        if delta <= 0 or delta >= NESTED_BELOW * end:
             return None
-    spacing = 2 * problem.spacing[0], 2 * problem.spacing[1]
-    coarse = replace(
-        problem, heights=heights, spacing=spacing, delta=delta, rtol=NESTED_RTOL
+    return replace(
+        problem,
+        heights=heights,
+        spacing=(2 * problem.spacing[0], 2 * problem.spacing[1]),
+        delta=delta,
+        rtol=NESTED_RTOL,
     )
-    loose = equilibrium_of(coarse)
-    assert loose is not None
-    pressure = loose.pressure * (loose.length / spacing[0])
-    for axis, nodes in enumerate(problem.heights.shape):
-        pressure = (
-            _between(pressure, axis, nodes) if free else pressure.repeat(2, axis=axis)
-        )
-    share = heights.size / problem.heights.size
-    reach = None
-    if free and delta is None:
-        reach = FURTHER * (loose.delta + float(problem.heights.max() - heights.max()))
-    return Start(pressure, None, math.ceil(share * loose.effort.convolutions), reach)
 
 
 def _is_faint(problem: Problem) -> bool:
     """Return whether a load or a displacement is likely to bring little into contact."""
     if problem.delta is None:
         return _relative_load(problem) < FAINT_PRESSURE
-    depth = float((problem.heights.max() - problem.heights).mean())
-    return problem.delta < FAINT_DELTA * depth
+    return problem.delta < FAINT_DELTA * _mean_depth(problem.heights)
 
 
 def _between(values: Field, axis: int, nodes: int) -> Field:
-    """Insert means of neighbours along an axis; repeat the last value if it has no neighbour."""
-    here = np.moveaxis(values, axis, 0)
-    filled = np.empty((nodes, *here.shape[1:]))
-    filled[::2] = here
-    filled[1::2] = here[: nodes // 2]
+    """Insert the means of neighbours along an axis, which then has `nodes` nodes.
+
+    The last value is repeated if the last node has no neighbour beyond it.
+    """
+    coarse = np.moveaxis(values, axis, 0)
+    filled = np.empty((nodes, *coarse.shape[1:]))
+    filled[::2] = coarse
+    filled[1::2] = coarse[: nodes // 2]
     inner = (nodes - 1) // 2
-    filled[1 : 2 * inner : 2] += here[1 : inner + 1]
+    filled[1 : 2 * inner : 2] += coarse[1 : inner + 1]
     filled[1 : 2 * inner : 2] /= 2
     return np.moveaxis(filled, 0, axis)

@@ -1,8 +1,8 @@
-"""The compliant far field of MIRCO: it gives way by F / K under the force F.
+"""The compliant far field of MIRCO, which gives way by F / K under the force F.
 
-K is the stiffness of a flat punch that fills the patch. The influence matrix less 1 / K has the
-punch's pressure for its null vector, so that the force grows without bound towards a displacement
-Delta* of the far field.
+K is the stiffness of a flat punch that fills the patch. The influence matrix less 1 / K is
+singular, with the punch's pressure as its null vector. As the displacement of the far field
+approaches a value Delta*, the force therefore grows without bound.
 """
 
 from functools import lru_cache
@@ -12,20 +12,32 @@ import numpy as np
 from bem.active_set import ActiveSet
 from bem.arrays import Field
 from bem.influence import Kernel
+from bem.iterate import Iterate
 from bem.operators.patch import Patch
 from bem.problem import NoSolution, Problem
 
-# Tolerance of a flat punch, close to rounding because every compliant solve uses it.
-FLAT_PUNCH_RTOL, FLAT_PUNCH_ITERATIONS = 1e-13, 10_000
+# Largest departure of the flat punch's displacement from one [1]. It is close to rounding, because
+# the punch enters every solve on a compliant far field.
+FLAT_PUNCH_RTOL = 1e-13
+
+# Largest number of iterations for a flat punch, far more than any grid needs.
+FLAT_PUNCH_ITERATIONS = 10_000
 
 
 class BeyondCriticalDelta(NoSolution):
-    """A compliant far field at or beyond Delta*, where the force has no bound.
+    """A displacement of a compliant far field at or beyond Delta*, where there is no equilibrium.
+
+    Parameters
+    ----------
+    delta : float
+        Requested far-field displacement [um].
+    critical : float
+        Delta* of the surface [um].
 
     Attributes
     ----------
     delta : float
-        The far-field displacement asked for [um].
+        Requested far-field displacement [um].
     critical_delta : float
         Delta* of the surface [um].
     """
@@ -40,33 +52,36 @@ class BeyondCriticalDelta(NoSolution):
 
 
 def give_of(problem: Problem) -> float:
-    """Return how far a compliant far field gives way under a unit reduced load [1].
+    """Return the displacement of a compliant far field under a unit reduced load.
 
     Parameters
     ----------
     problem : Problem
         A problem on a compliant far field.
 
+    Returns
+    -------
+    float
+        Compliance of the far field [displacement over the sum of reduced pressures].
+
     Raises
     ------
     BeyondCriticalDelta
-        If a displacement is given that it has no equilibrium at.
+        If the problem has a given displacement at or beyond Delta*.
     """
     if problem.delta is not None:
         critical = critical_delta(problem.heights, problem.kernel, problem.aspect)
         if problem.delta >= critical:
             raise BeyondCriticalDelta(problem.delta, critical)
-    return 1 / float(
-        flat_punch(problem.heights.shape, problem.kernel, problem.aspect).sum()
-    )
+    punch = flat_punch(problem.heights.shape, problem.kernel, problem.aspect)
+    return 1 / float(punch.sum())
 
 
 @lru_cache(maxsize=8)
 def flat_punch(shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0) -> Field:
-    """Compute the pressure that displaces every node of a free patch by one.
+    """Compute the pressure of a flat punch that displaces every node of a free patch by one.
 
-    As in MIRCO, a compliant far field gives way by F / K under the force F, where K is the
-    stiffness of a flat punch that fills the patch.
+    Recent results are kept for later calls with the same arguments.
 
     Parameters
     ----------
@@ -80,7 +95,7 @@ def flat_punch(shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0) -> F
     Returns
     -------
     ndarray, shape (nx, ny)
-        Pressure, read-only [E* / first side of a cell].
+        Pressure per displacement, read-only [E* / first side of a cell].
 
     Raises
     ------
@@ -88,28 +103,29 @@ def flat_punch(shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0) -> F
         If the iteration does not reach `FLAT_PUNCH_RTOL`.
     """
     patch = Patch(shape, "free", kernel, aspect)
-    solve = ActiveSet(
+    iterate = Iterate(
         patch,
         np.zeros(shape),
         shift=1.0,
         rtol=FLAT_PUNCH_RTOL,
-        most=FLAT_PUNCH_ITERATIONS,
+        max_iterations=FLAT_PUNCH_ITERATIONS,
     )
-    if not solve.run():
+    if not ActiveSet(iterate).run():
         raise ArithmeticError(
             f"flat punch on {shape[0]} x {shape[1]} nodes, kernel {kernel}: residual"
-            f" {max(solve.violation()):.1e} after {solve.iterations} iterations"
+            f" {iterate.violation().largest:.1e} after {iterate.iterations} iterations"
         )
-    pressure = solve.pressure
+    pressure = iterate.pressure
     pressure.setflags(write=False)
     return pressure
 
 
 def critical_delta(heights: Field, kernel: Kernel, aspect: float = 1.0) -> float:
-    """Compute Delta*, at which the force on a compliant far field grows without bound [um].
+    """Compute Delta*, at which the force on a compliant far field grows without bound.
 
-    The flat punch's pressure is the null vector of H - 1 1^T / K. The gap is not negative, so that
-    its product with that pressure bounds Delta by the pressure-weighted mean of z_max - z.
+    The pressure of the flat punch is the null vector of H - 1 1^T / K. No gap is negative, so that
+    the product of the gap with this pressure is not negative either. It follows that Delta is below
+    the mean of z_max - z, weighted by this pressure.
 
     Parameters
     ----------
@@ -119,6 +135,16 @@ def critical_delta(heights: Field, kernel: Kernel, aspect: float = 1.0) -> float
         Influence coefficients, see `bem.influence.influence_coefficients`.
     aspect : float
         Second side of a cell over its first [1].
+
+    Returns
+    -------
+    float
+        Delta* [um].
+
+    Raises
+    ------
+    ArithmeticError
+        As `flat_punch`.
     """
     pressure = flat_punch(heights.shape, kernel, aspect)
     return float((pressure * (heights.max() - heights)).sum() / pressure.sum())

@@ -1,6 +1,6 @@
 """Influence coefficients: the displacement of one cell under unit pressure on another.
 
-Lengths are in units of the cell's first side and E* = 1, so that one table serves every scan
+Lengths are in units of the cell's first side, and E* = 1. One table therefore serves every scan
 length and every material: a caller multiplies by spacing / E*.
 """
 
@@ -17,29 +17,32 @@ from bem.threads import share
 Kernel = Literal["uniform-pressure", "concentrated-force"]
 KERNELS: tuple[Kernel, ...] = get_args(Kernel)
 
-# Pairs of a distance, in units of the cell's longer side, and the Gauss-Legendre points a side that
-# integrate 1/r over the cell to the last digit from there on: the error falls as (2 d)^(-2 points).
+# Gauss-Legendre points along each side of the cell, by the least distance d to which they apply
+# [longer side of the cell]. They integrate 1/r over the cell to the last digit: the error falls as
+# (2 d)^(-2 points). Closer to the cell the closed form is used.
 QUADRATURE = ((3.0, 8), (16.0, 5), (128.0, 3))
 
-# Longest side of a square table that boxes of any shape are cut from. The boxes of nodes that may
-# touch come in many shapes, and such a table serves all of them at little cost.
+# Longest side of a square table that serves grids of all shapes that fit into it [nodes]. The boxes
+# of nodes that may touch have many shapes, and one table for all of them costs little.
 ALWAYS_SHARED = 288
 
-# Largest ratio of the nodes of a square table to those of a box cut from it, for longer sides:
-# above it a table of the box's own shape is cheaper.
+# Largest ratio of a longer square table's entries to the grid's nodes for which the table is shared
+# [1]. Above it a table of the grid's own shape is cheaper.
 LARGEST_WASTE = 4
 
-# Entries of a table from which on none is kept, because the filters made of it are.
+# Least number of entries of a table that is not kept for later calls, because the filters made from
+# it are kept.
 LARGE = 2**20
 
-# Rows of a matrix gathered at a time: their indices fit into the cache.
+# Rows of a matrix or table that are computed at a time: their indices fit into the cache.
 ROWS = 64
 
-# Largest grid for which the coefficients of offsets of either sign are tabulated: an index then
-# takes a single subtraction, and the table four times the memory.
+# Largest number of nodes of a grid for which `InfluenceMatrix` tabulates offsets of either sign. An
+# index then needs one subtraction instead of three operations, and the table four times the memory.
 MIRRORED_NODES = 2**20
 
-# Largest grid of which many such tables are kept: boxes of one grid have many shapes.
+# Largest number of nodes of a grid for which 32 tables of `InfluenceMatrix` are kept instead of 4,
+# because boxes of nodes within one grid have many shapes.
 FEW_NODES = 2**15
 
 
@@ -53,17 +56,17 @@ def influence_coefficients(
     shape : tuple of int
         Nodes (nx, ny) of the grid.
     kernel : str
-        "uniform-pressure", a constant pressure on a rectangular cell (Love 1929; Pohrt and Li
-        2014, eq. 12), or "concentrated-force", the point force asin(a/r)/(pi a) of MIRCO with
-        a = half a cell, whose diagonal lacks a factor pi/2.
+        "uniform-pressure": a constant pressure on a rectangular cell (Love 1929; Pohrt and Li
+        2014, eq. 12). "concentrated-force": MIRCO's displacement asin(a/r)/(pi a) by a point force,
+        with a = half a cell, whose diagonal lacks a factor pi/2.
     aspect : float
         Second side of a cell over its first side [1].
 
     Returns
     -------
     ndarray, shape (nx, ny)
-        Displacement, read-only [first side of a cell x pressure / E*]. The offset (-i, -j) has the
-        coefficient of (i, j).
+        Displacement, read-only [first side of a cell x pressure / E*]. The offsets (-i, j), (i, -j)
+        and (-i, -j) have the coefficient of (i, j).
 
     Raises
     ------
@@ -71,16 +74,21 @@ def influence_coefficients(
         If the kernel is unknown.
     """
     side = _shared_side(max(shape))
-    shared = side <= ALWAYS_SHARED or side * side <= LARGEST_WASTE * shape[0] * shape[1]
-    whole = (side, side) if shared and side * side < LARGE else shape
-    tabulate = _table if math.prod(whole) < LARGE else _table.__wrapped__
-    return tabulate(whole, kernel, aspect)[: shape[0], : shape[1]]
+    entries = side * side
+    wastes_little = entries <= LARGEST_WASTE * shape[0] * shape[1]
+    tabulated = shape
+    if entries < LARGE and (side <= ALWAYS_SHARED or wastes_little):
+        tabulated = side, side
+    is_kept = math.prod(tabulated) < LARGE
+    table = _kept_table if is_kept else _table
+    return table(tabulated, kernel, aspect)[: shape[0], : shape[1]]
 
 
 def _shared_side(nodes: int) -> int:
-    """Return the smallest of the sides 144, 192, 288, 384, 576, ... that holds the nodes.
+    """Return the smallest side of a shared table with room for some nodes along an axis.
 
-    Every second of them, 9 2^j, holds a box of 2^(j + 3) + 1 nodes a side and its circulant.
+    The sides are 144, 192, 288, 384, 576 and so on. Every second one, 9 2^j, has room for a grid of
+    2^(j + 3) + 1 nodes a side and for the circulant that approximates its matrix.
     """
     side = 144
     while side * 4 // 3 < nodes:
@@ -89,17 +97,22 @@ def _shared_side(nodes: int) -> int:
 
 
 @lru_cache(maxsize=8)
+def _kept_table(shape: tuple[int, int], kernel: Kernel, aspect: float) -> Field:
+    """Return the result of `_table`, and keep it for later calls."""
+    return _table(shape, kernel, aspect)
+
+
 def _table(shape: tuple[int, int], kernel: Kernel, aspect: float) -> Field:
-    """Compute the coefficients of all offsets (i, j) with i, j >= 0 on a grid of a shape."""
+    """Compute the coefficients of all offsets (i, j) with i, j >= 0 within a grid, read-only."""
     rows, columns = np.ogrid[: shape[0], : shape[1]]
     if kernel == "uniform-pressure":
         table = np.empty(shape)
 
-        def tabulate(_: int, some: slice) -> None:
-            table[some] = _uniform_pressure(rows[some], columns, aspect)
+        def tabulate(_thread: int, band: slice) -> None:
+            table[band] = _uniform_pressure(rows[band], columns, aspect)
 
-        slices = [slice(first, first + ROWS) for first in range(0, shape[0], ROWS)]
-        share(tabulate, slices)
+        bands = [slice(first, first + ROWS) for first in range(0, shape[0], ROWS)]
+        share(tabulate, bands)
     elif kernel == "concentrated-force":
         table = _concentrated_force(rows, columns, aspect)
     else:
@@ -113,28 +126,38 @@ def _table(shape: tuple[int, int], kernel: Kernel, aspect: float) -> Field:
 def _uniform_pressure(
     rows: NDArray[np.int64], columns: NDArray[np.int64], aspect: float
 ) -> Field:
-    """Use the closed form near the loaded cell, and quadrature where its terms would cancel."""
+    """Compute the coefficients of uniform pressure for offsets by (a, 1) rows and (1, b) columns.
+
+    Near the loaded cell they have a closed form. Farther away its terms would cancel, so that
+    quadrature is used.
+    """
     if aspect == 1.0:  # sorted offsets make the table symmetric to the last bit
-        x, y = np.maximum(rows, columns) * 1.0, np.minimum(rows, columns) * 1.0
+        x = np.maximum(rows, columns) * 1.0
+        y = np.minimum(rows, columns) * 1.0
     else:
         x, y = np.broadcast_arrays(rows * 1.0, columns * aspect)
     distance = np.hypot(x, y) / max(1.0, aspect)
     table = np.empty(x.shape)
-    near = distance < QUADRATURE[0][0]
+    nearest = QUADRATURE[0][0]
+    near = distance < nearest
     table[near] = _closed_form(x[near], y[near], aspect)
-    limits = [start for start, _ in QUADRATURE[1:]] + [np.inf]
-    for (start, points), stop in zip(QUADRATURE, limits, strict=True):
+    stops = [start for start, _ in QUADRATURE[1:]] + [np.inf]
+    for (start, points), stop in zip(QUADRATURE, stops, strict=True):
         zone = (distance >= start) & (distance < stop)
         table[zone] = _quadrature(x[zone], y[zone], aspect, points)
     return table
 
 
 def _closed_form(x: Values, y: Values, aspect: float) -> Values:
-    """Integrate 1/(pi r) over a cell of sides 1 and `aspect` at (x, y) (Love 1929)."""
+    """Integrate 1/(pi r) over a cell of sides 1 and `aspect` at (x, y) (Love 1929).
+
+    The integral is a sum over the cell's corners.
+    """
     total = np.zeros_like(x)
     for sign_x in (1, -1):
         for sign_y in (1, -1):
-            along, across = x + sign_x * 0.5, y + sign_y * 0.5 * aspect
+            along = x + sign_x * 0.5
+            across = y + sign_y * 0.5 * aspect
             corner = along * np.arcsinh(across / np.abs(along))
             corner += across * np.arcsinh(along / np.abs(across))
             total += sign_x * sign_y * corner
@@ -142,7 +165,10 @@ def _closed_form(x: Values, y: Values, aspect: float) -> Values:
 
 
 def _quadrature(x: Values, y: Values, aspect: float, points: int) -> Values:
-    """Integrate 1/(pi r) over the cell by the Gauss-Legendre rule, with `points` a side."""
+    """Integrate 1/(pi r) over a cell of sides 1 and `aspect` at (x, y).
+
+    Gauss and Legendre's rule has `points` along each side.
+    """
     nodes, weights = np.polynomial.legendre.leggauss(points)
     total = np.zeros_like(x)
     for node_x, weight_x in zip(nodes / 2, weights / 2, strict=True):
@@ -155,10 +181,12 @@ def _quadrature(x: Values, y: Values, aspect: float, points: int) -> Values:
 def _concentrated_force(
     rows: NDArray[np.int64], columns: NDArray[np.int64], aspect: float
 ) -> Field:
-    """Compute u = F asin(a/r)/(pi a) of a point force a cell, F/(pi a) on the diagonal (MIRCO)."""
-    radius = 0.5 * np.sqrt(
-        aspect
-    )  # half a cell, or half of a square of the same area if the cell is oblong
+    """Compute MIRCO's u = F asin(a/r)/(pi a) for a point force, and F/(pi a) at its own node.
+
+    Offsets are (a, 1) rows and (1, b) columns. The radius a is half a side of the cell, or of a
+    square of the same area if the cell is oblong.
+    """
+    radius = 0.5 * np.sqrt(aspect)
     distance = np.hypot(rows, columns * aspect)
     distance[0, 0] = radius
     table: Field = np.arcsin(radius / distance) * (aspect / (np.pi * radius))
@@ -167,7 +195,7 @@ def _concentrated_force(
 
 
 class InfluenceMatrix:
-    """The influence matrix H between nodes of a grid, entry by entry.
+    """The influence matrix H between nodes of a free patch, entry by entry.
 
     Parameters
     ----------
@@ -196,29 +224,49 @@ class InfluenceMatrix:
         self.dtype = np.dtype(dtype)
         self._shape = shape
         self._mirrored = shape[0] * shape[1] <= MIRRORED_NODES
-        tabulated = (
-            _few_coefficients if shape[0] * shape[1] <= FEW_NODES else _coefficients
-        )
-        self._coefficients = tabulated(shape, kernel, aspect, dtype, self._mirrored)
+        is_small = shape[0] * shape[1] <= FEW_NODES
+        coefficients = _coefficients_of_small_grid if is_small else _coefficients_of_grid
+        self._coefficients = coefficients(shape, kernel, aspect, dtype, self._mirrored)
 
     def between(self, nodes: Nodes, loaded: Nodes) -> Real:
-        """Return the (a, b) displacements of (a,) nodes by unit pressure on (b,) loaded nodes."""
+        """Return the displacements of nodes by unit pressure on loaded nodes.
+
+        Parameters
+        ----------
+        nodes : ndarray, shape (a,)
+            Flat indices of the displaced nodes.
+        loaded : ndarray, shape (b,)
+            Flat indices of the loaded nodes.
+
+        Returns
+        -------
+        ndarray, shape (a, b)
+            Displacements [first side of a cell x pressure / E*].
+        """
         entries: Real = self._coefficients.take(self._offsets(nodes, loaded), mode="clip")
         return entries
 
     def among(self, nodes: Nodes, give: float = 0.0) -> Real:
-        """Return the lower triangle of the (n, n) matrix of (n,) nodes, in Fortran's order.
+        """Return the lower triangle of the matrix of some nodes.
 
         Parameters
         ----------
         nodes : ndarray, shape (n,)
             Flat indices of the nodes.
         give : float
-            How far the far field gives way under a unit load, which is taken off every entry.
+            Displacement of the far field under a unit load, which is subtracted from every entry
+            [first side of a cell x pressure / E*].
+
+        Returns
+        -------
+        ndarray, shape (n, n)
+            Matrix in Fortran's order [first side of a cell x pressure / E*]. Most of its upper
+            triangle is undefined.
         """
-        n = len(nodes)
-        matrix = np.empty((n, n), self.dtype)
-        for first in range(0, n, ROWS):
+        count = len(nodes)
+        matrix = np.empty((count, count), self.dtype)
+        for first in range(0, count, ROWS):
+            # Each band begins at the diagonal; the transpose then has the lower triangle.
             rows = slice(first, first + ROWS)
             offsets = self._offsets(nodes[rows], nodes[first:])
             np.take(self._coefficients, offsets, out=matrix[rows, first:], mode="clip")
@@ -227,28 +275,31 @@ class InfluenceMatrix:
         return matrix.T
 
     def _offsets(self, nodes: Nodes, loaded: Nodes) -> Nodes:
-        """Return the (a, b) indices into the table for the offsets of (a,) from (b,) nodes."""
+        """Return the (a, b) flat indices into the table for the offsets of (a,) from (b,) nodes."""
         rows, columns = self._shape
+        offsets: Nodes
         if self._mirrored:
-            beyond = columns - 1  # columns of the table, less those of the grid
-            centre = (rows - 1) * (columns + beyond) + beyond
-            here, there = (some // columns * beyond + some for some in (nodes, loaded))
-            mirrored: Nodes = np.subtract.outer(here, there - centre)
-            return mirrored
-        along, across = zip(
-            np.divmod(nodes, columns), np.divmod(loaded, columns), strict=True
-        )
-        offsets: Nodes = np.abs(np.subtract.outer(*along))
+            extra = columns - 1  # columns of the table beyond those of the grid
+            centre = (rows - 1) * (columns + extra) + extra  # index of the offset (0, 0)
+            nodes_in_table = nodes // columns * extra + nodes
+            loaded_in_table = loaded // columns * extra + loaded
+            offsets = np.subtract.outer(nodes_in_table, loaded_in_table - centre)
+            return offsets
+        node_rows, node_columns = np.divmod(nodes, columns)
+        loaded_rows, loaded_columns = np.divmod(loaded, columns)
+        offsets = np.abs(np.subtract.outer(node_rows, loaded_rows))
         offsets *= columns
-        offsets += np.abs(np.subtract.outer(*across))
+        offsets += np.abs(np.subtract.outer(node_columns, loaded_columns))
         return offsets
 
 
-@lru_cache(maxsize=4)
 def _coefficients(
     shape: tuple[int, int], kernel: Kernel, aspect: float, dtype: str, mirrored: bool
 ) -> Real:
-    """Return the flat table of coefficients, for offsets of either sign if `mirrored`."""
+    """Return the flat table of coefficients, read-only.
+
+    A mirrored table has offsets of either sign; without `mirrored`, offsets are not negative.
+    """
     table = influence_coefficients(shape, kernel, aspect).astype(dtype)
     if mirrored:
         table = np.concatenate([table[:0:-1], table])
@@ -257,9 +308,5 @@ def _coefficients(
     return table.reshape(-1)
 
 
-@lru_cache(maxsize=32)
-def _few_coefficients(
-    shape: tuple[int, int], kernel: Kernel, aspect: float, dtype: str, mirrored: bool
-) -> Real:
-    """Return the table of a small grid, of which many are kept."""
-    return _coefficients.__wrapped__(shape, kernel, aspect, dtype, mirrored)
+_coefficients_of_grid = lru_cache(maxsize=4)(_coefficients)
+_coefficients_of_small_grid = lru_cache(maxsize=32)(_coefficients)

@@ -1,126 +1,185 @@
-"""A pressure on its way to equilibrium: what it displaces, what it violates, and first steps.
+"""A pressure on its way to equilibrium: its residual, its violations, its bounds, first steps.
 
-The gap is w = H p - u - s, with the interference u and the displacement s of the far field; the
-residual is -w. Energies, balances and bounds here serve the rounds of `bem.active_set`.
+The gap is w = H p - u - s, with the influence matrix H, the pressure p, the interference u and the
+displacement s of the far field. The residual is -w. `bem.active_set` takes an `Iterate` to
+equilibrium; the energies, balances and bounds in this file are what it computes with.
 """
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from bem.arrays import Field, Mask, Real
+from bem.arrays import Field, Mask, Nodes, Real, Values
 from bem.operators.patch import Patch
 
-# Largest pressure of free nodes, over the hardness, after a step ahead: such steps overestimate,
-# and conjugate gradients decide which nodes yield.
+# Largest pressure that a step ahead gives to a node that has not yielded, over the hardness [1].
+# Steps ahead overestimate pressures, so that conjugate gradients decide which nodes yield.
 BELOW_HARDNESS = 0.9999
 
-# Share of a step's load at the hardness from which a first step is damped instead of scaled.
+# Share of a first step's load on nodes at the hardness above which the step is damped instead of
+# scaled [1].
 MOSTLY_CAPPED = 0.9
 
-# Share of a first pressure's load above the hardness up to which bodies count as elastic, and the
-# violation, over the displacement, at which a pressure above the hardness will stay there.
-MOSTLY_ELASTIC, CERTAIN = 0.02, 1e-2
+# Least factor by which a first step with nodes at the hardness is scaled [1]: a smaller one would
+# take these nodes too far below the hardness.
+LEAST_SCALE = 0.8
 
-# Violation, over the displacement, from which no further first step is taken, and the share of the
-# last one below which another one follows: each costs a convolution, a stage about twice as much.
-NEAR, NEARER, FIRST_STEPS, INTERPOLATED_STEPS = 5e-3, 0.8, 4, 3
+# Share of a first pressure's load above the hardness up to which bodies are taken for elastic [1].
+MOSTLY_ELASTIC = 0.02
 
-# Shares of the preconditioned residual that a first step under a load adds, on a free patch, and on
-# one without edges for a small contact and for a full one: they take the fewest convolutions.
-APPROACH_FREE, APPROACH_SMALL, APPROACH_FULL = 0.55, 0.6, 0.8
+# Violation, over the displacement s, at which a pressure above the hardness is certain to stay
+# there [1]. Bodies that were taken for elastic then yield.
+CERTAIN = 1e-2
+
+# Violation, over the displacement s, below which no further first step is taken [1].
+NEAR = 5e-3
+
+# Share of the last violation below which another first step follows [1]. Each costs a convolution,
+# a stage of conjugate gradients about twice as much.
+NEARER = 0.8
+
+# Largest number of first steps, and of those that follow an interpolated pressure.
+FIRST_STEPS = 4
+INTERPOLATED_STEPS = 3
+
+# Shares of the preconditioned residual that a first step from a given pressure adds [1]: on a free
+# patch, and on one without edges for a small and for a full contact. They take the fewest
+# convolutions.
+APPROACH_FREE = 0.55
+APPROACH_SMALL = 0.6
+APPROACH_FULL = 0.8
 
 # Distance from zero or the hardness, over the hardness, at which a pressure of a start or of a
-# splitting is taken to be there.
+# splitting is taken to be at this bound [1].
 CLOSE = 1e-9
 
-# Share of a load, or of the hardness, below which a difference counts as rounding.
+# Share of a load, or of the hardness, below which a difference is rounding [1].
 LOST = 1e-11
 
+# Passes that scale the free pressures to a load at most: each takes more nodes to their limit.
+SCALINGS = 6
 
-class Effort(NamedTuple):
+# Bisections of the constant that leaves a load: they resolve all digits of double precision.
+BISECTIONS = 60
+
+
+@dataclass(frozen=True)
+class Effort:
     """The work that a solve has taken.
 
     Attributes
     ----------
     iterations : int
-        Steps of conjugate gradients, and sets of dense algebra.
+        Number of steps of conjugate gradients, plus sets tried by dense algebra.
     convolutions : int
-        Applications of the influence matrix.
+        Number of applications of the influence matrix.
     """
 
     iterations: int = 0
     convolutions: int = 0
 
-    def __add__(self, other: "Effort") -> "Effort":  # type: ignore[override]
+    def __add__(self, other: "Effort") -> "Effort":
         """Return the sum of both efforts."""
         return Effort(
-            self.iterations + other.iterations, self.convolutions + other.convolutions
+            iterations=self.iterations + other.iterations,
+            convolutions=self.convolutions + other.convolutions,
         )
 
 
 class Violation(NamedTuple):
-    """The departures from equilibrium, none negative; the largest counts [unit of displacement].
+    """The largest departures of a pressure from equilibrium, none negative [unit of displacement].
 
     Attributes
     ----------
     penetration : float
-        Of nodes below the hardness.
+        Largest penetration of nodes below the hardness.
     gap : float
-        Of nodes under pressure below the hardness.
+        Largest gap of nodes that are under pressure and below the hardness.
     opening : float
-        Gap of nodes at the hardness, whose pressure ought to be lower.
+        Largest gap of nodes at the hardness, whose pressure ought to be lower.
     """
 
     penetration: float
     gap: float
     opening: float
 
+    @property
+    def largest(self) -> float:
+        """Largest of the three departures [unit of displacement]."""
+        return max(self.penetration, self.gap, self.opening)
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A pressure, with what follows from it, to which a solve may go back.
+
+    Attributes
+    ----------
+    pressure : ndarray, shape (nx, ny)
+        Pressure [reduced].
+    residual : ndarray of float32, shape (nx, ny)
+        Its residual [unit of displacement].
+    shift : float
+        Displacement s of the far field [unit of displacement].
+    """
+
+    pressure: Field
+    residual: Real
+    shift: float
+
 
 class Iterate:
     """A pressure on all nodes of a grid on its way to equilibrium.
+
+    Displacements have any unit of length. Pressures are reduced: in this unit times E* over the
+    first side of a cell.
 
     Parameters
     ----------
     patch : Patch
         The influence matrix.
     below : ndarray, shape (nx, ny)
-        Interference u at s = 0: heights less the highest [unit of displacement].
+        Interference u at s = 0: heights less the highest one [unit of displacement].
     shift : float or None
-        Displacement s of the far field, None if the load is given.
+        Displacement s of the far field; None if the load is given [unit of displacement].
     load : float or None
-        Sum of the pressure, above 0, None if the displacement is given [reduced].
+        Sum of the pressure, above 0; None if the displacement is given [reduced].
     hardness : float
         Largest pressure P, inf for elastic bodies [reduced].
     rtol : float
-        Largest violation accepted, over the displacement s.
-    most : int
+        Largest violation that is accepted, over the displacement s [1].
+    max_iterations : int
         Bound on the iterations.
-    least : float
-        Displacement that the tolerance refers to while a load has brought none.
+    least_displacement : float
+        Displacement that the tolerance refers to while a load has brought none
+        [unit of displacement].
 
     Attributes
     ----------
     pressure : ndarray, shape (nx, ny)
-        Pressure, between the bounds whenever a method returns.
+        Pressure, between the bounds whenever a method returns [reduced].
     residual : ndarray of float32, shape (nx, ny)
-        u + s - H p: zero in contact, negative where a gap is open.
+        u + s - H p: zero in contact, negative where a gap is open [unit of displacement].
     shift : float
-        Displacement s of the far field.
+        Displacement s of the far field [unit of displacement].
     yields : bool
-        Whether bodies may yield: they count as elastic until the hardness is certain to be
-        exceeded.
+        Whether bodies may yield. They are elastic until it is certain that pressures exceed the
+        hardness.
     limit : float
-        Largest pressure allowed now: the hardness once bodies may yield, else inf.
+        Largest pressure that is allowed now: the hardness once bodies may yield, else inf
+        [reduced].
     displacement : ndarray, shape (nx, ny), or None
-        H p of the last exact residual, while `exact`.
+        H p of the last exact residual, to be read only while `exact` [unit of displacement]. It is
+        a view into the buffer of the patch's filter: the next exact displacement by this patch, or
+        by another one with the same filter, overwrites it. Copy it to keep it.
     iterations : int
-        Steps of conjugate gradients, and sets of dense algebra.
+        Number of steps of conjugate gradients, plus sets tried by dense algebra.
     exact : bool
         Whether the residual was computed in double precision from this pressure.
-    stalled : bool
-        Whether rounding leaves no step that would come nearer to equilibrium.
+    soft : bool
+        Whether the displacement may barely fix the load, so that elastic steps have to be damped.
     """
 
     def __init__(
@@ -132,37 +191,60 @@ class Iterate:
         load: float | None = None,
         hardness: float = math.inf,
         rtol: float,
-        most: int,
-        least: float = 0.0,
+        max_iterations: int,
+        least_displacement: float = 0.0,
     ) -> None:
-        self.patch, self.below, self.load, self.hardness = patch, below, load, hardness
-        self.rtol, self.most, self.least = rtol, most, least
-        self.yields, self.limit = False, math.inf
-        self._soft = load is None and patch.soft
+        self.patch = patch
+        self.below = below
+        self.load = load
+        self.hardness = hardness
+        self.rtol = rtol
+        self.max_iterations = max_iterations
+        self.least_displacement = least_displacement
+        self.yields = False
+        self.limit = math.inf
+        self.soft = load is None and patch.soft
         self.pressure = np.zeros(below.shape)
         self.shift = 0.0 if shift is None else shift
         self.residual: Real = np.add(
             below, self.shift, dtype=np.float32, casting="same_kind"
         )
         self.displacement: Field | None = None
-        self.iterations, self.exact, self.stalled = 0, False, False
-        self._tension = 0.0
+        self.iterations = 0
+        self.exact = False
 
     def expect_yielding(self) -> None:
         """Let bodies yield from now on, whatever their pressures are."""
-        self.yields, self.limit, self._soft = True, self.hardness, False
+        self.yields = True
+        self.limit = self.hardness
+        self.soft = False
 
-    # What there is
+    # Measures of the present pressure
 
     @property
     def tolerance(self) -> float:
-        """Largest violation accepted [unit of displacement]."""
-        return self.rtol * (self.shift if self.shift > 0 else self.least)
+        """Largest violation that is accepted [unit of displacement]."""
+        if self.shift > 0:
+            return self.rtol * self.shift
+        return self.rtol * self.least_displacement
 
     def violation(self, residual: Real | None = None) -> Violation:
-        """Measure the departures from equilibrium that the residual, or a better one, shows."""
+        """Measure the departures of the pressure from equilibrium.
+
+        Parameters
+        ----------
+        residual : ndarray, shape (nx, ny), optional
+            A residual of this pressure in double precision; by default its own, in single
+            precision [unit of displacement].
+
+        Returns
+        -------
+        Violation
+            The largest departures of each kind; nan may appear where the residual is nan.
+        """
         residual = self.residual if residual is None else residual
-        loaded, opening = self.pressure > 0, 0.0
+        loaded = self.pressure > 0
+        opening = 0.0
         if self.yields:
             yielded = self.pressure >= self.hardness
             opening = -float((residual * yielded).min())
@@ -171,7 +253,11 @@ class Iterate:
         else:
             penetration = float(residual.max())
         gap = -float((residual * loaded).min())
-        return Violation(max(penetration, 0.0), max(gap, 0.0), max(opening, 0.0))
+        return Violation(
+            penetration=max(penetration, 0.0),
+            gap=max(gap, 0.0),
+            opening=max(opening, 0.0),
+        )
 
     def worthless(self, farthest: float) -> bool:
         """Return whether no pressure at all is a better start than this one.
@@ -179,63 +265,43 @@ class Iterate:
         Parameters
         ----------
         farthest : float
-            Largest violation of a start that is better than none [unit of displacement].
+            Largest violation of a start that is better than no pressure [unit of displacement].
+
+        Returns
+        -------
+        bool
+            True if the pressure does no work on the interference, violates equilibrium by more than
+            `farthest`, or is not finite.
         """
-        work = inner(self.pressure, self.below) + self.shift * float(self.pressure.sum())
-        return not (work > 0 and max(self.violation()) <= farthest)
+        near_enough = self._work() > 0 and self.violation().largest <= farthest
+        return not near_enough
 
     def touching(self) -> Mask:
-        """Return the nodes that are under pressure or would penetrate."""
+        """Return the (nx, ny) mask of nodes that are under pressure or would penetrate."""
         touching: Mask = (self.pressure > 0) | (self.residual > 0)
         return touching
 
-    def _energy(self) -> float:
-        """Compute p H p / 2 - p u, which is least for the solution."""
+    def energy(self) -> float:
+        """Compute p H p / 2 - p u, which is least for the solution [reduced]."""
         carried = float(self.pressure.sum()) if self.load is None else -self.load
         work = inner(self.pressure, self.below) + inner(self.pressure, self.residual)
         return -(work + self.shift * carried) / 2
 
-    # Pressures between the bounds, and the far field that balances them
+    def state(self) -> State:
+        """Return the pressure, its residual and the shift, as references to the present arrays."""
+        return State(pressure=self.pressure, residual=self.residual, shift=self.shift)
 
-    def begin(self, pressure: Field, displacement: Field | None = None) -> None:
-        """Start from a pressure that is not negative, brought to the bounds and to the load.
+    def restore(self, state: State) -> None:
+        """Go back to a state, whose arrays nobody has overwritten; its residual is not exact."""
+        self.pressure = state.pressure
+        self.residual = state.residual
+        self.shift = state.shift
+        self.exact = False
 
-        Parameters
-        ----------
-        pressure : ndarray, shape (nx, ny)
-            Pressure.
-        displacement : ndarray, shape (nx, ny), optional
-            Displacement by it, nan where it is not known; it saves a convolution.
-        """
-        at_hardness = float(pressure.max()) >= self.hardness * (1 - CLOSE)
-        if at_hardness or self._excess(pressure) > MOSTLY_ELASTIC:
-            self.expect_yielding()
-        self.pressure = np.minimum(pressure, self.limit)
-        carried = float(self.pressure.sum())
-        self._admit(self.pressure)
-        if displacement is None or self.yields or not np.isfinite(displacement).all():
-            displacement = self.patch.displace(self.pressure)
-        elif self.load is not None:
-            displacement = displacement * (self.load / carried)
-        self.residual = np.empty(self.below.shape, np.float32)
-        np.subtract(self.below, displacement, out=self.residual, casting="same_kind")
-        if self.load is None:
-            self.residual += np.float32(self.shift)
-        else:
-            self.shift = 0.0
-            self._balance(self.residual)
-
-    def renew(self) -> None:
-        """Bring the pressure to the load, and compute the residual in double precision."""
-        self._admit(self.pressure)
-        self.displacement = self.patch.displace(self.pressure, exactly=True)
-        gaps = self.below - self.displacement
-        if self.load is None:
-            gaps += self.shift
-        else:
-            self.shift = 0.0
-            self._balance(gaps)
-        self.residual, self.exact = gaps.astype(np.float32), True
+    def _work(self) -> float:
+        """Return the work p (u + s) of the pressure on the interference [reduced]."""
+        work = inner(self.pressure, self.below)
+        return work + self.shift * float(self.pressure.sum())
 
     def _excess(self, pressure: Real) -> float:
         """Return the share of a pressure's load that exceeds the hardness [1]."""
@@ -245,28 +311,88 @@ class Iterate:
         over = float(np.maximum(pressure - self.hardness, 0).sum())
         return over / carried if carried > 0 else 0.0
 
-    def _let_yield(self) -> None:
-        """Take pressures to the hardness, and let bodies yield from now on."""
+    # Starts, exact residuals, and the far field that balances a load
+
+    def begin(self, pressure: Field, displacement: Field | None = None) -> None:
+        """Start from a pressure: bring it to the bounds and to the load, and compute its residual.
+
+        Bodies may yield from now on if the pressure reaches the hardness somewhere, or exceeds it
+        with more than a small share of its load.
+
+        Parameters
+        ----------
+        pressure : ndarray, shape (nx, ny)
+            Pressure, nowhere negative; it is copied [reduced].
+        displacement : ndarray, shape (nx, ny), optional
+            Displacement H p by this pressure, which saves a convolution if all of it is finite and
+            bodies do not yield. Under a given load, the pressure may then not be zero everywhere
+            [unit of displacement].
+        """
+        at_hardness = float(pressure.max()) >= self.hardness * (1 - CLOSE)
+        if at_hardness or self._excess(pressure) > MOSTLY_ELASTIC:
+            self.expect_yielding()
+        self.exact = False
+        self.pressure = np.minimum(pressure, self.limit)
+        carried = float(self.pressure.sum())
+        self.admit(self.pressure)
+        if displacement is None or self.yields or not np.isfinite(displacement).all():
+            displacement = self.patch.displace(self.pressure)
+        elif self.load is not None:  # `admit` has scaled the pressure by this factor
+            displacement = displacement * (self.load / carried)
+        self.residual = np.empty(self.below.shape, np.float32)
+        np.subtract(self.below, displacement, out=self.residual, casting="same_kind")
+        if self.load is None:
+            self.residual += np.float32(self.shift)
+        else:
+            self.shift = 0.0
+            self.balance(self.residual)
+
+    def renew(self) -> None:
+        """Bring the pressure to the load, and compute its residual in double precision.
+
+        This sets `displacement` and `exact`, and overwrites the displacement of earlier calls.
+        """
+        self.admit(self.pressure)
+        self.displacement = self.patch.displace(self.pressure, exactly=True)
+        residual = self.below - self.displacement
+        if self.load is None:
+            residual += self.shift
+        else:
+            self.shift = 0.0
+            self.balance(residual)
+        self.residual = residual.astype(np.float32)
+        self.exact = True
+
+    def let_yield(self) -> None:
+        """Cut pressures off at the hardness, update the residual, and let bodies yield from now."""
         self.expect_yielding()
-        before, self.pressure = self.pressure, np.minimum(self.pressure, self.hardness)
-        self._admit(self.pressure)
+        before = self.pressure
+        self.pressure = np.minimum(self.pressure, self.hardness)
+        self.admit(self.pressure)
         self.residual = self.residual - self.patch.displace(self.pressure - before)
         self.exact = False
         if self.load is not None:
-            self._balance(self.residual)
+            self.balance(self.residual)
 
-    def _balance(self, residual: Real) -> None:
-        """Shift the far field under a load so that the free nodes are in balance.
+    def balance(self, residual: Real) -> None:
+        """Shift the far field under a given load so that the free nodes are in balance.
 
-        The mean that it takes off the residual is weighted by the pressure of the free nodes. Where
-        all nodes in contact have yielded, more than one displacement is in balance, and the least
-        one that leaves no gap there is taken; unless nodes outside would penetrate, which then have
-        to exchange load with them.
+        The residual is changed in place by as much as `shift`. The mean that is subtracted from it
+        is weighted by the pressure of the free nodes. Where all nodes in contact have yielded, more
+        than one displacement is in balance. The least one that leaves no gap in contact is then
+        taken, unless nodes outside would penetrate: yielded nodes have to give load to these, and
+        the displacement halfway is taken.
+
+        Parameters
+        ----------
+        residual : ndarray, shape (nx, ny)
+            Residual of the present pressure, in any precision [unit of displacement].
         """
         weights = self.pressure
         if self.yields:
             weights = np.where(weights < self.hardness, weights, 0.0)
-        if (carried := float(weights.sum())) > 0:
+        carried = float(weights.sum())
+        if carried > 0:
             mean = inner(weights, residual) / carried
         else:
             loaded = self.pressure > 0
@@ -276,8 +402,18 @@ class Iterate:
         residual -= residual.dtype.type(mean)
         self.shift -= mean
 
-    def _admit(self, pressure: Field) -> None:
-        """Bring a pressure in place to the load, and to a bound where rounding left it beside."""
+    # Pressures between the bounds that carry the load
+
+    def admit(self, pressure: Field) -> None:
+        """Bring a pressure to the load, and to a bound where rounding left it just beside.
+
+        The pressure is changed in place. A load without any pressure is spread evenly.
+
+        Parameters
+        ----------
+        pressure : ndarray, shape (nx, ny)
+            Pressure between the bounds [reduced].
+        """
         if self.load is not None:
             carried = float(pressure.sum())
             if not carried > 0:
@@ -287,63 +423,104 @@ class Iterate:
             else:
                 pressure *= self.load / carried
         if self.yields:
-            self._snap(pressure)
+            self.snap(pressure)
 
-    def _snap(self, pressure: Field, share: float = LOST) -> None:
-        """Take pressures just beside zero or the hardness to it, in place."""
+    def snap(self, pressure: Field, share: float = LOST) -> None:
+        """Set pressures just above zero or just below the hardness to it, in place.
+
+        Parameters
+        ----------
+        pressure : ndarray, shape (nx, ny)
+            Pressure [reduced].
+        share : float
+            Distance from zero or the hardness that is just beside it, over the hardness [1].
+        """
         pressure[pressure < share * self.hardness] = 0
         pressure[pressure > (1 - share) * self.hardness] = self.hardness
 
     def _carry_within(self, pressure: Field, load: float) -> None:
-        """Scale the free pressures; all of them where the yielded nodes alone carry too much.
+        """Bring a pressure to a load by scaling its free nodes, in place.
 
-        Load that is then missing goes on the nodes next to touch, as far as the hardness allows.
+        Yielded nodes stay at the hardness, unless they carry too much alone. Load that the free
+        nodes cannot take goes on the nodes next to touch.
         """
-        limit, flat = BELOW_HARDNESS * self.hardness, pressure.reshape(-1)
+        flat = pressure.reshape(-1)
         loaded = np.flatnonzero(flat)
-        values = flat[loaded]
-        for _ in range(6):  # each time more nodes are at the limit
+        values = self._scaled(flat[loaded], loaded, load)
+        flat[loaded] = values
+        missing = load - float(values.sum())
+        if missing > LOST * load:
+            self._add_next(flat, missing)
+
+    def _scaled(self, values: Values, nodes: Nodes, load: float) -> Values:
+        """Scale the pressures of free nodes to a load, as far as the hardness allows, in place.
+
+        Parameters
+        ----------
+        values : ndarray, shape (n,)
+            Pressures, all above zero; overwritten [reduced].
+        nodes : ndarray, shape (n,)
+            Flat indices of their nodes.
+        load : float
+            Sum that the pressures are to have [reduced].
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            `values`, whose sum is below the load if all free nodes are at their limit.
+        """
+        limit = BELOW_HARDNESS * self.hardness
+        for _ in range(SCALINGS):
             yielded = values >= self.hardness
             fixed = self.hardness * np.count_nonzero(yielded)
             before = values[~yielded]
             free = float(before.sum())
-            left = load - fixed
-            if left < 0:
-                order = np.argsort(self.residual.reshape(-1)[loaded], kind="stable")
-                over, taken = fixed + free - load, values[order]
-                values[order] -= np.minimum(
-                    taken, np.maximum(over - (np.cumsum(taken) - taken), 0)
-                )
+            remaining = load - fixed
+            if remaining < 0:  # the yielded nodes alone carry too much
+                self._take_off(values, nodes, fixed + free - load)
                 break
             if not free > 0:
                 break
-            scaled = before * (left / free)
-            values[~yielded] = np.minimum(scaled, np.maximum(before, limit))
-            if not (scaled > np.maximum(before, limit)).any():
+            scaled = before * (remaining / free)
+            highest = np.maximum(before, limit)
+            values[~yielded] = np.minimum(scaled, highest)
+            if not (scaled > highest).any():
                 break
-        flat[loaded] = values
-        missing = load - float(values.sum())
-        if not missing > LOST * load:
-            return
+        return values
+
+    def _take_off(self, values: Values, nodes: Nodes, excess: float) -> None:
+        """Take a load off the (n,) pressures of some nodes, in place, widest gaps first."""
+        order = np.argsort(self.residual.reshape(-1)[nodes], kind="stable")
+        ordered = values[order]
+        taken_before = np.cumsum(ordered) - ordered
+        values[order] -= np.minimum(ordered, np.maximum(excess - taken_before, 0))
+
+    def _add_next(self, flat: Values, missing: float) -> None:
+        """Add a load to a flat pressure, in place, on the nodes below the hardness next to touch.
+
+        Each node takes as much as the hardness allows before the next one takes any.
+        """
         below = np.flatnonzero(flat < self.hardness)
         gaps = -self.residual.reshape(-1)[below]
-        most = math.ceil(missing / self.hardness) + int(np.count_nonzero(flat[below]))
-        if most < below.size:
-            below = below[np.argpartition(gaps, most)[: most + 1]]
+        enough = math.ceil(missing / self.hardness) + int(np.count_nonzero(flat[below]))
+        if enough < below.size:  # do not sort all nodes of the grid
+            below = below[np.argpartition(gaps, enough)[: enough + 1]]
             gaps = -self.residual.reshape(-1)[below]
         order = below[np.argsort(gaps, kind="stable")]
         room = self.hardness - flat[order]
-        flat[order] += np.minimum(room, np.maximum(missing - (np.cumsum(room) - room), 0))
+        room_before = np.cumsum(room) - room
+        flat[order] += np.minimum(room, np.maximum(missing - room_before, 0))
 
-    def _rescale(self) -> None:
+    def rescale(self) -> None:
         """Scale an elastic pressure at a given displacement to the least energy.
 
         Cutting off tension leaves too much load, which shifts the residual of the whole contact.
-        The displacement by the pressure is known, so that scaling it costs no convolution.
+        The displacement by the pressure is known, so that the scaled residual costs no convolution.
+        Nothing changes under a given load, or where no positive factor lowers the energy.
         """
         if self.load is not None:
             return
-        work = inner(self.pressure, self.below) + self.shift * float(self.pressure.sum())
+        work = self._work()
         stiffness = work - inner(self.pressure, self.residual)
         if not (stiffness > 0 and work > 0):
             return
@@ -360,116 +537,205 @@ class Iterate:
     def take_first_steps(self, enough: float = 0.0) -> None:
         """Take preconditioned steps between the bounds, from no pressure at a given displacement.
 
-        They find most of the nodes out of contact for one convolution a step. None is taken once
-        the contact set is as small as `enough`.
+        They bring most nodes out of contact that will not touch, for one convolution a step. Bodies
+        may yield from now on if the first step exceeds the hardness with more than a small share of
+        its load.
+
+        Parameters
+        ----------
+        enough : float
+            Number of nodes in contact up to which no further step is taken.
         """
-        patch, interference = self.patch, self.residual
+        interference = self.residual  # of no pressure; never changed in place
         for step in range(FIRST_STEPS):
             touching = self.touching()
             if np.count_nonzero(touching) <= enough:
                 return
-            patch.take_contact(touching & (self.pressure < self.limit))
-            ahead = self.pressure.copy()
-            patch.add_to(ahead, patch.correct(patch.in_contact(self.residual)))
-            np.maximum(ahead, 0, out=ahead)
-            if (
-                step == 0
-                and self.hardness < math.inf
-                and self._excess(ahead) > MOSTLY_ELASTIC
-            ):
+            ahead = self._ahead(touching)
+            if step == 0 and self._excess(ahead) > MOSTLY_ELASTIC:
                 self.expect_yielding()
             np.minimum(ahead, self.limit, out=ahead)
-            capped = float(ahead.sum(where=ahead >= self.limit)) if self.yields else 0.0
-            damped = capped > MOSTLY_CAPPED * float(ahead.sum())
-            change = ahead - self.pressure if damped else ahead
-            image = patch.displace(change)
-            stiffness = inner(change, image)
-            work = inner(self.residual if damped else interference, change)
-            if not (stiffness > 0 and (damped or work > 0)):
+            is_last = step == FIRST_STEPS - 1
+            if not self._take_first_step(ahead, interference, is_last=is_last):
                 return
-            scale = work / stiffness
-            if damped:
-                scale = min(max(scale, 0.0), 1.0)
-                self.residual = self.residual - np.float32(scale) * image
-                self.pressure = self.pressure + scale * change
-                continue
-            if capped:
-                scale = 1.0 if step == FIRST_STEPS - 1 else min(max(scale, 0.8), 1.0)
-            self.residual = interference - np.float32(scale) * image
-            self.pressure = scale * ahead
         if self.yields:
             self._cap()
 
+    def _ahead(self, touching: Mask) -> Field:
+        """Return the pressure a preconditioned step ahead on nodes that have not yielded.
+
+        It is nowhere negative, and may exceed the hardness.
+        """
+        self.patch.take_contact(touching & (self.pressure < self.limit))
+        correction = self.patch.correct(self.patch.in_contact(self.residual))
+        ahead = self.pressure.copy()
+        self.patch.add_to(ahead, correction)
+        return np.maximum(ahead, 0, out=ahead)
+
+    def _take_first_step(
+        self, ahead: Field, interference: Real, *, is_last: bool
+    ) -> bool:
+        """Go to a pressure ahead, or as near to it as lowers the energy most.
+
+        Return whether a step lowers the energy; else nothing changes.
+        """
+        capped = float(ahead.sum(where=ahead >= self.limit)) if self.yields else 0.0
+        if capped > MOSTLY_CAPPED * float(ahead.sum()):
+            return self._step_towards(ahead)
+        least_scale = None
+        if capped:  # after the last step, capped nodes stay at the hardness
+            least_scale = 1.0 if is_last else LEAST_SCALE
+        return self._scale_to(ahead, interference, least_scale)
+
+    def _step_towards(self, ahead: Field) -> bool:
+        """Go to the least energy between the present pressure and another one.
+
+        Return whether there is a step; else nothing changes.
+        """
+        change = ahead - self.pressure
+        image = self.patch.displace(change)
+        stiffness = inner(change, image)
+        work = inner(self.residual, change)
+        if not stiffness > 0:
+            return False
+        scale = min(max(work / stiffness, 0.0), 1.0)
+        self.residual = self.residual - np.float32(scale) * image
+        self.pressure = self.pressure + scale * change
+        return True
+
+    def _scale_to(self, ahead: Field, interference: Real, least: float | None) -> bool:
+        """Replace the pressure by a multiple of another one: the one of the least energy.
+
+        With `least`, the factor is kept between it and 1. Return whether a positive factor exists;
+        else nothing changes.
+        """
+        image = self.patch.displace(ahead)
+        stiffness = inner(ahead, image)
+        work = inner(interference, ahead)
+        if not (stiffness > 0 and work > 0):
+            return False
+        scale = work / stiffness
+        if least is not None:
+            scale = min(max(scale, least), 1.0)
+        self.residual = interference - np.float32(scale) * image
+        self.pressure = scale * ahead
+        return True
+
     def _cap(self) -> None:
-        """Take pressures above the hardness, or above it but for rounding, to it."""
+        """Set pressures above the hardness, or below it by rounding, to it; update the residual."""
         before = self.pressure.copy()
         self.pressure[self.pressure > self.hardness * (1 - LOST)] = self.hardness
         if (self.pressure < before).any():
             self.residual -= self.patch.displace(self.pressure - before)
 
     def approach(self, enough: float = 0.0, *, interpolated: bool = False) -> None:
-        """Take preconditioned steps between the bounds, while they come nearer fast.
+        """Take preconditioned steps between the bounds from the pressure that `begin` was given.
 
-        None is taken once the contact set is as small as `enough`. A pressure that was interpolated
-        from a coarser grid touches on too many nodes: the steps then take those under pressure
-        alone, and violations may rise at first.
+        Steps end when the violation is small, or no longer falls fast.
+
+        Parameters
+        ----------
+        enough : float
+            Number of nodes in contact up to which no further step is taken.
+        interpolated : bool
+            Whether the pressure was interpolated from a coarser grid and is above zero on too many
+            nodes. Steps then take in the nodes under pressure alone, and go on where violations
+            rise, as they may at first.
         """
-        patch, largest = self.patch, max(self.violation())
+        largest = self.violation().largest
         for _ in range(INTERPOLATED_STEPS if interpolated else FIRST_STEPS):
             touching = self.pressure > 0 if interpolated else self.touching()
             if largest <= NEAR * self.shift or np.count_nonzero(touching) <= enough:
                 return
-            last, before = largest, self.pressure
-            patch.take_contact(touching & (before < self.limit))
-            ahead, correction = (
-                before.copy(),
-                patch.correct(patch.in_contact(self.residual)),
-            )
-            share = APPROACH_FREE
-            if patch.boundary != "free":
-                share = np.interp(
-                    patch.count, (0, before.size), (APPROACH_SMALL, APPROACH_FULL)
-                )
-            patch.add_to(ahead, np.float32(share) * correction)
-            self.pressure = np.clip(ahead, 0, self.limit, out=ahead)
-            self._admit(ahead)
-            self.residual -= patch.displace(np.subtract(ahead, before, out=before))
-            if self.load is not None:
-                self._balance(self.residual)
-            elif not self.yields:
-                self._rescale()
-            largest = max(self.violation())
+            self._approach_on(touching)
+            last = largest
+            largest = self.violation().largest
             if not (interpolated or largest < NEARER * last):
                 return
 
+    def _approach_on(self, touching: Mask) -> None:
+        """Take one preconditioned step on the nodes of an (nx, ny) mask that have not yielded."""
+        patch = self.patch
+        before = self.pressure
+        patch.take_contact(touching & (before < self.limit))
+        share = APPROACH_FREE
+        if patch.boundary != "free":
+            share = np.interp(
+                patch.count, (0, before.size), (APPROACH_SMALL, APPROACH_FULL)
+            )
+        ahead = before.copy()
+        correction = patch.correct(patch.in_contact(self.residual))
+        patch.add_to(ahead, np.float32(share) * correction)
+        self.pressure = np.clip(ahead, 0, self.limit, out=ahead)
+        self.admit(ahead)
+        self.residual -= patch.displace(np.subtract(ahead, before, out=before))
+        if self.load is not None:
+            self.balance(self.residual)
+        elif not self.yields:
+            self.rescale()
+
 
 def cut_to_load(pressure: Field, load: float, hardness: float = math.inf) -> Field:
-    """Return p - c between zero and the hardness with the constant c that leaves a load.
+    """Subtract a constant from a pressure and cut it off at the bounds, so that it carries a load.
 
-    Without a hardness, c is that of all nodes, then of those that it leaves above zero, and so on
-    (Michelot 1986, Journal of Optimization Theory and Applications 50). With one, it is bisected.
+    Without a hardness, the constant is the one of all nodes, then of those that it leaves above
+    zero, and so on (Michelot 1986, Journal of Optimization Theory and Applications 50). With a
+    hardness, it is bisected.
+
+    Parameters
+    ----------
+    pressure : ndarray of any shape
+        Pressure, of any sign [reduced].
+    load : float
+        Sum of the pressure that is returned, above 0 and below the hardness on all nodes [reduced].
+    hardness : float
+        Upper bound of the pressure that is returned [reduced].
+
+    Returns
+    -------
+    ndarray of the same shape
+        Pressure between zero and the hardness [reduced].
     """
-    left = pressure.reshape(-1)
+    remaining = pressure.reshape(-1)
     while True:
-        low = (float(left.sum()) - load) / left.size
-        above = left[left > low]
-        if above.size in {0, left.size}:
+        constant = (float(remaining.sum()) - load) / remaining.size
+        above = remaining[remaining > constant]
+        if above.size in {0, remaining.size}:
             break
-        left = above
+        remaining = above
     if hardness < math.inf:
-        low, high = float(pressure.min()) - hardness, low
-        for _ in range(60):
-            middle = (low + high) / 2
-            if not low < middle < high:
-                break
-            if np.clip(pressure - middle, 0, hardness).sum() > load:
-                low = middle
-            else:
-                high = middle
-    return np.clip(pressure - low, 0, hardness)
+        constant = _bisected(pressure, load, hardness, constant)
+    return np.clip(pressure - constant, 0, hardness)
+
+
+def _bisected(pressure: Field, load: float, hardness: float, high: float) -> float:
+    """Return the constant at which `cut_to_load` leaves the load, at most `high` [reduced]."""
+    low = float(pressure.min()) - hardness
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        if not low < middle < high:  # they are neighbouring numbers
+            break
+        if np.clip(pressure - middle, 0, hardness).sum() > load:
+            low = middle
+        else:
+            high = middle
+    return low
 
 
 def inner(a: Real, b: Real) -> float:
-    """Compute an inner product of fields without BLAS, row by row, then in double precision."""
+    """Compute the inner product of two arrays, whose bits no number of threads changes.
+
+    Fields are summed row by row without BLAS, then over the rows in double precision.
+
+    Parameters
+    ----------
+    a, b : ndarray, shape (n,) or (nx, ny)
+        Arrays of one shape, in any precision.
+
+    Returns
+    -------
+    float
+        Sum of the products of their entries.
+    """
     products = a * b if a.ndim == 1 else np.einsum("ij,ij->i", a, b)
     return float(np.add.reduce(products, dtype=np.float64))

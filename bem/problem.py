@@ -17,8 +17,7 @@ FarField = Literal["rigid", "compliant"]
 FAR_FIELDS: tuple[FarField, ...] = get_args(FarField)
 
 # Default tolerance: the loosest of a ladder that counts the contact nodes of 99.9 % of the paper
-# preset's samples exactly (measured by the code up to commit 10684ff, `bench solver
-# --default-tolerance`).
+# preset's samples exactly (`python -m bench default-tolerance`).
 RTOL = 2e-7
 
 # Default bound on iterations, far above the needs of all but nearly singular contacts.

@@ -5,10 +5,9 @@ import sys
 
 
 def main() -> int:
-    """Run the command line."""
-    signal.signal(
-        signal.SIGINT, signal.SIG_DFL
-    )  # first: Ctrl-C ends imports without a traceback
+    """Run the command line of this process, and return its exit code."""
+    # Before the long imports: Ctrl-C ends them without a traceback.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
     from gen.runtime import farm
 
     with farm.process():

@@ -1,9 +1,10 @@
-"""How many further surfaces lie inside the band of a law of several surfaces.
+"""The share of further surfaces that lie inside the band of a law of several surfaces.
 
-Of three populations a pool of surfaces is solved once, at pressures from light to heavy contact.
-Again and again some of the pool are drawn, `gen.law.bands` makes the band of a law of these, and
-those of the rest that lie inside are counted, at each load by itself. The share has to be the level
-that the law says. Beside it stands what the quantiles of the drawn surfaces themselves would hold.
+A pool of surfaces of each of three populations is solved once, at pressures from light to heavy
+contact. Then some surfaces of the pool are drawn again and again. `gen.law.bands` makes the band of
+a law of the drawn surfaces, and the surfaces of the rest inside the band are counted, at each load
+by itself. Their share has to be the level that the law names. The table also has the share between
+the quantiles of the drawn surfaces.
 """
 
 from collections.abc import Mapping
@@ -24,112 +25,208 @@ from gen.runtime.errors import InputError
 from gen.scene import Scene
 
 LEVEL = 0.9
-ALLOWED = 3.0  # distance of the share inside from the level [%]
-NUMBERS = (5, 10, 20, 50)  # surfaces of a law
-LOADS = np.geomspace(
-    0.003, 0.3, 5
-)  # mean pressures over E* and the rms slope of the pool
-SEED = 68
+"""Share of further surfaces that a band has to hold."""
 
-SIDE = 1000.0  # um
+ALLOWED = 3.0
+"""Largest distance of the mean share from the level with which a row passes [%]."""
+
+NUMBERS = (5, 10, 20, 50)
+"""Numbers of surfaces of a law."""
+
+LOADS = np.geomspace(0.003, 0.3, 5)
+"""Mean pressures, over E* and the rms slope of the pool."""
+
+SEED = 68
+"""Seed of the draws from a pool, and of the windows of the map."""
+
+SIDE = 1000.0
+"""Scan length of the generated surfaces [um]."""
+
 SCENES = {
     "spectral": 'generator = "spectral"\nhurst = 0.8\nroll_off = 500.0\ncut_off = 125.0\n'
     "rms_height = 3.0\n",
     "midpoint displacement": 'generator = "midpoint"\nhurst = 0.8\n',
 }
-"""Surfaces of the populations that a scene makes."""
+"""Keys of the table `surface` of the generated populations, by their names."""
 
 MAP = MadeMap("sandblasted", 0, (1200, 1200), rms=3.0, length=30.0)
-"""Map with a node every um that the windows of the third population are cut out of."""
+"""Map with a node every um, from which the windows of the third population are cut."""
 
 QUANTITIES: Mapping[str, Quantity] = {
-    CLOSURE.name: DELTA,  # patches have no edges
+    CLOSURE.name: DELTA,  # equal to Delta, because the patches have no edges
     "area": AREA,
     "mean gap": MEAN_GAP,
     UNLOADING.name: STIFFNESS,
 }
-"""Quantities of a law by their names; the area is a share in percent."""
+"""Quantities of a law by their names in the table; the area is in percent."""
+
+
+@dataclass(frozen=True, eq=False)
+class Population:
+    """Surfaces of one kind."""
+
+    name: str
+    surfaces: list[Heights]  # (nodes, nodes) each [um]
+    side: float  # scan length [um]
 
 
 @dataclass(frozen=True, eq=False)
 class Pool:
-    """Surfaces of one population that have been solved."""
+    """Solved surfaces of one population."""
 
     population: str
-    values: dict[str, Values]  # of all quantities: (surfaces, loads)
+    values: dict[
+        str, Values
+    ]  # by the name of the quantity, each of shape (surfaces, loads)
 
 
 def bands(nodes: int, pool: int, draws: int) -> list[Row]:
-    """Count further surfaces inside bands, for each population, number of surfaces and quantity.
+    """Count the further surfaces inside bands. Progress is printed on standard error.
 
-    Shares are in percent: the mean over loads and draws, and at the loads with the least and the
-    most. A row passes if the mean is within `ALLOWED` of the level. InputError is raised if the
-    pool is too small.
+    Parameters
+    ----------
+    nodes : int
+        Nodes a side of a surface.
+    pool : int
+        Number of surfaces of each population.
+    draws : int
+        Number of draws from each pool.
+
+    Returns
+    -------
+    list of Row
+        One row for each population, number of surfaces and quantity, with shares in percent: the
+        mean over loads and draws, and the means over the draws at the loads with the smallest and
+        the largest share. A row passes if its mean is within `ALLOWED` of the level.
+
+    Raises
+    ------
+    InputError
+        If the pool is smaller than twice the largest number of surfaces.
     """
     if pool < 2 * max(NUMBERS):
         raise InputError(
             f"--pool {pool}: give {2 * max(NUMBERS)} or more, half of which are drawn"
         )
     rows: list[Row] = []
-    for name, surfaces, side in populations(nodes, pool):
-        solved = Pool(name, pressed(surfaces, side))
-        remark(f"{name}: {pool} surfaces solved")
-        rows += [row for number in NUMBERS for row in judged(solved, number, draws)]
+    for population in populations(nodes, pool):
+        solved = Pool(population=population.name, values=pressed(population))
+        remark(f"{population.name}: {pool} surfaces solved")
+        for number in NUMBERS:
+            rows += judged(solved, number, draws)
     return rows
 
 
-def populations(nodes: int, pool: int) -> list[tuple[str, list[Heights], float]]:
-    """Return name, surfaces [um] and scan length [um] of each population."""
-    made = []
+def populations(nodes: int, pool: int) -> list[Population]:
+    """Make the surfaces of all populations.
+
+    Parameters
+    ----------
+    nodes : int
+        Nodes a side of a surface.
+    pool : int
+        Number of surfaces of each population.
+
+    Returns
+    -------
+    list of Population
+        The two generated populations, then the windows of a map.
+    """
+    generated = []
     for name, keys in SCENES.items():
-        table = f"[surface]\n{keys}nodes = {nodes}\nside = {SIDE}\n"
-        text = f'samples = {pool}\nsamples_per_surface = 1\n{table}[contact]\nboundary = "mirror"\n'
-        scene = Scene.parse(text, name, Path())
-        made.append(
-            (name, [surface_numbered(scene, number) for number in range(pool)], SIDE)
+        scene = Scene.parse(
+            f"samples = {pool}\nsamples_per_surface = 1\n"
+            f"[surface]\n{keys}nodes = {nodes}\nside = {SIDE}\n"
+            '[contact]\nboundary = "mirror"\n',
+            name,
+            Path(),
         )
-    random, whole = np.random.default_rng(SEED), surface(MAP)
-    corners = random.integers(0, np.subtract(whole.shape, nodes), (pool, 2))
-    windows = [whole[x : x + nodes, y : y + nodes] for x, y in corners]
-    return [*made, ("windows of a map", windows, float(nodes))]
+        surfaces = [surface_numbered(scene, number) for number in range(pool)]
+        generated.append(Population(name=name, surfaces=surfaces, side=SIDE))
+    return [*generated, _windows(nodes, pool)]
 
 
-def pressed(surfaces: list[Heights], side: float) -> dict[str, Values]:
-    """Press all surfaces between their mirror images at the same pressures, with E* = 1 MPa."""
-    steps = [np.diff(heights, axis=axis) for heights in surfaces for axis in (0, 1)]
-    slope = (
-        np.sqrt(2 * np.mean([np.mean(step**2) for step in steps]))
-        * len(surfaces[0])
-        / side
-    )
-    contacts = [
-        list(bem.ladder(heights, side, pressures=slope * LOADS, boundary="mirror"))
-        for heights in surfaces
+def _windows(nodes: int, number: int) -> Population:
+    """Return windows of `MAP` at random places, which may overlap."""
+    random = np.random.default_rng(SEED)
+    heights = surface(MAP)
+    corners = random.integers(0, np.subtract(heights.shape, nodes), (number, 2))
+    windows = [heights[x : x + nodes, y : y + nodes] for x, y in corners]
+    return Population(name="windows of a map", surfaces=windows, side=float(nodes))
+
+
+def pressed(population: Population) -> dict[str, Values]:
+    """Press surfaces between their mirror images at `LOADS`, with E* = 1 MPa.
+
+    Parameters
+    ----------
+    population : Population
+        The surfaces.
+
+    Returns
+    -------
+    dict
+        Values of `QUANTITIES` by their names, each of shape (surfaces, loads).
+    """
+    pressures = _rms_slope(population) * LOADS
+    ladders = [
+        list(bem.ladder(heights, population.side, pressures=pressures, boundary="mirror"))
+        for heights in population.surfaces
     ]
     return {
         name: np.array(
-            [[quantity.of(contact) for contact in ladder] for ladder in contacts]
+            [[quantity.of(contact) for contact in ladder] for ladder in ladders]
         )
         for name, quantity in QUANTITIES.items()
     }
 
 
+def _rms_slope(population: Population) -> float:
+    """Return the root mean square of the slopes of all surfaces."""
+    squares = [
+        np.mean(np.diff(heights, axis=axis) ** 2)
+        for heights in population.surfaces
+        for axis in (0, 1)
+    ]
+    nodes = len(population.surfaces[0])
+    return float(np.sqrt(2 * np.mean(squares)) * nodes / population.side)
+
+
 def judged(pool: Pool, number: int, draws: int) -> list[Row]:
-    """Draw some of a pool's surfaces again and again; count how many others their bands hold."""
+    """Draw some of a pool's surfaces again and again, and count the others inside their band.
+
+    Parameters
+    ----------
+    pool : Pool
+        The solved surfaces.
+    number : int
+        Number of surfaces that are drawn for a law.
+    draws : int
+        Number of draws. Equal calls draw the same surfaces.
+
+    Returns
+    -------
+    list of Row
+        One row for each quantity; see `bands`.
+    """
     random = np.random.default_rng(SEED)
     size = len(next(iter(pool.values.values())))
     orders = [random.permutation(size) for _ in range(draws)]
-    shares = (1 - LEVEL) / 2, (1 + LEVEL) / 2
+    tails = ((1 - LEVEL) / 2, (1 + LEVEL) / 2)
     rows: list[Row] = []
     for name, values in pool.values.items():
-        inside, by_quantiles = [], []
+        inside = []
+        by_quantiles = []
         for order in orders:
-            drawn, others = values[order[:number]], values[order[number:]]
+            drawn = values[order[:number]]
+            rest_of_pool = values[order[number:]]
             band = further_surface(drawn, LEVEL, percent=name == "area")
-            inside.append(_held(others, band))
-            by_quantiles.append(_held(others, Band(*np.quantile(drawn, shares, axis=0))))
+            inside.append(_share_inside(rest_of_pool, band))
+            quantiles = Band(*np.quantile(drawn, tails, axis=0))
+            by_quantiles.append(_share_inside(rest_of_pool, quantiles))
         at_loads = np.mean(inside, axis=0)
         mean = float(at_loads.mean())
+        passed = abs(mean - 100 * LEVEL) <= ALLOWED
         rows.append(
             {
                 "population": pool.population,
@@ -140,13 +237,16 @@ def judged(pool: Pool, number: int, draws: int) -> list[Row]:
                 "least_percent": float(at_loads.min()),
                 "most_percent": float(at_loads.max()),
                 "by_quantiles_percent": float(np.mean(by_quantiles)),
-                "verdict": "passed" if abs(mean - 100 * LEVEL) <= ALLOWED else "failed",
+                "verdict": "passed" if passed else "failed",
             }
         )
     return rows
 
 
-def _held(others: Values, band: Band) -> Values:
-    """Return the share of surfaces inside a band at each load, NaN where there is none [%]."""
-    shares = 100 * np.mean((band.low <= others) & (others <= band.high), axis=0)
+def _share_inside(values: Values, band: Band) -> Values:
+    """Return the share of surfaces inside a band [%] at each load; NaN at loads without a band.
+
+    `values` has the shape (surfaces, loads).
+    """
+    shares = 100 * np.mean((band.low <= values) & (values <= band.high), axis=0)
     return np.where(np.isnan(band.low), np.nan, shares)

@@ -1,4 +1,7 @@
-"""The commands of `bench`: one for each report, as its TOML file says, and those of the page."""
+"""The commands of `bench`: `run`, `page` and `publish`, and one for each report.
+
+The TOML file of a report declares the options of its command; `add` makes the command of it.
+"""
 
 import inspect
 from collections.abc import Mapping, Sequence
@@ -9,7 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from bench.contents import cell
-from bench.files import Row, markdown
+from bench.files import markdown
 from bench.report import PARTS, Part, Report, remark
 from gen.runtime import command_line
 from gen.runtime.errors import InputError
@@ -20,8 +23,10 @@ from gen.runtime.terminal import echo
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
 _output = typer.Option("--output", "-o", metavar="DIR", help="The folder to write into.")
+
+# Types of the parameters of commands, with their options.
 Folder = Annotated[Path, _output]
-Place = Annotated[Path | None, _output]
+OptionalFolder = Annotated[Path | None, _output]
 Database = Annotated[
     Path | None,
     typer.Option(
@@ -40,7 +45,10 @@ Full = Annotated[
 Names = Annotated[list[str] | None, typer.Argument(metavar="NAME", help="All if none.")]
 
 KEYWORD = inspect.Parameter.KEYWORD_ONLY
-LONGEST = 60  # rows of a table that is printed
+"""Kind of the parameters of a command's function."""
+
+LONGEST = 60
+"""Largest number of rows of a table that is printed."""
 
 
 @app.callback()
@@ -49,7 +57,20 @@ def describe_program(*, version: command_line.Version = False) -> None:
 
 
 def main(arguments: Sequence[str], name: str = "bench") -> int:
-    """Run one command line; return its exit code."""
+    """Run one command line.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        The words after the name of the program.
+    name : str
+        Name of the program in messages and help texts.
+
+    Returns
+    -------
+    int
+        The exit code.
+    """
     return command_line.main(app, arguments, name, single_process=True)
 
 
@@ -66,21 +87,21 @@ def run(
         typer.Option("--plan", help="List the parts with their times, and make nothing."),
     ] = False,
 ) -> int:
-    """Make all reports, or those named, and one page of them: DIR/index.html, without network.
+    """Make all reports, or the named ones, and one page of them: DIR/index.html, without network.
 
-    Every part runs as a command of its own, in DIR/PART. A part stays where the same command has
-    made it from the same inputs, with the same code and packages: after Ctrl-C the same command
-    goes on. A short run leaves alone what a full one has made. Exit code 1 if a check failed or a
+    Every part runs as a command of its own, in DIR/PART. A part stays if the same command has made
+    it from the same inputs, with the same code and packages: after Ctrl-C the same command goes on.
+    A short run keeps the parts that a full run has made. The exit code is 1 if a check failed or a
     part could not be made.
     """
     from bench import run as running
     from bench.record import Inputs
 
-    inputs, chosen = Inputs(output, database, comparison, full), names or ()
+    inputs = Inputs(output=output, database=database, comparison=comparison, full=full)
     if plan:
-        _print(running.planned(inputs, chosen))
+        _print(running.planned(inputs, names or ()))
         return 0
-    path, outcome = running.run(inputs, chosen)
+    path, outcome = running.run(inputs, names or ())
     echo(str(path))
     if outcome.signal:
         remark("bench: interrupted; the same command goes on")
@@ -97,7 +118,7 @@ def page(
     full: Full = False,
     comparison: Comparison = None,
 ) -> None:
-    """Write the page of what a folder holds anew, and make nothing."""
+    """Write the page of a folder's parts again, without making a part."""
     from bench.page import write_page
     from bench.record import Inputs
 
@@ -105,7 +126,8 @@ def page(
         raise InputError(
             f"{folder} is not a folder; `python -m bench run -o {folder}` makes one"
         )
-    echo(str(write_page(PARTS, Inputs(folder, None, comparison, full))))
+    inputs = Inputs(output=folder, database=None, comparison=comparison, full=full)
+    echo(str(write_page(PARTS, inputs)))
 
 
 @app.command()
@@ -117,67 +139,102 @@ def publish(
     *,
     comparison: Comparison = None,
 ) -> None:
-    """Copy what a run has made into the folder of published results.
+    """Copy the results of a run into the folder of published results.
 
-    Tables, pictures, words and records of all finished parts, large tables compressed; folders all
-    of whose parts were made lose their earlier files. Parts that were not finished are refused.
+    Tables, pictures, words and records of all finished parts are copied, large tables compressed.
+    A folder whose parts were all made loses its earlier files. Parts that were not finished are
+    refused.
     """
-    from bench.publish import publish as copy
+    from bench.publish import publish as publish_parts
     from bench.record import Inputs
 
-    for path in copy(PARTS, Inputs(folder, None, comparison, full=True), target):
+    inputs = Inputs(output=folder, database=None, comparison=comparison, full=True)
+    for path in publish_parts(PARTS, inputs, target):
         echo(str(path))
 
 
 def add(part: Part) -> None:
-    """Add the command of a report, with the options that its file declares."""
+    """Add the command of a report to `app`, with the options that its TOML file declares.
 
-    def command(output: Path | None, **given: Any) -> int:
-        asked = {
-            name: _parsed(name, given[name], said) for name, said in part.options.items()
-        }
-        if output is not None:
-            _require_place(output, part)
-        if part.keeps:
-            asked["folder"] = output
-        found = resolve_name(part.measure)(**asked)
-        report = found if isinstance(found, Report) else Report({part.name: found})
-        _tell(part, report)
-        for path in report.write(output, part.contents) if output is not None else ():
-            echo(str(path))
-        return 0 if report.passed or not part.judges else 1
+    The command calls the function of the report, prints its tables, and writes its files if the
+    user gives a folder. It returns exit code 1 if a check of the report failed.
 
-    place = inspect.Parameter("output", KEYWORD, annotation=Folder)
-    if not part.keeps:
-        place = place.replace(annotation=Place, default=None)
-    parameters = [place, *(_parameter(name, said) for name, said in part.options.items())]
+    Parameters
+    ----------
+    part : Part
+        The report, which has a function to call (`measure`).
+    """
+
+    def command(output: Path | None, **values: Any) -> int:
+        return _make_report(part, output, values)
+
+    parameters = [_output_parameter(part)]
+    for name, description in part.options.items():
+        parameters.append(_parameter(name, description))
+    # Typer reads the options of a command from signature, annotations and help text.
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    command.__annotations__ = {each.name: each.annotation for each in parameters}
+    command.__annotations__ = {option.name: option.annotation for option in parameters}
     command.__doc__ = part.help
     app.command(part.name)(command)
 
 
-def _parameter(name: str, said: Mapping[str, Any]) -> inspect.Parameter:
-    """Return an option or an argument of a command; lists are texts with commas."""
-    told = {key: said[key] for key in ("help", "metavar", "min", "max") if key in said}
-    default = said.get("default")
-    kind: Any = Path if "path" in said else type(default)
+def _make_report(part: Part, output: Path | None, values: Mapping[str, Any]) -> int:
+    """Make a report with the values of its options, print and write it; return the exit code."""
+    arguments = {
+        name: _parsed(name, values[name], description)
+        for name, description in part.options.items()
+    }
+    if output is not None:
+        _require_place(output, part)
+    if part.keeps:
+        arguments["folder"] = output
+    result = resolve_name(part.measure)(**arguments)
+    report = result if isinstance(result, Report) else Report({part.name: result})
+    _print_report(part, report)
+    if output is not None:
+        for path in report.write(output, part.contents):
+            echo(str(path))
+    return 1 if part.judges and not report.passed else 0
+
+
+def _output_parameter(part: Part) -> inspect.Parameter:
+    """Return the option of the folder, which is required if the report itself keeps files."""
+    if part.keeps:
+        return inspect.Parameter("output", KEYWORD, annotation=Folder)
+    return inspect.Parameter("output", KEYWORD, annotation=OptionalFolder, default=None)
+
+
+def _parameter(name: str, description: Mapping[str, Any]) -> inspect.Parameter:
+    """Return an option or argument of a command from its entry in the TOML file of a report.
+
+    An option is a path, or has the type of its default. A list is a text with commas.
+    """
+    settings = {
+        key: description[key]
+        for key in ("help", "metavar", "min", "max")
+        if key in description
+    }
+    default = description.get("default")
+    kind: Any = Path if "path" in description else type(default)
     if kind is list:
-        kind, default = str, ",".join(map(str, said["default"]))
-    if "argument" in said:
-        kind, default = Annotated[kind, typer.Argument(**told)], inspect.Parameter.empty
-    else:
-        kind = Annotated[kind | None, typer.Option(**told)]
-    return inspect.Parameter(name, KEYWORD, annotation=kind, default=default)
+        kind = str
+        default = ",".join(map(str, description["default"]))
+    if "argument" in description:
+        argument: Any = Annotated[kind, typer.Argument(**settings)]
+        return inspect.Parameter(name, KEYWORD, annotation=argument)
+    option: Any = Annotated[kind | None, typer.Option(**settings)]
+    return inspect.Parameter(name, KEYWORD, annotation=option, default=default)
 
 
-def _parsed(name: str, value: Any, said: Mapping[str, Any]) -> Any:
-    """Return an option as its function takes it: what stood between commas as a list."""
-    if not isinstance(said.get("default"), list):
+def _parsed(name: str, value: Any, description: Mapping[str, Any]) -> Any:
+    """Return the value of an option for its function: a text with commas becomes a list."""
+    if not isinstance(description.get("default"), list):
         return value
-    kind = resolve_name(f"builtins:{said.get('kind', 'int')}")
+    kind = resolve_name(f"builtins:{description.get('kind', 'int')}")
+    if not value:
+        return []
     try:
-        return [kind(each) for each in value.split(",")] if value else []
+        return [kind(text) for text in value.split(",")]
     except ValueError:
         raise InputError(
             f"{name} {value!r}: give numbers with commas between them"
@@ -185,31 +242,40 @@ def _parsed(name: str, value: Any, said: Mapping[str, Any]) -> Any:
 
 
 def _require_place(folder: Path, part: Part) -> None:
-    """Refuse a folder, or pictures without matplotlib, before any work is done for a report."""
-    names = [each.get("figure", each.get("table", "*")) for each in part.contents]
+    """Raise InputError, before any work, if the files of a report cannot be written.
+
+    The folder must be usable, and matplotlib installed if the report has pictures.
+    """
+    names = [entry.get("figure", entry.get("table", "*")) for entry in part.contents]
     if any(name.endswith(".png") for name in names):
         new_figure(1.0, 1.0)
     check_folder(folder, *(name for name in names if "*" not in name))
 
 
-def _tell(part: Part, report: Report) -> None:
-    """Print the tables that the report shows, unless they are long, and its text."""
-    shown = {each["table"]: each for each in part.contents if "table" in each}
+def _print_report(part: Part, report: Report) -> None:
+    """Print the text of a report, and before it the tables that its TOML file shows.
+
+    Tables of more than `LONGEST` rows are left out.
+    """
+    entries = {entry["table"]: entry for entry in part.contents if "table" in entry}
     for name, rows in report.tables.items():
-        lines: list[Row] = list(rows)
-        if f"{name}.csv" in shown and lines and len(lines) <= LONGEST:
-            columns = shown[f"{name}.csv"].get("columns", list(lines[0]))
-            texts = (
-                [cell("" if r[c] is None else str(r[c])).text for c in columns]
-                for r in lines
-            )
-            _print(f"{markdown(columns, texts)}\n\n")
+        entry = entries.get(f"{name}.csv")
+        if entry is None or not rows or len(rows) > LONGEST:
+            continue
+        columns = entry.get("columns", list(rows[0]))
+        texts = [[_text(row[column]) for column in columns] for row in rows]
+        _print(f"{markdown(columns, texts)}\n\n")
     if report.text:
         _print(report.text)
 
 
+def _text(value: object) -> str:
+    """Return a value of a table as it is printed; None is empty."""
+    return cell("" if value is None else str(value)).text
+
+
 def _print(text: str) -> None:
-    """Print a text of several lines."""
+    """Print a text line by line."""
     for line in text.splitlines():
         echo(line)
 

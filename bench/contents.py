@@ -1,11 +1,11 @@
-"""What a report shows: pictures, tables and words, each with the files behind it.
+"""The contents of a report: the pictures, tables and words that are shown, with their files.
 
-The report's TOML file lists them as `contents`, each a figure, a table or words of a file with its
-caption. The page of all reports and the manual render the same contents.
+The report's TOML file lists them as `contents`: each entry is a figure, a table or the words of a
+file, with a caption. The page of all reports and the manual show the same contents.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,127 +13,242 @@ from typing import Any, NamedTuple
 from bench.files import content_of, is_there, named, read_table
 from gen.runtime.errors import InputError
 
-DIGITS = 4  # significant digits of numbers that are shown; the files have more
+DIGITS = 4
+"""Significant digits of a number that is shown; the files have more."""
 
 PASSED = "passed"
+"""The verdict of a row whose check passed."""
+
 SPECIAL = {"": "", "nan": "nan", "inf": "∞", "-inf": "-∞"}
-# Last words of columns' names that are units.
-UNITS = {"um": "µm", "s": "s", "seconds": "s", "ms": "ms", "percent": "%", "uN": "µN"}
-UNITS |= {"MPa": "MPa", "K": "K"}
+"""What is shown for a missing or infinite number, by its text in a table."""
+
+UNITS = {
+    "um": "µm",
+    "s": "s",
+    "seconds": "s",
+    "ms": "ms",
+    "percent": "%",
+    "uN": "µN",
+    "MPa": "MPa",
+    "K": "K",
+}
+"""Units as they are shown, by the last word of a column's name."""
 
 
 @dataclass(frozen=True)
 class Figure:
-    """A PNG file, a caption in plain text that says what to see in it, and the tables behind it."""
+    """A PNG file with its caption, which is plain text, and the tables that it is drawn from."""
 
     picture: Path
     caption: str
-    data: tuple[Path, ...] = ()
+    data: tuple[Path, ...] = ()  # CSV files
 
 
 @dataclass(frozen=True)
 class Table:
-    """A CSV file, with the names of its columns first, and a caption as that of a figure."""
+    """A CSV file with its caption, which is plain text."""
 
     data: Path
     caption: str
-    columns: tuple[str, ...] = ()  # that are shown, in this order; all of them if empty
+    columns: tuple[
+        str, ...
+    ] = ()  # the columns to show, in this order; empty for all columns
     verdict: str = (
-        ""  # the column whose value is `passed` where all is well: other rows are red
+        ""  # column of verdicts: rows that did not pass are red; empty without one
     )
 
 
 @dataclass(frozen=True)
 class Words:
-    """A paragraph; its lines and blanks are kept if a program `typed` it."""
+    """A paragraph of text."""
 
     text: str
-    typed: bool = False
+    typed: bool = (
+        False  # whether a program printed the text, so that its lines and blanks stay
+    )
 
 
 Content = Figure | Table | Words
+"""One content of a report."""
 
 
 def tables_of(content: Content) -> tuple[Path, ...]:
-    """Return the CSV files of a content."""
+    """Return the CSV files of a content.
+
+    Parameters
+    ----------
+    content : Figure, Table or Words
+        The content.
+
+    Returns
+    -------
+    tuple of Path
+        The file of a table, the files that a figure is drawn from, nothing for words.
+    """
     if isinstance(content, Figure):
         return content.data
-    return (content.data,) if isinstance(content, Table) else ()
+    if isinstance(content, Table):
+        return (content.data,)
+    return ()
 
 
 def contents_of(entries: Sequence[Mapping[str, Any]], folder: Path) -> list[Content]:
-    """List what a folder holds of the contents that a report's file describes."""
-    return [each for entry in entries for each in _contents(entry, folder)]
+    """List the contents of a folder that the entries of a report's TOML file describe.
 
+    Words, files whose name has a `*`, and files of `optional` entries are left out if they do not
+    exist. Other files are listed without being looked for.
 
-def _contents(entry: Mapping[str, Any], folder: Path) -> Iterator[Content]:
-    """Yield the contents of an entry: one for each file that its name, with a *, may stand for.
+    Parameters
+    ----------
+    entries : sequence of mappings
+        The entries `contents` of the TOML file.
+    folder : Path
+        The folder of the report.
 
-    Words, names with a *, and what is `optional` are left out where no file is there.
+    Returns
+    -------
+    list of Figure, Table and Words
+        The contents, in the order of the entries.
     """
+    contents: list[Content] = []
+    for entry in entries:
+        contents += _contents_of_entry(entry, folder)
+    return contents
+
+
+def _contents_of_entry(entry: Mapping[str, Any], folder: Path) -> list[Content]:
+    """Return the contents of one entry: one or more for each file that its name matches."""
     (kind,) = entry.keys() & {"figure", "table", "words"}
-    may_miss = kind == "words" or entry.get("optional", False)
+    may_be_missing = kind == "words" or entry.get("optional", False)
+    contents: list[Content] = []
     for path in named(folder, entry[kind]):
-        caption = " ".join(
-            entry.get("caption", "").replace("{target}", path.parent.name).split()
-        )
-        if may_miss and not is_there(path):
+        if may_be_missing and not is_there(path):
             continue
         if kind == "figure":
-            data = (folder / each for each in entry.get("data", ()))
-            yield Figure(path, caption, tuple(filter(is_there, data)))
+            contents.append(_figure(entry, folder, path))
         elif kind == "table":
-            yield Table(
-                path, caption, tuple(entry.get("columns", ())), entry.get("verdict", "")
-            )
+            contents.append(_table(entry, path))
         else:
-            text, typed = content_of(path).decode(), entry.get("typed", False)
-            yield from [Words(text, typed)] if typed else map(Words, text.splitlines())
+            contents += _words(entry, path)
+    return contents
+
+
+def _figure(entry: Mapping[str, Any], folder: Path, path: Path) -> Figure:
+    """Return the figure of a picture, with the tables behind it that exist."""
+    data = [folder / name for name in entry.get("data", ())]
+    return Figure(
+        picture=path,
+        caption=_caption(entry, path),
+        data=tuple(table for table in data if is_there(table)),
+    )
+
+
+def _table(entry: Mapping[str, Any], path: Path) -> Table:
+    """Return the table of a CSV file."""
+    return Table(
+        data=path,
+        caption=_caption(entry, path),
+        columns=tuple(entry.get("columns", ())),
+        verdict=entry.get("verdict", ""),
+    )
+
+
+def _words(entry: Mapping[str, Any], path: Path) -> list[Words]:
+    """Return the words of a text file: one for a printed text, else one for each line."""
+    text = content_of(path).decode()
+    if entry.get("typed", False):
+        return [Words(text, typed=True)]
+    return [Words(line) for line in text.splitlines()]
+
+
+def _caption(entry: Mapping[str, Any], path: Path) -> str:
+    """Return the caption on one line; {target} in it becomes the name of the file's folder."""
+    caption = entry.get("caption", "").replace("{target}", path.parent.name)
+    return " ".join(caption.split())
 
 
 class Cell(NamedTuple):
-    """A title or a value as it is shown, and whether it is a number or the title of numbers."""
+    """A title or a value of a table, as it is shown."""
 
     text: str
-    number: bool
+    number: bool  # whether it is a number, or the title of a column of numbers
 
 
-class Tabulated(NamedTuple):
-    """A table as it is shown; the verdict of each row says whether it failed, None without one."""
+class TableToShow(NamedTuple):
+    """A table as it is shown."""
 
-    titles: list[Cell]
+    titles: list[Cell]  # of the columns
     rows: list[list[Cell]]
-    failed: list[bool | None]
+    failed: list[bool | None]  # whether each row failed; None in a table without verdicts
 
 
-def tabulated(table: Table) -> Tabulated:
-    """Read a table, and format it for readers: few digits, units in the titles."""
+def tabulated(table: Table) -> TableToShow:
+    """Read a table, and format it for readers.
+
+    Parameters
+    ----------
+    table : Table
+        The table.
+
+    Returns
+    -------
+    TableToShow
+        Titles with units, and numbers of `DIGITS` significant digits.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or lacks a column that is to be shown or has the verdicts.
+    """
     header, lines = read_table(table.data)
     columns = table.columns or tuple(header)
-    if missing := {*columns, table.verdict} - {"", *header}:
+    required = {*columns, table.verdict} - {""}
+    missing = required - {*header}
+    if missing:
         raise InputError(f"{table.data}: has no column {', '.join(sorted(missing))}")
     rows = [[cell(line[name]) for name in columns] for line in lines]
     titles = []
     for place, name in enumerate(columns):
-        *words, last = name.split("_")
-        unit = f"[{UNITS[last]}]" if words and last in UNITS else last
-        titles.append(
-            Cell(" ".join([*words, unit]), all(row[place].number for row in rows))
-        )
-    failed = [line[table.verdict] != PASSED if table.verdict else None for line in lines]
-    return Tabulated(titles, rows, failed)
+        only_numbers = all(row[place].number for row in rows)
+        titles.append(Cell(text=_title(name), number=only_numbers))
+    failed: list[bool | None] = [None] * len(lines)
+    if table.verdict:
+        failed = [line[table.verdict] != PASSED for line in lines]
+    return TableToShow(titles=titles, rows=rows, failed=failed)
+
+
+def _title(column: str) -> str:
+    """Return the title of a column: the words of its name, and its unit in brackets."""
+    *words, last = column.split("_")
+    if words and last in UNITS:
+        last = f"[{UNITS[last]}]"
+    return " ".join([*words, last])
 
 
 def cell(text: str) -> Cell:
-    """Return a value of a table as it is shown."""
+    """Format a value of a table for readers.
+
+    Parameters
+    ----------
+    text : str
+        The value, as the CSV file has it.
+
+    Returns
+    -------
+    Cell
+        A number with `DIGITS` significant digits, or any other text unchanged.
+    """
     if text in SPECIAL:
-        return Cell(SPECIAL[text], number=True)
+        return Cell(text=SPECIAL[text], number=True)
     try:
         value = float(text)
     except ValueError:
         value = math.nan
-    if not math.isfinite(value):  # a word: numbers that are written so are in SPECIAL
-        return Cell(text, number=False)
+    # Words as "infinity" also become floats. Numbers are written only as in `SPECIAL`.
+    if not math.isfinite(value):
+        return Cell(text=text, number=False)
     if value.is_integer() and abs(value) < 1e7:
-        return Cell(f"{value:,.0f}" if abs(value) >= 1e4 else f"{value:.0f}", number=True)
-    return Cell(f"{value:.{DIGITS}g}", number=True)
+        # Small integers, as years and nodes a side, have no commas.
+        form = ",.0f" if abs(value) >= 1e4 else ".0f"
+        return Cell(text=format(value, form), number=True)
+    return Cell(text=f"{value:.{DIGITS}g}", number=True)

@@ -1,4 +1,4 @@
-"""The databases that the reports rest on, generated or given."""
+"""The databases of the reports, which are generated unless the user gives one."""
 
 from pathlib import Path
 
@@ -12,55 +12,99 @@ from gen.runtime.files import make_folder, write
 from gen.scene import Scene, differences, load
 from gen.schema import Status
 
-PAPER = "paper"  # preset that all surrogates of the reports are trained on
-# Of databases to be tested on: the preset's own seed would give them the surfaces trained on.
+PAPER = "paper"
+"""Name of the preset whose rows train all surrogates of the reports."""
+
 OTHER_SEED = 2026
+"""Seed of databases that test surrogates: other surfaces than those of the preset's own seed."""
 
 
 def generated(folder: Path, name: str, text: str) -> Path:
-    """Return a complete database of a scene (TOML): generate the rows that the folder's file lacks.
+    """Return the complete database of a scene; generate the rows that are missing.
 
-    A KeyboardInterrupt is raised after a signal: the same command goes on.
+    Parameters
+    ----------
+    folder : Path
+        Folder of the scene (NAME.toml) and of the database (NAME.h5), which is made if need be.
+        Paths in the scene are relative to it.
+    name : str
+        Name of both files without ending.
+    text : str
+        The scene (TOML).
+
+    Returns
+    -------
+    Path
+        The database. A row may have failed, but none is pending.
+
+    Raises
+    ------
+    InputError
+        If the file is a database of another scene.
+    KeyboardInterrupt
+        If a signal interrupted the generation, which the next call continues.
     """
-    scene, path = folder / f"{name}.toml", folder / f"{name}.h5"
-    make_folder(folder)  # which files of maps start from
-    # With the source of a function.
-    wanted = completed(Scene.parse(text, str(scene), folder), folder)
-    if path.exists():
-        with Reader(path) as reader:
-            if reader.scene.fingerprint() != wanted.fingerprint():
-                raise InputError(
-                    f"{path}: is a database of another scene; move it away:",
-                    differences(reader.scene, wanted),
-                )
-            status = reader.column("status", 0, wanted.samples)
-        if len(status) == wanted.samples and (status != Status.PENDING).all():
-            return path
-    write(scene, text)
-    remark(f"generating {path}: {wanted.samples} rows")
-    if generate_database(str(scene), path, World()).signal:
+    scene_path = folder / f"{name}.toml"
+    path = folder / f"{name}.h5"
+    make_folder(folder)
+    scene = completed(Scene.parse(text, str(scene_path), folder), folder)
+    if path.exists() and _is_complete(path, scene):
+        return path
+    write(scene_path, text)
+    remark(f"generating {path}: {scene.samples} rows")
+    if generate_database(str(scene_path), path, World()).signal:
         remark(f"{path}: interrupted; the same command goes on")
         raise KeyboardInterrupt
     return path
 
 
-def of_the_paper(given: Path | None, folder: Path, rows: int) -> Path:
-    """Return the database to train on: the preset's first rows, or the one given.
+def _is_complete(path: Path, scene: Scene) -> bool:
+    """Say whether a database has all rows; raise InputError if it is of another scene."""
+    with Reader(path) as reader:
+        if reader.scene.fingerprint() != scene.fingerprint():
+            raise InputError(
+                f"{path}: is a database of another scene; move it away:",
+                differences(reader.scene, scene),
+            )
+        status = reader.column("status", 0, scene.samples)
+    return len(status) == scene.samples and bool((status != Status.PENDING).all())
 
-    One of another scene is refused: its surrogates would be at home elsewhere.
+
+def of_the_paper(database: Path | None, folder: Path, rows: int) -> Path:
+    """Return the database of the paper preset that trains the surrogates of a report.
+
+    Parameters
+    ----------
+    database : Path or None
+        The database that the user gave; None to generate one.
+    folder : Path
+        Folder of a generated database.
+    rows : int
+        Number of the preset's first rows that are generated.
+
+    Returns
+    -------
+    Path
+        The given or the generated database.
+
+    Raises
+    ------
+    InputError
+        If the given database is of another scene, which the reports are not about, or is a part
+        of a database.
     """
-    if given is None:
+    if database is None:
         return generated(folder, PAPER, f"samples = {rows}\n")
-    with Reader(given) as reader:
+    with Reader(database) as reader:
         preset = load(PAPER).model_copy(update={"store": reader.scene.store})
         different = differences(reader.scene, preset)
-        whole = reader.rows == range(reader.scene.samples)
-    if not whole:
+        is_whole = reader.rows == range(reader.scene.samples)
+    if not is_whole:
         raise InputError(
-            f"--database {given}: is a part; python -m gen merge makes it whole"
+            f"--database {database}: is a part; python -m gen merge makes it whole"
         )
     if different:
         raise InputError(
-            f"--database {given}: give one of the paper preset ({different[0]})"
+            f"--database {database}: give one of the paper preset ({different[0]})"
         )
-    return given
+    return database

@@ -1,4 +1,8 @@
-"""Files of reports: tables, this package's texts, and what is compressed in the repository."""
+"""Files of the reports: tables (CSV), texts of this package (TOML), and compressed tables.
+
+The repository keeps large tables compressed. Functions that read a table take the path of the
+uncompressed file, and read the compressed file if only that one exists.
+"""
 
 import csv
 import lzma
@@ -6,91 +10,197 @@ import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from io import StringIO
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from gen.runtime.errors import InputError
 from gen.runtime.files import make_folder, write
 
 Row = dict[str, Any]
-"""Values of one line of a table by the names of its columns, which are the same in all lines."""
+"""One row of a table: its values by the names of the columns. All rows of a table share these."""
 
-HOME = Path(__file__).parent  # of the texts of this package
-ENOUGH = 7  # significant digits of measured numbers, far beyond what repeats
-COMPRESSED = (
-    ".xz"  # added to the names of large tables in the repository; `unxz` gives them back
-)
+HOME = Path(__file__).parent
+"""Folder of this package, which has its TOML files."""
+
+SIGNIFICANT_DIGITS = 7
+"""Significant digits of the floats in a written table: more than repeated measurements share."""
+
+COMPRESSED = ".xz"
+"""Ending that is added to the name of a compressed file; the program `unxz` decompresses it."""
+
+
+class CsvTable(NamedTuple):
+    """The content of a CSV file, as text."""
+
+    columns: list[str]  # names of the columns, in the order of the file
+    rows: list[dict[str, str]]  # cells by the names of their columns
 
 
 def content_of(path: Path) -> bytes:
-    """Read a file, or the compressed one that stands beside where it would be."""
-    packed = _packed(path)
+    """Read a file, or its compressed form if only that exists.
+
+    Parameters
+    ----------
+    path : Path
+        The file, without the ending of a compressed one.
+
+    Returns
+    -------
+    bytes
+        The uncompressed content.
+
+    Raises
+    ------
+    InputError
+        If neither file can be read.
+    """
+    compressed = _compressed(path)
     try:
-        if packed.exists() and not path.exists():
-            return lzma.decompress(packed.read_bytes())
+        if compressed.exists() and not path.exists():
+            return lzma.decompress(compressed.read_bytes())
         return path.read_bytes()
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror or error}") from None
     except lzma.LZMAError as error:
-        raise InputError(f"{packed} cannot be read: {error}") from None
+        raise InputError(f"{compressed} cannot be read: {error}") from None
 
 
 def is_there(path: Path) -> bool:
-    """Say whether a file, or the compressed one, is there."""
-    return path.is_file() or _packed(path).is_file()
+    """Say whether a file exists, as it is or compressed.
+
+    Parameters
+    ----------
+    path : Path
+        The file, without the ending of a compressed one.
+
+    Returns
+    -------
+    bool
+        True if `content_of` has a file to read.
+    """
+    return path.is_file() or _compressed(path).is_file()
 
 
 def named(folder: Path, name: str) -> list[Path]:
-    """List the files of a name, in which a * stands for several that are there, compressed or not.
+    """List the files of a folder that a name with `*` matches.
 
-    Compressed ones have the names that they have without that.
+    Parameters
+    ----------
+    folder : Path
+        The folder that the name is relative to.
+    name : str
+        Name of a file. A `*` in it matches any characters, as in `Path.glob`.
+
+    Returns
+    -------
+    list of Path
+        The existing files, sorted, compressed ones without the ending of compression. A name
+        without `*` gives its one path, whether or not the file exists.
     """
     if "*" not in name:
         return [folder / name]
-    packed = (path.with_suffix("") for path in folder.glob(name + COMPRESSED))
-    return sorted({*folder.glob(name), *packed})
+    compressed = (path.with_suffix("") for path in folder.glob(name + COMPRESSED))
+    return sorted({*folder.glob(name), *compressed})
 
 
-def _packed(path: Path) -> Path:
+def _compressed(path: Path) -> Path:
+    """Return the path of the compressed form of a file."""
     return path.with_name(path.name + COMPRESSED)
 
 
 def read_toml(name: str) -> dict[str, Any]:
-    """Read a TOML file of this package, by its path from `bench` on without the ending."""
+    """Read a TOML file of this package.
+
+    Parameters
+    ----------
+    name : str
+        Path of the file relative to the folder `bench`, without the ending `.toml`.
+
+    Returns
+    -------
+    dict
+        Values by their keys.
+    """
     path = HOME / f"{name}.toml"
     return tomllib.loads(path.read_text(encoding="utf-8"))
 
 
 def write_rows(path: Path, rows: Iterable[Mapping[str, Any]]) -> Path:
-    """Write rows under the names of their columns (CSV), numbers with `ENOUGH` significant digits.
+    """Write rows as a CSV file, with the names of the columns as its first line.
 
-    The folder is made where there is none; None is written as nothing.
+    Floats are rounded to `SIGNIFICANT_DIGITS`. None becomes an empty cell. The folder is made if
+    it does not exist.
+
+    Parameters
+    ----------
+    path : Path
+        The file to write.
+    rows : iterable of mappings
+        One row or more, all with the same columns in the same order.
+
+    Returns
+    -------
+    Path
+        The written file.
     """
     rows = list(rows)
-
-    def rounded(value: Any) -> Any:
-        return float(f"{value:.{ENOUGH}g}") if isinstance(value, float) else value
-
     lines = StringIO(newline="")
     writer = csv.writer(lines)
     writer.writerow(rows[0])
-    writer.writerows(map(rounded, row.values()) for row in rows)
+    writer.writerows(map(_rounded, row.values()) for row in rows)
     make_folder(path.parent)
     write(path, lines.getvalue())
     return path
 
 
-def read_table(path: Path) -> tuple[list[str], list[dict[str, str]]]:
-    """Read the names of the columns of a table, and its rows by these names."""
+def _rounded(value: Any) -> Any:
+    """Return a float with `SIGNIFICANT_DIGITS`, and any other value unchanged."""
+    if isinstance(value, float):
+        return float(f"{value:.{SIGNIFICANT_DIGITS}g}")
+    return value
+
+
+def read_table(path: Path) -> CsvTable:
+    """Read a CSV file whose first line has the names of the columns.
+
+    Parameters
+    ----------
+    path : Path
+        The file, without the ending of a compressed one.
+
+    Returns
+    -------
+    CsvTable
+        Names of the columns and rows of text. Cells that a short line lacks are empty.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or is no table.
+    """
     try:
-        reader = csv.DictReader(
-            StringIO(content_of(path).decode(), newline=""), restval=""
-        )
-        return list(reader.fieldnames or ()), list(reader)
+        text = content_of(path).decode()
+        reader = csv.DictReader(StringIO(text, newline=""), restval="")
+        columns = list(reader.fieldnames or ())
+        return CsvTable(columns, list(reader))
     except (InputError, ValueError, csv.Error) as error:
         raise InputError(f"{path}: cannot be read as a table ({error})") from None
 
 
 def markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a table as lines of Markdown."""
-    lines = (f"| {' | '.join(cells)} |" for cells in rows)
-    return "\n".join([f"| {' | '.join(header)} |", f"|{'---|' * len(header)}", *lines])
+    """Format a table as Markdown.
+
+    Parameters
+    ----------
+    header : sequence of str
+        Titles of the columns.
+    rows : iterable of sequences of str
+        Cells of the rows, in the order of the columns.
+
+    Returns
+    -------
+    str
+        One line for the header, one for the rule below it, and one for each row.
+    """
+    lines = [f"| {' | '.join(header)} |", f"|{'---|' * len(header)}"]
+    lines += [f"| {' | '.join(cells)} |" for cells in rows]
+    return "\n".join(lines)

@@ -1,10 +1,12 @@
-"""How the cost of a solve grows with the grid, and how area and mean pressure depend on it.
+"""How the cost of a solve grows with the grid, and how area and mean pressure depend on the grid.
 
 Nested surfaces, each with twice the nodes a side of the one before, are pressed until the same
-share of their nodes is in contact. Counts of applications of the influence matrix are those of
-iterations alone: dense algebra, for which only small grids have few enough nodes in contact, would
-pass for growth. Then the same surfaces are pressed by the same mean pressure: with every halving of
-the spacing slopes grow, and the elastic area falls, until a hardness bounds the pressure.
+share of their nodes is in contact. Dense algebra is switched off for the counts of applications of
+the influence matrix: only small grids have few enough nodes in contact for it, so that it would
+look like growth.
+
+Then the same surfaces are pressed by the same mean pressure. Slopes grow whenever the spacing is
+halved, and the elastic area falls, until a hardness limits the pressure.
 """
 
 import time
@@ -27,23 +29,60 @@ from gen.quantities import AREA, YIELDED
 from gen.runtime.errors import InputError
 from gen.surface import generate
 
-SIDE = 1000.0  # um
-HURST, SIGMA0 = 0.65, 12.5  # 1, um
+SIDE = 1000.0
+"""Scan length [um]."""
+
+HURST = 0.65
+"""The generator's Hurst exponent."""
+
+SIGMA0 = 12.5
+"""Standard deviation of the generator's first displacement [um]."""
+
 PERCENTS = (1.0, 10.0, 50.0)
+"""Shares of the nodes in contact [%]."""
+
 RTOL = 1e-6
-SEEKING_RTOL = 1e-2  # of the solves on small grids that find Delta
+"""Tolerance of the measured solves."""
+
+SEEKING_RTOL = 1e-2
+"""Tolerance of the solves on small grids that find Delta."""
+
 SEEKING_NODES = (65, 129)
-PRESSURE = 2e-3  # on the patch [E*]
-HARDNESSES = (None, 0.1, 0.05, 0.02)  # E*
+"""Nodes a side of the small grids on which Delta is found."""
+
+PRESSURE = 2e-3
+"""Mean pressure on the patch over E*."""
+
+HARDNESSES = (None, 0.1, 0.05, 0.02)
+"""Hardnesses over E*; None for elastic bodies."""
 
 
 def growth(nodes: Sequence[int], surfaces: int) -> Report:
-    """Measure the cost of solves, and area and pressure under one load.
+    """Measure the cost of solves, and area and pressure under one load, on finer and finer grids.
 
-    An InputError is raised for nodes a side that are not 2^k + 1, or too few.
+    Progress is printed on standard error.
+
+    Parameters
+    ----------
+    nodes : sequence of int
+        Nodes a side of the grids, 2^k + 1 each, the coarsest one first.
+    surfaces : int
+        Number of surfaces.
+
+    Returns
+    -------
+    Report
+        Tables `growth`, from `cost`, and `yielding`, from `pressures`.
+
+    Raises
+    ------
+    InputError
+        If a number of nodes is not 2^k + 1, or smaller than that of `SEEKING_NODES`.
     """
     for size in nodes:
-        if size < SEEKING_NODES[0] or size - 1 & size - 2:
+        cells = size - 1
+        is_power_of_two = not cells & (cells - 1)
+        if size < SEEKING_NODES[0] or not is_power_of_two:
             raise InputError(f"nodes {size}: give 2^k + 1, {SEEKING_NODES[0]} or more")
     return Report(
         {"growth": cost(nodes, surfaces), "yielding": pressures(nodes, surfaces)}
@@ -53,32 +92,64 @@ def growth(nodes: Sequence[int], surfaces: int) -> Report:
 def cost(
     nodes: Sequence[int], surfaces: int, percents: Sequence[float] = PERCENTS
 ) -> list[Row]:
-    """Measure the cost of solves at shares of contact on grids, as means over surfaces."""
+    """Measure the cost of solves at shares of contact.
+
+    Parameters
+    ----------
+    nodes : sequence of int
+        Nodes a side of the grids, the coarsest one first.
+    surfaces : int
+        Number of surfaces.
+    percents : sequence of float
+        Shares of the nodes in contact [%].
+
+    Returns
+    -------
+    list of Row
+        One row for each share and grid. Its values are means over the surfaces, but
+        `padded_arrays`, the memory, which is the maximum. `growth` is the factor of the
+        convolutions for each doubling of the nodes a side since the coarsest grid.
+    """
     rows: list[Row] = []
-    fewest = 1.0
+    coarsest_convolutions = 1.0
     for percent, size in product(percents, nodes):
-        solves = []
-        for seed in range(surfaces):
-            with ThreadPoolExecutor(
-                1
-            ) as fresh:  # it keeps no tables of the solves before
-                solves.append(fresh.submit(_solve, size, seed, percent).result())
-        means = {
-            name: float(np.mean([each[name] for each in solves])) for name in solves[0]
-        }
-        fewest = means["convolutions"] if size == nodes[0] else fewest
+        solves = [_solve_in_new_thread(size, seed, percent) for seed in range(surfaces)]
+        row: Row = {"percent": percent, "nodes": size}
+        for name in solves[0]:
+            row[name] = float(np.mean([solve[name] for solve in solves]))
+        row["padded_arrays"] = max(solve["padded_arrays"] for solve in solves)
+        if size == nodes[0]:
+            coarsest_convolutions = row["convolutions"]
         doublings = max(np.log2((size - 1) / (nodes[0] - 1)), 1.0)
-        growth = float((means["convolutions"] / fewest) ** (1 / doublings))
-        most = {"padded_arrays": max(each["padded_arrays"] for each in solves)}
-        rows.append(
-            {"percent": percent, "nodes": size, **means, **most, "growth": growth}
-        )
-        remark(f"{percent:g} %, {size} nodes: {means['seconds']:.2f} s")
+        factor = row["convolutions"] / coarsest_convolutions
+        row["growth"] = float(factor ** (1 / doublings))
+        remark(f"{percent:g} %, {size} nodes: {row['seconds']:.2f} s")
+        rows.append(row)
     return rows
 
 
+def _solve_in_new_thread(nodes: int, seed: int, percent: float) -> dict[str, float]:
+    """Measure a solve as `_solve` does, in a thread that has no tables of earlier solves."""
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(_solve, nodes, seed, percent).result()
+
+
 def pressures(nodes: Sequence[int], surfaces: int) -> list[Row]:
-    """Press the same surfaces with the same mean pressure on each grid, as means over surfaces."""
+    """Press the same surfaces with the same mean pressure on each grid.
+
+    Parameters
+    ----------
+    nodes : sequence of int
+        Nodes a side of the grids.
+    surfaces : int
+        Number of surfaces.
+
+    Returns
+    -------
+    list of Row
+        One row for each of `HARDNESSES` and each grid, with means over the surfaces. The mean
+        pressure in contact is over E*.
+    """
     rows = []
     for hardness, size in product(HARDNESSES, nodes):
         contacts = [
@@ -88,9 +159,10 @@ def pressures(nodes: Sequence[int], surfaces: int) -> list[Row]:
         row: Row = {"hardness": hardness, "nodes": size}
         for name in (AREA.name, YIELDED.name):
             row[name] = float(np.mean([getattr(contact, name) for contact in contacts]))
-        row["mean_pressure"] = float(
-            np.mean([100 * PRESSURE / c.area_percent for c in contacts])
-        )
+        pressures_in_contact = [
+            100 * PRESSURE / contact.area_percent for contact in contacts
+        ]
+        row["mean_pressure"] = float(np.mean(pressures_in_contact))
         row["convolutions"] = float(
             np.mean([contact.convolutions for contact in contacts])
         )
@@ -100,31 +172,62 @@ def pressures(nodes: Sequence[int], surfaces: int) -> list[Row]:
 
 
 def surface(nodes: int, seed: int) -> Heights:
-    """Generate one of the surfaces; grids of one seed hold each other's nodes."""
+    """Generate one of the surfaces.
+
+    Parameters
+    ----------
+    nodes : int
+        Nodes a side, 2^k + 1.
+    seed : int
+        Number of the surface. A fine grid has the nodes of the coarser grids of the same seed.
+
+    Returns
+    -------
+    ndarray, shape (nodes, nodes)
+        Heights [um].
+    """
     return generate("diamond-square", nodes, HURST, SIGMA0, np.random.default_rng(seed))
 
 
 def displacement_at(nodes: int, seed: int, percent: float) -> float:
-    """Find the Delta of a share of contact [%] from its growth on small grids [um]."""
+    """Estimate the Delta of a share of contact, by its growth from one small grid to the next.
+
+    Parameters
+    ----------
+    nodes : int
+        Nodes a side of the grid.
+    seed : int
+        Number of the surface.
+    percent : float
+        Share of the nodes in contact [%].
+
+    Returns
+    -------
+    float
+        Delta [um].
+    """
 
     def excess(delta: float, heights: Heights) -> float:
         return bem.solve(heights, SIDE, delta, rtol=SEEKING_RTOL).area_percent - percent
 
-    found = []
+    deltas = []
     for small in SEEKING_NODES:
         heights = surface(small, seed)
         deepest = 3 * float(np.ptp(heights))
-        found.append(optimize.brentq(excess, 0.0, deepest, args=(heights,), xtol=1e-2))
+        deltas.append(optimize.brentq(excess, 0.0, deepest, args=(heights,), xtol=1e-2))
+    coarse, fine = deltas
     doublings = np.log2((nodes - 1) / (SEEKING_NODES[-1] - 1))
-    return float(found[-1] * (found[-1] / found[-2]) ** doublings)
+    return float(fine * (fine / coarse) ** doublings)
 
 
 def _solve(nodes: int, seed: int, percent: float) -> dict[str, float]:
-    """Return area, convolutions, seconds, and memory over that of a padded double field.
+    """Return area, convolutions, time, and memory over that of a padded double field.
 
-    The first solve of a size needs most memory, tables and plans included; then time and counts.
+    The first solve of a size is measured for the memory, since it makes tables and plans; the
+    second one for the time. Convolutions are those without dense algebra.
     """
-    heights, delta = surface(nodes, seed), displacement_at(nodes, seed, percent)
+    heights = surface(nodes, seed)
+    delta = displacement_at(nodes, seed, percent)
     tracemalloc.start()
     try:
         bem.solve(heights, SIDE, delta, rtol=RTOL)
@@ -135,12 +238,13 @@ def _solve(nodes: int, seed: int, percent: float) -> dict[str, float]:
     contact = bem.solve(heights, SIDE, delta, rtol=RTOL)
     seconds = time.perf_counter() - began
     ((factor, power),) = patch.FEW_FREE
-    if contact.contact_nodes <= factor * heights.size**power:
+    used_dense_algebra = contact.contact_nodes <= factor * heights.size**power
+    if used_dense_algebra:
         with mock.patch.object(patch, "FEW_FREE", ((0.0, 1.0),)):
             contact = bem.solve(heights, SIDE, delta, rtol=RTOL)
-    found = {"area_percent": contact.area_percent, "convolutions": contact.convolutions}
     return {
-        **found,
+        "area_percent": contact.area_percent,
+        "convolutions": contact.convolutions,
         "seconds": seconds,
         "padded_arrays": memory / (8 * fast_period(nodes) ** 2),
     }

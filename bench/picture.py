@@ -1,7 +1,8 @@
-"""Pictures of reports: drawn as their TOML files say, and written only once they are whole.
+"""Pictures of reports: drawn as their TOML files describe them, and written as PNG files.
 
 A figure of a report's `contents` that has `panels` is drawn from the first table of its `data`:
-curves of columns over another one, side by side or in facets; `draw` says which keys there are.
+columns over another column, in panels side by side or in facets. `draw` and `draw_panel` list the
+keys.
 """
 
 import itertools
@@ -14,22 +15,53 @@ from bench.files import Row
 from gen.runtime import figure as figures
 from gen.runtime.files import make_folder, write
 
-# For colour-blind readers: Okabe and Ito's colours, and three more.
 COLOURS = (
-    *("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00"),
-    *("#56B4E9", "#000000", "#888888", "#6B3D0A", "#4B2E83"),
+    "#0072B2",
+    "#D55E00",
+    "#009E73",
+    "#CC79A7",
+    "#E69F00",
+    "#56B4E9",
+    "#000000",
+    "#888888",
+    "#6B3D0A",
+    "#4B2E83",
 )
-# Looks of curves, which markers tell apart on paper too.
+"""Colours that colour-blind readers tell apart: those of Okabe and Ito, and three more."""
+
+MARKERS = "os^DvPx*<>"
+"""Markers of curves, one for each colour, which tell curves apart in print without colours."""
+
 STYLES = tuple(
-    {"color": c, "marker": m} for c, m in zip(COLOURS, "os^DvPx*<>", strict=True)
+    {"color": colour, "marker": marker}
+    for colour, marker in zip(COLOURS, MARKERS, strict=True)
 )
+"""Properties of the curves of a panel, in the order of the curves."""
+
 DPI = 150
-# Colours of a picture, and of one with a colour bar: far fewer bytes, so that forty can be kept.
-PALETTE, GRADED = 64, 256
+"""Resolution of a picture [pixels per inch]."""
+
+PALETTE = 64
+"""Number of colours of a PNG file, which keeps the files of all reports small."""
+
+GRADED = 256
+"""Number of colours of a PNG file that has a colour bar."""
 
 
 def new_figure(width: float = 6.4, height: float = 4.8) -> Any:
-    """Make an empty figure [inches] whose curves have our colours."""
+    """Make an empty figure whose curves have `COLOURS`.
+
+    This also sets matplotlib's cycle of colours for all later figures.
+
+    Parameters
+    ----------
+    width, height : float
+        Size of the figure [inch].
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
     figure = figures.new_figure(width, height)
     from cycler import cycler
     from matplotlib import rcParams
@@ -39,140 +71,258 @@ def new_figure(width: float = 6.4, height: float = 4.8) -> Any:
 
 
 def save(figure: Any, path: Path) -> Path:
-    """Write a figure as PNG."""
+    """Write a figure as a PNG file of few colours, into a folder that is made if need be.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The figure.
+    path : Path
+        The file.
+
+    Returns
+    -------
+    Path
+        The written file.
+    """
     from PIL import Image
 
-    drawn, compact = BytesIO(), BytesIO()
+    drawn = BytesIO()
     figure.savefig(drawn, dpi=DPI, format="png")
-    graded = any(axis.get_label() == "<colorbar>" for axis in figure.axes)
-    colours = GRADED if graded else PALETTE
-    few = Image.open(drawn).convert("RGB").quantize(colours, dither=Image.Dither.NONE)
-    few.save(compact, format="PNG", optimize=True)
+    has_colour_bar = any(axis.get_label() == "<colorbar>" for axis in figure.axes)
+    colours = GRADED if has_colour_bar else PALETTE
+    image = Image.open(drawn).convert("RGB")
+    compact = BytesIO()
+    image.quantize(colours, dither=Image.Dither.NONE).save(
+        compact, format="PNG", optimize=True
+    )
     make_folder(path.parent)
     write(path, compact.getvalue(), "picture")
     return path
 
 
-def drawn(
+def draw_figures(
     contents: Sequence[Mapping[str, Any]], tables: Mapping[str, Sequence[Row]]
 ) -> dict[str, Any]:
-    """Draw the figures that a report's file describes, of the tables that there are, by name."""
-    found = {}
-    for entry in contents:
-        stem = Path(entry.get("data", [""])[0]).stem
-        if "panels" in entry and tables.get(stem):
-            found[Path(entry["figure"]).stem] = draw(entry, list(tables[stem]))
-    return found
+    """Draw the figures that a report's TOML file describes.
 
+    Parameters
+    ----------
+    contents : sequence of mappings
+        Entries `contents` of the TOML file.
+    tables : mapping
+        Rows of the tables by the names of their files without ending.
 
-def draw(said: Mapping[str, Any], rows: Sequence[Row]) -> Any:
-    """Draw one figure of a report: its panels in `down` rows, those of a facet below each other.
-
-    `facet` is a format that tells the columns of panels apart, filled in with a row; `size` is
-    the width and height of a panel [inches], `legend` "figure", "each" for the lowest panel of
-    each facet, or the number of the panel that names the curves.
+    Returns
+    -------
+    dict
+        Matplotlib's figures by the names of their files without ending. Figures whose table is
+        missing or has no rows are left out.
     """
-    facets = _split(rows, said.get("facet", ""))
-    panels, (width, height) = said["panels"], said.get("size", (3.7, 3.6))
-    down = len(panels) if "facet" in said else said.get("down", 1)
-    across = len(facets) if "facet" in said else len(panels) // down
+    drawn = {}
+    for entry in contents:
+        table = Path(entry.get("data", [""])[0]).stem
+        if "panels" in entry and tables.get(table):
+            drawn[Path(entry["figure"]).stem] = draw(entry, list(tables[table]))
+    return drawn
+
+
+def draw(entry: Mapping[str, Any], rows: Sequence[Row]) -> Any:
+    """Draw one figure of a report.
+
+    Parameters
+    ----------
+    entry : mapping
+        The figure's entry in the TOML file. Its keys are:
+
+        - `panels`: the panels, each with the keys of `draw_panel`;
+        - `all`: keys that all panels share;
+        - `size`: width and height of a panel [inch];
+        - `down`: the number of rows of panels, 1 if it is missing;
+        - `facet`: a format of a text that is filled in with a row. Each text gets a column of
+          panels, which shows the rows with this text and has it as its title;
+        - `shared`: which axes the panels share, as `Figure.subplots` takes it;
+        - `legend`: where the curves are named: "figure" for below the panels, "each" for the
+          lowest panel of each column, or the number of a panel.
+    rows : sequence of Row
+        The rows of the table.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    panels = entry["panels"]
+    has_facets = "facet" in entry
+    facets = _rows_by_text(rows, entry.get("facet", ""))
+    if has_facets:
+        down = len(panels)
+        across = len(facets)
+    else:
+        down = entry.get("down", 1)
+        across = len(panels) // down
+    width, height = entry.get("size", (3.7, 3.6))
     figure = new_figure(width * across, height * down)
-    axes = figure.subplots(down, across, squeeze=False, **said.get("shared", {}))
-    for place, (title, own) in enumerate(facets.items()):
-        column = axes[:, place] if "facet" in said else axes.flat
-        for axis, panel in zip(column, panels, strict=True):
-            draw_panel(axis, {**said.get("all", {}), **panel}, own)
+    axes = figure.subplots(down, across, squeeze=False, **entry.get("shared", {}))
+    for place, (title, rows_of_facet) in enumerate(facets.items()):
+        axes_of_facet = axes[:, place] if has_facets else axes.flat
+        for axis, panel in zip(axes_of_facet, panels, strict=True):
+            draw_panel(axis, {**entry.get("all", {}), **panel}, rows_of_facet)
         if title:
-            column[0].set_title(title)
-    if said.get("legend") == "figure":
-        figure.legend(
-            *axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4
-        )
-    elif said.get("legend") == "each":
-        for axis in axes[-1]:
-            axis.legend(fontsize="x-small")
-    elif "legend" in said:
-        axes.flat[said["legend"]].legend(fontsize="small")
+            axes_of_facet[0].set_title(title)
+    if "legend" in entry:
+        _draw_legend(figure, axes, entry["legend"])
     return figure
 
 
-def _split(rows: Sequence[Row], form: str) -> dict[str, list[Row]]:
-    """Return the rows by the text that a format makes of each."""
-    found: dict[str, list[Row]] = {}
+def _draw_legend(figure: Any, axes: Any, place: Any) -> None:
+    """Name the curves at the place that the key `legend` of a figure says; see `draw`."""
+    if place == "figure":
+        curves = axes[0, 0].get_legend_handles_labels()
+        figure.legend(*curves, loc="outside lower center", ncols=4)
+    elif place == "each":
+        for axis in axes[-1]:
+            axis.legend(fontsize="x-small")
+    else:
+        axes.flat[place].legend(fontsize="small")
+
+
+def _rows_by_text(rows: Sequence[Row], form: str) -> dict[str, list[Row]]:
+    """Return the rows by the text that they give when they are filled into a format."""
+    groups: dict[str, list[Row]] = {}
     for row in rows:
-        found.setdefault(form.format(**row), []).append(row)
-    return found
+        groups.setdefault(form.format(**row), []).append(row)
+    return groups
 
 
 def draw_panel(axis: Any, panel: Mapping[str, Any], rows: Sequence[Row]) -> None:
-    """Draw columns over another one, a curve for each label.
+    """Draw columns over another column into a panel: curves, dots or a histogram.
 
-    The keys of a panel: `x` and `y`, columns, where rows without one are left out; `label`, the
-    name of a curve, filled in with a row of it; `dashed`, a further column as a dashed line;
-    `dots`, pairs of columns as hollow dots; `look`, properties of the curves; `marks`, levels
-    of horizontal lines by name; `ticks`, whether only values of x have ticks; `none`, the text
-    for a missing value; `words`, whether values of x are texts; `axes`, what matplotlib's
-    `Axes.set` takes. With `colour`, a column, rows are dots of that colour; with `bins` instead of
-    y, how often x has which value.
+    Rows without a value of x or y are left out.
+
+    Parameters
+    ----------
+    axis : matplotlib.axes.Axes
+        The panel.
+    panel : mapping
+        The panel's entry in the TOML file. Its keys are:
+
+        - `x`, `y`: names of the columns;
+        - `axes`: properties of the axes, as `Axes.set` takes them. A list of one number is a
+          lower limit;
+        - `label`: a format of a curve's name that is filled in with a row. Rows with the same
+          name are one curve;
+        - `look`: properties of the curves, as `Axes.plot` takes them;
+        - `dashed`: another column, drawn as a dashed line for each curve;
+        - `dots`: pairs of columns, drawn as hollow dots for each curve;
+        - `words`: whether the values of x are texts;
+        - `colour`: a column. It gives rows as dots with this colour instead of curves;
+        - `bins`: the bins of a histogram of x, which is drawn instead of y;
+        - `marks`: levels of horizontal lines by their names;
+        - `ticks`: whether the values of x alone have ticks;
+        - `none`: the text that replaces a missing value.
+    rows : sequence of Row
+        The rows of the table.
     """
-    x, y = panel["x"], panel.get("y", panel["x"])
-    none = panel.get("none", "")
-    known = [
-        {name: none if value in {None, ""} else value for name, value in row.items()}
-        for row in rows
-        if not {row[x], row[y]} & {None, ""}
-    ]
+    drawable = _drawable(panel, rows)
     if "bins" in panel:
-        axis.hist(
-            [row[x] for row in known],
-            panel["bins"],
-            color=COLOURS[0],
-            edgecolor="w",
-            lw=0.5,
-        )
+        values = [row[panel["x"]] for row in drawable]
+        axis.hist(values, panel["bins"], color=COLOURS[0], edgecolor="w", lw=0.5)
     elif "colour" in panel:
-        at, height, colour = (
-            [row[name] for row in known] for name in (x, y, panel["colour"])
-        )
-        dots = axis.scatter(at, height, s=2, c=colour, rasterized=True)
-        axis.figure.colorbar(dots, ax=axis, label=panel["colour"])
+        _draw_dots(axis, panel, drawable)
     else:
-        _draw_curves(axis, panel, known)
+        _draw_curves(axis, panel, drawable)
+    _draw_marks(axis, panel)
+    _set_axes(axis, panel["axes"])
+    if panel.get("ticks"):
+        values = sorted({row[panel["x"]] for row in rows})
+        axis.set_xticks(values, [str(value) for value in values])
+        axis.minorticks_off()
+
+
+def _drawable(panel: Mapping[str, Any], rows: Sequence[Row]) -> list[Row]:
+    """Return the rows with values of x and y; the text `none` replaces missing other values."""
+    x = panel["x"]
+    y = panel.get("y", x)
+    replacement = panel.get("none", "")
+    missing = {None, ""}
+    drawable = []
+    for row in rows:
+        if {row[x], row[y]} & missing:
+            continue
+        replaced = {name: replacement for name in row if row[name] in missing}
+        drawable.append({**row, **replaced})
+    return drawable
+
+
+def _draw_dots(axis: Any, panel: Mapping[str, Any], rows: Sequence[Row]) -> None:
+    """Draw each row as a dot with the colour of its value in a column, and a colour bar."""
+    colour = panel["colour"]
+    dots = axis.scatter(
+        [row[panel["x"]] for row in rows],
+        [row[panel.get("y", panel["x"])] for row in rows],
+        s=2,
+        c=[row[colour] for row in rows],
+        rasterized=True,
+    )
+    axis.figure.colorbar(dots, ax=axis, label=colour)
+
+
+def _draw_marks(axis: Any, panel: Mapping[str, Any]) -> None:
+    """Draw the horizontal lines of a panel, with their names at the right."""
     for name, level in panel.get("marks", {}).items():
         axis.axhline(level, color="0.4", ls=":")
-        place = {"xycoords": ("axes fraction", "data"), "ha": "right", "va": "bottom"}
-        axis.annotate(name, (0.99, level), fontsize=8, color="0.3", **place)
-    axis.set(  # limits, of which the upper one may be missing, are lists
-        **{
-            name: [*v, None][:2] if isinstance(v, list) else v
-            for name, v in panel["axes"].items()
-        }
-    )
-    for scale, ruler in (("xscale", axis.xaxis), ("yscale", axis.yaxis)):
-        if panel["axes"].get(scale) == "log" and f"{scale[0]}lim" not in panel["axes"]:
-            figures.log_axis(ruler)
-    if panel.get("ticks"):
-        values = sorted({row[x] for row in rows})
-        axis.set_xticks(values, [str(each) for each in values])
-        axis.minorticks_off()
+        axis.annotate(
+            name,
+            (0.99, level),
+            xycoords=("axes fraction", "data"),
+            ha="right",
+            va="bottom",
+            fontsize=8,
+            color="0.3",
+        )
+
+
+def _set_axes(axis: Any, properties: Mapping[str, Any]) -> None:
+    """Set the properties of a panel's axes."""
+    values = dict(properties)
+    for name, value in properties.items():
+        # TOML has no null: a list of one number is a lower limit without an upper one.
+        if isinstance(value, list) and len(value) == 1:
+            values[name] = [*value, None]
+    axis.set(**values)
+    if properties.get("xscale") == "log" and "xlim" not in properties:
+        figures.log_axis(axis.xaxis)
+    if properties.get("yscale") == "log" and "ylim" not in properties:
+        figures.log_axis(axis.yaxis)
 
 
 def _draw_curves(axis: Any, panel: Mapping[str, Any], rows: Sequence[Row]) -> None:
     """Draw a curve for each label of a panel's rows."""
-    x, y, curves = panel["x"], panel["y"], _split(rows, panel.get("label", ""))
-    for (name, own), style in zip(curves.items(), itertools.cycle(STYLES), strict=False):
-        places = [str(row[x]) if panel.get("words") else row[x] for row in own]
-        axis.plot(
-            places,
-            [row[y] for row in own],
-            label=name,
-            **{**style, **panel.get("look", {})},
-        )
-        if "dashed" in panel:
-            line = {"color": style["color"], "ls": "--", "lw": 1}
-            axis.plot(places, [row[panel["dashed"]] for row in own], **line)
-        for (abscissa, ordinate), marker in zip(
-            panel.get("dots", ()), "os^", strict=False
-        ):
-            there, value = ([row[name] for row in own] for name in (abscissa, ordinate))
-            axis.plot(there, value, marker, mfc="none", color=style["color"])
+    curves = _rows_by_text(rows, panel.get("label", ""))
+    styles = itertools.cycle(STYLES)
+    for (name, rows_of_curve), style in zip(curves.items(), styles, strict=False):
+        _draw_curve(axis, panel, rows_of_curve, name, style)
+
+
+def _draw_curve(
+    axis: Any,
+    panel: Mapping[str, Any],
+    rows: Sequence[Row],
+    name: str,
+    style: Mapping[str, str],
+) -> None:
+    """Draw one curve of a panel, with its dashed line and hollow dots."""
+
+    def column(column_name: str) -> list[Any]:
+        return [row[column_name] for row in rows]
+
+    places = column(panel["x"])
+    if panel.get("words"):
+        places = [str(place) for place in places]
+    look = {**style, **panel.get("look", {})}
+    axis.plot(places, column(panel.get("y", panel["x"])), label=name, **look)
+    colour = style["color"]
+    if "dashed" in panel:
+        axis.plot(places, column(panel["dashed"]), color=colour, ls="--", lw=1)
+    for (abscissa, ordinate), marker in zip(panel.get("dots", ()), "os^", strict=False):
+        axis.plot(column(abscissa), column(ordinate), marker, mfc="none", color=colour)

@@ -1,11 +1,12 @@
-"""`python -m bench publish`: the results of a run in the form in which they are in the repository.
+"""`python -m bench publish`: copy the results of a run into the folder that the repository keeps.
 
-The tables, words, records and shown pictures of all finished parts are copied, large tables
-compressed. Databases, surrogates and what the commands printed stay behind.
+Tables, words, records and shown pictures of all finished parts are copied, large tables compressed.
+Databases, surrogates and the output of the commands are left out.
 """
 
 import lzma
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from bench.contents import Figure
@@ -14,76 +15,169 @@ from bench.record import NOT_READ, RECORD, Inputs, read
 from bench.report import Part
 from gen.runtime.errors import InputError
 from gen.runtime.files import lock_folder, make_folder, write
-from learn.comparison.folder import KINDS as OF_EACH_ROW
+from learn.comparison.folder import KINDS as FOLDERS_OF_RESULTS
 
-LARGE = 200_000  # bytes from which on a table is compressed
+LARGE = 200_000
+"""Size of the smallest table that is compressed [byte]."""
+
 KINDS = frozenset({".csv", ".json", ".jsonl", ".toml", ".txt"})
-# Folders inside of a part's that are not published.
-INSIDE = frozenset({*OF_EACH_ROW, "databases", "decks", "maps", "predictions"})
+"""Endings of the names of files that are published, besides pictures that are shown."""
+
+LEFT_OUT = frozenset({*FOLDERS_OF_RESULTS, "databases", "decks", "maps", "predictions"})
+"""Names of folders inside the folder of a part that are not published."""
+
+
+@dataclass(frozen=True)
+class PartsOfFolder:
+    """The parts that share a folder."""
+
+    folder: Path  # of the run
+    home: Path  # the same folder among the published results
+    parts: list[Part]
+    finished: list[Part]  # those of the parts that were made
 
 
 def publish(parts: Sequence[Part], inputs: Inputs, target: Path) -> list[Path]:
-    """Copy what a run has made into the folder of published results; return the files written.
+    """Copy the results of a run into the folder of published results.
 
-    A folder all of whose parts were made loses its earlier files.
+    A folder whose parts were all made loses its earlier files.
 
-    An InputError is raised if there is nothing to publish, the folders are not apart, a part was
-    not finished, or another process writes the folder. Then nothing is changed.
+    Parameters
+    ----------
+    parts : sequence of Part
+        The parts to publish, those that were not made included.
+    inputs : Inputs
+        The folders of the run.
+    target : Path
+        The folder of published results, which is locked meanwhile.
+
+    Returns
+    -------
+    list of Path
+        The written files, sorted.
+
+    Raises
+    ------
+    InputError
+        If no part was made, a part was not finished, the folders overlap, or another process
+        writes the target. Nothing is changed then.
     """
-    folders: dict[Path, list[Part]] = {}
+    groups: dict[Path, list[Part]] = {}
     for part in parts:
-        folders.setdefault(inputs.folder(part), []).append(part)
-    for folder in (inputs.output, *folders):
-        source, goal = folder.resolve(), target.resolve()
-        if source.is_relative_to(goal) or goal.is_relative_to(source):
-            raise InputError(f"{target}: {folder} is read, give a folder apart from it")
+        groups.setdefault(inputs.folder(part), []).append(part)
+    _require_apart([inputs.output, *groups], target)
     with lock_folder(target):
-        new: dict[Path, bytes] = {}
-        gone: set[Path] = set()
-        for folder, those in folders.items():
-            made = [part for part in those if _finished(part, inputs)]
-            home = target / (those[0].folder or those[0].name)
-            new |= {home / name: content for name, content in _published(made, folder)}
-            if len(made) == len(those):
-                gone |= {path for path in home.rglob("*") if path.is_file()}
-        if not new:
+        folders = [
+            _parts_of_folder(folder, group, inputs, target)
+            for folder, group in groups.items()
+        ]
+        files: dict[Path, bytes] = {}
+        for folder in folders:
+            files |= dict(_files_to_publish(folder))
+        if not files:
             raise InputError(
                 f"{inputs.output} holds no finished part: `python -m bench run` makes it"
             )
-        for path in gone - new.keys():
+        for path in _replaced(folders) - files.keys():
             path.unlink()
-        for path, content in new.items():
-            make_folder(path.parent)
-            if path.suffix == COMPRESSED:
-                path.unlink(missing_ok=True)
-            write(path, content, "picture" if path.suffix == ".png" else "text")
-        return sorted(new)
+        _write_files(files)
+        return sorted(files)
 
 
-def _finished(part: Part, inputs: Inputs) -> bool:
-    """Say whether a part was made; one that was not finished is refused."""
+def _require_apart(folders: Sequence[Path], target: Path) -> None:
+    """Raise InputError if a folder that is read lies inside the target, or the target inside it."""
+    published = target.resolve()
+    for folder in folders:
+        source = folder.resolve()
+        if source.is_relative_to(published) or published.is_relative_to(source):
+            raise InputError(f"{target}: {folder} is read, give a folder apart from it")
+
+
+def _parts_of_folder(
+    folder: Path, parts: list[Part], inputs: Inputs, target: Path
+) -> PartsOfFolder:
+    """Return the parts of a folder; raise InputError if one of them was not finished."""
+    return PartsOfFolder(
+        folder=folder,
+        home=target / (parts[0].folder or parts[0].name),
+        parts=parts,
+        finished=[part for part in parts if _is_finished(part, inputs)],
+    )
+
+
+def _is_finished(part: Part, inputs: Inputs) -> bool:
+    """Say whether a part was made; raise InputError if it was begun and not finished."""
     path = inputs.path(part)
     record = read(path)
-    if record is not None and not record.finished:
+    if record is None:
+        return False
+    if not record.finished:
         raise InputError(f"{path}: {part.name} was not finished (code {record.code})")
-    return record is not None
+    return True
 
 
-def _published(made: Sequence[Part], folder: Path) -> Iterator[tuple[Path, bytes]]:
-    """Yield the names, from a part's folder on, and contents of the files to publish."""
-    shown = [content for part in made for content in part.show(folder)]
-    pictures = {content.picture for content in shown if isinstance(content, Figure)}
-    for path in sorted(folder.rglob("*")) if made else ():
-        name = path.relative_to(folder)
-        own = f"{path.parent.name}/{path.name}" != "area/rows.csv" and not (
-            path.name.endswith(NOT_READ) and not path.name.endswith(RECORD)
-        )
-        wanted = path in pictures or (path.suffix in KINDS and own)
-        if path.is_file() and wanted and not INSIDE.intersection(name.parts[:-1]):
-            content = path.read_bytes()
-            if path.suffix == ".jsonl" or (
-                path.suffix == ".csv" and len(content) >= LARGE
-            ):
-                yield name.with_name(name.name + COMPRESSED), lzma.compress(content)
-            else:  # where the folder lay tells readers nothing
-                yield name, content.replace(bytes(folder.resolve().parent), b"report")
+def _replaced(folders: Sequence[PartsOfFolder]) -> set[Path]:
+    """Return the published files of all folders whose parts were all made."""
+    replaced: set[Path] = set()
+    for folder in folders:
+        if len(folder.finished) == len(folder.parts):
+            replaced |= {path for path in folder.home.rglob("*") if path.is_file()}
+    return replaced
+
+
+def _write_files(files: Mapping[Path, bytes]) -> None:
+    """Write files with their contents into folders, which are made if need be."""
+    for path, content in files.items():
+        make_folder(path.parent)
+        if path.suffix == COMPRESSED:
+            path.unlink(missing_ok=True)
+        write(path, content, "picture" if path.suffix == ".png" else "text")
+
+
+def _files_to_publish(folder: PartsOfFolder) -> Iterator[tuple[Path, bytes]]:
+    """Yield the files of a folder's finished parts: the published path, and the content.
+
+    Large tables and lines of JSON are compressed. In other files `report` replaces the path of the
+    folder above, which is of no use to readers.
+    """
+    above = bytes(folder.folder.resolve().parent)
+    for path in _paths_to_publish(folder):
+        published = folder.home / path.relative_to(folder.folder)
+        content = path.read_bytes()
+        is_large_table = path.suffix == ".csv" and len(content) >= LARGE
+        if path.suffix == ".jsonl" or is_large_table:
+            compressed = published.with_name(published.name + COMPRESSED)
+            yield compressed, lzma.compress(content)
+        else:
+            yield published, content.replace(above, b"report")
+
+
+def _paths_to_publish(folder: PartsOfFolder) -> Iterator[Path]:
+    """Yield the tables, words, records and shown pictures of a folder's finished parts, sorted."""
+    if not folder.finished:
+        return
+    pictures = _shown_pictures(folder)
+    for path in sorted(folder.folder.rglob("*")):
+        folders_inside = path.relative_to(folder.folder).parts[:-1]
+        if not path.is_file() or LEFT_OUT.intersection(folders_inside):
+            continue
+        if path in pictures or _is_result(path):
+            yield path
+
+
+def _shown_pictures(folder: PartsOfFolder) -> set[Path]:
+    """Return the pictures that the finished parts of a folder show."""
+    contents = [
+        content for part in folder.finished for content in part.show(folder.folder)
+    ]
+    return {content.picture for content in contents if isinstance(content, Figure)}
+
+
+def _is_result(path: Path) -> bool:
+    """Say whether a file is a table, words or a record of a part.
+
+    The output of a command is none, and neither is the list of a comparison's rows.
+    """
+    if path.suffix not in KINDS or path.parts[-2:] == ("area", "rows.csv"):
+        return False
+    return path.name.endswith(RECORD) or not path.name.endswith(NOT_READ)

@@ -1,6 +1,6 @@
-"""Where the files of a run are, and how each part was made: on which machine, of which code.
+"""The places of a run's files, and the records of how, where and of which code parts were made.
 
-Records are compared before a part is made again.
+A part is made again only if its record differs from the circumstances of today.
 """
 
 import hashlib
@@ -23,28 +23,61 @@ from gen.runtime.files import write
 from gen.runtime.installation import git_commit, versions
 
 PACKAGES = (
-    *(
-        "asperity",
-        "numpy",
-        "scipy",
-        "pyfftw",
-        "h5py",
-        "mpi4py",
-        "scikit-learn",
-        "xgboost",
-    ),
-    *("xgboost-cpu", "ContactMechanics", "tamaas", "aspher"),
+    "asperity",
+    "numpy",
+    "scipy",
+    "pyfftw",
+    "h5py",
+    "mpi4py",
+    "scikit-learn",
+    "xgboost",
+    "xgboost-cpu",
+    "ContactMechanics",
+    "tamaas",
+    "aspher",
 )
-"""Packages whose versions are written down where they are installed."""
+"""Packages whose versions a record has, if they are installed."""
 
 ROOT = Path(__file__).resolve().parents[1]
+"""Folder of the source tree."""
+
 SOURCES = ("asperity", "bem", "bench", "gen", "learn")
+"""Packages whose files are the code of a part."""
+
 RESULTS = ROOT / "bench" / "results"
-CODE = {".py", ".toml", ".jinja", ".html"}  # ends of the names of files that are code
+"""Folder of the published results."""
+
+CODE = {".py", ".toml", ".jinja", ".html"}
+"""Endings of the names of files that are code."""
+
+COMPARED = {
+    "command": "command",
+    "inputs": "inputs",
+    "state": "code",
+    "versions": "packages",
+    "machine": "machine",
+}
+"""Fields of a record that have to be as today for a part to stay, with their names in messages."""
+
+RECORD = ".part.json"
+"""End of the name of the file with the record of a part."""
+
+NOT_READ = (RECORD, ".printed.txt", ".said.txt")
+"""Ends of the names of files about how a part was made, which no other part reads."""
+
+PAGE = "index.html"
+"""Name of the page's file in the folder of a run."""
 
 
 def circumstances() -> dict[str, Any]:
-    """Return date, commit, state of the code, machine and versions of packages."""
+    """Describe the present: date, commit, state of the code, machine and versions of packages.
+
+    Returns
+    -------
+    dict
+        The fields `created`, `commit`, `state`, `machine` and `versions` of `Record`. The machine
+        has more keys than `Machine`.
+    """
     return {
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "commit": git_commit(),
@@ -60,17 +93,26 @@ def circumstances() -> dict[str, Any]:
 
 
 def code_state(root: Path = ROOT) -> str:
-    """Return a hash of all programs, settings and templates of the packages under a folder.
+    """Hash all programs, settings and templates of the packages.
 
-    Documents and results do not change it; it needs no git, and sees what is not committed.
+    Documents and published results do not change the hash. Changes that are not committed do.
+
+    Parameters
+    ----------
+    root : Path
+        Folder with the packages.
+
+    Returns
+    -------
+    str
+        SHA-256 of names and contents of the files, 64 hexadecimal digits.
     """
-    digest = hashlib.sha256()
-    files = (path for name in SOURCES for path in (root / name).rglob("*"))
     results = root / RESULTS.relative_to(ROOT)
-    code = (
-        path for path in files if path.suffix in CODE and not path.is_relative_to(results)
-    )
-    for path in sorted(code):
+    files = [path for package in SOURCES for path in (root / package).rglob("*")]
+    digest = hashlib.sha256()
+    for path in sorted(files):
+        if path.suffix not in CODE or path.is_relative_to(results):
+            continue
         content = path.read_bytes()
         digest.update(f"{path.relative_to(root).as_posix()} {len(content)}\n".encode())
         digest.update(content)
@@ -78,7 +120,7 @@ def code_state(root: Path = ROOT) -> str:
 
 
 def processor() -> str:
-    """Return the processor's name as Linux tells it, else as Python does."""
+    """Return the name of the processor, as Linux or else Python has it."""
     with suppress(OSError):
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
             if line.startswith("model name"):
@@ -86,134 +128,265 @@ def processor() -> str:
     return platform.processor() or platform.machine()
 
 
-SAME = {"command": "command", "inputs": "inputs", "state": "code", "versions": "packages"}
-SAME |= {"machine": "machine"}  # what has to be as it was for something to stay, in words
-# Ends of the names of files that record how a part was made; no part reads them.
-RECORD = ".part.json"
-NOT_READ = (RECORD, ".printed.txt", ".said.txt")
-PAGE = "index.html"
-
-
 class Machine(documents.Document):
-    """The machine on which something was made."""
+    """The machine on which a part was made."""
 
     processor: str
 
 
 class Record(documents.Document):
-    """How something was made, and how it ended; a record lies in the folder of what was made."""
+    """How a part was made, and how its command ended: a file in the folder of the part."""
 
-    command: str
-    code: Annotated[int, Field(ge=-64, le=255)] = 0
-    finished: bool = True
-    seconds: Annotated[float, Field(ge=0, le=1e15)] = 0.0
-    told: list[str] = Field(default_factory=list)
-    inputs: dict[str, int]
-    created: str
-    commit: str
-    state: str = ""  # of the code; empty in records of before it was written down
+    command: str  # as a user types it
+    code: Annotated[int, Field(ge=-64, le=255)] = 0  # exit code; negative for a signal
+    finished: bool = True  # whether the results are whole, also if a check failed
+    seconds: Annotated[float, Field(ge=0, le=1e15)] = (
+        0.0  # wall-clock time of the command [s]
+    )
+    told: list[str] = Field(default_factory=list)  # last lines of standard error
+    inputs: dict[
+        str, int
+    ]  # time of the last change of each input [ns since 1970], by name
+    created: str  # date and time (ISO 8601)
+    commit: str  # empty without git
+    state: str = ""  # of the code, as `code_state` returns it; empty in old records
     machine: Machine
-    load: float | None = None  # of the machine in the minute before; quiet is near 0
-    versions: dict[str, str]
+    load: float | None = (
+        None  # load of the machine in the minute before; near 0 if it was idle
+    )
+    versions: dict[str, str]  # of installed packages
 
 
-def _inside(path: Path) -> Iterator[Path]:
+def _inputs_in(path: Path) -> Iterator[Path]:
+    """Yield the files of an input: the file itself, or all files of a folder but `NOT_READ`."""
     if path.is_file():
         yield path
     elif path.is_dir():
-        files = (file for file in path.rglob("*") if file.is_file())
-        yield from (file for file in files if not file.name.endswith(NOT_READ))
+        for file in path.rglob("*"):
+            if file.is_file() and not file.name.endswith(NOT_READ):
+                yield file
 
 
 def read(path: Path) -> Record | None:
-    """Read a record; None if there is none."""
-    found = documents.read(path, Record)
-    return None if found is None else Record.model_validate(found.content(), strict=False)
+    """Read a record.
+
+    Parameters
+    ----------
+    path : Path
+        The file of the record.
+
+    Returns
+    -------
+    Record or None
+        The record; None if the file does not exist.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged.
+    """
+    document = documents.read(path, Record)
+    if document is None:
+        return None
+    return Record.model_validate(document.content(), strict=False)
 
 
 @dataclass(frozen=True)
 class Inputs:
-    """The places of the files that parts are made of, and of those that they make."""
+    """The places of the files that the parts of a run read and write."""
 
-    output: Path  # folder of the page
-    database: Path | None  # of the paper preset; that in the page's folder if None
-    comparison: Path | None  # folder of `learn compare` and `learn tune`, likewise
-    full: bool  # True for everything, False for what fits into ten minutes
+    output: Path  # folder of the run and of its page
+    database: Path | None  # of the paper preset; None for the one in the run's folder
+    comparison: (
+        Path | None
+    )  # of `learn compare` and `learn tune`; None for the run's folder
+    full: bool  # True for all parts, False for the parts that fit into ten minutes
 
     @property
     def files(self) -> dict[str, Path]:
-        """The files that a part may read, by their names in commands."""
+        """The files and folders that a part may read, by their names in commands."""
         return {
             "database": self.database or self.output / "databases" / "paper.h5",
             "comparison": self.comparison or self.output / "comparison",
         }
 
     def folder(self, part: Part) -> Path:
-        """Return the folder of a part's files."""
+        """Return the folder of a part's files.
+
+        Parameters
+        ----------
+        part : Part
+            The part.
+
+        Returns
+        -------
+        Path
+            The folder, which may not exist.
+        """
         name = part.folder or part.name
-        return self.files["comparison"] if name == "comparison" else self.output / name
+        if name == "comparison":
+            return self.files["comparison"]
+        return self.output / name
 
     def template(self, part: Part) -> str:
-        """Return the arguments of a part's command in this run, to be filled in."""
+        """Return the arguments of a part's command before they are filled in.
+
+        Parameters
+        ----------
+        part : Part
+            The part.
+
+        Returns
+        -------
+        str
+            The arguments of a short or of a full run; empty if this run leaves the part out.
+        """
         return part.full if self.full else part.quick
 
     def arguments(self, part: Part) -> list[str]:
-        """Return the arguments of the interpreter; none if the part is not in this run."""
+        """Return the arguments of the Python interpreter that make a part.
 
-        def wish(found: re.Match[str]) -> str:
-            path = self.files[found[2]]
-            there = path.is_file() or any(path.glob("**/*.csv"))
-            return found[1] if there else ""
+        Parameters
+        ----------
+        part : Part
+            The part.
 
-        given = re.sub(r"\[([^]]*\{(\w+)\})\]", wish, self.template(part))
+        Returns
+        -------
+        list of str
+            The arguments; empty if this run leaves the part out. Words in brackets are left out if
+            the file that they name does not exist, or the folder has no table.
+        """
+
+        def words_in_brackets(match: re.Match[str]) -> str:
+            words, name = match.groups()
+            path = self.files[name]
+            if path.is_file() or any(path.glob("**/*.csv")):
+                return words
+            return ""
+
+        template = re.sub(r"\[([^]]*\{(\w+)\})\]", words_in_brackets, self.template(part))
         values = {"folder": self.folder(part), **self.files}
-        return [word.format_map(values) for word in given.split()]
+        return [word.format_map(values) for word in template.split()]
 
     def command(self, part: Part, command: str) -> str:
-        """Return the command that made a part, with `report` for a folder that is not this one."""
-        own = re.compile(rf"(.+)/{re.escape(part.folder or part.name)}(/.*)?")
+        """Return a recorded command without the folder of another run.
+
+        Parameters
+        ----------
+        part : Part
+            The part.
+        command : str
+            The command that made the part, in this run or elsewhere.
+
+        Returns
+        -------
+        str
+            The command, with `report` in place of a run's folder that is not this run's.
+        """
+        own_folder = re.compile(rf"(.+)/{re.escape(part.folder or part.name)}(/.*)?")
         words = shlex.split(command)
-        roots = {found[1] for word in words if (found := own.fullmatch(word))}
+        matches = [own_folder.fullmatch(word) for word in words]
+        roots = {match[1] for match in matches if match}
         for root in roots - {str(self.output)}:
-            words = [
-                re.sub(rf"^{re.escape(root)}(?=/)", "report", word) for word in words
-            ]
+            beginning = re.compile(rf"^{re.escape(root)}(?=/)")
+            words = [beginning.sub("report", word) for word in words]
         return shlex.join(words)
 
     def path(self, part: Part) -> Path:
-        """Return the file of a part's record."""
+        """Return the file of a part's record.
+
+        Parameters
+        ----------
+        part : Part
+            The part.
+
+        Returns
+        -------
+        Path
+            The file, which may not exist.
+        """
         return self.folder(part) / f"{part.name}{RECORD}"
 
     def typed(self, part: Part) -> str:
-        """Return a part's command as a user types it."""
+        """Return a part's command as a user types it.
+
+        Parameters
+        ----------
+        part : Part
+            The part.
+
+        Returns
+        -------
+        str
+            The command, quoted for a shell.
+        """
         return shlex.join(["python", *self.arguments(part)])
 
     def sources(self, part: Part) -> dict[str, Path]:
-        """Return the files and folders that a part's command reads, by name."""
-        named = re.findall(r"\{(\w+)\}", self.template(part))
-        found = {name: path for name, path in self.files.items() if name in named}
-        return {name: path for name, path in found.items() if path != self.folder(part)}
+        """Return the files and folders that a part's command reads.
+
+        Parameters
+        ----------
+        part : Part
+            The part.
+
+        Returns
+        -------
+        dict
+            Paths by their names in commands, without the folder that the part writes.
+        """
+        names = re.findall(r"\{(\w+)\}", self.template(part))
+        return {
+            name: path
+            for name, path in self.files.items()
+            if name in names and path != self.folder(part)
+        }
 
     def stale(self, part: Part) -> str:
-        """Say why a part has to be made, "" if it stays: what has changed since its record."""
-        found = read(self.path(part))
-        if found is None or not found.finished:
-            return "new" if found is None else "not finished"
-        then, now = found.model_dump(), self._made_of(part)
-        changed = [said for name, said in SAME.items() if then[name] != now[name]]
-        return f"other {', '.join(changed)}" if changed else ""
+        """Say why a part has to be made again.
 
-    def write(self, part: Part, **said: Any) -> None:
-        """Write a part's record; `said` are the fields of `Record` that are not known here."""
-        record = Record(**self._made_of(part), **said)
-        write(
-            self.path(part), record.model_dump_json(indent=2, exclude_unset=True) + "\n"
-        )
+        Parameters
+        ----------
+        part : Part
+            The part.
 
-    def _made_of(self, part: Part) -> dict[str, Any]:
-        """Return command, circumstances, and when each input was changed last [ns]."""
-        stamps = {
-            name: max((file.stat().st_mtime_ns for file in _inside(source)), default=0)
+        Returns
+        -------
+        str
+            "new", "not finished", or "other ..." with what has changed since the part was made;
+            "" if the part can stay.
+        """
+        record = read(self.path(part))
+        if record is None:
+            return "new"
+        if not record.finished:
+            return "not finished"
+        then = record.model_dump()
+        now = self._present(part)
+        changes = [words for name, words in COMPARED.items() if then[name] != now[name]]
+        if not changes:
+            return ""
+        return f"other {', '.join(changes)}"
+
+    def write(self, part: Part, **outcome: Any) -> None:
+        """Write the record of a part that was made just now.
+
+        Parameters
+        ----------
+        part : Part
+            The part.
+        **outcome
+            Fields of `Record` about the end of the command: all that have a default but `state`.
+        """
+        record = Record(**self._present(part), **outcome)
+        text = record.model_dump_json(indent=2, exclude_unset=True)
+        write(self.path(part), f"{text}\n")
+
+    def _present(self, part: Part) -> dict[str, Any]:
+        """Return the fields of a record that is made now: command, inputs and circumstances."""
+        changed = {
+            name: max((file.stat().st_mtime_ns for file in _inputs_in(source)), default=0)
             for name, source in self.sources(part).items()
         }
-        return {"command": self.typed(part), "inputs": stamps, **circumstances()}
+        return {"command": self.typed(part), "inputs": changed, **circumstances()}

@@ -1,8 +1,8 @@
-"""A report: a function that returns rows, and a TOML file that says all the rest.
+"""A report: a function that returns rows, and a TOML file that describes the report.
 
-`bench/reports/NAME.toml` has the title, the function (`measure`) with the options of its command,
-the commands of a short and of a full run, and the `contents` that are shown: what the columns
-are, how they are drawn and what to see. `CHAPTERS` puts the reports in order.
+`bench/reports/NAME.toml` has the title, the function (`measure`) and the options of its command,
+the commands of a short and of a full run, and the `contents`: the tables, pictures and words that
+the page shows, with their captions. `CHAPTERS` has the order of the reports.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -18,114 +18,168 @@ from gen.runtime.terminal import echo
 
 
 def remark(line: str) -> None:
-    """Print a line to standard error: how far a report is."""
+    """Print a line about the progress of a report on standard error.
+
+    Parameters
+    ----------
+    line : str
+        The text, without a line break at its end.
+    """
     echo(line, err=True)
 
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """Results that are ready to be written, by the names of their files without ending.
+    """Results of a report that are ready to be written, by the names of their files without ending.
 
-    Tables are rows with the same columns, pictures are figures that the TOML file does not
-    describe. The text is for people, and printed below the tables.
+    Rows of one table have the same columns. `pictures` has only matplotlib's figures that the TOML
+    file of the report does not describe.
     """
 
     tables: Mapping[str, Sequence[Row]]
     pictures: Mapping[str, Any] = field(default_factory=dict)
-    text: str = ""
+    text: str = ""  # for people: printed below the tables, and not written
 
     @property
     def passed(self) -> bool:
-        """Whether no row has a verdict other than `passed`."""
+        """Whether every row that has a verdict has the verdict `passed`."""
         rows = (row for rows in self.tables.values() for row in rows)
         return all(row.get("verdict", "passed") == "passed" for row in rows)
 
     def write(
         self, folder: Path, contents: Sequence[Mapping[str, Any]] = ()
     ) -> list[Path]:
-        """Write all files into a folder, with pictures as contents of a TOML file describe them."""
-        from bench.picture import drawn, save
+        """Write tables (CSV) and pictures (PNG) into a folder, which is made if need be.
+
+        Parameters
+        ----------
+        folder : Path
+            The folder of the report.
+        contents : sequence of mappings
+            Contents of the report's TOML file, which describe pictures of the tables.
+
+        Returns
+        -------
+        list of Path
+            The written files. Tables without rows are not written.
+        """
+        from bench.picture import draw_figures, save
 
         make_folder(folder)
-        there = {name: rows for name, rows in self.tables.items() if rows}
-        paths = [write_rows(folder / f"{name}.csv", rows) for name, rows in there.items()]
-        pictures = {**self.pictures, **drawn(contents, self.tables)}
-        return [
-            *paths,
-            *(save(each, folder / f"{name}.png") for name, each in pictures.items()),
-        ]
+        paths = []
+        for name, rows in self.tables.items():
+            if rows:
+                paths.append(write_rows(folder / f"{name}.csv", rows))
+        pictures = {**self.pictures, **draw_figures(contents, self.tables)}
+        for name, figure in pictures.items():
+            paths.append(save(figure, folder / f"{name}.png"))
+        return paths
 
 
 @dataclass(frozen=True)
 class Part:
-    """A report as a part of the page, under the headings of a chapter and a section.
+    """A report as a part of a run and of the page of all reports.
 
-    `quick` and `full` are arguments of the Python interpreter in a short and in a full run, empty
-    if the part does not belong to that run. A run fills in {folder}, {database} and
-    {comparison}; words in brackets are left out where the file that they name is not there.
+    `quick` and `full` are the arguments of the Python interpreter in a short and in a full run. A
+    run fills in {folder}, {database} and {comparison}, and leaves out words in brackets if the
+    file that they name does not exist. Fields with a default are keys of the report's TOML file.
     """
 
-    name: str
-    chapter: str
-    title: str
-    quick: str
-    full: str
-    show: Callable[[Path], Sequence[Content]]  # lists what the part's folder holds
+    name: str  # of its command, of its TOML file, and of its folder unless `folder` is given
+    chapter: str  # heading above the report on the page
+    title: str  # heading of the report
+    quick: str  # empty if a short run leaves the part out
+    full: str  # empty if a full run leaves the part out
+    show: Callable[[Path], Sequence[Content]]  # lists the contents of the part's folder
     folder: str = (
-        ""  # name of another part, to whose files it adds; empty for a folder of its own
+        ""  # name of another part whose folder gets the files; empty for its own
     )
-    retired: str = ""  # commit up to which the code has the command that made it
-    judges: bool = (
-        False  # whether exit code 1 says that a check failed, not that the report did
+    retired: str = (
+        ""  # last commit whose code has the command of the part; empty if today's has it
     )
+    judges: bool = False  # whether exit code 1 reports a failed check instead of an error
     seconds: float | None = None  # processor time of the short run [s]
-    minutes: float = (
-        0  # time of the full run, where the published record is of another command
-    )
-    beside: bool = False  # whether another part may be made at the same time
+    # Time of the full run [min], if the published record is of another command; else 0.
+    minutes: float = 0
+    beside: bool = False  # whether other parts may run at the same time
     needs: Sequence[
         str
-    ] = ()  # programs and distributions without which something is left out
-    measure: str = ""  # function that returns the rows, if its command is one of `bench`
-    help: str = ""  # of that command
-    options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    keeps: bool = False  # whether the function keeps files of its own in the folder
-    contents: Sequence[Mapping[str, Any]] = ()  # what is shown, and how it is drawn
+    ] = ()  # programs and distributions whose rows are left out without them
+    measure: str = (
+        ""  # function of the rows ("module:name"), if the command is one of `bench`
+    )
+    help: str = ""  # help text of that command
+    options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # by name
+    keeps: bool = False  # whether the function itself writes files into the folder
+    contents: Sequence[
+        Mapping[str, Any]
+    ] = ()  # entries of what is shown, and how it is drawn
 
 
 def part_of(report: str, chapter: str = "") -> Part:
-    """Return the part of a report."""
-    said = {"quick": "", "full": "", "contents": (), **read_toml(f"reports/{report}")}
-    return Part(report, chapter, **said, show=partial(contents_of, said["contents"]))
+    """Read the TOML file of a report.
+
+    Parameters
+    ----------
+    report : str
+        Name of the report, which is that of the file in `bench/reports`.
+    chapter : str
+        Heading above the report on the page.
+
+    Returns
+    -------
+    Part
+        The report as a part of a run.
+    """
+    description: dict[str, Any] = {"quick": "", "full": "", "contents": ()}
+    description |= read_toml(f"reports/{report}")
+    show = partial(contents_of, description["contents"])
+    return Part(name=report, chapter=chapter, show=show, **description)
 
 
-CHAPTERS = {
-    "The contact area in the continuum": ("resolution", "grid-error", "mixed"),
-    "The contact solver: error against run time": ("solver", "peers", "growth", "hertz"),
-    "Bodies that yield": ("yielding", "hardness", "yielding-surrogate"),
-    "Patches without edges, and theory": ("periodic", "theory"),
-    "Stiff and extreme cases": ("stability",),
-    "Laws of interfaces": ("calculix", "bands"),
-    "Cores": ("threads", "speedup"),
-    "The farm": ("databases", "outputs", "scale", "writers", "faults"),
-    "Surrogates: errors and costs": (
-        *(
-            "comparison",
-            "tuning",
-            "search",
-            "comparison-hybrid",
-            "comparison-concentrated",
-        ),
-        *("models", "features", "scene-surrogate", "tolerance", "grow"),
-        *("cost", "throughput", "memory"),
-    ),
-    "Surrogates under shift": ("generalisation", "coverage"),
-    "Measured maps": ("scans",),
-    "The paper, side by side": ("paper", "unstated", "nearest"),
-    "Benchmarks": ("benchmarks",),
+CHAPTERS: Mapping[str, Sequence[str]] = {
+    "The contact area in the continuum": [
+        "resolution",
+        "grid-error",
+        "border-weights",
+        "mixed",
+    ],
+    "The contact solver: error against run time": [
+        "solver",
+        "default-tolerance",
+        "peers",
+        "growth",
+        "hertz",
+    ],
+    "Bodies that yield": ["yielding", "hardness", "yielding-surrogate"],
+    "Patches without edges, and theory": ["periodic", "theory"],
+    "Stiff and extreme cases": ["stability"],
+    "Laws of interfaces": ["calculix", "bands"],
+    "Cores": ["threads", "speedup"],
+    "The farm": ["databases", "outputs", "scale", "writers", "faults"],
+    "Surrogates: errors and costs": [
+        "comparison",
+        "tuning",
+        "search",
+        "comparison-hybrid",
+        "comparison-concentrated",
+        "models",
+        "features",
+        "scene-surrogate",
+        "tolerance",
+        "grow",
+        "cost",
+        "throughput",
+        "memory",
+    ],
+    "Surrogates under shift": ["generalisation", "coverage"],
+    "Measured maps": ["scans"],
+    "The paper, side by side": ["paper", "unstated", "nearest"],
+    "Benchmarks": ["benchmarks"],
 }
-"""The reports under each chapter's heading."""
+"""Names of the reports below the heading of each chapter, in the order of the page."""
 
 PARTS = tuple(
     part_of(name, chapter) for chapter, names in CHAPTERS.items() for name in names
 )
+"""All reports, in the order of the page."""

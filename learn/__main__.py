@@ -1,14 +1,13 @@
-"""`python -m learn`: compare and tune surrogates of a database."""
+"""`python -m learn`: fit surrogates to databases, ask them, and compare their models."""
 
 import signal
 import sys
 
 
 def main() -> int:
-    """Run the command line, with the other ranks if there are any."""
-    signal.signal(
-        signal.SIGINT, signal.SIG_DFL
-    )  # first: Ctrl-C ends imports without a traceback
+    """Run this process's command line, and return its exit code, the same one on all MPI ranks."""
+    # This comes before slow imports, so that Ctrl-C ends them without a traceback.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
     from gen.runtime import farm
 
     with farm.process():

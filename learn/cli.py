@@ -1,4 +1,4 @@
-"""The command line of `python -m learn`: its commands, of which each has a home in `commands`."""
+"""The command line of `python -m learn`. Its commands are functions of `learn.commands`."""
 
 from functools import partial
 
@@ -12,23 +12,11 @@ from learn.commands.predict import card, law, predict
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
-COMMANDS = (
-    fit,
-    grow,
-    card,
-    predict,
-    law,
-    compare,
-    tune,
-    show,
-    importance,
-)  # as the help has them
-COLLECTIVE = (
-    "fit",
-    "grow",
-    "compare",
-    "tune",
-)  # in these all processes of an MPI run take part
+COMMANDS = (fit, grow, card, predict, law, compare, tune, show, importance)
+"""The commands in the order of the help."""
+
+COLLECTIVE = ("fit", "grow", "compare", "tune")
+"""Names of the commands in which all processes of an MPI run take part."""
 
 for _command in COMMANDS:
     app.command()(_command)
@@ -38,4 +26,7 @@ app.callback(
 )(command_line.take_version)
 
 main = partial(command_line.main, app, name="learn", collective=COLLECTIVE)
-"""Run one command line, a sequence of words, under a `name`; return its exit code."""
+"""Run a command line of learn, and return its exit code.
+
+It is called with the sequence of words after the program's name; `name` is the name in messages.
+"""

@@ -1,4 +1,4 @@
-"""Rows of databases: as they are stored, and those that a model learns from."""
+"""Records of rows: all rows of a database, and the usable rows from which a model learns."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -18,56 +18,59 @@ from learn.features.rows import Rows
 
 @dataclass(frozen=True, eq=False)
 class Stored:
-    """All n rows of a database that learning reads, usable or not."""
+    """All n rows of a database, usable or not, with the columns that learning needs."""
 
-    path: Path
+    path: Path  # of the database
     scene: Scene
-    versions: str  # of the libraries that made the database, as it states them
-    rows: Indices  # (n,), numbers of the rows
-    columns: Mapping[str, NDArray[Any]]  # (n,) each, by name: all that learning needs
-    quantities: Rows  # what features are computed from; hybrid columns are added later
-    targets: Sequence[Column]  # columns of a request's targets, in their order
+    versions: str  # versions of the libraries that made the database, a text in JSON
+    rows: Indices  # (n,), numbers of the rows in the database
+    columns: Mapping[str, NDArray[Any]]  # columns by name, (n,) each
+    # numbers from which features are computed; hybrid columns are added later
+    quantities: Rows
+    targets: Sequence[Column]  # columns of the targets, in the order of the request
     described: Values  # (n, 23), Delta and the 22 statistics
-    damage: str  # what `gen.database.Reader.damage` says of the database
+    damage: str  # remark of `gen.database.Reader.damage` on damaged rows; "" if there are none
 
 
 class Origin(NamedTuple):
-    """A database that usable rows were read from."""
+    """A database from which usable rows were read."""
 
-    database: str  # its path
-    sha256: str  # of the columns that decide the results
+    database: str  # path of the database
+    sha256: str  # SHA-256 of the columns that decide what a model learns
     scene: Scene
     rows: int  # number of usable rows
-    versions: str = "{}"  # of the libraries that made it, as it states them
-    damage: str = ""  # what `gen.database.Reader.damage` says of it
+    # versions of the libraries that made the database, a text in JSON
+    versions: str = "{}"
+    damage: str = ""  # remark of `gen.database.Reader.damage` on damaged rows
 
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """The usable rows of a database, or of several: n rows of d inputs and one target."""
+    """The n usable rows of one or more databases for one target: d inputs and the target."""
 
-    inputs: Values  # (n, d)
-    target: Values  # (n,), in the unit of its column over `scale`
+    inputs: Values  # (n, d), features
+    target: Values  # (n,), values of the target's column over `scale`
     rows: Indices  # (n,), numbers of the rows in their databases
-    groups: Indices  # (n,), of rows that no split divides: of a surface, or of a tile of a map
-    database: Indices  # (n,), number in `origins`
-    # (n,), number of the map, or of the database for surfaces from no map
+    # (n,), numbers of the groups that no split divides: surfaces, or tiles of maps
+    groups: Indices
+    database: Indices  # (n,), number of the database in `origins`
+    # (n,), number of the map, or of the database for surfaces that are not from maps
     population: Indices
-    features: FeatureSet  # what the d inputs are
-    target_name: str  # the column of the target
-    unit: str  # of the target, "1" if it was made free of units
+    features: FeatureSet  # set with the d columns of the inputs
+    target_name: str  # name of the target's column
+    unit: str  # of `target`; "1" if it was made free of units
     dropped: dict[str, int]  # number of rows left out, by reason
-    # (n, 23), Delta and the 22 statistics, NaN if undefined and not needed
+    # (n, 23), Delta and the 22 statistics; NaN if undefined and not needed by the features
     described: Values
-    scale: Values  # (n,), divisor of the target
-    origins: tuple[Origin, ...]
-    name: str  # the databases' paths
-    # Of heights, lengths and E* that the target scales with; None for none, or none that is known.
+    scale: Values  # (n,), divisor of the target; 1 if it keeps its unit
+    origins: tuple[Origin, ...]  # the databases in their order
+    name: str  # paths of the databases, joined by ", "
+    # Powers of heights, lengths and E* to which the target is proportional; None if unknown, or if
+    # it is not proportional to any.
     powers: Powers | None = None
-    sha256: str = ""  # of the columns that decide the results, of all databases
-    by_tile: bool = (
-        False  # True if the groups are tiles of maps, from which all surfaces come
-    )
+    sha256: str = ""  # that of the origin, or of the joined ones of several origins
+    # True if all surfaces are windows of maps, and groups are tiles
+    by_tile: bool = False
 
     @property
     def size(self) -> int:
@@ -76,13 +79,16 @@ class Dataset:
 
     @property
     def surfaces(self) -> Indices:
-        """Surface, or tile, of each row, (n,); the row itself where all are of one."""
+        """Number of the surface or tile of each row, (n,).
+
+        If all rows are of one surface, each row has a number of its own, so that they can be split.
+        """
         if np.ptp(self.groups) == 0:
             return np.arange(self.size)
         return self.groups
 
     def at(self, positions: Indices) -> "Dataset":
-        """Return the rows at some positions.
+        """Return the rows at given positions.
 
         Parameters
         ----------
@@ -92,12 +98,11 @@ class Dataset:
         Returns
         -------
         Dataset
-            The k rows in the order of the positions, with groups that are numbered anew.
+            The k rows in the order of the positions. Groups are numbered anew, from 0.
         """
-        arrays: dict[str, Any] = {
-            name: value[positions]
-            for name, value in vars(self).items()
-            if isinstance(value, np.ndarray)
-        }
+        arrays: dict[str, Any] = {}
+        for name, value in vars(self).items():
+            if isinstance(value, np.ndarray):  # all arrays have n rows
+                arrays[name] = value[positions]
         _, arrays["groups"] = np.unique(arrays["groups"], return_inverse=True)
         return replace(self, **arrays)

@@ -1,4 +1,4 @@
-"""The rows to learn from: how databases are read, and which rows cannot be used."""
+"""The rows from which models learn: reading databases, and leaving out rows without use."""
 
 import hashlib
 import math
@@ -28,42 +28,46 @@ from learn.features.scene import BY_FORCE, SCENE, load_of, numbers_of_rows
 from learn.features.sets import limits_of
 from learn.split import MAP, TILE, populations_of, surface_groups
 
-# short names of the two targets that every database has, and their columns
+# Columns of the two targets that every database has, by their short names on the command line.
 TARGETS: dict[str, str] = {"area": "area_percent", "force": "force"}
-# columns of floating numbers that are no results: inputs, and how well a row was solved
+# Columns of real numbers that are no targets: inputs, and the residual of the solve.
 NO_TARGETS = frozenset({"delta", *STATISTICS, "load", "hardness", "residual"})
-# smallest number of usable rows: two of these are for testing, and a score needs two
+# Smallest number of usable rows. A fifth of them, two rows, test a model; a score needs two.
 SMALLEST = 10
-# Ratio of one number to the next ones beyond which a model sees nothing else: of an input, where
-# rows have unit length and trees single precision; of a target, where errors are squared.
+# Largest ratio of a number to comparable ones with which a model still sees these. It is used for
+# the largest input of rows that are scaled to unit length, and for the largest target over the
+# median one, because errors are squared.
 DOMINANT = 1e6
 
 
 @dataclass(frozen=True)
 class Request:
-    """A comparison or a fit to be made, of rows of one or more databases."""
+    """The options of a comparison or a fit."""
 
-    databases: tuple[Path, ...]
+    databases: tuple[Path, ...]  # databases from which models learn, one or more
     output: Path = Path()  # a comparison folder, or the file of a surrogate
-    targets: tuple[str, ...] = ("area",)
-    models: tuple[str, ...] = ()  # all nine if there are none
-    area_max: float | None = None  # largest area that is kept [%]
-    normalisation: str = "l2"  # see `learn.models.pipeline`
-    features: str = "paper"  # one of `learn.features.SETS`
+    targets: tuple[str, ...] = ("area",)  # columns, or short names in `TARGETS`
+    models: tuple[str, ...] = ()  # names of models; empty for all nine
+    # rows with larger areas are left out [%]; None to keep all
+    area_max: float | None = None
+    normalisation: str = "l2"  # scaling of the inputs, see `learn.models.pipeline`
+    features: str = "paper"  # name of a feature set, one of `learn.features.SETS`
     seed: int = 0  # of the split and of the models
-    train_rows: int | None = None  # largest number of training rows
-    again: bool = False  # True to repeat fits whose results the folder has
+    train_rows: int | None = None  # largest number of training rows; None for no limit
+    again: bool = False  # True to repeat fits whose results are in the folder
     until: float = math.inf  # time of `time.time` at which searches end [s]
-    roots: bool = False  # True for square roots, with the features that surrogates see
-    blocks: int | None = None  # per side of the coarse solve of hybrid features
+    roots: bool = False  # True for the features of surrogates, with square roots
+    blocks: int | None = None  # blocks per side of hybrid features; None for the default
     calibrate_on: Path | None = None  # database whose rows calibrate the intervals
-    source: Path | None = None  # comparison folder whose winners' settings are taken
-    # one of `learn.features.scene.LOADS`; "" for the scene's with its features, otherwise Delta
+    # comparison folder from which the models' settings are taken
+    source: Path | None = None
+    # Load of the features, one of `learn.features.scene.LOADS`. "" is the load that the scene draws
+    # for the feature set `scene`, and Delta for other sets.
     load: str = ""
 
 
 def short_name(column: str) -> str:
-    """Return the name of a target's column in folders and on the command line.
+    """Return the name of a target in folders and on the command line.
 
     Parameters
     ----------
@@ -73,7 +77,7 @@ def short_name(column: str) -> str:
     Returns
     -------
     str
-        The short name if it has one, otherwise that of the column.
+        The short name in `TARGETS`, or the name of the column if it has none.
     """
     for short, name in TARGETS.items():
         if name == column:
@@ -82,9 +86,9 @@ def short_name(column: str) -> str:
 
 
 def results(scene: Scene, load: str = "delta") -> dict[str, Column]:
-    """Return the columns of a scene's database that can be learnt for a load.
+    """Return the columns of a scene's database that can be learnt under a load.
 
-    At a pressure or a force Delta is a result, and the force none.
+    Under a pressure or a force, Delta can be learnt, and the force cannot.
 
     Parameters
     ----------
@@ -95,15 +99,16 @@ def results(scene: Scene, load: str = "delta") -> dict[str, Column]:
 
     Returns
     -------
-    dict
-        Columns by name, area and force first.
+    dict of str to Column
+        Columns by name, with area and force first.
     """
     inputs = NO_TARGETS | set(parameter_columns(scene).values())
     if load in BY_FORCE:
         inputs = (inputs - {"delta"}) | {"force"}
     columns = {}
     for column in columns_for(scene):
-        is_real = column.dtype == "f8" and not (column.group or column.shape_of)
+        is_field = bool(column.shape_of)
+        is_real = column.dtype == "f8" and not column.group and not is_field
         if _is_count(column) or (is_real and column.name not in inputs):
             columns[column.name] = column
     first = {name: columns[name] for name in TARGETS.values() if name in columns}
@@ -111,7 +116,10 @@ def results(scene: Scene, load: str = "delta") -> dict[str, Column]:
 
 
 def _is_count(column: Column) -> bool:
-    """Tell whether a column counts something of a contact; counts are learnt like real numbers."""
+    """Tell whether a column is a number of something, such as nodes in contact, and no code.
+
+    Such whole numbers are learnt like real ones.
+    """
     quantity = QUANTITIES.get(column.name)
     return quantity is not None and quantity.dtype.startswith("i") and not quantity.code
 
@@ -123,31 +131,32 @@ def read(
     *,
     common: bool = False,
 ) -> list[Dataset]:
-    """Read the databases of a request once, and clean their rows for each of its targets.
+    """Read the databases of a request, and choose the usable rows for each of its targets.
 
-    Hybrid features are computed anew, and kept in a file beside each database.
+    Hybrid features need a coarse solve of each surface. The results are kept in a file beside each
+    database; rows without results are computed.
 
     Parameters
     ----------
     request : Request
-        The databases, targets and features.
+        Databases, targets and features.
     executor : Executor, optional
         Processes that generate surfaces for hybrid features; this process if left out.
     stopping : callable
-        Tells whether to stop; it is asked while surfaces are generated.
+        Function that is called while surfaces are generated. Once it returns True, reading ends.
     common : bool
-        True to keep only the rows that all targets have.
+        True to keep only the rows in which all targets are finite.
 
     Returns
     -------
     list of Dataset
-        Usable rows for each target, in the order of the request; empty after a stop.
+        Usable rows for each target, in the order of the request. The list is empty after a stop.
 
     Raises
     ------
     InputError
-        If a file is no database or lacks a target, databases cannot be learnt together, too few
-        rows are left, or a target is constant.
+        If a file is no database or lacks a target, if databases cannot be learnt together, if too
+        few rows are usable, or if a target is constant.
     """
     if request.area_max is not None and not request.area_max > 0:
         raise InputError(f"--area-max {request.area_max:g}: give a percentage above 0")
@@ -166,12 +175,12 @@ def read(
         parts = _with_coarse_solves(parts, features, executor or Executor(), stopping)
         if not parts:
             return []
-    selection = Selection(features, request.area_max, common=common)
+    selection = Selection(features=features, area_max=request.area_max, common=common)
     return [selection.dataset(parts, number) for number in range(len(request.targets))]
 
 
 def _usual_load(request: Request) -> str:
-    """Return the load of a request that names none: the scene's with its features, or Delta."""
+    """Return the load of a request without one: that of the first scene for its set, or "delta"."""
     if request.features == SCENE:
         return load_drawn(request.databases[0])
     return "delta"
@@ -205,7 +214,10 @@ def _with_coarse_solves(
     executor: Executor,
     stopping: Callable[[], bool],
 ) -> list[Stored]:
-    """Return rows with the Deltas and columns of their coarse solves; none after a stop."""
+    """Return the rows of each database with the Deltas and columns of their coarse solves.
+
+    The list is empty after a stop. Reads and writes the file beside each database.
+    """
     from learn.regeneration import coarse_solves
 
     complete = []
@@ -219,21 +231,22 @@ def _with_coarse_solves(
 
 
 def stored(path: Path, request: Request, load: str) -> Stored:
-    """Read what learning needs of a database.
+    """Read the columns of a database that learning needs.
 
     Parameters
     ----------
     path : Path
         The database.
     request : Request
-        The targets, all of which are read, and the name of the features.
+        All targets, and the name of the feature set.
     load : str
-        The load of the features, one of `learn.features.scene.LOADS`.
+        Load of the features, one of `learn.features.scene.LOADS`.
 
     Returns
     -------
     Stored
-        All rows, without columns of coarse solves. Under a pressure Delta stands for it.
+        All rows, without columns of coarse solves. Under a pressure, the Delta of features of
+        surfaces is replaced by a length (`learn.features.rows.by_pressure`).
 
     Raises
     ------
@@ -265,7 +278,7 @@ def stored(path: Path, request: Request, load: str) -> Stored:
 def _target_columns(
     path: Path, scene: Scene, targets: Sequence[str], load: str
 ) -> list[Column]:
-    """Return the columns of targets, given by short names or their own; refuse unknown ones."""
+    """Return the columns of targets, which are columns or short names; refuse unknown ones."""
     stored_results = results(scene, load)
     columns = []
     for target in targets:
@@ -278,7 +291,10 @@ def _target_columns(
 
 
 def _quantities(reader: Reader, features: str, load: str) -> Rows:
-    """Return what features of a name are computed from, under a load, of all rows."""
+    """Read the numbers from which the features of a set, by its name, are computed under a load.
+
+    Returns them for all rows, without columns of coarse solves.
+    """
     scene = reader.scene
     scene_numbers: Mapping[str, Values] = {}
     if features == SCENE or load != "delta":
@@ -297,44 +313,46 @@ def _quantities(reader: Reader, features: str, load: str) -> Rows:
 
 
 def _hardness_ratio(reader: Reader) -> Values | float | None:
-    """Return the hardness over E*, (n,) if the scene draws it; None for elastic bodies."""
+    """Return the hardness over E*: (n,) if the scene draws it, otherwise one number.
+
+    It is None for elastic bodies.
+    """
     contact = reader.scene.contact
     limits = limits_of([reader.scene])
     if limits is None:
         return None
     if contact.draws_hardness:
         return np.asarray(reader.column("hardness") / contact.e_star)
-    smallest, _ = limits
-    return smallest
+    constant, _ = limits  # equal numbers, as the scene does not draw the hardness
+    return constant
 
 
 @dataclass(frozen=True, eq=False)
 class UsableRows:
-    """The k rows of one database that can be used for a target."""
+    """The k usable rows of one database for one target."""
 
-    # these rows alone, but for its `quantities`, which are still those of all rows of the database
+    # Stored rows, of which `rows`, `columns` and `described` are those of the k usable rows only.
+    # Its `quantities` are still those of all rows.
     part: Stored
     inputs: Values  # (k, d), features
-    target: Values  # (k,), in the unit of its column over `scale`
+    target: Values  # (k,), values of the target's column over `scale`
     scale: Values  # (k,), divisor of the target
-    origin: Origin
-    reasons: list[
-        str
-    ]  # why rows of the database are left out, one each for those that are
+    origin: Origin  # the database
+    reasons: list[str]  # a reason for each row of the database that is left out
 
 
 @dataclass(frozen=True)
 class Selection:
-    """Which rows can be used for targets.
+    """The conditions under which rows are usable, with a method that applies them.
 
     Parameters
     ----------
     features : FeatureSet
-        Features that have to be defined.
+        Features, which have to be finite.
     area_max : float or None
-        Largest area that is kept [%].
+        Largest area of usable rows [%]; None for no limit.
     common : bool
-        True to keep only the rows that all targets have.
+        True if all targets of a row have to be finite, False for the target itself only.
     """
 
     features: FeatureSet
@@ -349,20 +367,21 @@ class Selection:
         parts : sequence of Stored
             Rows of each database, with the columns that the features need.
         number : int
-            Number of the target among those that were read.
+            Position of the target in `Stored.targets`.
 
         Returns
         -------
         Dataset
-            The rows, database by database, in groups.
+            The usable rows, database by database.
 
         Raises
         ------
         InputError
-            If too few rows are left, in all or of a database, or the target is constant.
+            If too few rows are usable, a database has none, or the target is constant.
         """
         column = parts[0].targets[number]
         powers = column.powers
+        # A user's outputs may have equal names in two databases, and different powers.
         if any(part.targets[number].powers != powers for part in parts):
             powers = None
         databases = [self._usable(part, number, powers) for part in parts]
@@ -375,6 +394,9 @@ class Selection:
         _require_usable(column.name, target * scale, origins, dropped)
         usable = [database.part for database in databases]
         sizes = [database.target.size for database in databases]
+        unit = column.unit
+        if (scale != 1).any():
+            unit = "1"
         return Dataset(
             inputs=np.concatenate([database.inputs for database in databases]),
             target=target,
@@ -384,7 +406,7 @@ class Selection:
             population=_population_numbers(usable),
             features=self.features,
             target_name=column.name,
-            unit=column.unit if (scale == 1).all() else "1",
+            unit=unit,
             dropped=dict(sorted(dropped.items())),
             described=np.concatenate([part.described for part in usable]),
             scale=scale,
@@ -396,12 +418,17 @@ class Selection:
         )
 
     def _usable(self, part: Stored, number: int, powers: Powers | None) -> UsableRows:
-        """Return the rows of a database that can be used for a target."""
+        """Return the usable rows of a database for a target, by its position in `Stored.targets`.
+
+        The target is divided by the scale that belongs to its powers; see `FeatureSet.scale`.
+        """
         targets = [
             np.asarray(part.columns[column.name], np.float64) for column in part.targets
         ]
         target = targets[number]
-        deciding = targets if self.common else [target]
+        deciding = [target]
+        if self.common:
+            deciding = targets
         finite = np.asarray(np.isfinite(deciding).all(axis=0))
         with np.errstate(over="ignore", invalid="ignore"):
             inputs = self.features.of(part.quantities)
@@ -434,10 +461,11 @@ class Selection:
     def _reasons_against(
         self, part: Stored, inputs: Values, finite: NDArray[np.bool_]
     ) -> NDArray[np.object_]:
-        """Return why each row cannot be used, (n,), "" if it can.
+        """Return the reason why each row is left out, (n,); "" for usable rows.
 
-        Takes the features, (n, d), and which targets are finite, (n,). Rows whose surfaces do not
-        define all statistics are done, and of use to features that do not need them.
+        Takes the features, (n, d), and True for rows with a finite target, (n,). A later assignment
+        replaces an earlier reason. A row that is done although its surface does not define all
+        statistics is usable if the features do not need them.
         """
         status = part.columns["status"]
         reason = part.columns["reason"]
@@ -447,14 +475,15 @@ class Selection:
         undefined = no_statistics[:, None] & np.isnan(part.described)
         described = np.where(undefined, 0.0, part.described)
         with np.errstate(over="ignore", invalid="ignore"):
-            square = np.einsum("ij,ij->i", described, described)
-        reasons[~np.isfinite(square)] = "input not finite, or too large to be squared"
+            squares = np.einsum("ij,ij->i", described, described)
+        reasons[~np.isfinite(squares)] = "input not finite, or too large to be squared"
         reasons[~np.isin(status, list(Status))] = "status unknown"
         reasons[status == Status.PENDING] = "not computed yet"
         failed = status == Status.FAILED
         for code in np.unique(reason[failed]):
             text = REASONS.get(int(code), f"reason {code}") or "no reason given"
             reasons[failed & (reason == code)] = f"failed: {text}"
+        # The following reasons are for rows without one of those above.
         if self.area_max is not None:
             too_large = part.columns["area_percent"] > self.area_max
             reasons[(reasons == "") & too_large] = f"area above {self.area_max:g} %"
@@ -468,7 +497,7 @@ class Selection:
 
 
 def _fingerprint(part: Stored, target: Values) -> str:
-    """Return the SHA-256 of the columns of a database that decide the results for a target."""
+    """Return the SHA-256 of the columns of a database that decide what a model learns."""
     columns = [part.columns["status"], part.described, target]
     columns.append(part.columns["area_percent"])
     if "hardness" in part.columns:
@@ -480,7 +509,7 @@ def _fingerprint(part: Stored, target: Values) -> str:
 
 
 def _joint_fingerprint(origins: Sequence[Origin]) -> str:
-    """Return the fingerprint of one database, or the SHA-256 of those of several."""
+    """Return the fingerprint of the only database, or a SHA-256 of the fingerprints of several."""
     if len(origins) == 1:
         return origins[0].sha256
     joint = "".join(origin.sha256 for origin in origins)
@@ -488,18 +517,25 @@ def _joint_fingerprint(origins: Sequence[Origin]) -> str:
 
 
 def _population_numbers(parts: Sequence[Stored]) -> Indices:
-    """Number the map, or the database, that the surface of each row is from, (n,)."""
+    """Return the number of the population of each row, (n,), as in `populations_of`.
+
+    Populations are numbered in the order of their first rows.
+    """
     names: list[str] = []
     for part in parts:
         names += populations_of(part)
-    numbers = {name: number for number, name in enumerate(dict.fromkeys(names))}
+    different = dict.fromkeys(names)
+    numbers = {name: number for number, name in enumerate(different)}
     return np.array([numbers[name] for name in names], dtype=np.int64)
 
 
 def _require_usable(
     target: str, values: Values, origins: Sequence[Origin], dropped: Mapping[str, int]
 ) -> None:
-    """Refuse rows that are too few, a database without any, and a constant target."""
+    """Refuse fewer rows than `SMALLEST`, a database without rows, and a constant target.
+
+    Takes the values of the target, (n,), and the number of rows left out by reason.
+    """
     name = ", ".join(origin.database for origin in origins)
     if values.size < SMALLEST:
         fault = f"{name}: {values.size} usable rows, {SMALLEST} at least are needed"
@@ -517,18 +553,18 @@ def _require_usable(
 
 
 def _require_compatible(parts: Sequence[Stored], *, scaled: bool) -> None:
-    """Refuse databases that no single surrogate describes, or that are given twice.
+    """Refuse databases that one surrogate cannot describe, and databases that are given twice.
 
-    With `scaled` features, which have no units, scan length and E* make no difference, and elastic
-    bodies are very hard ones.
+    With `scaled` features, which have no units, scan lengths and E* may differ, and elastic bodies
+    count as very hard ones.
     """
     files = Counter(os.path.realpath(part.path) for part in parts)
     for file, times in files.items():
         if times > 1:
             raise InputError(f"{file}: is given twice: give each database once")
-    first = _must_agree(parts[0].scene, scaled=scaled)
+    first = _common_settings(parts[0].scene, scaled=scaled)
     for part in parts[1:]:
-        settings = _must_agree(part.scene, scaled=scaled)
+        settings = _common_settings(part.scene, scaled=scaled)
         for key, value in first.items():
             if settings[key] != value:
                 raise InputError(
@@ -537,8 +573,12 @@ def _require_compatible(parts: Sequence[Stored], *, scaled: bool) -> None:
                 )
 
 
-def _must_agree(scene: Scene, *, scaled: bool) -> dict[str, Any]:
-    """Return what all scenes of a fit have in common, by the keys of the scene that decide it."""
+def _common_settings(scene: Scene, *, scaled: bool) -> dict[str, Any]:
+    """Return the settings of a scene that must be equal in all scenes of a fit.
+
+    They are listed by their keys in scenes. Lengths and moduli are rounded, so that rounding of
+    sides and moduli makes no difference.
+    """
     contact = scene.contact
     along, across = scene.grid.sides
     common: dict[str, Any] = {
@@ -549,8 +589,9 @@ def _must_agree(scene: Scene, *, scaled: bool) -> dict[str, Any]:
         "surface.side (x over y)": float(f"{along / across:.3g}"),
     }
     if not scaled:
-        is_elastic = contact.hardness_limits is None
-        common["contact.hardness"] = "none" if is_elastic else "given"
+        common["contact.hardness"] = "given"
+        if contact.hardness_limits is None:
+            common["contact.hardness"] = "none"
         common["surface.side"] = float(f"{along:.6g}")
         common["contact.modulus / (1 - contact.poisson^2)"] = float(
             f"{contact.e_star:.9g}"
@@ -559,19 +600,20 @@ def _must_agree(scene: Scene, *, scaled: bool) -> dict[str, Any]:
 
 
 def remarks(dataset: Dataset, normalisation: str) -> list[str]:
-    """List what a user should know of the rows before a model is trained on them.
+    """List the remarks that a user should read before a model is trained on the rows.
 
     Parameters
     ----------
     dataset : Dataset
         The rows.
     normalisation : str
-        One of `learn.models.pipeline`.
+        Scaling of the inputs, as for `learn.models.pipeline`.
 
     Returns
     -------
     list of str
-        One line for each remark.
+        One line for each remark: rows left out, damaged rows, and inputs or targets from which a
+        model cannot learn well.
     """
     lines = [
         f"left out {number} rows: {reason}"
@@ -589,7 +631,7 @@ def remarks(dataset: Dataset, normalisation: str) -> list[str]:
 
 
 def damage_of(dataset: Dataset) -> list[str]:
-    """List the databases of a dataset with damaged rows, which are learnt like all others.
+    """Return warnings of damaged rows, from which models learn as from any other row.
 
     Parameters
     ----------
@@ -599,14 +641,14 @@ def damage_of(dataset: Dataset) -> list[str]:
     Returns
     -------
     list of str
-        A warning for each such database.
+        A warning for each database with damaged rows.
     """
     damaged = [origin for origin in dataset.origins if origin.damage]
     return [f"warning: {origin.database}: {origin.damage}" for origin in damaged]
 
 
 def _constant_inputs(dataset: Dataset) -> str:
-    """Warn of inputs that are the same in all rows; "" without any."""
+    """Return a warning of inputs that are constant over all rows; "" if there are none."""
     constant = np.flatnonzero(np.ptp(dataset.inputs, axis=0) == 0)
     if not constant.size:
         return ""
@@ -615,7 +657,7 @@ def _constant_inputs(dataset: Dataset) -> str:
 
 
 def _repeated_rows(dataset: Dataset) -> str:
-    """Warn of rows that have the inputs and the target of an earlier one; "" without any."""
+    """Return a warning of rows with inputs and target of another row; "" if there are none."""
     rows = np.column_stack([dataset.inputs, dataset.target])
     repeated = dataset.size - len(np.unique(rows, axis=0))
     if not repeated:
@@ -624,7 +666,7 @@ def _repeated_rows(dataset: Dataset) -> str:
 
 
 def _dominant_target(dataset: Dataset) -> str:
-    """Warn of a largest target that hides the usual ones in squared errors; "" if it does not."""
+    """Return a warning if the largest target hides the median one in squared errors, or ""."""
     magnitudes = np.abs(dataset.target)
     largest = magnitudes.max()
     usual = np.median(magnitudes[magnitudes > 0])
@@ -637,13 +679,13 @@ def _dominant_target(dataset: Dataset) -> str:
 
 
 def _dominant_input(dataset: Dataset) -> str:
-    """Warn of an input that hides the other ones in rows of unit length; "" without any."""
+    """Return a warning if one input hides the other ones in rows of unit length, or ""."""
     sizes = np.median(np.abs(dataset.inputs), axis=0)
     place = int(np.argmax(sizes))
-    size_of_rest = float(np.linalg.norm(np.delete(sizes, place)))
-    if not sizes[place] > DOMINANT * size_of_rest:
+    size_without = float(np.linalg.norm(np.delete(sizes, place)))
+    if not sizes[place] > DOMINANT * size_without:
         return ""
-    ratio = sizes[place] / max(size_of_rest, 1e-300)
+    ratio = sizes[place] / max(size_without, 1e-300)  # the other inputs may be 0
     return (
         f"warning: {dataset.features.columns[place]} is {ratio:.1e} times all other inputs: rows"
         " of unit length say nothing else; try --normalise standard"

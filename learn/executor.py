@@ -1,12 +1,13 @@
-"""Tasks of a job in other processes: on the workers of an MPI run, or until a time.
+"""Tasks of a job on the processes of an MPI run, and tasks with a time limit.
 
-The contract of `Executor` is that of mpi4py.futures and schwimmbad. The code of a job, on the
-master, hands tasks to an executor and receives their results. The workers run none of it; they
-serve tasks until the job has ended. On one process the executor does the tasks itself.
+`Executor` works as the pools of mpi4py.futures and schwimmbad do. Only the master runs the code of
+a job: it hands tasks to an executor, and receives their results. The workers serve tasks until the
+job ends. In a run of one process, the executor does the tasks itself.
 
-Libraries cannot be asked to end a fit: compiled code runs to its end. A process that computes
-therefore starts a second one, by loky, as soon as a task has a time limit, keeps it for further
-tasks, and kills it if one takes longer (`within`). It needs no MPI.
+A fit cannot be interrupted, because compiled code runs to its end. A task with a time limit is
+therefore done in a second process, which each process of the run starts by loky when it needs it
+(`within`). The second process is kept for further tasks, and killed if a task takes too long. MPI
+is not needed for this.
 """
 
 import math
@@ -35,20 +36,20 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class Ended:
-    """Outcome of a task, instead of its result, that was stopped at its time or not begun."""
+    """Outcome of a task that was stopped at its time limit, or not begun, instead of its result."""
 
-    seconds: float = 0.0  # time that the task had run, 0 if it was not begun [s]
+    seconds: float = 0.0  # time from the beginning of the task; 0 if it was not begun [s]
 
 
 @dataclass(eq=False)
 class Executor:
-    """The workers of a job, as the code on its master sees them.
+    """The workers of a job, to which the code on the master gives tasks.
 
     All other processes of the world have to be in `led`, where they serve tasks.
     """
 
-    world: farm.World = field(default_factory=farm.World)  # by default this process alone
-    _shared: object = None  # data that the workers keep
+    world: farm.World = field(default_factory=farm.World)  # this process alone by default
+    _shared: object = None  # shared data of the last tasks, which the workers keep
 
     def run(
         self,
@@ -60,35 +61,36 @@ class Executor:
         stopping: Callable[[], bool] = lambda: False,
         until: float = math.inf,
     ) -> None:
-        """Do tasks on the workers, and hand over the results as they arrive.
+        """Do tasks on the workers, and pass on each result when it arrives.
 
         Parameters
         ----------
         work : callable
-            Function of the shared data and of one task, which returns a result. It has to be at the
-            top of a module, because processes exchange it by its name.
+            Function of the shared data and of one task, which returns a result. It must be defined
+            at the top of a module, because processes exchange it by its name.
         shared : object
-            Data that all tasks need. The workers keep them until other data are shared: they are
-            sent again only if this is another object.
+            Data that all tasks need. The workers keep them: in the next call, they are sent again
+            only if `shared` is a different object.
         tasks : iterable
-            Tasks, which are drawn as workers become free.
+            Tasks. The next one is taken when a worker is free.
         on_result : callable
-            Called on the master with each task and its result, in the order of arrival. The result
-            is `Ended` if the task was stopped at `until`.
+            Function that the master calls with each task and its result, in order of arrival. The
+            result is `Ended` if the task was stopped at `until`.
         stopping : callable
-            Called before a task is drawn. Once it returns True no further task is begun, and those
-            under way are finished.
+            Function that is called before a task is taken. Once it returns True, no further task is
+            begun; the tasks that have begun are finished.
         until : float
             Time of `time.time` at which all tasks are stopped [s]; see `within`.
 
         Raises
         ------
         InputError
-            If `work` raises it on any process, or `on_result` does.
+            If `work` raises it on any process, or `on_result` raises it.
         """
         is_new = shared is not self._shared
         sent = shared if is_new else None
-        self.world.broadcast(_Round(work, until, is_new, sent))
+        message = _Round(work=work, until=until, has_shared=is_new, shared=sent)
+        self.world.broadcast(message)
         self._shared = shared
         do = partial(within, work, shared, until=until)
         farm.run(do, iter(tasks), on_result, self.world, stopping=stopping)
@@ -105,9 +107,9 @@ class Executor:
         Parameters
         ----------
         work : callable
-            Function of the shared data and of the task, at the top of a module.
+            Function of the shared data and of the task, defined at the top of a module.
         shared : object
-            Data that the task needs.
+            Data that the task needs; see `run`.
         task : object
             The task.
         until : float
@@ -116,7 +118,7 @@ class Executor:
         Returns
         -------
         object
-            Result of the task; `Ended` if it was stopped.
+            Result of the task; `Ended` if it was stopped, or not begun.
 
         Raises
         ------
@@ -136,24 +138,24 @@ class Executor:
 class _Round:
     """Message of the master to all workers before the tasks of one `Executor.run`."""
 
-    work: Callable[[Any, Any], Any]
+    work: Callable[[Any, Any], Any]  # function of the shared data and of one task
     until: float  # time of `time.time` at which the tasks are stopped [s]
-    has_shared: bool  # whether new data are shared
-    shared: object  # None for the data of the round before
+    has_shared: bool  # False if the tasks need the shared data of the last round
+    shared: object  # new shared data; None without new data
 
 
 @contextmanager
 def led() -> Iterator[Executor]:
     """Give the master the executor of its job, and let all other processes serve its tasks.
 
-    Every process of the run has to enter this context, which is collective. Workers do not reach
-    its body: they serve tasks until the master leaves it, and then end their command by typer's
-    `Exit`.
+    The context is collective: each process of the run has to enter it. Workers do not reach its
+    body. They serve tasks until the master leaves the context, and then raise `typer.Exit`, which
+    ends their command.
 
     Yields
     ------
     Executor
-        The workers of the run; on the master only.
+        The workers of the run, on the master only.
 
     Raises
     ------
@@ -170,8 +172,8 @@ def led() -> Iterator[Executor]:
 
 
 def _serve(world: farm.World) -> None:
-    """Do tasks of the master on a worker, until the master broadcasts None."""
-    shared: Any = None  # kept from round to round
+    """Do tasks of the master on this worker, until the master broadcasts None."""
+    shared: Any = None  # data of the last round that had new ones
     with Interruption(listening=False):
         while True:
             message = world.broadcast(None)
@@ -184,19 +186,20 @@ def _serve(world: farm.World) -> None:
 
 
 UNITS = {"s": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
-"""Units of the times that a user gives [s]."""
+"""Seconds of each unit in which a user may give a time."""
 
-LONGEST = 1e10  # longest time that a user may give, three centuries [s]
+# Largest time that a user may give, about three centuries [s].
+LONGEST = 1e10
 
 
 def seconds(text: str) -> float:
-    """Read a time.
+    """Read a time from the text of a user.
 
     Parameters
     ----------
     text : str
-        Value of the option `--budget`, such as "90s", "30min", "2h" or "1.5d"; seconds without a
-        unit.
+        Value of the option `--budget`, such as "90s", "30min", "2h" or "1.5d". Without a unit it is
+        in seconds.
 
     Returns
     -------
@@ -206,11 +209,12 @@ def seconds(text: str) -> float:
     Raises
     ------
     InputError
-        If the text is not a time, or the time is not above zero.
+        If the text is no time, or the time is not above zero and at most `LONGEST`.
     """
     number = text.rstrip("abcdefghijklmnopqrstuvwxyz")
+    unit = text[len(number) :] or "s"
     try:
-        value = float(number) * UNITS[text[len(number) :] or "s"]
+        value = float(number) * UNITS[unit]
     except (ValueError, KeyError):
         value = 0.0
     if not 0 < value <= LONGEST:
@@ -221,7 +225,7 @@ def seconds(text: str) -> float:
 
 
 def budget_of(time_needed: float) -> str:
-    """Write a time as `seconds` reads it.
+    """Write a time as a text that `seconds` can read.
 
     Parameters
     ----------
@@ -231,7 +235,7 @@ def budget_of(time_needed: float) -> str:
     Returns
     -------
     str
-        The time rounded up, such as "90s", "12min" or "2.5h".
+        The time, rounded up, such as "90s", "12min" or "2.5h".
     """
     if time_needed <= 120:
         return f"{max(math.ceil(time_needed), 1)}s"
@@ -243,21 +247,21 @@ def budget_of(time_needed: float) -> str:
 def within(
     work: Callable[[Shared, Task], Result], shared: Shared, task: Task, until: float
 ) -> Result | Ended:
-    """Do a task until a time.
+    """Do a task, and stop it at a given time.
 
-    With a finite time the task is done in a second process, which is kept for further tasks and
-    killed at the time. With an infinite one it is done in this process.
+    With a finite time the task is done in a second process, which is killed at this time; otherwise
+    it is kept for further tasks. With an infinite time the task is done in this process.
 
     Parameters
     ----------
     work : callable
-        Function of the shared data and of the task, at the top of a module.
+        Function of the shared data and of the task, defined at the top of a module.
     shared : object
         Data that the task needs.
     task : object
         The task.
     until : float
-        Time of `time.time` at which the task is stopped [s].
+        Time of `time.time` at which the task is stopped [s]; infinite for no limit.
 
     Returns
     -------
@@ -267,12 +271,12 @@ def within(
     Raises
     ------
     InputError
-        If `work` raises it, or the second process ends by itself.
+        If `work` raises it, or the second process ends unexpectedly.
     """
     if math.isinf(until):
         return work(shared, task)
-    began = time.time()
-    if until <= began:
+    start = time.time()
+    if until <= start:
         return Ended()
     from joblib.externals.loky import get_reusable_executor
 
@@ -280,14 +284,14 @@ def within(
         1, timeout=None, initializer=_begin, initargs=(os.getpid(),)
     )
     try:
-        with (
-            farm.signals_blocked()
-        ):  # Ctrl-C is for this process, which lets the task end
+        # The second process inherits blocked signals: this process handles Ctrl-C, and lets the
+        # task end.
+        with farm.signals_blocked():
             future: Future[Result] = process.submit(work, shared, task)
         return future.result(until - time.time())
     except TimeoutError:
         process.shutdown(kill_workers=True)
-        return Ended(time.time() - began)
+        return Ended(seconds=time.time() - start)
     except BrokenProcessPool:
         raise InputError(
             "the process of a fit has ended by itself: perhaps too little memory is free: give"
@@ -296,9 +300,10 @@ def within(
 
 
 def _begin(parent: int) -> None:
-    """Detach the second process from the terminal, and reserve the buffers of BLAS.
+    """Prepare the second process, whose parent has the given process number.
 
-    A thread ends it, even in the midst of a fit, once its parent, a process number, is gone.
+    Detach it from the terminal, reserve the buffers of BLAS, and start a thread that ends the
+    process, even during a fit, when its parent no longer exists.
     """
 
     def end_with_parent() -> None:

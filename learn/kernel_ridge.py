@@ -1,4 +1,9 @@
-"""Kernel ridge regression that survives tiny alphas, and all alphas of a search from one kernel."""
+"""Kernel ridge regression for any alpha, and fast predictions for several alphas.
+
+Kernel ridge solves (K + alpha I) a = y for the coefficients a, with the kernel matrix K of the
+training rows and their targets y. With a tiny alpha this matrix can be singular to working
+precision, and scikit-learn's solution is then wrong or fails.
+"""
 
 import warnings
 from collections.abc import Sequence
@@ -12,43 +17,44 @@ from sklearn.kernel_ridge import KernelRidge
 
 from gen.arrays import Indices, Values
 
-EPSILON = float(np.finfo(float).eps)  # rounding of double precision
-
-# Share of the diagonal below which kernel values are set to zero: they are far below rounding, and
-# their products would become denormal numbers, which are several times slower.
+# Relative rounding of double precision.
+EPSILON = float(np.finfo(float).eps)
+# Largest kernel value, over the largest one of the diagonal, that is set to zero. Such values are
+# far below rounding, and their products would be denormal numbers, which are several times slower.
 NEGLIGIBLE = 1e-30
-# Shift of a singular matrix, over the rounding of its entries: the result is then that of kernel
-# ridge with the larger alpha, to about one part in a thousand in the weakest directions.
+# Smallest alpha for a singular matrix, over the rounding of its entries. Rounding then changes the
+# result by about one part in a thousand in the weakest directions.
 SHIFT = 1e3
 
 
 class IllConditioned(UserWarning):
-    """A kernel matrix with alpha on its diagonal is singular to working precision."""
+    """Warning that K + alpha I is singular to working precision."""
 
 
 class SafeKernelRidge(KernelRidge):  # type: ignore[misc]
-    """scikit-learn's kernel ridge, solved with a shift of the diagonal where it is singular.
+    """scikit-learn's kernel ridge, with a larger alpha if the matrix is singular.
 
-    Where the matrix is not singular to working precision, the coefficients are scikit-learn's, to
-    rounding. Where it is singular, alpha is raised until it is not. A warning (`IllConditioned`)
-    then gives an estimate of the condition and the alpha that was used, which is also in
-    `alpha_used_`.
+    If K + alpha I is not singular to working precision, the coefficients are those of scikit-learn
+    but for rounding. Otherwise alpha is raised until it is not, and a warning (`IllConditioned`)
+    states the condition number and the larger alpha. The attribute `alpha_used_` is the alpha with
+    which the equations were solved.
     """
 
     def fit(self, X: Any, y: Any) -> "SafeKernelRidge":
-        """Fit the model: solve (K + alpha I) a = y by Cholesky, with a larger alpha if needed.
+        """Solve (K + alpha I) a = y by Cholesky's method, with a larger alpha if needed.
 
         Parameters
         ----------
-        X : ArrayLike, shape (n, d)
-            Scaled features; the kernel matrix, shape (n, n), with kernel="precomputed".
-        y : ArrayLike, shape (n,)
+        X : array_like, shape (n, d)
+            Scaled features. With kernel="precomputed" it is the kernel matrix, shape (n, n), in
+            which negligible values are set to 0.
+        y : array_like, shape (n,)
             Targets.
 
         Returns
         -------
         SafeKernelRidge
-            This model, with its coefficients.
+            This model, with the coefficients in `dual_coef_`.
 
         Raises
         ------
@@ -61,7 +67,8 @@ class SafeKernelRidge(KernelRidge):  # type: ignore[misc]
         self.X_fit_ = inputs
         self.n_features_in_ = inputs.shape[1]
         factor = _factorise(np.asarray(self._get_kernel(inputs)), alpha)
-        if factor.alpha > alpha:
+        is_singular = factor.alpha > alpha
+        if is_singular:
             condition = max(factor.condition, 1 / EPSILON)
             warnings.warn(
                 f"kernel ridge with alpha = {alpha:g} is singular to working precision (condition"
@@ -77,17 +84,18 @@ class SafeKernelRidge(KernelRidge):  # type: ignore[misc]
 
 @dataclass(frozen=True, eq=False)
 class _Factor:
-    """The Cholesky factor of a kernel matrix with alpha on its diagonal."""
+    """The Cholesky factor of K + alpha I."""
 
-    matrix: Values  # (n, n), of which the upper triangle counts
-    alpha: float  # the alpha that was used
-    condition: float  # estimated with the alpha that was wanted; 0 if this was used
+    matrix: Values  # (n, n), the factor in the upper triangle; the lower one is not used
+    alpha: float  # the alpha that was used, at least the requested one
+    condition: float  # estimate for the requested alpha; 0 if this alpha was used
 
 
 def _factorise(kernel: Values, alpha: float) -> _Factor:
-    """Factorise a kernel matrix, whose negligible entries are set to 0, with a sufficient alpha.
+    """Factorise K + alpha I, (n, n), with the smallest tried alpha for which it is not singular.
 
-    ValueError is raised if the matrix is not finite.
+    Sets negligible entries of the kernel matrix to 0, in place. Raises ValueError if the matrix is
+    not finite.
     """
     diagonal = kernel.diagonal().copy()
     _clear_negligible(kernel)
@@ -102,20 +110,22 @@ def _factorise(kernel: Values, alpha: float) -> _Factor:
         if not np.isfinite(norm):
             raise ValueError("the kernel matrix is not finite: the inputs are too large")
         factor, failed = dpotrf(factor, overwrite_a=1, clean=0)
-        reciprocal = 0.0
+        reciprocal = 0.0  # of the condition number
         if not failed:
             reciprocal = float(dpocon(factor, anorm=norm)[0])
         if reciprocal > EPSILON:
-            return _Factor(factor, shift, condition)
-        if condition == 0 and reciprocal > 0:
+            return _Factor(matrix=factor, alpha=shift, condition=condition)
+        is_first_attempt = condition == 0
+        if is_first_attempt and reciprocal > 0:
             condition = 1 / reciprocal
-        elif condition == 0:  # without a factor, estimate by the norm
+        elif is_first_attempt:
+            # There is no factor: estimate the smallest eigenvalue by alpha or rounding.
             condition = norm / max(alpha, rounding)
         shift = max(SHIFT * rounding, 10 * shift)
 
 
 def _clear_negligible(kernel: Values) -> None:
-    """Set entries of a kernel matrix to 0, in place, that are far below rounding."""
+    """Set the entries of a kernel matrix, (n, n), that are far below rounding to 0, in place."""
     largest = np.abs(kernel.diagonal()).max()
     kernel[np.abs(kernel) < NEGLIGIBLE * largest] = 0.0
 
@@ -127,29 +137,31 @@ def predictions(
     settings: dict[str, Any],
     alphas: Sequence[float],
 ) -> list[Values]:
-    """Predict with several alphas from kernel matrices that are built once.
+    """Predict with several alphas; the kernel matrices are built once.
 
-    A warning (`IllConditioned`) is given for each alpha with which the matrix is singular.
+    Warns (`IllConditioned`) for each alpha with which K + alpha I is singular.
 
     Parameters
     ----------
     train : ndarray, shape (n, d)
         Scaled features of the training rows.
     target : ndarray, shape (n,)
-        Their targets.
+        Targets of the training rows.
     test : ndarray, shape (m, d)
         Scaled features of the rows to predict.
     settings : dict of str to object
         Settings of kernel ridge other than alpha.
     alphas : sequence of float
-        The alphas.
+        Regularisations.
 
     Returns
     -------
     list of ndarray, shape (m,)
-        Predictions with each alpha, equal to those of `SafeKernelRidge` to rounding.
+        Predictions with each alpha, equal to those of `SafeKernelRidge` but for rounding.
     """
-    if settings.get("kernel", "linear") == "linear" and train.shape[1] < train.shape[0]:
+    is_linear = settings.get("kernel", "linear") == "linear"
+    rows, features = train.shape
+    if is_linear and features < rows:
         return _linear_predictions(train, target, test, alphas)
     model = SafeKernelRidge(**settings)
     kernel = np.asarray(model._get_kernel(train))
@@ -157,7 +169,7 @@ def predictions(
         SafeKernelRidge(alpha, kernel="precomputed").fit(kernel, target).dual_coef_
         for alpha in alphas
     ]
-    del kernel  # before another large matrix is built
+    del kernel  # to free its memory before a second large matrix is built
     test_kernel = np.asarray(model._get_kernel(test, train))
     return [test_kernel @ weights for weights in coefficients]
 
@@ -165,12 +177,17 @@ def predictions(
 def _linear_predictions(
     train: Values, target: Values, test: Values, alphas: Sequence[float]
 ) -> list[Values]:
-    """Return the predictions with a linear kernel, by ridge regression in its few directions."""
+    """Return the predictions with a linear kernel, (m,) for each alpha, from singular values.
+
+    With fewer features than rows, the singular values of the features, (n, d), replace the kernel
+    matrix. Directions whose singular value is only rounding are left out. Warns as `predictions`.
+    """
     row_directions, singular, directions = np.linalg.svd(train, full_matrices=False)
     largest = singular[0]
+    largest_square = largest**2  # the largest eigenvalue of the kernel matrix
     for alpha in alphas:
-        if largest**2 * EPSILON > alpha:
-            condition = largest**2 / max(alpha, EPSILON**2 * largest**2)
+        if largest_square * EPSILON > alpha:
+            condition = largest_square / max(alpha, EPSILON**2 * largest_square)
             warnings.warn(
                 f"kernel ridge with a linear kernel and alpha = {alpha:g} is singular to"
                 f" working precision (condition about {condition:.0e}): solved by singular"
@@ -182,16 +199,21 @@ def _linear_predictions(
     singular = singular[kept]
     weights = row_directions[:, kept].T @ target
     projected = test @ directions[kept].T
-    return [projected @ (singular / (singular**2 + alpha) * weights) for alpha in alphas]
+    results = []
+    for alpha in alphas:
+        filters = singular / (singular**2 + alpha)
+        results.append(projected @ (filters * weights))
+    return results
 
 
 def left_out_errors(model: Any, parts: Sequence[Indices]) -> list[Values]:
-    """Return the errors at rows that are left out together, from one fit to all rows.
+    """Return the errors at parts of the rows if each part is left out, from one fit to all rows.
 
-    If rows S are left out and the kernel stays, their errors e, target less prediction, follow from
-    the inverse of K + alpha I and the coefficients of all rows: inverse_SS e = coefficients_S. One
-    inverse replaces a fit for each part. Source: S. An, W. Liu, S. Venkatesh (2007), Pattern
-    Recognit. 40, 2154, equation 21.
+    If rows S are left out and the kernel is not changed, their errors e follow from the inverse of
+    K + alpha I and the coefficients of all rows: inverse_SS e = coefficients_S. One inverse
+    replaces one fit for each part.
+
+    Source: S. An, W. Liu, S. Venkatesh (2007), Pattern Recognit. 40, 2154, equation 21.
 
     Parameters
     ----------
@@ -203,12 +225,13 @@ def left_out_errors(model: Any, parts: Sequence[Indices]) -> list[Values]:
     Returns
     -------
     list of ndarray, shape (k,)
-        Errors at the rows of each part, in the unit of the model's target.
+        Errors (target less prediction) at the rows of each part, in the unit of the model's
+        target.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        If a matrix is singular.
+        If K + alpha I, or the block of its inverse for a part, is singular.
     """
     equations = _equations_of(model)
     factor, failed = dpotrf(equations.matrix, lower=1, overwrite_a=1)
@@ -217,7 +240,8 @@ def left_out_errors(model: Any, parts: Sequence[Indices]) -> list[Values]:
     inverse, _ = dpotri(factor, lower=1, overwrite_c=1)
     errors = []
     for part in parts:
-        # LAPACK fills the lower triangle only; that of the block is in it, as positions ascend.
+        # LAPACK computes the lower triangle of the inverse. It has that of the block, because the
+        # positions ascend.
         lower = np.tril(inverse[np.ix_(part, part)])
         block = lower + np.tril(lower, -1).T
         errors.append(np.linalg.solve(block, equations.coefficients[part]))
@@ -226,14 +250,17 @@ def left_out_errors(model: Any, parts: Sequence[Indices]) -> list[Values]:
 
 @dataclass(frozen=True, eq=False)
 class _Equations:
-    """The equations that a fitted model solves for its coefficients."""
+    """The solved equations of a fitted model."""
 
-    matrix: Values  # (n, n), kernel matrix with alpha on its diagonal
-    coefficients: Values  # (n,)
+    matrix: Values  # (n, n), K + alpha I
+    coefficients: Values  # (n,), the solution
 
 
 def _equations_of(model: Any) -> _Equations:
-    """Return the equations of fitted kernel ridge or of a fitted Gaussian process."""
+    """Return the equations of a fitted kernel ridge or a fitted Gaussian process.
+
+    A Gaussian process has equations of equal form, with the variance of the noise as alpha.
+    """
     if isinstance(model, KernelRidge):
         kernel = np.asarray(model._get_kernel(model.X_fit_), dtype=float)
         _clear_negligible(kernel)

@@ -8,27 +8,30 @@ from numpy.typing import ArrayLike
 
 from gen.arrays import Indices, Values
 
-BOOTSTRAP = 1000  # resamples of a bootstrap
-LEVEL = 0.9  # coverage of intervals that is used unless another one is chosen
-# share of the variance of all rows below which the variance of a resample is rounding
+# Number of resamples of a bootstrap.
+BOOTSTRAP = 1000
+# Coverage of intervals, if the user gives none.
+LEVEL = 0.9
+# Smallest variance of a resample, over that of all rows; a smaller one is only rounding.
 ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
 class Scores:
-    """Scores of predictions, all in percent."""
+    """The four scores of predictions of one target."""
 
-    nmse: float  # mean squared error over the mean magnitude of the truth, in the target's unit
-    nmae: float  # mean absolute error over the mean magnitude of the truth
-    nmaxe: float  # largest absolute error over the largest absolute truth
-    r2: float  # coefficient of determination
+    # mean squared error over the mean magnitude of the truth [% times the target's unit]
+    nmse: float
+    nmae: float  # mean absolute error over the mean magnitude of the truth [%]
+    nmaxe: float  # largest absolute error over the largest absolute truth [%]
+    r2: float  # coefficient of determination [%]
 
 
 class Interval(NamedTuple):
     """An interval of a score [%]."""
 
-    low: float
-    high: float
+    low: float  # lower end
+    high: float  # upper end
 
 
 def scores(truth: ArrayLike, prediction: ArrayLike) -> Scores:
@@ -39,12 +42,12 @@ def scores(truth: ArrayLike, prediction: ArrayLike) -> Scores:
     truth : array_like, shape (n,)
         True values, which have to vary.
     prediction : array_like, shape (n,)
-        Predicted values in the same unit.
+        Predicted values in the unit of the truth.
 
     Returns
     -------
     Scores
-        The four scores [%].
+        The four scores.
 
     Raises
     ------
@@ -62,18 +65,19 @@ def scores(truth: ArrayLike, prediction: ArrayLike) -> Scores:
     predicted = np.asarray(prediction, dtype=float)
     if true.ndim != 1 or true.size < 2 or np.ptp(true) == 0:
         raise ValueError("truth must be a vector that varies")
+    mean_magnitude = magnitude(true)
     return Scores(
-        nmse=100 * float(mean_squared_error(true, predicted)) / magnitude(true),
-        nmae=100 * float(mean_absolute_error(true, predicted)) / magnitude(true),
+        nmse=100 * float(mean_squared_error(true, predicted)) / mean_magnitude,
+        nmae=100 * float(mean_absolute_error(true, predicted)) / mean_magnitude,
         nmaxe=100 * float(max_error(true, predicted)) / float(np.abs(true).max()),
         r2=100 * float(r2_score(true, predicted)),
     )
 
 
 def magnitude(truth: ArrayLike) -> float:
-    """Return the mean magnitude of the truth, which errors are divided by.
+    """Return the mean magnitude of the truth, by which errors are divided.
 
-    The mean itself may be near 0, or negative, for quantities with both signs.
+    Errors are not divided by the mean, which may be near 0 or negative.
 
     Parameters
     ----------
@@ -83,14 +87,14 @@ def magnitude(truth: ArrayLike) -> float:
     Returns
     -------
     float
-        Mean of their absolute values, in their unit.
+        Mean of the absolute values, in the unit of the truth.
     """
     values = np.asarray(truth, dtype=float)
     return float(np.abs(values).mean())
 
 
 def no_better(r2: float) -> str:
-    """Say that predictions are no better than a constant, if they are not.
+    """Return a remark if predictions are no better than a constant.
 
     Parameters
     ----------
@@ -100,7 +104,7 @@ def no_better(r2: float) -> str:
     Returns
     -------
     str
-        The sentence; "" if they are better.
+        The remark; "" if the predictions are better.
     """
     if r2 > 0:
         return ""
@@ -110,8 +114,8 @@ def no_better(r2: float) -> str:
 def spread(truth: ArrayLike) -> float:
     """Return the variance of the truth over its mean magnitude.
 
-    It is the factor between nMSE and unexplained variance: nMSE = (1 - R2) times the spread. So the
-    nMSE carries the target's unit, and differs between data sets on which R2 is the same.
+    The spread connects two scores: nMSE = (1 - R2) times the spread. The nMSE therefore has the
+    unit of the target, and may differ between data sets with equal R2.
 
     Parameters
     ----------
@@ -133,29 +137,29 @@ def bootstrap(
     level: float = LEVEL,
     groups: ArrayLike | None = None,
 ) -> dict[str, Interval]:
-    """Return intervals of scores over `BOOTSTRAP` resamples of the rows.
+    """Estimate intervals of scores from `BOOTSTRAP` resamples of the rows.
 
-    They tell how much a score would differ on other rows of the same kind, with the same model. The
-    largest error has no interval, because a resample cannot exceed it. Rows of one group are drawn
-    together: a model errs alike on rows of one surface, and rows drawn one by one would give
-    intervals that are too narrow (B. Efron and R. Tibshirani, An Introduction to the Bootstrap,
-    chapter 8). The resamples are the same in each call.
+    An interval tells how much a score of one model would vary if the test rows were drawn again.
+    The largest error has no interval, because no resample has a larger one. Rows of one group are
+    drawn together: a model makes similar errors at rows of one surface, and rows drawn one by one
+    would give intervals that are too narrow (B. Efron and R. Tibshirani, An Introduction to the
+    Bootstrap, chapter 8). Each call draws equal resamples.
 
     Parameters
     ----------
     truth : array_like, shape (n,)
         True values, which have to vary.
     prediction : array_like, shape (n,)
-        Predicted values in the same unit.
+        Predicted values in the unit of the truth.
     level : float
         Coverage of the intervals, between 0 and 1.
     groups : array_like, shape (n,), optional
-        Group of each row; each row is a group of its own if left out.
+        Group of each row. If left out, each row is a group.
 
     Returns
     -------
-    dict
-        Intervals by the names "nmse", "nmae" and "r2"; empty if all rows are one group.
+    dict of str to Interval
+        Intervals of the scores "nmse", "nmae" and "r2"; empty if all rows are one group.
 
     Raises
     ------
@@ -171,7 +175,7 @@ def bootstrap(
     if numbers.max() < 1:
         return {}
     means = _resampled_means(true, error, numbers)
-    # A resample of one group, drawn again and again, has no variance.
+    # A resample may consist of one group, and have no variance: its scores are undefined.
     usable = means.magnitude > 0
     usable &= means.variance > ROUNDING * true.var()
     squared_error = means.squared_error[usable]
@@ -185,50 +189,59 @@ def bootstrap(
 
 @dataclass(frozen=True, eq=False)
 class ResampledMeans:
-    """Means over the rows of each resample, (b,) each, in powers of the target's unit."""
+    """Means over the rows of each of b resamples."""
 
-    magnitude: Values  # of the absolute truth
-    variance: Values  # of the truth
-    squared_error: Values
-    absolute_error: Values
+    magnitude: Values  # (b,), mean of the absolute truth, in its unit
+    variance: Values  # (b,), variance of the truth, in its unit squared
+    squared_error: Values  # (b,), mean squared error, in the unit squared
+    absolute_error: Values  # (b,), mean absolute error, in the unit
 
 
 def _resampled_means(true: Values, error: Values, numbers: Indices) -> ResampledMeans:
     """Draw groups with replacement, and return means over the rows of each draw.
 
-    Takes the truth, the absolute errors and the number of the group of each row, (n,). Magnitudes
-    and variances are computed from distances to those of all rows, without cancellation.
+    Takes the truth, the absolute errors and the number of the group of each row, (n,) each. To
+    avoid cancellation, magnitudes and variances are sums of differences from the means of all rows.
     """
-    size = magnitude(true)
+    mean_magnitude = magnitude(true)
     from_mean = true - float(true.mean())
-    quantities = (
-        np.ones_like(true),
-        error**2,
-        error,
-        np.abs(true) - size,
-        from_mean,
-        from_mean**2,
+    quantities = {
+        "rows": np.ones_like(true),
+        "squared_error": error**2,
+        "absolute_error": error,
+        "magnitude": np.abs(true) - mean_magnitude,
+        "truth": from_mean,
+        "squared_truth": from_mean**2,
+    }
+    counts = _drawn_counts(int(numbers.max()) + 1)
+    totals = {}  # sums over the rows of each resample, (b,)
+    for name, quantity in quantities.items():
+        totals[name] = counts @ np.bincount(numbers, quantity)
+    rows = totals["rows"]
+    mean = totals["truth"] / rows
+    return ResampledMeans(
+        magnitude=mean_magnitude + totals["magnitude"] / rows,
+        variance=totals["squared_truth"] / rows - mean**2,
+        squared_error=totals["squared_error"] / rows,
+        absolute_error=totals["absolute_error"] / rows,
     )
-    groups = int(numbers.max()) + 1
-    sums = [np.bincount(numbers, quantity, groups) for quantity in quantities]
+
+
+def _drawn_counts(groups: int) -> Indices:
+    """Return how often each group is drawn in each resample, (BOOTSTRAP, groups)."""
     random = np.random.default_rng(0)
-    counts = []  # how often each group is drawn
+    counts = []
     for _ in range(BOOTSTRAP):
         drawn = random.integers(groups, size=groups)
         counts.append(np.bincount(drawn, minlength=groups))
-    totals = np.array(counts) @ np.stack(sums, axis=1)
-    rows = totals[:, 0]
-    distance = totals[:, 4] / rows
-    return ResampledMeans(
-        magnitude=size + totals[:, 3] / rows,
-        variance=totals[:, 5] / rows - distance**2,
-        squared_error=totals[:, 1] / rows,
-        absolute_error=totals[:, 2] / rows,
-    )
+    return np.array(counts)
 
 
 def _interval(values: Values, level: float) -> Interval:
-    """Return the interval that a share of the values is inside of, as many below as above it."""
+    """Return the interval that contains a share `level` of the values, (b,).
+
+    Equal numbers of values are below and above it.
+    """
     low = float(np.quantile(values, (1 - level) / 2))
     high = float(np.quantile(values, (1 + level) / 2))
     return Interval(low, high)

@@ -1,8 +1,8 @@
-"""The nine models of the paper's section 3.3 as scikit-learn pipelines, and their targets' scale.
+"""The nine models of the paper's section 3.3 as scikit-learn pipelines, and scalings of targets.
 
-Baselines are the libraries' defaults with the paper's kernels: the Gaussian process has a radial
-basis function of length 1 that is not fitted (Appendix A), kernel ridge a linear kernel. Features
-without units need another length: see `learn.comparison.grid.baseline`.
+A baseline is a model with the defaults of its library and the paper's kernel: for the Gaussian
+process a radial basis function of length 1 that is not fitted (Appendix A), for kernel ridge a
+linear kernel. For features without units, `learn.comparison.grid.baseline` changes the length.
 """
 
 from __future__ import annotations
@@ -29,25 +29,32 @@ from learn.features.sets import Scaling
 if TYPE_CHECKING:
     from learn.database_rows import Dataset
 
-LIBRARIES = ("numpy", "scipy", "scikit-learn", "xgboost-cpu")  # they decide the numbers
+# Distributions whose versions decide the numbers of a fit.
+LIBRARIES = ("numpy", "scipy", "scikit-learn", "xgboost-cpu")
 
-# epochs of the perceptron in its search and in its winner's fit; the baseline has 200, the default
+# Largest number of epochs of the perceptron in a search and in the fit of its winner. The baseline
+# has the default of the library, 200.
 LONG_TRAINING = 20_000
 
 
 @dataclass(frozen=True)
 class Model:
-    """One kind of surrogate; settings that a library has to make are functions."""
+    """One kind of model.
 
-    name: str  # on the command line and in files
-    title: str  # in tables and pictures, as the paper writes it
-    path: str  # of the estimator's class, or of a function that makes it
-    # Settings of the baseline that are not the library's defaults.
+    A setting whose value is an object of a library is stored as the function that makes it, so that
+    the library is imported only when it is needed.
+    """
+
+    name: str  # name on the command line and in files
+    title: str  # name in tables and pictures, as in the paper
+    path: str  # dotted path of the estimator's class, or of a function that makes the estimator
+    # Settings of the baseline that differ from the defaults of the library.
     baseline: Mapping[str, Any] = field(default_factory=dict)
-    # Settings that all candidates of a search share, in their last fit too.
+    # Further settings of all candidates of a search, and of the fit of its winner.
     tuned: Mapping[str, Any] = field(default_factory=dict)
-    shared: str = ""  # setting of which one fit yields the predictions of all values
-    # Setting of the paper's grid that the library ignores today, and warns of.
+    # Setting for whose values predictions follow from a single fit; "" if there is none.
+    shared: str = ""
+    # Setting of the paper's grid that the library no longer uses, and warns about; "" for none.
     ignored: str = ""
 
     def estimator(self, seed: int, *, tuned: bool = False) -> Any:
@@ -56,14 +63,14 @@ class Model:
         Parameters
         ----------
         seed : int
-            Seed of its random numbers, if it draws any.
+            Seed of its random numbers; not used by estimators that draw none.
         tuned : bool
-            Whether it has the settings that all candidates of a search share.
+            True to add the settings in `tuned` to those of the baseline.
 
         Returns
         -------
         estimator of scikit-learn
-            With the settings of the baseline.
+            The estimator with these settings.
         """
         settings = dict(self.baseline)
         if tuned:
@@ -72,28 +79,35 @@ class Model:
             if callable(value):
                 settings[name] = value()
         module, _, name = self.path.rpartition(".")
-        estimator = getattr(import_module(module), name)(**settings)
+        make = getattr(import_module(module), name)
+        estimator = make(**settings)
         if "random_state" in estimator.get_params(deep=False):
             estimator.set_params(random_state=seed)
         return estimator
 
 
 def boosted() -> Any:
-    """Make XGBoost's estimator on one thread, its defaults written out for searches to find."""
+    """Make XGBoost's estimator for one thread.
+
+    Its defaults are written out, because searches read them from the estimator.
+    """
     from xgboost import XGBRegressor
 
     return XGBRegressor(n_estimators=100, max_depth=6, learning_rate=0.3, n_jobs=1)
 
 
 def _tree() -> Any:
-    """Return AdaBoost's default tree, written out so that a search can set its depth."""
+    """Make AdaBoost's default tree; it is written out so that a search can set its depth."""
     from sklearn.tree import DecisionTreeRegressor
 
     return DecisionTreeRegressor(max_depth=3)
 
 
 def _kernel(bounds: Any = (1e-5, 1e5)) -> Any:
-    """Return a radial basis function of length 1, which is fitted unless the bounds are "fixed"."""
+    """Make a radial basis function of length 1.
+
+    Its length is fitted within the bounds, and not fitted if these are "fixed".
+    """
     from sklearn.gaussian_process.kernels import RBF
 
     return RBF(1.0, bounds)
@@ -102,57 +116,69 @@ def _kernel(bounds: Any = (1e-5, 1e5)) -> Any:
 MODELS: dict[str, Model] = {
     model.name: model
     for model in (
-        Model("decision-tree", "Decision Tree", "sklearn.tree.DecisionTreeRegressor"),
         Model(
-            "random-forest",
-            "Random Forest",
-            "sklearn.ensemble.RandomForestRegressor",
+            name="decision-tree",
+            title="Decision Tree",
+            path="sklearn.tree.DecisionTreeRegressor",
+        ),
+        Model(
+            name="random-forest",
+            title="Random Forest",
+            path="sklearn.ensemble.RandomForestRegressor",
             shared="n_estimators",
         ),
         Model(
-            "adaboost",
-            "AdaBoost",
-            "sklearn.ensemble.AdaBoostRegressor",
-            {"estimator": _tree},
+            name="adaboost",
+            title="AdaBoost",
+            path="sklearn.ensemble.AdaBoostRegressor",
+            baseline={"estimator": _tree},
             shared="n_estimators",
         ),
-        Model("xgboost", "XGBoost", "learn.models.boosted", shared="n_estimators"),
         Model(
-            "gradient-boost",
-            "Gradient Boost",
-            "sklearn.ensemble.GradientBoostingRegressor",
+            name="xgboost",
+            title="XGBoost",
+            path="learn.models.boosted",
+            shared="n_estimators",
+        ),
+        Model(
+            name="gradient-boost",
+            title="Gradient Boost",
+            path="sklearn.ensemble.GradientBoostingRegressor",
             shared="n_estimators",
             ignored="criterion",
         ),
-        Model("svm", "SVM Regressor", "sklearn.svm.SVR"),
+        Model(name="svm", title="SVM Regressor", path="sklearn.svm.SVR"),
         Model(
-            "gaussian-process",
-            "GP Regressor",
-            "sklearn.gaussian_process.GaussianProcessRegressor",
-            {"kernel": partial(_kernel, "fixed"), "optimizer": None},
-            {"kernel": _kernel, "optimizer": "fmin_l_bfgs_b"},
+            name="gaussian-process",
+            title="GP Regressor",
+            path="sklearn.gaussian_process.GaussianProcessRegressor",
+            baseline={"kernel": partial(_kernel, "fixed"), "optimizer": None},
+            tuned={"kernel": _kernel, "optimizer": "fmin_l_bfgs_b"},
         ),
         Model(
-            "kernel-ridge",
-            "Kernel Ridge",
-            "learn.kernel_ridge.SafeKernelRidge",
+            name="kernel-ridge",
+            title="Kernel Ridge",
+            path="learn.kernel_ridge.SafeKernelRidge",
             shared="alpha",
         ),
         Model(
-            "mlp",
-            "MLP Regressor",
-            "sklearn.neural_network.MLPRegressor",
-            # L-BFGS counts evaluations too, and its default would end the training before.
+            name="mlp",
+            title="MLP Regressor",
+            path="sklearn.neural_network.MLPRegressor",
+            # L-BFGS also counts evaluations; their default limit would end the training earlier.
             tuned={"max_iter": LONG_TRAINING, "max_fun": 2 * LONG_TRAINING},
         ),
     )
 }
 """The nine models by name, in the order of the paper's Table 4."""
 
-POPULATION = Model("population", "Population Mean", "learn.population.Population")
-"""The model of scene features alone, which the nine models can be fitted to as well."""
+POPULATION = Model(
+    name="population", title="Population Mean", path="learn.population.Population"
+)
+"""A tenth model, for the features of scenes only. The nine models can be fitted to these, too."""
 
-EVERY = MODELS | {POPULATION.name: POPULATION}  # all models by name
+EVERY = MODELS | {POPULATION.name: POPULATION}
+"""All ten models by name."""
 
 
 def default_model(features: str) -> str:
@@ -168,30 +194,35 @@ def default_model(features: str) -> str:
     str
         Name of the model.
     """
-    return POPULATION.name if features == SCENE else "kernel-ridge"
+    if features == SCENE:
+        return POPULATION.name
+    return "kernel-ridge"
 
 
 def versions() -> dict[str, str]:
     """Return the versions of `LIBRARIES` by name, "" for a library that is not installed."""
-    # On other systems the package of xgboost-cpu is xgboost.
     numbers = installed((*LIBRARIES, "xgboost"))
-    return {
-        name: numbers.get(name, numbers.get(name.removesuffix("-cpu"), ""))
-        for name in LIBRARIES
-    }
+    versions_by_name = {}
+    for name in LIBRARIES:
+        # On some systems the distribution xgboost-cpu is called xgboost.
+        alternative = name.removesuffix("-cpu")
+        versions_by_name[name] = numbers.get(name, numbers.get(alternative, ""))
+    return versions_by_name
 
 
-REMARK_LENGTH = 300  # characters of a warning that are kept
-STEP = "model"  # name of the estimator in its pipeline; its settings are `model__alpha` and so on
+# Largest number of characters of a warning of a library that is kept.
+REMARK_LENGTH = 300
+# Name of the estimator in its pipeline. Its setting alpha, for example, is called `model__alpha`.
+STEP = "model"
 
 
 def models_named(names: list[str] | None, features: str = "") -> list[Model]:
-    """Return models by their names.
+    """Return the models with given names.
 
     Parameters
     ----------
     names : list of str or None
-        Names that the user has given; None or an empty list for all models.
+        Names of models from the command line; None or an empty list for all models.
     features : str
         Name of the feature set.
 
@@ -203,7 +234,7 @@ def models_named(names: list[str] | None, features: str = "") -> list[Model]:
     Raises
     ------
     InputError
-        If there is no model of a name for these features.
+        If a name is unknown, or its model cannot be fitted to these features.
     """
     allowed_models = EVERY if features == SCENE else MODELS
     for name in names or ():
@@ -224,53 +255,59 @@ def pipeline(
     seed: int = 0,
     tuned: bool = False,
 ) -> Any:
-    """Build an unfitted pipeline of scikit-learn: scaling, then the model.
+    """Build an unfitted pipeline of scikit-learn: a scaling of the inputs, then a model.
 
     Parameters
     ----------
     model : Model
         The model.
     settings : mapping, optional
-        Values by setting, on top of the baseline's.
+        Values by setting, which replace those of the baseline. The setting in `Model.ignored` is
+        left out.
     normalisation : str
-        Scaling of the inputs: "l2" (every row to unit length, the paper's), "standard" (every input
-        to mean 0 and deviation 1), "min-max" (every input to 0..1) or "none".
+        Scaling of the inputs: "l2" (rows to unit length, as in the paper), "standard" (each input
+        to mean 0 and deviation 1), "min-max" (each input to the range 0 to 1) or "none".
     seed : int
         Seed of the model's random numbers.
     tuned : bool
-        Whether the settings that all candidates of a search share are added.
+        True to add the settings in `Model.tuned`.
 
     Returns
     -------
     Pipeline
-        With the steps "scaling" and `STEP`.
+        A pipeline with the steps "scaling" and `STEP`.
     """
     from sklearn.pipeline import Pipeline
     from sklearn.preprocessing import MinMaxScaler, Normalizer, StandardScaler
 
     scalings = {"l2": Normalizer, "standard": StandardScaler, "min-max": MinMaxScaler}
-    scaling = "passthrough" if normalisation == "none" else scalings[normalisation]()
+    scaling: Any = "passthrough"
+    if normalisation != "none":
+        scaling = scalings[normalisation]()
     effective = dict(settings or {})
     effective.pop(model.ignored, None)
     estimator = model.estimator(seed, tuned=tuned).set_params(**effective)
     return Pipeline([("scaling", scaling), (STEP, estimator)])
 
 
+# Remark of `remarks` on a training that did not converge.
 UNFINISHED = "the training ended at its largest number of steps, before it had converged"
+# Remark of `remarks` on a fitted length of a kernel at an end of its range.
 AT_BOUND = "the likelihood of the kernel is largest at an end of its range"
 
 
 @contextmanager
 def remarks() -> Iterator[list[str]]:
-    """Collect the warnings of libraries while models are fitted, in words for users.
+    """Collect the warnings that libraries give in a context, as remarks for users.
 
-    Announcements of changes in later versions of a library are left out, because they tell nothing
-    about the model.
+    Warnings that training did not converge are replaced by `UNFINISHED` or `AT_BOUND`. Other
+    warnings are cut to `REMARK_LENGTH` characters. Announcements of changes in later versions of a
+    library are left out, because they say nothing about the model.
 
     Yields
     ------
     list of str
-        Empty within the context. At its end it is filled with the texts, without repetition.
+        The remarks, each of them once. The list is empty until the context ends.
     """
     from sklearn.exceptions import ConvergenceWarning
 
@@ -281,30 +318,34 @@ def remarks() -> Iterator[list[str]]:
     for warning in caught:
         text = " ".join(str(warning.message).split())[:REMARK_LENGTH]
         if issubclass(warning.category, ConvergenceWarning):
-            text = AT_BOUND if "bound" in text else UNFINISHED
+            at_bound = "bound" in text
+            text = UNFINISHED
+            if at_bound:
+                text = AT_BOUND
         is_announcement = issubclass(warning.category, FutureWarning | DeprecationWarning)
         if text not in texts and not is_announcement:
             texts.append(text)
 
 
 USUAL = (1e-3, 1e3)
-"""Range of the medians of targets that are not scaled, as areas in percent."""
+"""Smallest and largest median of targets that keep their scale, as areas in percent do."""
 
 FAR = 10.0
-"""Mean over the deviation of a target from which on models learn the distance from the mean."""
+"""Largest ratio of the mean of a target to its deviation with which the mean is not subtracted."""
 
 SIZE = 3
-"""Exponent of the largest scaled median of other targets, which are scaled to 2^2 to 2^3.
+"""Exponent to which other targets are scaled: their medians become 2^2 to 2^3.
 
-This is the median of the paper's areas, whose hyperparameters these targets are fitted with.
+The median of the paper's areas is in this range. Settings that were found for areas then suit these
+targets, too.
 """
 
 
 def learns_root(column: str) -> bool:
-    """Return whether surrogates learn the square root of a target.
+    """Tell whether surrogates learn the square root of a target.
 
-    They do where the target counts nodes in contact, which are never below 0. The error of the
-    force, over its scale, grew by a third when its root was learnt.
+    They do so for numbers and shares of nodes in contact. For the force over its scale, the root
+    makes the error a third larger.
 
     Parameters
     ----------
@@ -314,7 +355,7 @@ def learns_root(column: str) -> bool:
     Returns
     -------
     bool
-        True for the root; False for quantities that are not in `gen.quantities` too.
+        True for the root; False for other quantities, and for outputs of a user's function.
     """
     quantity = QUANTITIES.get(column)
     return quantity is not None and quantity.counts_nodes
@@ -328,17 +369,17 @@ def scaling_of(dataset: Dataset, train: Indices, *, standard: bool = False) -> S
     dataset : Dataset
         Rows of the target.
     train : ndarray, shape (m,)
-        Places of the training rows.
+        Positions of the training rows.
     standard : bool
-        Whether the scaled target has mean 0 and deviation 1 whatever the features. A Gaussian
-        process needs that: its prediction far from all training rows is 0.
+        True for mean 0 and deviation 1 with features of any set. A Gaussian process needs this: its
+        prediction far from all training rows is 0.
 
     Returns
     -------
     Scaling
-        To mean 0 and deviation 1 for features without units too, of the square root if they are
-        rooted and `learns_root` holds. Targets of other features are divided by a power of two if
-        they are very large or small.
+        With `standard`, or for features without units, the target (or its square root, if the
+        features have roots and `learns_root` is true) is scaled to mean 0 and deviation 1.
+        Otherwise a target that is very large or small is divided by a power of two.
     """
     target = dataset.target[train]
     if not (standard or dataset.features.scaled):
@@ -346,43 +387,51 @@ def scaling_of(dataset: Dataset, train: Indices, *, standard: bool = False) -> S
     root = dataset.features.rooted and learns_root(dataset.target_name)
     if root:
         target = np.sqrt(target)
-    return Scaling(float(target.mean()), float(target.std()) or 1.0, root)
+    deviation = float(target.std()) or 1.0  # 1 for a constant target
+    return Scaling(mean=float(target.mean()), deviation=deviation, root=root)
 
 
 def _scaling_by_power_of_two(target: Values) -> Scaling:
-    """Return the scaling of a target, (m,), that keeps its numbers or divides by a power of two.
+    """Return the scaling of a target, (m,), for features with units.
 
-    The mean is subtracted first if it is far larger than the deviation.
+    The mean is subtracted if it is more than `FAR` deviations. The target is divided by a power of
+    two if its median magnitude is outside the range `USUAL`.
     """
     mean = float(target.mean())
     if abs(mean) <= FAR * float(target.std()):
         mean = 0.0
     magnitudes = np.abs(target - mean)
     if not magnitudes.any():
-        return Scaling(mean)
-    # Outliers do not move the median.
+        return Scaling(mean=mean)
+    # Outliers do not change the median.
     median = float(np.median(magnitudes[magnitudes > 0]))
-    if USUAL[0] <= median <= USUAL[1]:
-        return Scaling(mean)
-    return Scaling(mean, 2.0 ** (math.frexp(median)[1] - SIZE))
+    smallest, largest = USUAL
+    if smallest <= median <= largest:
+        return Scaling(mean=mean)
+    _, exponent = math.frexp(median)
+    return Scaling(mean=mean, deviation=2.0 ** (exponent - SIZE))
 
 
-USABLE = 0.85  # share of the free memory that a fit may take; the rest is the system's
-PROCESS = 350 * MIB  # bytes of a process with its libraries, before any fit
-# Peak bytes per pair of training rows; a matrix of double precision has 8. These and the following
-# numbers were measured (`bench memory`, at commit 10684ff).
+# Largest share of the free memory that a fit may need; the rest is left to the system.
+USABLE = 0.85
+# Memory of a process with its libraries, before any fit [bytes].
+PROCESS = 350 * MIB
+# Largest memory of a model for each pair of training rows [bytes]; a matrix of double precision has
+# 8. These and the following numbers were measured (`bench memory`, at commit 10684ff).
 PAIR_BYTES = {"gaussian-process": 62.0, "kernel-ridge": 19.0}
-FIXED_KERNEL = (
-    0.52  # share of these bytes for a Gaussian process whose kernel is not fitted
-)
-# MiB of up to 2,000 deep trees for `TREE_ROWS` rows; they grow in proportion to the rows
+# Share of `PAIR_BYTES` that a Gaussian process needs if its kernel is not fitted.
+FIXED_KERNEL = 0.52
+# Memory of up to 2,000 deep trees for `TREE_ROWS` training rows [MiB]; it is proportional to the
+# number of rows.
 TREES = {"random-forest": 2048, "adaboost": 1536, "xgboost": 2560, "gradient-boost": 1792}
+# Number of training rows for which `TREES` states the memory.
 TREE_ROWS = 10_000
-OTHERS = 512  # MiB of other models, as of a cache of kernel rows
+# Memory of each other model for `TREE_ROWS` training rows [MiB], such as a cache of kernel rows.
+OTHERS = 512
 
 
 def check_memory(model: str, rows: int, *, baseline: bool = False) -> None:
-    """Refuse a fit in one process that this machine cannot hold.
+    """Refuse a fit for which the memory of this machine does not suffice.
 
     Parameters
     ----------
@@ -391,20 +440,20 @@ def check_memory(model: str, rows: int, *, baseline: bool = False) -> None:
     rows : int
         Number of training rows.
     baseline : bool
-        Whether the fit is of a baseline, which takes less than those of a search.
+        True for the fit of a baseline, which needs less memory than the fits of a search.
 
     Raises
     ------
     InputError
         If the fit needs more than `USABLE` of the free memory.
     """
-    of_pair = PAIR_BYTES.get(model, 0.0)
+    pair_bytes = PAIR_BYTES.get(model, 0.0)
     if baseline and model == "gaussian-process":
-        of_pair *= FIXED_KERNEL
-    need = PROCESS + of_pair * rows**2
+        pair_bytes *= FIXED_KERNEL
+    need = PROCESS + pair_bytes * rows**2  # bytes
     if not baseline:
         need += TREES.get(model, OTHERS) * MIB * max(1.0, rows / TREE_ROWS)
-    limit = USABLE * min(allowed(), free())
+    limit = USABLE * min(allowed(), free())  # bytes
     if need > limit:
         raise InputError(
             f"{model} needs about {need / 2**30:.1f} GiB for {rows} training rows, this machine has"

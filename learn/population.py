@@ -1,30 +1,31 @@
-"""The mean of a result over all surfaces of some parameters, and how uncertain this mean is.
+"""The mean of a result over all surfaces of given parameters, and the error of this mean.
 
-Surfaces of the same parameters differ: a result is a function of parameters and load plus the
-scatter between surfaces, which is large, and depends on parameters and load. A surface whose result
-is large at one load is one with large results at other loads: four rows of a surface tell hardly
-more about the mean than one, but much about how the result changes with the load. The mean is a
-Gaussian process:
+Surfaces of the same parameters differ. A result is therefore a function of parameters and load plus
+a scatter between surfaces, which is large and depends on parameters and load. A surface whose
+result is large at one load has large results at other loads, too. Four rows of one surface say
+little more about the mean than one row does, but much about how the result changes with the load.
+The mean is a Gaussian process, fitted in these steps:
 
-- A target above 0 is divided by a power law of its inputs, which are logarithms as a rule. The
-  ratio varies little, and its scatter hardly at all.
-- The size of the scatter is the exponential of a quadratic in the inputs, fitted to the distances
-  of the ratio from a cubic. The deviation of the process is in proportion to the root of the
-  scatter.
-  (In proportion to the scatter itself, or with the same deviation everywhere, errors or their
-  estimates are worse.)
-- The scatter of two rows of a surface is correlated: the most likely exponential of a power of
-  their distance, but for a share that is each row's alone. Rows are whitened by it, so that errors
-  count as generalised least squares count them.
-- The mean is a plane plus a Matern function, with a length for each input. Lengths and variance
-  have the largest evidence on some thousand rows.
-- All rows count, but the mean is a sum of functions about a few hundred of them (the subset of
-  regressors: J. Quinonero-Candela, C. E. Rasmussen (2005), J. Mach. Learn. Res. 6, 1939).
-- Parts of the surfaces are left out in turn, which takes no further fits of the lengths. Errors on
-  them calibrate intervals of new surfaces. The error of the mean is the process's, times a factor
-  by which the two halves of the surfaces disagree more than the process says.
+- Power law. A target above 0 is divided by a power law of its inputs, which usually are logarithms.
+  This ratio and its scatter vary much less than the target.
+- Size of the scatter. It is the exponential of a quadratic polynomial of the inputs, fitted to the
+  distances of the ratio from a cubic polynomial. The standard deviation of the process is
+  proportional to the square root of the scatter. (With a deviation proportional to the scatter
+  itself, or a constant one, the errors or their estimates are worse.)
+- Correlation of the scatter of two rows of one surface. It is the exponential of minus a power of
+  the distance of their inputs; a share of the scatter is independent for each row. The correlation
+  with the largest likelihood is taken. Rows are whitened by it, as in generalised least squares.
+- Process. It is a plane plus a Matern function with one length for each input. Lengths and
+  variance maximise the evidence (marginal likelihood) of some thousand rows.
+- Coefficients. They are fitted to all rows, but the mean is a sum of functions about only a few
+  hundred of them (the subset of regressors: J. Quinonero-Candela, C. E. Rasmussen (2005), J. Mach.
+  Learn. Res. 6, 1939).
+- Errors. Parts of the surfaces are left out in turn, without new fits of the lengths. The errors at
+  these parts calibrate intervals of new surfaces. The error of the mean is that of the process,
+  times a factor: fits to the two halves of the surfaces tell how much the process underestimates
+  it.
 
-Inputs X, (n, d), are standardised throughout.
+Inputs `X`, shape (n, d), are standardised throughout: mean 0 and deviation 1.
 """
 
 from collections.abc import Sequence
@@ -43,47 +44,77 @@ from sklearn.preprocessing import PolynomialFeatures
 from gen.arrays import Indices, Values
 from learn.split import dealt
 
-CENTRES = 500  # largest number of rows that functions of the mean are about
-LIKELY_CENTRES = 200  # the same for the evidence
-LIKELY_ROWS = 3000  # largest number of rows that the evidence is computed from
-LENGTHS = (0.1, 10.0)  # shortest and longest length, over the deviation of an input
-STARTS = (1.0, 2.5)  # lengths from which the search for the most likely ones starts
-STEPS = 50  # largest number of steps of this search
-# smallest and largest variance of the process, over that of the target
+# Largest number of centres: rows about which the Matern functions of the mean are placed.
+CENTRES = 500
+# Largest number of centres in the search for lengths and variance, which is repeated often.
+LIKELY_CENTRES = 200
+# Largest number of rows in the search for lengths and variance.
+LIKELY_ROWS = 3000
+# Smallest and largest length of the Matern function, over the deviation of an input.
+LENGTHS = (0.1, 10.0)
+# Lengths at which the searches for lengths and variance start, one search for each.
+STARTS = (1.0, 2.5)
+# Largest number of steps of each of these searches.
+STEPS = 50
+# Smallest and largest variance of the process, over the variance that the target has.
 VARIANCES = (1e-3, 1e5)
-PLANE = 10.0  # deviation of the plane's coefficients before any row is seen, over the target's
-PARTS = 20  # parts of the surfaces that are left out in turn
-# Largest number of rows of a surface whose correlation counts; further ones count as rows of
-# another surface.
+# Prior deviation of the coefficients of the plane, over the deviation of the target.
+PLANE = 10.0
+# Number of parts of the surfaces that are left out in turn.
+PARTS = 20
+# Largest number of rows of a surface whose scatter is correlated. Rows beyond it are treated as
+# rows of another surface, which keeps the matrices small.
 TOGETHER = 200
-# smallest share of the scatter that is each row's alone: rows may repeat earlier ones
+# Smallest share of the scatter that is independent for each row. It keeps correlations invertible
+# where rows repeat earlier ones.
 SMALLEST_SEPARATE = 1e-4
-PASSES = 3  # fits of power law and scatter, each with the weights of the last
-# smallest size of the scatter, over the deviation of the target over its power law
+# First guess of the correlation: the independent share as a logit (12 %), the logarithm of the
+# length (2.7 deviations of an input) and the power as a logit between 1 and 2 (1.5).
+FIRST_CORRELATION = (-2.0, 1.0, 0.0)
+# Number of fits of power law and scatter; each takes the weights of the fit before.
+PASSES = 3
+# Smallest size of the scatter, over the deviation of the target over its power law.
 SMALLEST_SCATTER = 1e-4
-# share of the process's variance at the rows that is kept, in far fewer numbers
+# Quantiles of the fitted scatter to which its sizes are limited, because the quadratic polynomial
+# is not reliable at the ends of the inputs.
+SCATTER_QUANTILES = (0.01, 0.99)
+# Share of the variance of the process at the rows that the stored errors of coefficients keep.
 KEPT = 0.99
-# deviation of the logarithm of squared errors of means, over those of the process
+# Prior deviation of the logarithm of the squared factor by which errors of means exceed the
+# errors of the process.
 DOUBT = 0.5
-# smallest factor of errors over the process's, which takes its lengths for known
+# Smallest factor of the errors of means over those of the process. It is above 1 because the
+# process treats its lengths as known.
 SMALLEST_FACTOR = 1.15
-# smallest share of an error in a direction from which its size can be judged
+# Largest logarithm of the square of this factor, where the search for it ends.
+LARGEST_LOGARITHM = 4.0
+# Smallest share of a direction's error from which the factor is estimated; see `DirectionScores`.
 SMALLEST_SHARE = 1e-3
-RIDGE = 1e-6  # penalty of polynomials' coefficients, over the weight of all rows
-# added to the diagonal of functions at each other's centres, because neighbours are alike
+# Penalty on the coefficients of polynomials, over the sum of the weights of all rows.
+RIDGE = 1e-6
+# Added to the diagonal of the Matern matrix among centres, which close centres make singular.
 JITTER = 1e-6
-ROUNDING = 1e-14  # added to the diagonal of equations, over the sum of the diagonal
-# smallest size of residuals and targets of which logarithms are taken, over the median
+# Added to the diagonal of the equations, over the sum of their diagonal.
+ROUNDING = 1e-14
+# Smallest value of which a logarithm is taken, over the median of all values.
 FLOOR = 1e-3
-# surfaces that a term of a polynomial needs: with fewer, the degree of the polynomial falls
+# Number of surfaces that each term of a polynomial needs. With fewer surfaces the polynomial is of
+# a lower degree.
 SURFACES_PER_TERM = 10
 
 
 class Kernel(NamedTuple):
-    """Values of the Matern function between n and m places, and their slopes."""
+    """The Matern function between n places and m centres, with its slopes."""
 
     values: Values  # (n, m)
-    slopes: Values  # (n, m), by the squared distance
+    slopes: Values  # (n, m), derivatives with respect to the squared distance
+
+
+class TrendDistances(NamedTuple):
+    """Distances of the ratio (target over power law) of n rows from two fits."""
+
+    from_mean: Values  # (n,), from the mean of the ratio
+    from_cubic: Values  # (n,), from a cubic polynomial of the inputs
 
 
 class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
@@ -94,6 +125,19 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
     random_state : int
         Seed of the draws of centres and parts.
     """
+
+    # Attributes that `fit` sets. Surrogates store them by these names.
+    trend_: Values  # (1 + d,), constant and exponents of the power law's logarithm
+    sizes_: Values  # (k,), coefficients of the quadratic of the scatter's logarithm
+    ends_: Values  # (2,), smallest and largest logarithm of the scatter
+    mean_: float  # mean of the ratio (target over power law)
+    deviation_: float  # deviation of the process over the root of the scatter
+    lengths_: Values  # (d,), lengths of the Matern function
+    places_: Values  # (m, d), centres over the lengths
+    coefficients_: Values  # (m + 1 + d,), of the functions of `_functions`
+    # (n,), predictions without the part of each row, in the target's unit
+    left_out_: Values
+    spread_: Values  # (m + 1 + d, q), independent errors of the coefficients
 
     def __init__(self, random_state: int = 0) -> None:
         self.random_state = random_state
@@ -108,35 +152,43 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         y : ndarray, shape (n,)
             Target.
         surfaces : ndarray, shape (n,), optional
-            Number of the surface of each row; each row is of another surface if left out.
+            Number of the surface of each row. If left out, each row is of another surface.
 
         Returns
         -------
         Population
-            The regressor itself.
+            This regressor, with the attributes that are declared in its class.
         """
         random = np.random.default_rng(self.random_state)
         if surfaces is None:
             surfaces = np.arange(len(y))
-        unit, distances = self._fit_trend(X, y, surfaces)
+        distances = self._fit_trend(X, y, surfaces)
         blocks = _blocks(surfaces)
-        correlation = _most_likely_correlation(X, distances / self._scatter(X), blocks)
-        size = correlation.size * self._scatter(X)
-        rows = Whitened(X, unit / size, self._reach(X) / size, blocks, correlation)
-        centres = X[random.permutation(len(y))[:CENTRES]]
-        few = random.permutation(len(y)) < LIKELY_ROWS
-        likely = _most_likely(
-            rows.at(few, _blocks(surfaces[few])), centres[:LIKELY_CENTRES]
+        fitted_size = self._scatter(X)
+        correlation = _most_likely_correlation(
+            X, distances.from_cubic / fitted_size, blocks
         )
-        self._solve(rows, centres, likely, dealt(surfaces, PARTS, random))
+        size = correlation.size * fitted_size
+        rows = Whitened(
+            X=X,
+            targets=distances.from_mean / size,
+            process=self._process_deviation(X) / size,
+            blocks=blocks,
+            correlation=correlation,
+        )
+        centres = X[random.permutation(len(y))[:CENTRES]]
+        sample = random.permutation(len(y)) < LIKELY_ROWS
+        sampled_rows = rows.at(sample, _blocks(surfaces[sample]))
+        likely = _most_likely(sampled_rows, centres[:LIKELY_CENTRES])
+        parts = dealt(surfaces, PARTS, random)
+        self._solve(rows, centres, likely, parts)
         return self
 
-    def _fit_trend(
-        self, X: Values, y: Values, surfaces: Indices
-    ) -> tuple[Values, Values]:
-        """Fit the power law, the size of the scatter, and mean and deviation of the ratio to both.
+    def _fit_trend(self, X: Values, y: Values, surfaces: Indices) -> TrendDistances:
+        """Fit power law, scatter, and mean and deviation of the ratio; return its distances.
 
-        Return the distances of the ratio from its mean, and from a cubic, (n,) each.
+        Sets `trend_`, `sizes_`, `ends_`, `mean_` and `deviation_`. A target that is not above 0
+        everywhere has no power law: its ratio is the target itself.
         """
         weights = np.ones(len(y))
         most_terms = np.unique(surfaces).size / SURFACES_PER_TERM
@@ -146,89 +198,106 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
                 logarithm = _floored_logarithm(y)
                 self.trend_ = _polynomial(X, logarithm, weights, 1, most_terms)
             ratio = y / self._trend(X)
-            distances = self._fit_scatter(X, ratio, weights, most_terms)
+            from_cubic = self._fit_scatter(X, ratio, weights, most_terms)
             weights = self._scatter(X) ** -2
         self.mean_ = float(np.average(ratio, weights=np.sqrt(weights)))
         from_mean = ratio - self.mean_
-        self.deviation_ = 1.0  # which the reach of the next line takes
-        self.deviation_ = float(np.std(from_mean / self._reach(X))) or 1.0
-        return from_mean, distances
+        # `_process_deviation` multiplies by `deviation_`, which is fitted with its help.
+        self.deviation_ = 1.0
+        in_roots_of_scatter = from_mean / self._process_deviation(X)
+        # A constant ratio has the deviation 0, by which nothing could be divided.
+        self.deviation_ = float(np.std(in_roots_of_scatter)) or 1.0
+        return TrendDistances(from_mean, from_cubic)
 
     def _fit_scatter(
         self, X: Values, ratio: Values, weights: Values, most_terms: float
     ) -> Values:
-        """Fit the size of the scatter to the distances of the ratio to the power law from a cubic.
+        """Fit the size of the scatter of the ratio; return its distances from a cubic, (n,).
 
-        The size is a root mean square, within the range that nearly all rows have. Return the
-        distances, (n,).
+        Sets `sizes_` and `ends_`. The size is the root mean square of the distances, limited to the
+        `SCATTER_QUANTILES` of all rows.
         """
         cubic = _polynomial(X, ratio, weights, 3, most_terms)
         distances = ratio - _terms(X, 3) @ cubic
         magnitudes = np.abs(distances)
         logarithms = _floored_logarithm(magnitudes)
-        self.sizes_ = _polynomial(X, logarithms, np.ones(len(X)), 2, most_terms)
+        equal_weights = np.ones(len(X))
+        self.sizes_ = _polynomial(X, logarithms, equal_weights, 2, most_terms)
         logarithm = _terms(X, 2) @ self.sizes_
-        self.ends_ = np.quantile(logarithm, (0.01, 0.99))
+        self.ends_ = np.quantile(logarithm, SCATTER_QUANTILES)
+        # A mean of logarithms is below the logarithm of the root mean square: raise the sizes.
         size = np.exp(np.clip(logarithm, *self.ends_))
-        factor = np.log(np.sqrt(np.mean((magnitudes / size) ** 2)))
-        self.sizes_[0] += factor
+        root_mean_square = np.sqrt(np.mean((magnitudes / size) ** 2))
+        shift = np.log(root_mean_square)
+        self.sizes_[0] += shift
         smallest = np.log(SMALLEST_SCATTER * ratio.std())
-        self.ends_ = np.maximum(self.ends_ + factor, smallest)
+        self.ends_ = np.maximum(self.ends_ + shift, smallest)
         return np.asarray(distances)
 
     def _solve(
-        self, rows: "Whitened", centres: Values, likely: Values, parts: Indices
+        self, rows: "Whitened", centres: Values, likely: "LikelyScales", parts: Indices
     ) -> None:
         """Solve for the coefficients with all rows, and predict each part of them without it.
 
-        `likely` has the lengths and the variance, (d + 1,).
+        Takes n whitened rows, m centres, (m, d), and the number of the part of each row, (n,). Sets
+        `lengths_`, `places_`, `coefficients_`, `left_out_` and `spread_`.
         """
-        self.lengths_ = likely[:-1]
-        variance = likely[-1]
+        self.lengths_ = likely.lengths
         self.places_ = centres / self.lengths_
         functions = self._functions(rows.X)
-        seen = rows.white(functions * rows.reach[:, None])
-        unit = rows.white(rows.unit)
-        matrix = seen.T @ seen
+        whitened = rows.white(functions * rows.process[:, None])
+        targets = rows.white(rows.targets)
+        matrix = whitened.T @ whitened
         count = len(centres)
+        # Prior covariances: 1 for the coefficients of the plane, which `PLANE` scales, and that of
+        # the process for the values of the Matern functions.
         penalty = np.eye(len(matrix)) * (1 + ROUNDING * np.trace(matrix))
-        prior = _among(self.places_).values / variance
-        penalty[:count, :count] += prior - np.eye(count)
-        equations = Equations(seen, unit, matrix, seen.T @ unit, penalty)
+        inverse_covariance = _among(self.places_).values / likely.variance
+        penalty[:count, :count] += inverse_covariance - np.eye(count)
+        equations = Equations(
+            whitened=whitened,
+            targets=targets,
+            matrix=matrix,
+            right=whitened.T @ targets,
+            penalty=penalty,
+        )
         self.coefficients_ = solve(matrix + penalty, equations.right, assume_a="pos")
-        left_out = equations.left_out(functions, parts)
-        self.left_out_ = self._restored(rows.X, left_out)
-        factor = _error_factor(seen, unit, penalty, parts < PARTS // 2)
+        self.left_out_ = self._restored(rows.X, equations.left_out(functions, parts))
+        first_half = parts < PARTS // 2
+        factor = _error_factor(equations, first_half)
         self.spread_ = equations.spread(functions, factor)
 
-    def _restored(self, X: Values, unit: Values) -> Values:
-        """Return means in the unit of the target, (n,), from those that equations give, (n,)."""
-        ratio = self.mean_ + self._reach(X) * unit
+    def _restored(self, X: Values, means: Values) -> Values:
+        """Return means of the equations, (n,), in the unit of the target, (n,)."""
+        ratio = self.mean_ + self._process_deviation(X) * means
         return np.asarray(ratio * self._trend(X))
 
-    def _reach(self, X: Values) -> Values:
+    def _process_deviation(self, X: Values) -> Values:
         """Return the deviation of the process over the power law, (n,)."""
         return np.asarray(self.deviation_ * np.sqrt(self._scatter(X)))
 
     def _scatter(self, X: Values) -> Values:
-        """Return the size of the scatter over the power law, (n,)."""
+        """Return the fitted size of the scatter over the power law, (n,)."""
         logarithm = _terms(X, 2) @ self.sizes_
         low, high = self.ends_
         return np.asarray(np.exp(np.clip(logarithm, low, high)))
 
     def _trend(self, X: Values) -> Values:
-        """Return the power law, (n,); 1 for a target that is not above 0."""
+        """Return the power law in the unit of the target, (n,).
+
+        It is 1 for a target that is not above 0 everywhere.
+        """
         exponents = self.trend_[1:]
         logarithm = X @ exponents + self.trend_[0]
         return np.asarray(np.exp(logarithm))
 
     def _functions(self, X: Values) -> Values:
-        """Return the functions about the centres, and those of the plane, (n, m + 1 + d)."""
+        """Return the m Matern functions and the 1 + d functions of the plane, (n, m + 1 + d)."""
         kernel = _near(X / self.lengths_, self.places_)
         return np.hstack([kernel.values, _plane(X)])
 
     def predict(self, X: Values) -> Values:
-        """Predict the mean.
+        """Predict the mean over surfaces.
 
         Parameters
         ----------
@@ -257,10 +326,10 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         """
         errors = self._functions(X) @ self.spread_
         deviation = np.sqrt(np.square(errors).sum(axis=1))
-        return np.asarray(deviation * self._reach(X) * self._trend(X))
+        return np.asarray(deviation * self._process_deviation(X) * self._trend(X))
 
     def drawn_errors(self, X: Values, number: int) -> Values:
-        """Draw functions that the process might be, and return the distances of the mean from them.
+        """Draw functions from the process, and return the distances of the mean from them.
 
         The draws are the same in each call.
 
@@ -277,9 +346,9 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
             Distances in the unit of the target.
         """
         random = np.random.default_rng(self.random_state)
-        draws = self.spread_ @ random.standard_normal((self.spread_.shape[1], number))
-        functions = self._functions(X) @ draws
-        distances = functions.T * self._reach(X) * self._trend(X)
+        normal = random.standard_normal((self.spread_.shape[1], number))
+        functions = self._functions(X) @ (self.spread_ @ normal)
+        distances = functions.T * self._process_deviation(X) * self._trend(X)
         return np.asarray(distances).T
 
 
@@ -287,83 +356,82 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
 class Equations:
     """The normal equations of k coefficients, from n whitened rows."""
 
-    seen: Values  # (n, k), functions at the rows
-    unit: Values  # (n,), targets
-    matrix: Values  # (k, k), seen.T @ seen
-    right: Values  # (k,), seen.T @ unit
-    penalty: Values  # (k, k), of the coefficients, added to the matrix
+    whitened: Values  # (n, k), whitened functions at the rows
+    targets: Values  # (n,), whitened targets
+    matrix: Values  # (k, k), whitened.T @ whitened
+    right: Values  # (k,), whitened.T @ targets
+    penalty: Values  # (k, k), inverse of the prior covariance, added to the matrix
 
     def left_out(self, functions: Values, parts: Indices) -> Values:
-        """Predict each part of the rows from the equations without it.
+        """Predict each part of the rows from the equations without its rows.
 
         Parameters
         ----------
         functions : ndarray, shape (n, k)
             Functions at the rows, not whitened.
         parts : ndarray, shape (n,)
-            Part of each row.
+            Number of the part of each row.
 
         Returns
         -------
         ndarray, shape (n,)
-            Means over the reach of the process.
+            Means over the deviation of the process.
         """
-        means = np.empty(len(self.unit))
+        means = np.empty(len(self.targets))
         for part in np.unique(parts):
             inside = parts == part
-            seen = self.seen[inside]
-            matrix = self.matrix - seen.T @ self.seen[inside] + self.penalty
-            right = self.right - seen.T @ self.unit[inside]
+            rows = self.whitened[inside]
+            matrix = self.matrix - rows.T @ self.whitened[inside] + self.penalty
+            right = self.right - rows.T @ self.targets[inside]
             means[inside] = functions[inside] @ solve(matrix, right, assume_a="pos")
         return means
 
     def spread(self, functions: Values, factor: float) -> Values:
-        """Return independent errors of the coefficients that have nearly all variance at the rows.
+        """Return independent errors of the coefficients, in order of their variance at the rows.
 
         Parameters
         ----------
         functions : ndarray, shape (n, k)
             Functions at the rows, not whitened.
         factor : float
-            Factor of the errors over the process's.
+            Factor of the errors over those of the process.
 
         Returns
         -------
         ndarray, shape (k, q)
-            Errors, one a column, that keep a share `KEPT` of the variance.
+            The q largest errors, one a column, which hold a share `KEPT` of the variance.
         """
         root = np.linalg.cholesky(self.matrix + self.penalty)
         inverse = solve_triangular(root.T, np.eye(len(self.matrix)))
-        weighted = functions.T @ functions
-        shares, directions = eigh(inverse.T @ weighted @ inverse)
-        negligible = (1 - KEPT) * shares.sum()
-        kept = np.cumsum(shares) > negligible
+        products = functions.T @ functions
+        variances, directions = eigh(inverse.T @ products @ inverse)  # ascending
+        negligible = (1 - KEPT) * variances.sum()
+        kept = np.cumsum(variances) > negligible
         return np.asarray(factor * inverse @ directions[:, kept])
 
 
 class ScatterCorrelation(NamedTuple):
-    """The correlation of the scatter of two rows of one surface."""
+    """The correlation of the scatter of two rows of one surface, and the size of the scatter."""
 
-    separate: float  # share of the scatter that is each row's alone
-    length: float  # distance over which the correlation falls to 1 / e
-    power: float = 1.0  # of the distance, in which its logarithm is linear
-    # most likely size of the scatter, over the size that it was fitted to
-    size: float = 1.0
+    separate: float  # share of the scatter that is independent for each row
+    length: float  # distance of inputs at which the correlation falls to 1 / e
+    power: float = 1.0  # power p of the distance in exp(-(distance / length)^p)
+    size: float = 1.0  # most likely size of the scatter, over its fitted size
 
     def roots(self, X: Values, blocks: Sequence[Indices]) -> list[Values]:
-        """Return the triangular roots of the correlations of rows in blocks.
+        """Return the Cholesky factors of the correlations of each surface's rows.
 
         Parameters
         ----------
         X : ndarray, shape (n, d)
             Standardised inputs.
         blocks : sequence of ndarray, shape (b, k)
-            Rows of b surfaces of k rows each.
+            Positions of the rows of b surfaces of k rows each.
 
         Returns
         -------
         list of ndarray, shape (b, k, k)
-            Lower triangular roots for each block.
+            Lower triangular factors for each block.
         """
         roots = []
         for block in blocks:
@@ -371,54 +439,61 @@ class ScatterCorrelation(NamedTuple):
             differences = rows[:, :, None, :] - rows[:, None, :, :]
             distances = np.sqrt(np.square(differences).sum(axis=-1))
             common = np.exp(-((distances / self.length) ** self.power))
-            alone = self.separate * np.eye(block.shape[1])
-            correlations = (1 - self.separate) * common + alone
+            independent = self.separate * np.eye(block.shape[1])
+            correlations = (1 - self.separate) * common + independent
             roots.append(np.asarray(np.linalg.cholesky(correlations)))
         return roots
 
 
+class Evidence(NamedTuple):
+    """The evidence of lengths and a variance, as a minimiser takes it."""
+
+    minus_logarithm: float
+    slopes: Values  # (d + 1,), by the logarithms of the lengths and of the variance
+
+
 @dataclass(frozen=True, eq=False)
 class EvidenceTerms:
-    """What the evidence of lengths and a variance, and its slopes, are computed from."""
+    """The numbers from which the evidence of lengths and a variance, and its slopes, follow."""
 
     logarithm: float  # of the variance
-    variance: float
+    variance: float  # of the process, over the variance that the target has
     places: Values  # (n, d), rows over the lengths
     about: Values  # (m, d), centres over the lengths
     near: Kernel  # between rows and centres
     among: Kernel  # among the centres
-    seen: Values  # (n, m + 1 + d), whitened functions at the rows
-    unit: Values  # (n,), whitened targets
+    whitened: Values  # (n, m + 1 + d), whitened functions at the rows
+    targets: Values  # (n,), whitened targets
     factor: Any  # Cholesky factor of the equations, as `cho_factor` returns it
-    prior_factor: Any  # Cholesky factor of the functions among the centres
+    prior_factor: Any  # Cholesky factor of the Matern matrix among the centres
     solution: Values  # (m + 1 + d,), coefficients
 
     def minus_logarithm(self) -> float:
-        """Return minus the logarithm of the evidence."""
+        """Return minus the logarithm of the evidence, up to a constant."""
         matrix = self.factor[0]
         prior = self.prior_factor[0]
         of_matrix = np.log(np.diag(matrix)).sum()
         of_prior = np.log(np.diag(prior)).sum()
         determinants = of_matrix - of_prior
-        explained = self.solution @ (self.seen.T @ self.unit)
-        squares = self.unit @ self.unit - explained
+        explained = self.solution @ (self.whitened.T @ self.targets)
+        squares = self.targets @ self.targets - explained
         count = len(self.about)
         return float(determinants + (count * self.logarithm + squares) / 2)
 
 
 class Whitened:
-    """Rows whose scatter is brought to 1, and whitened, of surfaces whose rows are alike.
+    """Rows whose scatter has size 1, with a method that also makes it uncorrelated.
 
     Parameters
     ----------
     X : ndarray, shape (n, d)
         Standardised inputs.
-    unit : ndarray, shape (n,)
-        Targets over the size of their scatter.
-    reach : ndarray, shape (n,)
-        Deviation of the process over the size of the scatter.
+    targets : ndarray, shape (n,)
+        Distances of the ratio from its mean, over the size of its scatter.
+    process : ndarray, shape (n,)
+        Deviation of the process, over the size of the scatter.
     blocks : list of ndarray, shape (b, k)
-        Rows of surfaces.
+        Positions of the rows of b surfaces of k rows each.
     correlation : ScatterCorrelation
         Correlation of the scatter of two rows of a surface.
     """
@@ -426,14 +501,14 @@ class Whitened:
     def __init__(
         self,
         X: Values,
-        unit: Values,
-        reach: Values,
+        targets: Values,
+        process: Values,
         blocks: list[Indices],
         correlation: ScatterCorrelation,
     ) -> None:
         self.X = X
-        self.unit = unit
-        self.reach = reach
+        self.targets = targets
+        self.process = process
         self.correlation = correlation
         self._blocks = blocks
         self._inverses = [np.linalg.inv(root) for root in correlation.roots(X, blocks)]
@@ -444,60 +519,67 @@ class Whitened:
         Parameters
         ----------
         rows : ndarray of bool, shape (n,)
-            True for k rows to be kept.
-        blocks : list of ndarray
-            Their surfaces, by positions among the k rows.
+            True for the k rows to return.
+        blocks : list of ndarray, shape (b, j)
+            Surfaces of these rows, by positions among the k rows.
 
         Returns
         -------
         Whitened
-            These rows.
+            The k rows.
         """
-        unit = self.unit[rows]
-        return Whitened(self.X[rows], unit, self.reach[rows], blocks, self.correlation)
+        return Whitened(
+            X=self.X[rows],
+            targets=self.targets[rows],
+            process=self.process[rows],
+            blocks=blocks,
+            correlation=self.correlation,
+        )
 
-    def white(self, values: Values, *, back: bool = False) -> Values:
-        """Whiten columns, or apply the transpose of that.
+    def white(self, values: Values, *, transposed: bool = False) -> Values:
+        """Multiply columns by the inverse Cholesky factors of the correlations.
 
         Parameters
         ----------
         values : ndarray, shape (n, m) or (n,)
             Columns.
-        back : bool
-            True for the transpose.
+        transposed : bool
+            True to multiply by the transposes of the inverse factors.
 
         Returns
         -------
         ndarray, shape (n, m) or (n,)
-            The columns times the inverse root of the correlations, or times its transpose.
+            The products, which are whitened columns unless `transposed`.
         """
         columns = values.reshape(len(values), -1)
         whitened = np.empty_like(columns)
         for block, inverse in zip(self._blocks, self._inverses, strict=True):
-            matrices = inverse.transpose(0, 2, 1) if back else inverse
+            matrices = inverse
+            if transposed:
+                matrices = inverse.transpose(0, 2, 1)
             whitened[block] = matrices @ columns[block]
         return whitened.reshape(values.shape)
 
-    def evidence(self, logarithms: Values, centres: Values) -> tuple[float, Values]:
-        """Return minus the logarithm of the evidence, and its slopes.
+    def evidence(self, logarithms: Values, centres: Values) -> Evidence:
+        """Return minus the logarithm of the evidence, with its slopes.
 
         Parameters
         ----------
         logarithms : ndarray, shape (d + 1,)
-            Logarithms of the lengths and of the variance.
+            Logarithms of the d lengths and of the variance.
         centres : ndarray, shape (m, d)
-            Places that functions are about.
+            Places about which the Matern functions are placed.
 
         Returns
         -------
-        (float, ndarray of shape (d + 1,))
+        Evidence
             The value, and its slopes by the logarithms.
         """
         terms = self._evidence_terms(logarithms, centres)
-        return terms.minus_logarithm(), -self._evidence_slopes(terms)
+        return Evidence(terms.minus_logarithm(), -self._evidence_slopes(terms))
 
     def _evidence_terms(self, logarithms: Values, centres: Values) -> EvidenceTerms:
-        """Solve the equations with lengths and a variance by their logarithms, (d + 1,)."""
+        """Solve the equations for lengths and a variance, given by logarithms, (d + 1,)."""
         lengths = np.exp(logarithms[:-1])
         variance = np.exp(logarithms[-1])
         count = len(centres)
@@ -505,10 +587,10 @@ class Whitened:
         about = centres / lengths
         near = _near(places, about)
         among = _among(about)
-        functions = np.hstack([near.values, _plane(self.X)]) * self.reach[:, None]
-        unit = self.white(self.unit)
-        seen = self.white(functions)
-        matrix = seen.T @ seen
+        functions = np.hstack([near.values, _plane(self.X)])
+        targets = self.white(self.targets)
+        whitened = self.white(functions * self.process[:, None])
+        matrix = whitened.T @ whitened
         matrix += np.eye(len(matrix)) * (1 + ROUNDING * np.trace(matrix))
         matrix[:count, :count] += among.values / variance - np.eye(count)
         factor = cho_factor(matrix)
@@ -519,27 +601,30 @@ class Whitened:
             about=about,
             near=near,
             among=among,
-            seen=seen,
-            unit=unit,
+            whitened=whitened,
+            targets=targets,
             factor=factor,
             prior_factor=cho_factor(among.values),
-            solution=cho_solve(factor, seen.T @ unit),
+            solution=cho_solve(factor, whitened.T @ targets),
         )
 
     def _evidence_slopes(self, terms: EvidenceTerms) -> Values:
-        """Return the slopes of the logarithm of the evidence, by logarithms, (d + 1,).
+        """Return the slopes of the logarithm of the evidence by the logarithms, (d + 1,).
 
-        They come from the functions at the rows, and from those at each other's centres.
+        By the chain rule they are sums over the Matern functions at the rows (`near`), and over
+        those among the centres (`among`).
         """
         count = len(terms.about)
         solution = terms.solution[:count]
         inverse = cho_solve(terms.factor, np.eye(len(terms.solution)))
-        errors = terms.unit - terms.seen @ terms.solution
-        by_seen = np.outer(errors, solution) - terms.seen @ inverse[:, :count]
-        by_near = self.white(by_seen, back=True) * self.reach[:, None]
+        errors = terms.targets - terms.whitened @ terms.solution
+        uncertainty = terms.whitened @ inverse[:, :count]
+        by_whitened = np.outer(errors, solution) - uncertainty
+        by_near = self.white(by_whitened, transposed=True) * self.process[:, None]
         moments = inverse[:count, :count] + np.outer(solution, solution)
         moments = moments / terms.variance
-        by_among = (cho_solve(terms.prior_factor, np.eye(count)) - moments) / 2
+        prior_inverse = cho_solve(terms.prior_factor, np.eye(count))
+        by_among = (prior_inverse - moments) / 2
         slopes = np.empty(terms.about.shape[1] + 1)
         slopes[:-1] = _by_lengths(by_near * terms.near.slopes, terms.places, terms.about)
         slopes[:-1] += _by_lengths(
@@ -549,41 +634,65 @@ class Whitened:
         return slopes
 
 
-def _error_factor(
-    seen: Values, unit: Values, penalty: Values, half: NDArray[np.bool_]
-) -> float:
-    """Return the factor of errors of the mean over the process's, `SMALLEST_FACTOR` or more.
+class DirectionScores(NamedTuple):
+    """Errors of a mean in q independent directions, judged by rows that it was not fitted to.
 
-    The mean of each half of the surfaces is judged by the rows of the other one: by the scores of
-    directions in which the means may err, whose variance is 1 and the `shares` of these errors.
+    If the errors of means are `factor` times those of the process, the expected value of `squares`
+    is 1 + factor^2 `shares`: the scatter of the rows, and the error of the mean.
     """
-    shares = []
-    squares = []
-    for inside in (half, ~half):
-        outside = ~inside
-        matrix = seen[outside].T @ seen[outside] + penalty
-        inverse = np.linalg.inv(np.linalg.cholesky(matrix))
-        mean = inverse.T @ (inverse @ (seen[outside].T @ unit[outside]))
-        share, directions = eigh(inverse @ (seen[inside].T @ seen[inside]) @ inverse.T)
-        errors = unit[inside] - seen[inside] @ mean
-        scores = directions.T @ (inverse @ (seen[inside].T @ errors))
-        telling = share > SMALLEST_SHARE
-        shares.append(share[telling])
-        squares.append(scores[telling] ** 2 / share[telling])
 
-    def minus(logarithm: float) -> float:
-        """Return minus the logarithm of the probability of a factor's square."""
-        variance = 1 + np.exp(logarithm) * np.concatenate(shares)
-        terms = np.log(variance) + np.concatenate(squares) / variance
+    shares: Values  # (q,), variance of the mean's error by the process, over the rows' scatter
+    squares: Values  # (q,), squared error over the variance of the rows' scatter
+
+
+def _direction_scores(equations: Equations, inside: NDArray[np.bool_]) -> DirectionScores:
+    """Judge the mean of the rows outside a half, `inside` (n,), by the rows of this half."""
+    outside = ~inside
+    functions = equations.whitened
+    matrix = functions[outside].T @ functions[outside] + equations.penalty
+    inverse = np.linalg.inv(np.linalg.cholesky(matrix))
+    right = functions[outside].T @ equations.targets[outside]
+    mean = inverse.T @ (inverse @ right)
+    information = functions[inside].T @ functions[inside]
+    shares, directions = eigh(inverse @ information @ inverse.T)
+    errors = equations.targets[inside] - functions[inside] @ mean
+    scores = directions.T @ (inverse @ (functions[inside].T @ errors))
+    # In other directions the scatter of the rows hides the error of the mean.
+    telling = shares > SMALLEST_SHARE
+    return DirectionScores(shares[telling], scores[telling] ** 2 / shares[telling])
+
+
+def _error_factor(equations: Equations, first_half: NDArray[np.bool_]) -> float:
+    """Return the factor of errors of the mean over those of the process.
+
+    Takes True for the rows of the first half of the surfaces, (n,). The mean of each half is judged
+    by the rows of the other half. The factor is the most probable one, and at least
+    `SMALLEST_FACTOR`.
+    """
+    halves = [_direction_scores(equations, half) for half in (first_half, ~first_half)]
+    shares = np.concatenate([half.shares for half in halves])
+    squares = np.concatenate([half.squares for half in halves])
+
+    def minus_logarithm(logarithm: float) -> float:
+        """Return minus the logarithm of the probability of a squared factor's logarithm."""
+        variance = 1 + np.exp(logarithm) * shares
+        terms = np.log(variance) + squares / variance
         return float(terms.sum() + (logarithm / DOUBT) ** 2) / 2
 
-    bounds = (2 * np.log(SMALLEST_FACTOR), 4.0)
-    logarithm = minimize_scalar(minus, bounds=bounds, method="bounded").x
-    return float(np.exp(logarithm / 2))
+    bounds = (2 * np.log(SMALLEST_FACTOR), LARGEST_LOGARITHM)
+    search = minimize_scalar(minus_logarithm, bounds=bounds, method="bounded")
+    return float(np.exp(search.x / 2))
 
 
-def _most_likely(rows: Whitened, centres: Values) -> Values:
-    """Return lengths and variance, (d + 1,), of the largest evidence, from several starts."""
+class LikelyScales(NamedTuple):
+    """Lengths and variance of the process with the largest evidence."""
+
+    lengths: Values  # (d,), over the deviation of each input
+    variance: float  # over the variance that the target has
+
+
+def _most_likely(rows: Whitened, centres: Values) -> LikelyScales:
+    """Search for lengths and variance from each of `STARTS`; return those of largest evidence."""
     features = centres.shape[1]
     limits = [*[LENGTHS] * features, VARIANCES]
     searches = []
@@ -599,28 +708,32 @@ def _most_likely(rows: Whitened, centres: Values) -> Values:
         )
         searches.append(search)
     likeliest = min(searches, key=lambda search: float(search.fun))
-    return np.asarray(np.exp(likeliest.x))
+    scales = np.exp(likeliest.x)
+    return LikelyScales(lengths=scales[:-1], variance=scales[-1])
 
 
 @dataclass(frozen=True)
 class LikelyCorrelation:
-    """A correlation with its most likely size, and how likely it is."""
+    """A correlation with its most likely size of the scatter, and how likely it is."""
 
-    minus_likelihood: float  # minus the logarithm of the likelihood
+    minus_likelihood: float  # minus the logarithm of the likelihood, up to a constant
     correlation: ScatterCorrelation
 
 
 def _most_likely_correlation(
     X: Values, scatter: Values, blocks: list[Indices]
 ) -> ScatterCorrelation:
-    """Return the most likely correlation of rows of a surface, by a scatter, (n,), of size 1."""
+    """Return the most likely correlation of the scatter of a surface's rows, with its size.
 
-    def minus(logarithms: Values) -> float:
-        return _sized(logarithms, X, scatter, blocks).minus_likelihood
+    `scatter`, (n,), is over its fitted size.
+    """
+
+    def minus_likelihood(settings: Values) -> float:
+        return _sized(settings, X, scatter, blocks).minus_likelihood
 
     search = minimize(
-        minus,
-        np.array([-2.0, 1.0, 0.0]),
+        minus_likelihood,
+        np.array(FIRST_CORRELATION),
         method="Nelder-Mead",
         options={"maxiter": 100, "xatol": 0.05},
     )
@@ -628,36 +741,40 @@ def _most_likely_correlation(
 
 
 def _sized(
-    logarithms: Values, X: Values, scatter: Values, blocks: list[Indices]
+    settings: Values, X: Values, scatter: Values, blocks: list[Indices]
 ) -> LikelyCorrelation:
-    """Return a correlation with the size that is most likely for a scatter, (n,).
+    """Return the correlation of three settings, with the most likely size of a scatter, (n,).
 
-    The three numbers are the share that is each row's alone (as a logit), the length (as a
-    logarithm) and the power (as a logit between 1 and 2).
+    The settings have no bounds: the share that is independent for each row (as a logit), the length
+    (as a logarithm) and the power (as a logit between 1 and 2).
     """
-    separate, length, power = logarithms
+    separate, length, power = settings
     correlation = ScatterCorrelation(
         separate=SMALLEST_SEPARATE + (1 - SMALLEST_SEPARATE) * float(expit(separate)),
         length=float(np.exp(length)),
         power=1 + float(expit(power)),
     )
     squares = 0.0
-    volume = 0.0
+    log_determinant = 0.0  # of the Cholesky factors of all surfaces
     for block, root in zip(blocks, correlation.roots(X, blocks), strict=True):
-        squares += np.square(np.linalg.solve(root, scatter[block][:, :, None])).sum()
-        volume += np.log(np.diagonal(root, axis1=1, axis2=2)).sum()
+        whitened = np.linalg.solve(root, scatter[block][:, :, None])
+        squares += np.square(whitened).sum()
+        log_determinant += np.log(np.diagonal(root, axis1=1, axis2=2)).sum()
     size = np.sqrt(max(squares / len(X), np.finfo(float).tiny))
-    likelihood = len(X) * np.log(size) + volume
-    return LikelyCorrelation(likelihood, correlation._replace(size=float(size)))
+    minus_likelihood = len(X) * np.log(size) + log_determinant
+    sized = correlation._replace(size=float(size))
+    return LikelyCorrelation(minus_likelihood, sized)
 
 
 def _blocks(surfaces: Indices) -> list[Indices]:
-    """Return the rows of surfaces in blocks, (b, k) for those of k rows.
+    """Return the positions of the rows of each surface, in arrays (b, k) of equally large surfaces.
 
-    Takes the number of the surface of each row, (n,), and cuts surfaces of more than `TOGETHER`.
+    Takes the number of the surface of each row, (n,). A surface of more than `TOGETHER` rows is cut
+    into several.
     """
     order = np.argsort(surfaces, kind="stable")
-    first = np.flatnonzero(np.diff(surfaces[order], prepend=surfaces[order[0]] - 1))
+    ordered = surfaces[order]
+    first = np.flatnonzero(np.diff(ordered, prepend=ordered[0] - 1))
     of_size: dict[int, list[Indices]] = {}
     for rows in np.split(order, first[1:]):
         for start in range(0, rows.size, TOGETHER):
@@ -667,16 +784,17 @@ def _blocks(surfaces: Indices) -> list[Indices]:
 
 
 def _plane(X: Values) -> Values:
-    """Return the functions of the plane, (n, 1 + d)."""
+    """Return the constant and the inputs, (n, 1 + d), times the prior deviation `PLANE`."""
     return PLANE * np.column_stack([np.ones(len(X)), X])
 
 
 def _near(places: Values, centres: Values) -> Kernel:
-    """Return the Matern function of two derivatives between places, (n, d), and centres, (m, d)."""
+    """Return the Matern function of order 5/2 between n places, (n, d), and m centres, (m, d)."""
     squares = -2.0 * (places @ centres.T)
     squares += np.einsum("ij,ij->i", places, places)[:, None]
     squares += np.einsum("ij,ij->i", centres, centres)
-    root = np.sqrt(5.0 * np.maximum(squares, 0.0, out=squares))
+    np.maximum(squares, 0.0, out=squares)  # rounding may leave them below 0
+    root = np.sqrt(5.0 * squares)
     falling = np.exp(-root)
     values = (1 + root + root**2 / 3) * falling
     slopes = -5 / 6 * (1 + root) * falling
@@ -684,14 +802,17 @@ def _near(places: Values, centres: Values) -> Kernel:
 
 
 def _among(centres: Values) -> Kernel:
-    """Return the Matern function among centres, (m, d), as a matrix that can be inverted."""
+    """Return the Matern function among m centres, (m, d), made invertible by `JITTER`."""
     kernel = _near(centres, centres)
     kernel.values[np.diag_indices_from(kernel.values)] += JITTER
     return kernel
 
 
 def _by_lengths(slopes: Values, places: Values, centres: Values) -> Values:
-    """Return slopes by logarithms of lengths, (d,), of those by squared distances, (n, m)."""
+    """Turn slopes by squared distances, (n, m), into slopes by logarithms of the lengths, (d,).
+
+    Places, (n, d), and centres, (m, d), are over the lengths.
+    """
     of_places = slopes.sum(axis=1) @ places**2
     of_centres = slopes.sum(axis=0) @ centres**2
     squares = of_places + of_centres
@@ -700,32 +821,33 @@ def _by_lengths(slopes: Values, places: Values, centres: Values) -> Values:
 
 
 def _terms(X: Values, degree: int) -> Values:
-    """Return the terms of a polynomial of a degree, (n, k), those of lower degrees first."""
+    """Return the k terms of a polynomial of the inputs, (n, k), in order of their degrees."""
     return np.asarray(PolynomialFeatures(degree).fit_transform(X))
 
 
 def _polynomial(
     X: Values, target: Values, weights: Values, degree: int, most_terms: float
 ) -> Values:
-    """Return a polynomial's coefficients by weighted least squares, (k,).
+    """Fit a polynomial by weighted least squares; return the coefficients of `_terms`, (k,).
 
-    If it would have more than `most_terms` terms, the polynomial is of a lower degree, and the
-    coefficients of further terms are 0.
+    If the polynomial would have more than `most_terms` terms, it is of a lower degree, but at least
+    linear. The coefficients of higher terms are then 0.
     """
     terms = _terms(X, degree)
+    inputs = X.shape[1]
     coefficients = np.zeros(terms.shape[1])
-    while degree > 1 and comb(X.shape[1] + degree, degree) > most_terms:
+    while degree > 1 and comb(inputs + degree, degree) > most_terms:
         degree -= 1
-    used = slice(comb(X.shape[1] + degree, degree))
-    weighted = terms[:, used] * weights[:, None]
-    matrix = weighted.T @ terms[:, used]
+    fitted = slice(comb(inputs + degree, degree))
+    weighted = terms[:, fitted] * weights[:, None]
+    matrix = weighted.T @ terms[:, fitted]
     matrix[np.diag_indices_from(matrix)] += RIDGE * weights.sum()
-    coefficients[used] = solve(matrix, weighted.T @ target, assume_a="pos")
+    coefficients[fitted] = solve(matrix, weighted.T @ target, assume_a="pos")
     return coefficients
 
 
 def _floored_logarithm(values: Values) -> Values:
-    """Return logarithms of values of 0 and more, of which small ones count as `FLOOR` medians."""
+    """Return logarithms of values, (n,), of 0 and more; none is below `FLOOR` times the median."""
     floor = FLOOR * float(np.median(values))
     smallest = max(floor, np.finfo(float).tiny)
     return np.asarray(np.log(np.maximum(values, smallest)))

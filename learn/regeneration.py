@@ -1,9 +1,9 @@
 """Hybrid features for the rows of a database, which stores no surfaces.
 
-Rows are pure functions of the scene, so each surface is generated again by the processes of the
-run, and its statistics must agree with those of its row. The features are kept in a file beside the
-database, `paper.h5` -> `paper.h5.pressed.npz`, together with the inputs that they belong to: only
-rows that are new or have changed are computed, and an interrupted run continues.
+Rows are pure functions of the scene. Each surface is therefore generated again, by the processes of
+the run, and its statistics must agree with those of its row. The features are kept in a file beside
+the database: `paper.h5.pressed.npz` beside `paper.h5`. The file also has the inputs of each row, so
+that later runs compute only rows that are new or have changed. An interrupted run is continued.
 """
 
 import hashlib
@@ -33,46 +33,50 @@ from learn.features.columns import BLOCKS, HYBRID, STATISTICS
 from learn.features.sets import SETS, FeatureSet
 from learn.features.surface import LOOSE, SurfaceFeatures
 
-VERSION = 4  # raised whenever `SurfaceFeatures.hybrid` changes its values
-
-BLOCK_ROWS = (
-    32  # rows that a process computes at a time, as far as whole surfaces allow it
-)
-SAVE_SECONDS = 20.0  # time between two writes of the file beside the database
-AGREEMENT = 1e-6  # largest relative difference of statistics between processors
+# Version of the features in files; it is raised whenever `SurfaceFeatures.hybrid` changes values.
+VERSION = 4
+# Number of rows that a process computes at a time, rounded down to whole surfaces.
+BLOCK_ROWS = 32
+# Time between two writes of the file beside the database [s].
+SAVE_SECONDS = 20.0
+# Largest relative difference of statistics between a row and its surface generated again, which may
+# be on another processor.
+AGREEMENT = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class CoarseSolves:
-    """What the coarse solves of n rows give, NaN for rows without one."""
+    """Results of the coarse solves of n rows."""
 
     delta: Values  # (n,), far-field displacement [um]
-    columns: Values  # (n, 18), columns of `HYBRID`
+    columns: Values  # (n, 18), columns of `HYBRID`; NaN for rows without a solve
 
 
 class Block(NamedTuple):
-    """Rows that one process computes."""
+    """Rows that one process computes at a time."""
 
     first: int  # number of the first row
-    end: int  # number of the row after the last one
-    deltas: tuple[float, ...]  # their Deltas, or what stands for them [um]
+    end: int  # number of the last row plus 1
+    # Delta of each row, or the length that replaces it under pressures (`by_pressure`) [um]
+    deltas: tuple[float, ...]
 
 
 class SharedSettings(NamedTuple):
-    """What the computation of all blocks of a database needs."""
+    """Settings of the computation of all blocks of a database."""
 
     scene: Scene
-    folder: Path  # of the database
-    blocks: int  # per side of the coarse solve
-    pressed: bool  # True at pressures
+    folder: Path  # folder of the database
+    blocks: int  # blocks per side of the coarse solve
+    pressed: bool  # True if features are by pressure, False if they are by Delta
 
 
 @dataclass(frozen=True, eq=False)
 class BlockFeatures:
-    """Features of the k rows of a block, and the inputs that they belong to."""
+    """Features of the k rows of a block, and the inputs from which they were computed."""
 
-    inputs: Values  # (k, 23 or 24), Delta, the 22 statistics and a drawn hardness
-    values: Values  # (k, 18 or 19), columns of `HYBRID` and, at pressures, the solve's Delta [um]
+    inputs: Values  # (k, 23 or 24), Delta, the 22 statistics and, if it is drawn, the hardness
+    # (k, 18 or 19), columns of `HYBRID` and, under pressures, the Delta of the solve [um]
+    values: Values
 
 
 def coarse_solves(
@@ -81,31 +85,34 @@ def coarse_solves(
     stopping: Callable[[], bool],
     features: FeatureSet = SETS["hybrid"],
 ) -> CoarseSolves:
-    """Return what the coarse solve gives for every row of a database.
+    """Return the results of the coarse solves of all rows of a database.
 
-    Writes the file beside the database, and progress on standard error.
+    Rows that the file beside the database lacks are computed, and added to the file. Shows progress
+    on standard error.
 
     Parameters
     ----------
     part : Stored
-        n rows of the database.
+        All n rows of the database.
     executor : Executor
         Processes that generate the surfaces.
     stopping : callable
-        Tells whether to stop; it is asked between blocks of rows.
+        Function that is called between blocks of rows. Once it returns True, no further block is
+        begun.
     features : FeatureSet
         The hybrid set, with the number of blocks and the load.
 
     Returns
     -------
     CoarseSolves
-        Deltas and columns of n rows. Columns are NaN for rows that are not finished, or were not
-        reached before the stop. At pressures Delta is the coarse solve's, otherwise the row's.
+        Deltas and columns of n rows. Columns are NaN for rows that are not done, and for rows that
+        were not computed before a stop. Under pressures Delta is that of the coarse solve,
+        otherwise that of the row.
 
     Raises
     ------
     InputError
-        If a surface that is generated again has other statistics than its row.
+        If a surface that is generated again has statistics that differ from those of its row.
     """
     blocks = features.blocks or BLOCKS
     cache = Cache.read(part, blocks, pressed=features.by_pressure)
@@ -113,30 +120,33 @@ def coarse_solves(
     if job.missing.any():
         scene = part.scene
         folder = part.path.parent
-        # Maps are prepared here before many processes ask for them at once.
+        # Maps are prepared once, before all processes of the run need them.
         scene.surface.make_ready(folder)
-        shared = SharedSettings(scene, folder, blocks, features.by_pressure)
+        shared = SharedSettings(
+            scene=scene, folder=folder, blocks=blocks, pressed=features.by_pressure
+        )
         job.run(executor, shared, stopping)
     columns = cache.values[:, : len(HYBRID)]
     if features.by_pressure:
-        return CoarseSolves(cache.values[:, -1], columns)
-    return CoarseSolves(cache.inputs[:, 0], columns)
+        return CoarseSolves(delta=cache.values[:, -1], columns=columns)
+    return CoarseSolves(delta=cache.inputs[:, 0], columns=columns)
 
 
 @dataclass(frozen=True, eq=False)
 class Cache:
-    """The content of the file beside a database, which is filled block by block.
+    """The features in the file beside a database, which are completed block by block.
 
     Parameters
     ----------
     path : Path
         The file.
     key : str
-        Fingerprint of all that the features depend on besides the inputs.
+        Fingerprint of the scene, the code and the settings on which features depend.
     inputs : ndarray, shape (n, 23 or 24)
-        Delta, the 22 statistics and a drawn hardness of all rows of the database.
+        Delta, the 22 statistics and, if it is drawn, the hardness of all rows of the database.
     values : ndarray, shape (n, 18 or 19)
-        Features of the rows, NaN where they are missing; changed in place.
+        Columns of `HYBRID` and, under pressures, the Delta of the solve; NaN if they are missing.
+        `Regeneration` writes into this array.
     """
 
     path: Path
@@ -146,21 +156,22 @@ class Cache:
 
     @classmethod
     def read(cls, part: Stored, blocks: int, *, pressed: bool) -> "Cache":
-        """Return the content for the rows of a database, with the features that the file has.
+        """Read the features that the file beside a database has for its rows.
 
         Parameters
         ----------
         part : Stored
-            n rows of the database.
+            All n rows of the database.
         blocks : int
             Blocks per side of the coarse solve.
         pressed : bool
-            True at pressures.
+            True for features by pressure.
 
         Returns
         -------
         Cache
-            The content; features are missing if there is no file, or a damaged one.
+            Features of n rows. They are NaN for rows whose inputs have changed, and for all rows if
+            there is no file, or a damaged one.
         """
         scene = part.scene
         suffix = ""
@@ -170,6 +181,7 @@ class Cache:
             suffix += "-by-pressure"
         path = part.path.with_name(f"{part.path.name}.pressed{suffix}.npz")
         columns = ",".join(HYBRID)
+        # Files of before have keys of this text: it must not change without need.
         text = f"{VERSION} {blocks} {LOOSE} {columns} {PHYSICS} {scene.fingerprint()}"
         if pressed:
             text += " by pressure"
@@ -177,11 +189,11 @@ class Cache:
         inputs = part.described
         if scene.contact.draws_hardness:
             inputs = np.column_stack([inputs, part.columns["hardness"]])
-        values = kept(path, key, inputs, len(HYBRID) + pressed)
-        return cls(path, key, inputs, values)
+        values = features_in(path, key, inputs, columns=_width(pressed=pressed))
+        return cls(path=path, key=key, inputs=inputs, values=values)
 
     def save(self) -> str:
-        """Write the file; return a warning if that is not possible, or ""."""
+        """Write the file; return "", or a warning if the file cannot be written."""
         try:
             with atomic(self.path, "arrays") as file:
                 np.savez(file, key=self.key, inputs=self.inputs, values=self.values)
@@ -190,45 +202,55 @@ class Cache:
         return ""
 
 
+def _width(*, pressed: bool) -> int:
+    """Return the number of features of a row: columns of `HYBRID` and, under pressures, a Delta."""
+    if pressed:
+        return len(HYBRID) + 1
+    return len(HYBRID)
+
+
 class Regeneration:
-    """Computes the features of a database's rows that a cache does not have.
+    """The computation of the features that a cache lacks.
 
     Parameters
     ----------
     part : Stored
-        n rows of the database.
+        All n rows of the database.
     cache : Cache
-        Their features, which are filled in.
+        Features of the rows, which are completed.
     """
 
     def __init__(self, part: Stored, cache: Cache) -> None:
         self.part = part
         self.cache = cache
-        self.first = int(part.rows[0])
+        self.first = int(part.rows[0])  # number of the first row
         usable = part.columns["status"] == Status.DONE
         usable &= np.isfinite(cache.inputs).all(axis=1)
-        # (n,), rows whose features have to be computed
-        self.missing: NDArray[np.bool_] = usable & ~np.isfinite(cache.values).all(axis=1)
-        self.saved = time.monotonic()
+        has_features = np.isfinite(cache.values).all(axis=1)
+        # (n,), True for rows whose features have to be computed
+        self.missing: NDArray[np.bool_] = usable & ~has_features
+        self.saved = time.monotonic()  # time of the last write of the file [s]
 
     def run(
         self, executor: Executor, shared: SharedSettings, stopping: Callable[[], bool]
     ) -> None:
-        """Compute the missing features, or those before a stop, and write the file.
+        """Compute the missing features until a stop, and write the file.
+
+        Shows progress on standard error.
 
         Parameters
         ----------
         executor : Executor
             Processes that generate the surfaces.
         shared : SharedSettings
-            What the computation of all blocks needs.
+            Settings of the computation.
         stopping : callable
-            Tells whether to stop; it is asked between blocks.
+            Function that is called between blocks. Once it returns True, no further block is begun.
 
         Raises
         ------
         InputError
-            If a surface that is generated again has other statistics than its row.
+            If a surface that is generated again has statistics that differ from those of its row.
         """
         blocks = self._blocks()
         rows = sum(block.end - block.first for block in blocks)
@@ -241,7 +263,7 @@ class Regeneration:
 
             def keep(block: Block, features: BlockFeatures) -> None:
                 self._keep(block, features)
-                progress.advance(block.end - block.first)
+                progress.advance(rows=block.end - block.first)
                 if time.monotonic() > self.saved + SAVE_SECONDS:
                     self.saved = time.monotonic()
                     self.cache.save()
@@ -254,28 +276,39 @@ class Regeneration:
                     progress.say(warning)
 
     def _blocks(self) -> list[Block]:
-        """Divide the rows with missing features into runs of whole surfaces."""
+        """Divide the rows with missing features into blocks, without dividing a surface.
+
+        A block begins and ends with a missing row; it may have complete rows in between.
+        """
         per_surface = self.part.scene.samples_per_surface
         length = max(1, BLOCK_ROWS // per_surface) * per_surface
-        places = np.flatnonzero(self.missing)
-        numbers = (self.first + places) // length
+        positions = np.flatnonzero(self.missing)
+        numbers = (self.first + positions) // length
         blocks = []
         for number in np.unique(numbers):
-            inside = places[numbers == number]
+            inside = positions[numbers == number]
             first = int(inside[0])
             end = int(inside[-1]) + 1
             deltas = tuple(self.cache.inputs[first:end, 0].tolist())
-            blocks.append(Block(self.first + first, self.first + end, deltas))
+            blocks.append(
+                Block(first=self.first + first, end=self.first + end, deltas=deltas)
+            )
         return blocks
 
     def _keep(self, block: Block, features: BlockFeatures) -> None:
-        """Fill in the features of a block; refuse surfaces that do not agree with their rows."""
+        """Write the missing features of a block into the cache.
+
+        Raises InputError if a surface does not agree with its row.
+        """
         inside = slice(block.first - self.first, block.end - self.first)
         missing = self.missing[inside]
-        same = np.isclose(
-            self.cache.inputs[inside], features.inputs, AGREEMENT, AGREEMENT * 1e-3
+        agrees = np.isclose(
+            self.cache.inputs[inside],
+            features.inputs,
+            rtol=AGREEMENT,
+            atol=AGREEMENT * 1e-3,
         ).all(axis=1)
-        wrong = missing & ~same
+        wrong = missing & ~agrees
         if wrong.any():
             raise InputError(
                 f"{self.part.path}: row {block.first + np.argmax(wrong)}, generated anew from its"
@@ -285,22 +318,23 @@ class Regeneration:
 
 
 def compute_block(shared: SharedSettings, block: Block) -> BlockFeatures:
-    """Compute the features of a block's rows, on any process.
+    """Compute the features of the rows of a block, on any process.
 
-    Displacements are the plan's where the scene gives them, otherwise those of the database: its
-    solver computed them from pressures or forces.
+    If the scene draws displacements, these are drawn again. Otherwise they are those of the block,
+    which the solver of the database computed from pressures or forces.
 
     Parameters
     ----------
     shared : SharedSettings
-        The scene, and what features are wanted.
+        Settings of the computation.
     block : Block
         k rows.
 
     Returns
     -------
     BlockFeatures
-        Inputs and features, NaN where a surface or a coarse solve is undefined.
+        Inputs and features. They are NaN if the surface cannot be generated; features are also NaN
+        if a statistic is undefined or the coarse solve fails.
 
     Raises
     ------
@@ -308,47 +342,59 @@ def compute_block(shared: SharedSettings, block: Block) -> BlockFeatures:
         If a file that surfaces are made of cannot be used.
     """
     scene = shared.scene
+    contact = scene.contact
     scene.surface.make_ready(shared.folder, verify=False)
     plan = parameters(scene, block.first, block.end)
     deltas = np.array(block.deltas)
     if scene.quantity == "delta" and not shared.pressed:
         deltas = plan.load
     rows = block.end - block.first
-    width = 1 + len(STATISTICS) + scene.contact.draws_hardness
-    inputs = np.full((rows, width), np.nan)
-    values = np.full((rows, len(HYBRID) + shared.pressed), np.nan)
+    input_columns = 1 + len(STATISTICS)
+    if contact.draws_hardness:
+        input_columns += 1
+    inputs = np.full((rows, input_columns), np.nan)
+    values = np.full((rows, _width(pressed=shared.pressed)), np.nan)
     inputs[:, 0] = deltas
-    if scene.contact.draws_hardness:
+    if contact.draws_hardness:
         inputs[:, -1] = plan.hardness
     surface: SurfaceFeatures | None = None
     for row in range(rows):
-        if row == 0 or plan.surface[row] != plan.surface[row - 1]:
+        is_first_of_surface = row == 0 or plan.surface[row] != plan.surface[row - 1]
+        if is_first_of_surface:
             surface = _surface(scene, plan, row, f"row {block.first + row}")
-        if surface is None:  # failed rows of the database have no inputs either
+        if surface is None:  # the row failed in the database, too, and is not used
             continue
         inputs[row, 1 : 1 + len(STATISTICS)] = _statistics(surface)
         hardness = plan.hardness_of(row)
-        ratio = None if hardness is None else hardness / scene.contact.e_star
+        ratio: float | None = None
+        if hardness is not None:
+            ratio = hardness / contact.e_star
         values[row] = _values(surface, float(deltas[row]), ratio, shared)
-    return BlockFeatures(inputs, values)
+    return BlockFeatures(inputs=inputs, values=values)
 
 
 def _surface(scene: Scene, plan: Plan, row: int, name: str) -> SurfaceFeatures | None:
-    """Make the surface of a row of a plan; None if its numbers cannot be computed."""
+    """Generate the surface of a row of a plan; return None if its heights cannot be computed.
+
+    `name` is the name of the surface in messages. A file that cannot be used raises SourceError.
+    """
     try:
         heights = surface_of(scene, plan, row)
-    except SourceError:
+    except SourceError:  # an InputError that concerns all rows
         raise
     except (ArithmeticError, InputError):
         return None
-    grid = scene.grid
     return SurfaceFeatures(
-        heights, grid.sides, grid.spacing, name, scene.contact.boundary
+        heights=heights,
+        sides=scene.grid.sides,
+        spacing=scene.grid.spacing,
+        name=name,
+        boundary=scene.contact.boundary,
     )
 
 
 def _statistics(surface: SurfaceFeatures) -> Values:
-    """Return the statistics of a surface, (22,), NaN if they cannot be computed."""
+    """Return the statistics of a surface, (22,), all NaN if they cannot be computed."""
     try:
         return np.array(list(surface.description.values.values()))
     except (ArithmeticError, InputError):
@@ -358,11 +404,13 @@ def _statistics(surface: SurfaceFeatures) -> Values:
 def _values(
     surface: SurfaceFeatures, load: float, ratio: float | None, shared: SharedSettings
 ) -> Values:
-    """Return the features of a surface under a load [um], (18,), NaN where they are undefined.
+    """Return the columns of `HYBRID` for a surface and, under pressures, the Delta of the solve.
 
-    At pressures, for which `by_pressure` stands, the coarse solve's Delta is a further one.
+    They are (18,) or (19,), and NaN if a statistic is undefined or the coarse solve fails. The load
+    is Delta or, under pressures, the length of `by_pressure` [um]; `ratio` is the hardness over E*,
+    None for elastic bodies.
     """
-    values = np.full(len(HYBRID) + shared.pressed, np.nan)
+    values = np.full(_width(pressed=shared.pressed), np.nan)
     delta = load
     try:
         if load > 0 and not surface.description.reason:
@@ -375,15 +423,17 @@ def _values(
     return values
 
 
-def kept(path: Path, key: str, inputs: Values, columns: int = len(HYBRID)) -> Values:
-    """Read the features that a file has for rows whose inputs have not changed.
+def features_in(
+    path: Path, key: str, inputs: Values, columns: int = len(HYBRID)
+) -> Values:
+    """Read the features of a file for the rows whose inputs have not changed.
 
     Parameters
     ----------
     path : Path
         The file beside a database, which may be missing or damaged.
     key : str
-        Fingerprint that the file has to have.
+        Fingerprint of the features. The features of a file with a different one are not used.
     inputs : ndarray, shape (n, d)
         Inputs of the rows.
     columns : int
@@ -392,12 +442,12 @@ def kept(path: Path, key: str, inputs: Values, columns: int = len(HYBRID)) -> Va
     Returns
     -------
     ndarray, shape (n, m)
-        Features, NaN for rows that the file does not have.
+        Features, NaN for rows without features in the file.
     """
     values = np.full((len(inputs), columns), np.nan)
     try:
         content = require_file(path).read_bytes()
-        # From bytes, because numpy leaves a broken file open.
+        # Load from bytes, because numpy does not close a damaged file.
         with np.load(BytesIO(content), allow_pickle=False) as file:
             key_of_file = str(file["key"])
             old_inputs = file["inputs"]
@@ -413,6 +463,6 @@ def kept(path: Path, key: str, inputs: Values, columns: int = len(HYBRID)) -> Va
     if {old_inputs.dtype, old_values.dtype} != {np.dtype(np.float64)}:
         return values
     rows = min(len(old_inputs), len(values))
-    same = (old_inputs[:rows] == inputs[:rows]).all(axis=1)
-    values[:rows][same] = old_values[:rows][same]
+    unchanged = (old_inputs[:rows] == inputs[:rows]).all(axis=1)
+    values[:rows][unchanged] = old_values[:rows][unchanged]
     return values

@@ -1,10 +1,13 @@
-"""Which rows belong together, and how they are split, the same for all models.
+"""Groups of rows that belong together, and the split of rows for training and for tests.
 
-Rows of one surface are never on both sides of a split, whichever databases they are in, so that no
-model is tested on a surface that it has seen. Three kinds of surfaces count as one: surfaces with
-the same statistics; surfaces of one number and one seed, whatever their grid and generator, because
-they are made of the same random numbers; and windows of one tile of a map, which can share nodes.
-Where two databases cut a map into different tiles, all windows of that map belong together.
+All models of a comparison are trained and tested on one split. It never divides a group of rows, so
+that no model is tested on a surface that it has seen. Rows are in one group if
+
+- their surfaces have equal statistics, because these are one surface;
+- their surfaces have one number and one seed, because these are made of the same random numbers,
+  whatever their grid and generator;
+- their surfaces are windows of one tile of a map, because these can share nodes. If two databases
+  cut a map into different tiles, all windows of this map are one group.
 """
 
 from collections.abc import Sequence
@@ -20,26 +23,34 @@ from gen.runtime.errors import InputError
 from gen.scene import Scene
 from learn.database_rows import Dataset, Stored
 
-MAP = "map"  # column of the map that a surface was cut out of
-TILE = "tile"  # column of the tile of that map
-# digits of a file's hash in the labels of maps, so that maps of one name differ
+# Column of databases of windows: number of the map from which a surface was cut.
+MAP = "map"
+# Column of databases of windows: number of the tile of the map from which a surface was cut.
+TILE = "tile"
+# Number of digits of a file's hash in the labels of maps, which tell maps of equal names apart.
 DIGITS = 8
-Folds = NDArray[np.int8]  # fold of each training row
-DRAWS = 20  # largest number of draws of a split, where a target is constant in a part
-FOLDS = 5  # folds of the cross-validation, the paper's number
-TILES = 4  # tiles that a surrogate needs: to train, validate, calibrate and test
-TEST_SHARE = 0.2  # share of the rows that test, the paper's number
+# Type of the number of the fold of each training row.
+Folds = NDArray[np.int8]
+# Largest number of draws of a split. A draw is repeated if a target is constant in a part.
+DRAWS = 20
+# Number of folds of the cross-validation, as in the paper.
+FOLDS = 5
+# Number of tiles that a surrogate needs: one each to train, validate, calibrate and test.
+TILES = 4
+# Share of the rows that test, as in the paper.
+TEST_SHARE = 0.2
 
 
 @dataclass(frozen=True, eq=False)
 class Split:
     """Positions of training and test rows in a dataset."""
 
-    train: Indices  # (m,), in random order
-    test: Indices  # (k,)
-    folds: Folds  # (m,), 0 to `FOLDS` - 1
+    train: Indices  # (m,), positions in random order
+    test: Indices  # (k,), positions
+    folds: Folds  # (m,), fold of each training row, 0 to `FOLDS` - 1
     seed: int  # of the draw
-    by_surface: bool  # False if all rows share one surface; never for tiles
+    # False if all rows are of one surface, so that rows are split one by one
+    by_surface: bool
 
 
 def draw(
@@ -50,11 +61,11 @@ def draw(
     further_targets: Sequence[Dataset] = (),
     tiles: int = 2,
 ) -> Split:
-    """Split a dataset 80:20, and the training rows into folds, for all targets of the same rows.
+    """Draw a split of a dataset: a fifth of the rows to test, the others to train, in folds.
 
-    A target that few rows have, as the yielded share where most bodies are elastic, may be constant
-    in a part. The draw is then repeated, `DRAWS` times at most. With groups of one row, the test
-    set has exactly a fifth of the rows, rounded down: 3,175 of 15,878.
+    No group of rows is divided. If each group is one row, exactly a fifth of the rows, rounded
+    down, are test rows. A target may be constant in a part: most bodies are elastic, for example,
+    and have no yielded share. The draw is then repeated, `DRAWS` times at most.
 
     Parameters
     ----------
@@ -63,16 +74,16 @@ def draw(
     seed : int
         Seed of the draw.
     train_rows : int, optional
-        Largest number of training rows, which are the first of the draw; all if left out.
+        Largest number of training rows; further ones are left out. All are kept by default.
     further_targets : sequence of Dataset
-        The same rows with further targets.
+        Datasets of equal rows with further targets, which have to vary, too.
     tiles : int
-        Number of tiles of maps that the rows have to lie in, if they are windows of maps.
+        Smallest number of tiles of maps, if the rows are windows of maps.
 
     Returns
     -------
     Split
-        Training and test rows, in which every target varies.
+        Training and test rows, in both of which every target varies.
 
     Raises
     ------
@@ -106,32 +117,41 @@ def draw(
 
 
 def _shuffled(groups: Indices, random: np.random.Generator) -> Indices:
-    """Return positions of all rows, (n,), group by group, with the groups in random order."""
+    """Return the positions of all rows, (n,), group by group, with the groups in random order.
+
+    Takes the number of the group of each row, (n,), and moves the state of the generator.
+    """
     values, place = np.unique(groups, return_inverse=True)
     ranks = np.argsort(random.permutation(values.size))
     return np.argsort(ranks[place], kind="stable")
 
 
 def _test_size(groups: Indices) -> int:
-    """Return how many of the first rows test, of rows that are sorted by group.
+    """Return how many of the first rows are test rows.
 
-    They are whole groups, a fifth of the rows at most, but one group at least.
+    Takes the number of the group of each row, (n,), sorted into groups. The test rows are whole
+    groups: at most a fifth of the rows, but at least one group.
     """
     ends = np.flatnonzero(np.diff(groups, append=-1)) + 1
     limit = int(TEST_SHARE * groups.size)
-    inside = int(np.searchsorted(ends, limit, side="right"))
-    last = max(inside - 1, 0)
+    groups_within = int(np.searchsorted(ends, limit, side="right"))
+    last = max(groups_within - 1, 0)
     return int(ends[last])
 
 
 def _constant_part(datasets: Sequence[Dataset], train: Indices, test: Indices) -> str:
-    """Say which target does not vary over the training or the test rows; "" if all do."""
+    """Return a message on the first target that is constant over a part; "" if all targets vary.
+
+    Takes a dataset for each target, and the positions of their training and test rows.
+    """
     for dataset in datasets:
+        kind = "surfaces"
+        if dataset.by_tile:
+            kind = "tiles"
         for name, part in (("training", train), ("test", test)):
             if part.size >= 2 and np.ptp(dataset.target[part]) > 0:
                 continue
             groups = np.unique(dataset.groups).size
-            kind = "tiles" if dataset.by_tile else "surfaces"
             return (
                 f"{dataset.name}: {dataset.target_name} does not vary over the {part.size} {name}"
                 f" rows drawn from {groups} {kind}: more are needed"
@@ -140,28 +160,32 @@ def _constant_part(datasets: Sequence[Dataset], train: Indices, test: Indices) -
 
 
 def _folds(groups: Indices) -> Folds:
-    """Return folds of about the same size that share no group, of rows sorted by group, (m,)."""
+    """Return the fold of each row, (m,); folds are of about equal size and share no group.
+
+    Takes the number of the group of each row, (m,), sorted into groups.
+    """
     starts = np.flatnonzero(np.diff(groups, prepend=-1))
     sizes = np.diff(starts, append=groups.size)
+    # The middle of a group among all rows decides its fold.
     middles = starts + sizes / 2
     folds = np.minimum(FOLDS * middles / groups.size, FOLDS - 1)
     return folds.astype(np.int8).repeat(sizes)
 
 
 def require_tiles(dataset: Dataset, required: int = TILES) -> None:
-    """Refuse windows of maps that lie in fewer tiles than a split needs.
+    """Refuse windows of maps if they are from fewer tiles than a split needs.
 
     Parameters
     ----------
     dataset : Dataset
-        The rows; those that are no windows of maps are never refused.
+        The rows. Rows that are not windows of maps are accepted.
     required : int
         Number of tiles that the split needs.
 
     Raises
     ------
     InputError
-        If the windows lie in fewer tiles.
+        If the windows are from fewer tiles.
     """
     tiles = np.unique(dataset.groups).size
     if dataset.by_tile and tiles < required:
@@ -173,19 +197,19 @@ def require_tiles(dataset: Dataset, required: int = TILES) -> None:
 
 
 def check_folds(dataset: Dataset, split: Split) -> None:
-    """Refuse a split of whose folds one has fewer than two rows, or a target that is constant.
+    """Refuse a split with which a search cannot cross-validate.
 
     Parameters
     ----------
     dataset : Dataset
-        The rows.
+        The rows with one target.
     split : Split
         Their split.
 
     Raises
     ------
     InputError
-        If a fold cannot be used for a search.
+        If a fold has fewer than two rows, or the target is constant over a fold.
     """
     sizes = np.bincount(split.folds, minlength=FOLDS)
     if sizes.min() < 2:
@@ -194,7 +218,8 @@ def check_folds(dataset: Dataset, split: Split) -> None:
             f" needs {FOLDS} folds of 2 rows at least, of different surfaces or tiles"
         )
     for fold in range(FOLDS):
-        target = dataset.target[split.train[split.folds == fold]]
+        rows = split.train[split.folds == fold]
+        target = dataset.target[rows]
         if np.ptp(target) == 0:
             raise InputError(
                 f"{dataset.name}: {dataset.target_name} is {target[0]:g} in all"
@@ -203,28 +228,29 @@ def check_folds(dataset: Dataset, split: Split) -> None:
 
 
 def dealt(labels: Indices, parts: int, random: np.random.Generator) -> Indices:
-    """Deal groups of rows at random into parts of about the same number of groups.
+    """Deal groups of rows at random into parts of about equal numbers of groups.
 
     Parameters
     ----------
     labels : ndarray, shape (n,)
-        Group of each row.
+        Group of each row, any numbers.
     parts : int
         Number of parts.
     random : Generator
-        Source of random numbers, whose state moves on.
+        Source of random numbers, whose state moves.
 
     Returns
     -------
     ndarray, shape (n,)
-        Part of each row, from 0 on.
+        Number of the part of each row, 0 to `parts` - 1.
     """
-    values, place = np.unique(labels, return_inverse=True)
-    return np.asarray(random.permutation(values.size)[place] % parts)
+    groups, group_of_row = np.unique(labels, return_inverse=True)
+    places = random.permutation(groups.size)
+    return np.asarray(places[group_of_row] % parts)
 
 
 def populations_of(part: Stored) -> list[str]:
-    """Return the population that the surface of each row is from.
+    """Return the name of the population from which the surface of each row comes.
 
     Parameters
     ----------
@@ -234,32 +260,36 @@ def populations_of(part: Stored) -> list[str]:
     Returns
     -------
     list of str
-        For each row the name of its map with the beginning of the file's hash, or the path of the
-        database if its surfaces are from no map.
+        n names. The name of a window is that of its map, with the first digits of the file's hash;
+        the name of any other surface is the path of the database.
     """
     surface = part.scene.surface
     if MAP not in part.columns or not isinstance(surface, ScanSurface):
         return [str(part.path)] * part.rows.size
-    maps = [
+    names = [
         f"{Path(recorded.file).name} {recorded.sha256[:DIGITS]}"
         for recorded in surface.recorded_maps().maps
     ]
-    return [maps[number] for number in part.columns[MAP]]
+    return [names[number] for number in part.columns[MAP]]
 
 
 @dataclass(frozen=True, eq=False)
 class Grouping:
-    """Groups of the rows of a database, beside those of the same statistics."""
+    """Groups of the rows of a database by seed, tile or map.
 
-    kind: tuple[str, object]  # groups of databases are the same if kind and number agree
-    numbers: Indices  # (n,), group of each row
+    Rows of two databases are in one group if both `kind` and number are equal.
+    """
+
+    kind: tuple[str, object]  # ("seed", seed), ("tiles", tiling) or ("maps", None)
+    numbers: Indices  # (n,), number of the group of each row
 
 
 def surface_groups(parts: Sequence[Stored]) -> Indices:
-    """Number the groups of rows that every split keeps together.
+    """Number the groups of rows that no split divides; see the head of this module.
 
-    Rows of one surface have its 22 statistics in common, bit for bit. The column `surface` does not
-    tell, where all surfaces are read from one file.
+    Rows of one surface are recognised by their 22 statistics, which are equal to the last bit. The
+    column `surface` would not do: it has different numbers for surfaces that are read from one
+    file.
 
     Parameters
     ----------
@@ -269,18 +299,19 @@ def surface_groups(parts: Sequence[Stored]) -> Indices:
     Returns
     -------
     ndarray, shape (n,)
-        Group of each row, database by database.
+        Number of the group of each row, database by database.
 
     Raises
     ------
     InputError
-        If two databases cut the same maps into different tiles, and have a second rough body.
+        If two databases cut one map into different tiles, and one of them has a second rough body.
     """
     statistics = np.concatenate([part.described[:, 1:] for part in parts])
-    # NaN differs from itself. Minus infinity stands for it, which no statistic is.
-    defined = np.where(np.isnan(statistics), -np.inf, statistics)
-    surfaces = np.unique(defined, axis=0, return_inverse=True)[1].ravel()
+    # NaN is not equal to NaN. No statistic is minus infinity, which replaces it.
+    comparable = np.where(np.isnan(statistics), -np.inf, statistics)
+    surfaces = np.unique(comparable, axis=0, return_inverse=True)[1].ravel()
     if len(parts) == 1 and TILE not in parts[0].columns:
+        # Rows of one seed and number have equal statistics.
         return np.asarray(surfaces, dtype=np.int64)
     numbers_of_kinds: dict[object, int] = {}
     pairs = []
@@ -289,46 +320,55 @@ def surface_groups(parts: Sequence[Stored]) -> Indices:
         kind = numbers_of_kinds.setdefault(grouping.kind, len(numbers_of_kinds))
         kinds = np.full(grouping.numbers.size, kind)
         pairs.append(np.column_stack([kinds, grouping.numbers]))
-    labels = np.unique(np.concatenate(pairs), axis=0, return_inverse=True)[1].ravel()
+    joint = np.concatenate(pairs)
+    labels = np.unique(joint, axis=0, return_inverse=True)[1].ravel()
     return _linked(surfaces, labels)
 
 
 def _grouping(part: Stored, parts: Sequence[Stored]) -> Grouping:
-    """Return the groups of a database among all databases.
+    """Return the groups of the rows of one database, `part`, among all databases, `parts`.
 
-    Rows belong together if the same random numbers made their surfaces. Windows of maps do if they
-    are of one tile, or of one map where another database has different tiles of these maps.
+    Generated surfaces are grouped by seed and number. Windows are grouped by tile, or by map if
+    another database cuts one of the maps into different tiles.
     """
     scene = part.scene
     surface = scene.surface
     if TILE not in part.columns or not isinstance(surface, ScanSurface):
         numbers = part.rows // scene.samples_per_surface
-        return Grouping(("seed", scene.seed), numbers)
+        return Grouping(kind=("seed", scene.seed), numbers=numbers)
     hashes = _hashes(scene)
+    # Further databases with windows of one of these maps.
     sharing = [
-        other for other in parts if other is not part and hashes & _hashes(other.scene)
+        database
+        for database in parts
+        if database is not part and hashes & _hashes(database.scene)
     ]
     tiling = _tiling(scene)
-    if all(_tiling(other.scene) == tiling for other in sharing):
-        return Grouping(("tiles", tiling), part.columns[TILE])
-    if any(other.scene.surface.against is not None for other in (part, *sharing)):
+    if all(_tiling(database.scene) == tiling for database in sharing):
+        return Grouping(kind=("tiles", tiling), numbers=part.columns[TILE])
+    # A window of two bodies is from two maps, and would be in the groups of both.
+    if any(database.scene.surface.against is not None for database in (part, *sharing)):
         raise InputError(
             f"{part.path}: has windows of maps of {sharing[0].path} in other tiles, and a second"
             " rough body: no split of both would keep their nodes apart"
         )
     maps = surface.recorded_maps().maps
+    # 15 hexadecimal digits of the hash fit into 64 bits.
     numbers_of_maps = np.array([int(recorded.sha256[:15], 16) for recorded in maps])
-    return Grouping(("maps", None), numbers_of_maps[part.columns[MAP]])
+    return Grouping(kind=("maps", None), numbers=numbers_of_maps[part.columns[MAP]])
 
 
 def _tiling(scene: Scene) -> str:
-    """Return the table of surfaces of a scene, which decides the tiles of its maps, as a text."""
+    """Return as a text the keys of a scene's table of surfaces that decide the tiles of its maps.
+
+    Scenes with equal texts cut their maps into equal tiles.
+    """
     content = scene.surface.model_dump(exclude_none=True)
     return str(sorted(scene.surface.relevant(content).items()))
 
 
 def _hashes(scene: Scene) -> set[str]:
-    """Return the hashes of a scene's maps, with those of its second bodies."""
+    """Return the hashes of all maps of a scene, of both bodies; empty for generated surfaces."""
     surface = scene.surface
     if not isinstance(surface, ScanSurface):
         return set()
@@ -339,9 +379,10 @@ def _hashes(scene: Scene) -> set[str]:
 
 
 def _linked(first: Indices, second: Indices) -> Indices:
-    """Number the groups, (n,), of rows that share one of two labels, directly or by other rows.
+    """Join rows that have equal first or equal second labels; return the group of each row, (n,).
 
-    Groups are numbered in the order of their first rows. Both labels, (n,), are numbers from 0 on.
+    Rows are also joined if a chain of such pairs connects them. Both labels, (n,), are numbers of 0
+    and more. Groups are numbered in the order of their first rows.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -352,5 +393,6 @@ def _linked(first: Indices, second: Indices) -> Indices:
     edges = (first, second + shift)
     graph = coo_array((np.ones(first.size), edges), shape=(size, size))
     component = connected_components(graph, directed=False)[1][first]
-    _, start, place = np.unique(component, return_index=True, return_inverse=True)
-    return np.asarray(np.argsort(np.argsort(start))[place.ravel()], dtype=np.int64)
+    _, first_row, place = np.unique(component, return_index=True, return_inverse=True)
+    ranks = np.argsort(np.argsort(first_row))
+    return np.asarray(ranks[place.ravel()], dtype=np.int64)

@@ -127,5 +127,5 @@ def database_of(folder: Path, text: str, name: str = "rows", *options: str) -> P
 
 def raise_physics(monkeypatch):
     """Have a version of the code that computes other results."""
-    for module in (database.creation, database.opening):
+    for module in (database.creation, database.layout, database.opening):
         monkeypatch.setattr(module, "PHYSICS", PHYSICS + 1)

@@ -67,7 +67,10 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
         ("* self.spacing[0] / length", "* self.spacing[1] / length"),
     ),
     "bem/active_set.py": (
-        ("met = largest <= self.tolerance", "met = largest <= 100 * self.tolerance"),
+        (
+            "met = progress.largest <= iterate.tolerance",
+            "met = progress.largest <= 100 * iterate.tolerance",
+        ),
     ),
     "bem/analytic/persson.py": (
         ("shape = gamma + 3 * (1 - gamma)", "shape = gamma + 2 * (1 - gamma)"),

@@ -1,5 +1,7 @@
 """The command `asperity serve`."""
 
+from __future__ import annotations
+
 import asyncio
 import os
 import signal
@@ -17,9 +19,14 @@ from gen.runtime.terminal import echo
 if TYPE_CHECKING:
     from aiohttp import web
 
-PATIENCE = (
-    5.0  # seconds that clients get to take their last answers after a second Ctrl-C
-)
+    from asperity.serving.models import Model
+
+PATIENCE = 5.0
+"""Time after a second Ctrl-C in which clients can still take their answers [s]; then the process
+ends."""
+
+ALL_ADDRESSES = {"0.0.0.0", "::"}
+"""Values of --host with which the server listens on every address of the machine."""
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
@@ -36,12 +43,27 @@ Host = Annotated[
 ]
 Processes = Annotated[
     int | None,
-    typer.Option(min=1, max=1024, help="Questions answered at once; all cores if none."),
+    typer.Option(
+        min=1, max=1024, help="Questions answered at once; one for each core if left out."
+    ),
 ]
 
 
 def main(arguments: Sequence[str], name: str) -> int:
-    """Run the command line and return its exit code."""
+    """Run a command line of `asperity serve`.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        Words after the program's name.
+    name : str
+        Name of the program in messages.
+
+    Returns
+    -------
+    int
+        Exit code.
+    """
     return command_line.main(app, arguments, name, single_process=True)
 
 
@@ -61,10 +83,8 @@ def serve(
     force and Delta; the model of a surrogate predicts its targets. Clients may send `surface`,
     `seed`, `nodes` and `stiffness`.
     """
-    from aiohttp import web
-
     from asperity.serving.models import model_of
-    from asperity.serving.protocol import SLOW, Server
+    from asperity.serving.protocol import Server
     from asperity.serving.workers import Workers
     from bem.threads import cores
 
@@ -77,40 +97,10 @@ def serve(
     if len(set(names)) < len(names):
         raise InputError(f"{', '.join(names)}: models of one name; rename a file")
     workers = Workers(sources, processes or cores())
-
-    def tell(*_: object) -> None:
-        echo(f"serving {', '.join(names)} at http://{host}:{port} until Ctrl-C")
-        for model in models:
-            if model.remark:
-                echo(f"{model.name}: {model.remark}")
-
+    server = Server(models, workers, _own_names(host))
     ctrl_c = _CtrlC(workers.close)
-
-    async def stop(_: web.Application) -> None:
-        echo(
-            "stopping: questions under way are answered first; Ctrl-C again ends at once"
-        )
-
-    everywhere = host in {
-        "0.0.0.0",
-        "::",
-    }  # whoever lets others in knows better how they call us
-    own = () if everywhere else ("localhost", host.lower(), socket.gethostname().lower())
-    served = Server(models, workers, own).app()
-    served.on_startup.append(ctrl_c.listen)
-    served.on_shutdown.append(stop)
     try:
-        web.run_app(
-            served,
-            host=host,
-            port=port,
-            print=tell,
-            access_log=None,
-            handler_cancellation=True,  # of clients that are gone
-            keepalive_timeout=SLOW,
-            lingering_time=1.0,  # for the rest of a question that was refused
-            auto_decompress=False,  # a small question could become a large one
-        )
+        _run_server(server.app(), models, ctrl_c, host, port)
     except OSError as error:
         raise InputError(f"http://{host}:{port}: {error.strerror or error}") from None
     finally:
@@ -119,21 +109,71 @@ def serve(
         raise typer.Exit(128 + signal.SIGINT)
 
 
-class _CtrlC:
-    """Handling of Ctrl-C: the first lets the server shut down, the second ends its workers.
+def _own_names(host: str) -> tuple[str, ...]:
+    """Return the names under which clients reach a server that listens on an address.
 
-    Their questions are then answered with an error, so that the shutdown has nothing to wait for.
+    There are none if it listens on all addresses: who lets other machines in knows their names for
+    this one, and the server does not check them.
+    """
+    if host in ALL_ADDRESSES:
+        return ()
+    return ("localhost", host.lower(), socket.gethostname().lower())
+
+
+def _run_server(
+    app: web.Application, models: Sequence[Model], ctrl_c: _CtrlC, host: str, port: int
+) -> None:
+    """Serve until Ctrl-C; print the models when the server listens. Raises OSError if it cannot."""
+    from aiohttp import web
+
+    from asperity.serving.protocol import SLOW
+
+    def print_models(*_: object) -> None:
+        """Print names and address; aiohttp calls this with a text of its own."""
+        names = ", ".join(model.name for model in models)
+        echo(f"serving {names} at http://{host}:{port} until Ctrl-C")
+        for model in models:
+            if model.remark:
+                echo(f"{model.name}: {model.remark}")
+
+    async def print_stop(_: web.Application) -> None:
+        """Print that the server is stopping."""
+        echo(
+            "stopping: questions under way are answered first; Ctrl-C again ends at once"
+        )
+
+    app.on_startup.append(ctrl_c.listen)
+    app.on_shutdown.append(print_stop)
+    web.run_app(
+        app,
+        host=host,
+        port=port,
+        print=print_models,
+        access_log=None,
+        handler_cancellation=True,  # ends the questions of clients that are gone
+        keepalive_timeout=SLOW,
+        lingering_time=1.0,  # to read the end of a question that was refused [s]
+        auto_decompress=False,  # a small question could become a large one
+    )
+
+
+class _CtrlC:
+    """The handling of Ctrl-C: the first one lets the server shut down, the second ends its workers.
+
+    The questions of workers that end are answered with an error, so that the shutdown has nothing
+    to wait for.
     """
 
     def __init__(self, end_workers: Callable[[], None]) -> None:
-        self.presses = 0
+        self.presses = 0  # how often Ctrl-C was pressed
         self._end_workers = end_workers
 
-    async def listen(self, _: "web.Application") -> None:
-        """Take Ctrl-C from aiohttp, whose second one would leave its tasks unfinished."""
+    async def listen(self, _: web.Application) -> None:
+        """Handle Ctrl-C in place of aiohttp, whose second Ctrl-C leaves its tasks unfinished."""
         asyncio.get_running_loop().add_signal_handler(signal.SIGINT, self._press)
 
     def _press(self) -> None:
+        """Shut the server down, or end its workers, and then this process after `PATIENCE`."""
         from aiohttp import web
 
         self.presses += 1

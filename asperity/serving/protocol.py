@@ -1,4 +1,4 @@
-"""The protocol of UM-Bridge: routes of HTTP with JSON, which check every question."""
+"""The protocol of UM-Bridge: HTTP routes that take and return JSON, and check every question."""
 
 import asyncio
 import ipaddress
@@ -18,20 +18,30 @@ from asperity.serving.workers import Call, Refusal, Workers
 from gen.runtime.terminal import printable
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+"""Handler of a request in aiohttp."""
 
-VERSION = 1.0  # version of the protocol
-LARGEST = 2**20  # most bytes of a question, more than any has
-SLOW = 60.0  # seconds in which a client has to send a question
+VERSION = 1.0
+"""Version of the protocol that the server speaks."""
+
+LARGEST = 2**20
+"""Largest size of a question [bytes]; no useful question comes near it."""
+
+SLOW = 60.0
+"""Time in which a client has to send a question [s]."""
 
 
 class Body(BaseModel):
-    """The body of a question; each route needs some of the keys, and "1" or true is no number."""
+    """The body of a question, of which each route uses some keys.
+
+    Numbers have to be JSON numbers: "1" and true are refused.
+    """
 
     model_config = ConfigDict(strict=True)
 
-    name: str
+    name: str  # of the model
     input: Vectors = Field(default=[])
     config: Configuration = Field(default=Configuration())
+    # Indices of the output vector and of the input vectors of a derivative.
     out_wrt: int = Field(default=0, alias="outWrt")
     in_wrt: int = Field(default=0, alias="inWrt")
     in_wrt_1: int = Field(default=0, alias="inWrt1")
@@ -39,22 +49,30 @@ class Body(BaseModel):
 
 
 class Server:
-    """The server's answers: names and sizes of models from this process, values from workers.
+    """The answers to questions: names and sizes of models from this process, values from workers.
 
-    `hosts` are the names of this server in addresses that are answered, IP addresses besides;
-    without names every one is answered.
+    Parameters
+    ----------
+    models : sequence of Model
+        The models, with different names.
+    workers : Workers
+        The processes that evaluate the models.
+    hosts : collection of str
+        Names of this server, in lower case, under which questions are answered. Questions to IP
+        addresses are answered too. Without names every question is.
     """
 
     def __init__(
         self, models: Sequence[Model], workers: Workers, hosts: Collection[str] = ()
     ) -> None:
         self._models = {model.name: model for model in models}
-        self._workers, self._hosts = workers, hosts
+        self._workers = workers
+        self._hosts = hosts
 
     def app(self) -> web.Application:
-        """Return the application of aiohttp."""
+        """Return the application of aiohttp with all routes of the protocol."""
         app = web.Application(
-            middlewares=[_in_words, self._own_only], client_max_size=LARGEST
+            middlewares=[_errors_as_json, self._refuse_foreign], client_max_size=LARGEST
         )
         answers = {
             "/InputSizes": self._input_sizes,
@@ -66,151 +84,165 @@ class Server:
             "/ApplyHessian": self._derivative,
         }
         app.add_routes(
-            [web.post(route, self._asked(each)) for route, each in answers.items()]
+            [web.post(route, _handler(answer)) for route, answer in answers.items()]
         )
         app.add_routes([web.get("/Info", self._info)])
         return app
 
-    def _asked(
-        self, answer: Callable[[Body], Awaitable[dict[str, Any]]]
-    ) -> Callable[[web.Request], Awaitable[web.Response]]:
-        """Wrap a method: its question is read in time and checked, its answer written."""
-
-        async def handle(request: web.Request) -> web.Response:
-            try:
-                async with asyncio.timeout(SLOW):
-                    text = await request.read()
-            except TimeoutError:
-                raise Refusal("InvalidInput", f"not sent within {SLOW:g} s") from None
-            return web.json_response(await answer(_body(text)))
-
-        return handle
-
     async def _info(self, _: web.Request) -> web.Response:
-        """Tell the protocol's version and the models' names."""
+        """Answer with the protocol's version and the names of the models."""
         return web.json_response(
             {"protocolVersion": VERSION, "models": list(self._models)}
         )
 
     async def _input_sizes(self, body: Body) -> dict[str, Any]:
-        """Tell the sizes of the input vectors."""
+        """Answer with the sizes of the input vectors."""
         return {"inputSizes": self._model(body).input_sizes}
 
     async def _output_sizes(self, body: Body) -> dict[str, Any]:
-        """Tell the sizes of the output vectors."""
+        """Answer with the sizes of the output vectors under the client's settings."""
         return {"outputSizes": self._model(body).output_sizes(body.config)}
 
     async def _model_info(self, body: Body) -> dict[str, Any]:
-        """List a model's operations: no model has derivatives for all pairs of its vectors."""
-        self._model(body)
+        """Answer which operations a model supports: evaluation alone.
+
+        No model has derivatives for all pairs of its vectors.
+        """
+        self._model(body)  # refuses an unknown model
         derivatives = dict.fromkeys(("Gradient", "ApplyJacobian", "ApplyHessian"), False)
         return {"support": {"Evaluate": True, **derivatives}}
 
     async def _evaluate(self, body: Body) -> dict[str, Any]:
-        """Evaluate a model."""
-        wanted, given = (
-            self._model(body).input_sizes,
-            [len(vector) for vector in body.input],
-        )
-        if given != wanted:
+        """Answer with the output of a model, which a worker evaluates."""
+        input_sizes = self._model(body).input_sizes
+        sizes = [len(vector) for vector in body.input]
+        if sizes != input_sizes:
             raise Refusal(
-                "InvalidInput", f"input: vectors of {given} numbers, wanted {wanted}"
+                "InvalidInput", f"input: vectors of {sizes} numbers, wanted {input_sizes}"
             )
         output = await self._workers.ask(Call(body.name, body.input, body.config))
-        numbers = [number for vector in output for number in vector if number is not None]
-        if not all(map(math.isfinite, numbers)):
-            raise Refusal(
-                "InvalidOutput", f"{output}: not finite, and JSON has no such number"
-            )
+        for vector in output:
+            for number in vector:
+                if number is not None and not math.isfinite(number):
+                    raise Refusal(
+                        "InvalidOutput",
+                        f"{output}: not finite, and JSON has no such number",
+                    )
         return {"output": output}
 
     async def _derivative(self, body: Body) -> NoReturn:
-        """Refuse derivatives, after a check of the indices."""
+        """Refuse a derivative: first indices that the model does not have, then every one."""
         model = self._model(body)
-        sizes = len(model.output_sizes(body.config)), *(len(model.input_sizes),) * 3
-        indices = body.out_wrt, body.in_wrt, body.in_wrt_1, body.in_wrt_2
-        for name, index, size in zip(
-            ("outWrt", "inWrt", "inWrt1", "inWrt2"), indices, sizes, strict=True
-        ):
-            if not 0 <= index < size:
-                raise Refusal(
-                    "InvalidInput", f"{name} = {index!r:.30}; allowed: 0 to {size - 1}"
-                )
+        inputs = len(model.input_sizes)
+        outputs = len(model.output_sizes(body.config))
+        _require_index("outWrt", body.out_wrt, outputs)
+        _require_index("inWrt", body.in_wrt, inputs)
+        _require_index("inWrt1", body.in_wrt_1, inputs)
+        _require_index("inWrt2", body.in_wrt_2, inputs)
         raise Refusal("UnsupportedFeature", f"{model.name} has no derivatives")
 
     def _model(self, body: Body) -> Model:
-        """Return the model that a question names."""
+        """Return the model that a question names; refuse an unknown one."""
         if body.name not in self._models:
-            known = ", ".join(self._models)
+            names = ", ".join(self._models)
             raise Refusal(
-                "ModelNotFound", f"no model {body.name!r:.100}; there is {known}"
+                "ModelNotFound", f"no model {body.name!r:.100}; there is {names}"
             )
         return self._models[body.name]
 
     @web.middleware
-    async def _own_only(
+    async def _refuse_foreign(
         self, request: web.Request, handler: Handler
     ) -> web.StreamResponse:
-        """Refuse questions to a name that is not this server's, and those of foreign web pages.
+        """Refuse questions to a name that is not this server's, and questions of web pages.
 
         A web page that a user looks at can let its own name point to this machine ("DNS
-        rebinding"), and would read our answers. An IP address in a question cannot be such a name.
-        Without that it cannot read them, but could keep us busy: browsers name its origin.
+        rebinding"), and would then read the answers. Its name is in the question. An IP address
+        cannot be such a name. A page that cannot read the answers could still keep the server busy;
+        browsers name the page's origin in the question.
         """
-        given = request.headers.get("Host", "")
+        host = request.headers.get("Host", "")
         try:
-            name = urlsplit(f"//{given}").hostname or ""
+            name = urlsplit(f"//{host}").hostname or ""
             if self._hosts and name not in self._hosts:
-                ipaddress.ip_address(name)
+                ipaddress.ip_address(name)  # raises ValueError for a name
         except ValueError:
-            known = ", ".join(self._hosts)
-            raise Refusal("InvalidInput", f"Host {given!r:.100}: ask {known}") from None
+            names = ", ".join(self._hosts)
+            raise Refusal("InvalidInput", f"Host {host!r:.100}: ask {names}") from None
         origin = request.headers.get("Origin")
-        if origin is not None and origin.lower() != f"http://{given.lower()}":
+        # A page of this server itself may ask.
+        if origin is not None and origin.lower() != f"http://{host.lower()}":
             raise Refusal(
                 "InvalidInput", f"Origin {origin!r:.100}: web pages may not ask"
             )
         return await handler(request)
 
 
+def _require_index(key: str, index: int, size: int) -> None:
+    """Refuse an index, given under a key of the body, that is not between 0 and `size` - 1."""
+    if not 0 <= index < size:
+        raise Refusal("InvalidInput", f"{key} = {index!r:.30}; allowed: 0 to {size - 1}")
+
+
+def _handler(
+    answer: Callable[[Body], Awaitable[dict[str, Any]]],
+) -> Callable[[web.Request], Awaitable[web.Response]]:
+    """Return the handler of a route, which reads a question, checks it, and writes the answer.
+
+    `answer` takes the body of the question and returns that of the answer. The handler refuses a
+    question that is not sent in time.
+    """
+
+    async def handle(request: web.Request) -> web.Response:
+        """Answer one question."""
+        try:
+            async with asyncio.timeout(SLOW):
+                text = await request.read()
+        except TimeoutError:
+            raise Refusal("InvalidInput", f"not sent within {SLOW:g} s") from None
+        return web.json_response(await answer(_body(text)))
+
+    return handle
+
+
 def _body(text: bytes) -> Body:
-    """Read the body of a question."""
+    """Parse the body of a question; refuse one that is no JSON, or has a wrong value."""
     try:
-        return Body.model_validate(json.loads(text, parse_constant=_refused))
+        return Body.model_validate(json.loads(text, parse_constant=_refuse_constant))
     except ValidationError as error:
         fault = error.errors(include_url=False)[0]
         place = ".".join(map(str, fault["loc"])) or "body"
-        given = reprlib.repr(fault["input"])
+        value = reprlib.repr(fault["input"])
         raise Refusal(
-            "InvalidInput", f"{printable(place)} = {given}: {fault['msg']}"
+            "InvalidInput", f"{printable(place)} = {value}: {fault['msg']}"
         ) from None
     except (ValueError, RecursionError) as error:
         raise Refusal("InvalidInput", f"the body is not JSON: {error}") from None
 
 
-def _refused(constant: str) -> NoReturn:
-    """Refuse NaN, Infinity and -Infinity, which Python reads."""
+def _refuse_constant(constant: str) -> NoReturn:
+    """Refuse NaN, Infinity and -Infinity, which Python reads and JSON does not have."""
     raise ValueError(constant)
 
 
 @web.middleware
-async def _in_words(request: web.Request, handler: Handler) -> web.StreamResponse:
-    """Answer errors as the protocol wants them: JSON with a type and a message."""
+async def _errors_as_json(request: web.Request, handler: Handler) -> web.StreamResponse:
+    """Answer errors as the protocol wants them: JSON with a type and a message.
+
+    A bug is also logged with its traceback.
+    """
     try:
         return await handler(request)
     except Refusal as refusal:
-        kind, message, status = refusal.kind, refusal.message, refusal.status
-    except web.HTTPException as error:  # an unknown route, a body that is too large
-        kind, message, status = (
-            "InvalidInput",
-            f"{request.path}: {error.reason}",
-            error.status,
-        )
+        return _error(refusal.kind, refusal.message, refusal.status)
+    except web.HTTPException as error:  # an unknown route, or a body that is too large
+        message = f"{request.path}: {error.reason}"
+        return _error("InvalidInput", message, error.status)
     except Exception as error:
         logging.getLogger(__name__).exception("a bug")
-        kind, message, status = (
-            "ModelError",
-            f"a bug of the server: {type(error).__name__}",
-            500,
-        )
+        return _error("ModelError", f"a bug of the server: {type(error).__name__}", 500)
+
+
+def _error(kind: str, message: str, status: int) -> web.Response:
+    """Return the answer of an error: its type in the protocol, one line, and the HTTP status."""
     return web.json_response({"error": {"type": kind, "message": message}}, status=status)

@@ -17,69 +17,107 @@ from gen.runtime.farm import signals_blocked
 from gen.runtime.memory import require_blas
 from gen.runtime.user_code import TRUSTED
 
-ATTEMPTS = (
-    2  # times that a question is asked; a worker that was killed is replaced in between
-)
-WAITING = 1000  # most questions that wait for a free process
+ATTEMPTS = 2
+"""Number of times that a question is put to a process. If a process is killed from outside, a new
+one takes its place before the next attempt."""
+
+WAITING = 1000
+"""Largest number of questions that wait for a free process; further ones are refused."""
+
+FILES_PER_PROCESS = 8
+"""Open files that the server needs for each process: six, and some to spare."""
 
 GRACE = 5.0
-"""Seconds in which a process may end a question whose client is gone; then it is replaced. A new
-process takes part of that time to start, so that impatient clients must not end young ones."""
+"""Time in which a process may finish a question whose client is gone [s]; then it is replaced. The
+time is longer than the start of a process: clients that leave early must not end processes that
+have only just started."""
 
 STATUS = {"ModelError": 500, "InvalidOutput": 500, "Busy": 503}
-"""Status of HTTP by the type of an error; 400 for all others, which are the client's."""
+"""HTTP status by the type of an error. Faults of a client are left out; their status is 400."""
 
 
 class Refusal(Exception):
-    """An answer that is an error of the protocol: its type, as "InvalidInput", and one line."""
+    """An answer that is an error of the protocol.
+
+    Parameters
+    ----------
+    kind : str
+        Type of the error in the protocol, as "InvalidInput".
+    message : str
+        Text for the client; line breaks become spaces.
+    """
 
     def __init__(self, kind: str, message: str) -> None:
-        super().__init__(kind, message)  # both, so that it can be pickled
-        self.kind, self.message = kind, " ".join(message.split())
+        super().__init__(kind, message)  # both, so that the error can be pickled
+        self.kind = kind
+        self.message = " ".join(message.split())
 
     @property
     def status(self) -> int:
-        """Status of the answer."""
+        """HTTP status of the answer."""
         return STATUS.get(self.kind, 400)
 
 
 class Call(NamedTuple):
-    """A question to a model: its name, the inputs and the client's settings."""
+    """A question to a model."""
 
-    model: str
-    vectors: Vectors
-    config: Configuration
+    model: str  # name of the model
+    vectors: Vectors  # its input
+    config: Configuration  # settings of the client
 
 
-_MODELS: dict[str, Model] = {}  # models of this worker by their names
+_MODELS: dict[str, Model] = {}
+"""In a worker, its models by name; empty in the server's process."""
 
 
 class Workers:
-    """Processes which all have all models; each answers one question at a time.
+    """Processes that have all models; each answers one question at a time.
 
-    Every process is a pool of its own: ended, it takes no other question along.
+    Every process is a pool of its own, so that ending it ends no other question. Processes start
+    when the first questions need them. The limit of open files of this process is raised for them,
+    as far as the system allows.
+
+    Parameters
+    ----------
+    sources : sequence of str
+        Scenes and surrogates, as `model_of` takes them.
+    number : int
+        Number of processes.
     """
 
     def __init__(self, sources: Sequence[str], number: int) -> None:
-        self._sources, self._waiting, self._closed = tuple(sources), 0, False
+        self._sources = tuple(sources)
+        self._waiting = 0  # questions that wait for a free process
+        self._closed = False
         self._pools: set[ProcessPoolExecutor] = set()
-        # Running workers come first; None stands for one that was not needed yet.
+        # The last process that became free is the first to be used; None stands for a process that
+        # has not been started, and is used last.
         self._free: asyncio.LifoQueue[ProcessPoolExecutor | None] = asyncio.LifoQueue()
         for _ in range(number):
             self._free.put_nowait(None)
-        soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-        if soft != resource.RLIM_INFINITY:  # a pool has six open files, a client one
-            wanted = max(soft, 8 * number + WAITING)
-            most = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
-            resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
+        _raise_file_limit(number)
 
     async def ask(self, call: Call) -> Answer:
         """Answer a question on a free process.
 
-        A caller that is cancelled, since its client is gone, leaves the queue; a process that
-        computes its answer gets `GRACE`. Raise Refusal if too many questions wait, the model
-        refuses the question, no process lives long enough to answer, or the processes are ended
-        meanwhile.
+        If the caller is cancelled because its client is gone, the question leaves the queue. If a
+        process computes it already, that process has `GRACE` to finish.
+
+        Parameters
+        ----------
+        call : Call
+            The question.
+
+        Returns
+        -------
+        list of list of float or None
+            Output of the model.
+
+        Raises
+        ------
+        Refusal
+            If too many questions wait, the model refuses the question, or the process that computes
+            the answer is ended.
         """
         if self._waiting >= WAITING:
             raise Refusal("Busy", f"{WAITING} questions wait already: ask again later")
@@ -93,17 +131,23 @@ class Workers:
             return await asyncio.shield(answer)
         except asyncio.CancelledError:
             asyncio.get_running_loop().call_later(GRACE, answer.cancel)
+            # Nobody awaits the answer now: take its error, so that asyncio does not complain.
             answer.add_done_callback(lambda done: done.cancelled() or done.exception())
             raise
 
     async def _answered(self, pool: ProcessPoolExecutor, call: Call) -> Answer:
-        """Answer a question on one process, which is free afterwards."""
+        """Answer a question on one process, or on the one that takes its place.
+
+        The process is free afterwards. If this task is cancelled, the process is ended.
+        """
         try:
             for _ in range(ATTEMPTS):
                 if self._closed:
                     break
                 try:
-                    with signals_blocked():  # Ctrl-C is the server's
+                    # A process that starts here inherits the blocked signals: Ctrl-C is for the
+                    # server alone.
+                    with signals_blocked():
                         future = pool.submit(_answer, call)
                     return await asyncio.wrap_future(future)
                 except BrokenProcessPool:
@@ -112,23 +156,23 @@ class Workers:
                     pool = self._replaced(pool)
                     if not self._closed:
                         raise
-            who = "server" if self._closed else "process that computed the answer"
-            raise Refusal("ModelError", f"the {who} was ended")
+            if self._closed:
+                raise Refusal("ModelError", "the server was ended")
+            raise Refusal("ModelError", "the process that computed the answer was ended")
         finally:
             self._free.put_nowait(pool)
 
     def close(self) -> None:
-        """End all processes; questions that they have not answered are refused."""
+        """End all processes, and refuse the questions that they have not answered."""
         self._closed = True
         for pool in self._pools:
             _end(pool)
         for pool in self._pools:
-            pool.shutdown(
-                cancel_futures=True
-            )  # waits: a thread left behind complains at exit
+            # This waits for the thread of the pool, which would complain when Python ends.
+            pool.shutdown(cancel_futures=True)
 
     def _replaced(self, pool: ProcessPoolExecutor) -> ProcessPoolExecutor:
-        """End a process, and return the one that takes its place unless the server ends."""
+        """End a process, and return a new one; the old one if the server is closed already."""
         if self._closed:
             return pool
         _end(pool)
@@ -137,21 +181,41 @@ class Workers:
         return self._new_pool()
 
     def _new_pool(self) -> ProcessPoolExecutor:
-        """Prepare a process; not by forking, since this one has threads."""
+        """Return a new pool of one process, which starts with its first question."""
+        # This process has threads, and must not be forked.
         context = multiprocessing.get_context("spawn")
-        pool = ProcessPoolExecutor(1, context, _begin, (self._sources, TRUSTED.get()))
+        pool = ProcessPoolExecutor(
+            max_workers=1,
+            mp_context=context,
+            initializer=_begin,
+            initargs=(self._sources, TRUSTED.get()),
+        )
         self._pools.add(pool)
         return pool
 
 
+def _raise_file_limit(number: int) -> None:
+    """Raise this process's limit of open files for a number of worker processes.
+
+    Clients that wait have one open file each. The system may allow less.
+    """
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if soft == resource.RLIM_INFINITY:
+        return
+    limit = max(soft, FILES_PER_PROCESS * number + WAITING)
+    if hard != resource.RLIM_INFINITY:
+        limit = min(limit, hard)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (limit, hard))
+
+
 def _end(pool: ProcessPoolExecutor) -> None:
-    """End the process of a pool, if it has been started."""
+    """Kill the process of a pool, if it has been started."""
     for process in list((pool._processes or {}).values()):
         process.kill()
 
 
 def _begin(sources: tuple[str, ...], trusted: bool) -> None:
-    """Prepare a worker, in which every model is loaded once."""
+    """Prepare this worker: load every model once. `trusted` lets functions of scenes run."""
     threading.Thread(target=_end_with_server, daemon=True).start()
     require_blas()
     TRUSTED.set(trusted)
@@ -161,7 +225,7 @@ def _begin(sources: tuple[str, ...], trusted: bool) -> None:
 
 
 def _end_with_server() -> None:
-    """End this worker when the server is gone, killed or not."""
+    """Wait until the server is gone, killed or not, and then end this worker."""
     server = multiprocessing.parent_process()
     if server is not None:
         server.join()
@@ -169,7 +233,7 @@ def _end_with_server() -> None:
 
 
 def _answer(call: Call) -> Answer:
-    """Evaluate a model in a worker."""
+    """Evaluate a model in this worker; errors of the question become refusals."""
     try:
         return _MODELS[call.model].evaluate(call.vectors, call.config)
     except InputError as error:

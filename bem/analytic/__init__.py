@@ -1,10 +1,10 @@
-"""Closed forms of contact with an elastic half-space, against which to test numerics.
+"""Closed forms of contact with an elastic half-space, against which numerical results are tested.
 
-- `indenters`: bodies of revolution, alone on the half-space.
-- `waves`: surfaces that repeat without end along one axis or both.
-- `persson`: laws of random surfaces without end.
+- `indenters`: single bodies of revolution.
+- `waves`: surfaces that repeat themselves without end along one axis or both.
+- `persson`: laws of random surfaces without edges.
 
-Lengths in um, moduli and pressures in MPa, forces in uN.
+Lengths are in um, moduli and pressures in MPa, forces in uN.
 """
 
 from bem.analytic.indenters import (

@@ -19,16 +19,66 @@ class Indenter(Protocol):
     """A rigid body of revolution whose tip touches first."""
 
     def heights(self, radii: Field) -> Field:
-        """Return the height at these distances from the axis, zero at the tip [um]."""
+        """Return the height at distances from the axis, zero at the tip.
+
+        Parameters
+        ----------
+        radii : ndarray
+            Distance from the axis [um].
+
+        Returns
+        -------
+        ndarray, shape of radii
+            Height [um].
+        """
 
     def contact_radius(self, delta: float) -> float:
-        """Return the radius of the contact circle at indentation delta [um]."""
+        """Return the radius of the contact circle, zero without indentation.
+
+        Parameters
+        ----------
+        delta : float
+            Indentation [um].
+
+        Returns
+        -------
+        float
+            Radius [um].
+        """
 
     def force(self, delta: float, modulus: float = 1.0) -> float:
-        """Return the normal force [uN] at indentation delta [um]; the modulus is E* [MPa]."""
+        """Return the normal force at an indentation.
+
+        Parameters
+        ----------
+        delta : float
+            Indentation [um].
+        modulus : float
+            E* [MPa].
+
+        Returns
+        -------
+        float
+            Force [uN].
+        """
 
     def pressure(self, radii: Field, delta: float, modulus: float = 1.0) -> Field:
-        """Return the pressure at these distances from the axis, zero outside contact [MPa]."""
+        """Return the contact pressure at distances from the axis, zero outside contact.
+
+        Parameters
+        ----------
+        radii : ndarray
+            Distance from the axis [um].
+        delta : float
+            Indentation [um].
+        modulus : float
+            E* [MPa].
+
+        Returns
+        -------
+        ndarray, shape of radii
+            Pressure [MPa].
+        """
 
 
 @dataclass(frozen=True)
@@ -36,8 +86,9 @@ class PowerLaw:
     """Sneddon's profile z = -c r^m with any real exponent m >= 1.
 
     The closed forms follow from the Abel transform of the profile, g(r) = kappa c r^m with
-    kappa = sqrt(pi) Gamma(m/2 + 1) / Gamma(m/2 + 1/2): g(a) is the indentation at which a is the
-    radius of contact, and p(r) = E* / pi times the integral of g'(x) / sqrt(x^2 - r^2) from r to a.
+    kappa = sqrt(pi) Gamma(m/2 + 1) / Gamma(m/2 + 1/2). g(a) is the indentation at which the contact
+    has the radius a, and the pressure p(r) is E* / pi times the integral of
+    g'(x) / sqrt(x^2 - r^2) from r to a.
 
     Attributes
     ----------
@@ -65,7 +116,7 @@ class PowerLaw:
             raise ValueError(f"exponent = {self.exponent!r}: must be at least 1")
 
     def heights(self, radii: Field) -> Field:
-        """Return z = -c r^m [um].
+        """Return the height z = -c r^m [um].
 
         Parameters
         ----------
@@ -80,7 +131,7 @@ class PowerLaw:
         return np.asanyarray(-self.coefficient * radii**self.exponent)
 
     def indentation(self, radius: float) -> float:
-        """Return Delta = kappa c a^m, at which a is the contact radius [um].
+        """Return the indentation Delta = kappa c a^m at which a is the contact radius [um].
 
         Parameters
         ----------
@@ -96,7 +147,7 @@ class PowerLaw:
         return float(kappa * self.coefficient * radius**self.exponent)
 
     def contact_radius(self, delta: float) -> float:
-        """Return a = (Delta / (kappa c))^(1/m) [um].
+        """Return the contact radius a = (Delta / (kappa c))^(1/m), zero without indentation [um].
 
         Parameters
         ----------
@@ -111,7 +162,7 @@ class PowerLaw:
         return float((max(delta, 0.0) / self.indentation(1.0)) ** (1 / self.exponent))
 
     def force(self, delta: float, modulus: float = 1.0) -> float:
-        """Return F = 2 m / (m + 1) E* a Delta [uN].
+        """Return the normal force F = 2 m / (m + 1) E* a Delta [uN].
 
         Parameters
         ----------
@@ -129,10 +180,10 @@ class PowerLaw:
         return share * modulus * self.contact_radius(delta) * delta
 
     def pressure(self, radii: Field, delta: float, modulus: float = 1.0) -> Field:
-        """Return the contact pressure [MPa].
+        """Return the contact pressure, zero outside contact [MPa].
 
         p = m E* Delta / (pi a) sqrt(q) 2F1(1 - m/2, 1; 3/2; q) with q = 1 - r^2 / a^2. At the tip
-        it is infinite for m = 1, the cone, and m / (m - 1) E* Delta / (pi a) otherwise.
+        it is infinite for the cone, m = 1, and m / (m - 1) E* Delta / (pi a) otherwise.
 
         Parameters
         ----------
@@ -157,9 +208,10 @@ class PowerLaw:
 
 
 class Paraboloid(PowerLaw):
-    """The paraboloid z = -r^2 / (2 R), by which Hertz replaces a sphere (paper, section 2.4).
+    """The paraboloid z = -r^2 / (2 R), which replaces a sphere in Hertz's theory (paper, 2.4).
 
-    a = sqrt(R Delta), F = 4/3 E* sqrt(R Delta^3) and p = 2 E* / pi sqrt((1 - r^2 / a^2) Delta / R).
+    The contact radius is a = sqrt(R Delta), the force F = 4/3 E* sqrt(R Delta^3), and the pressure
+    p = 2 E* / pi sqrt((1 - r^2 / a^2) Delta / R).
 
     Parameters
     ----------
@@ -174,7 +226,8 @@ class Paraboloid(PowerLaw):
 class Cone(PowerLaw):
     """The cone z = -slope r.
 
-    a = 2 Delta / (pi slope), F = 2 E* Delta^2 / (pi slope) and p = E* slope / 2 arcosh(a / r).
+    The contact radius is a = 2 Delta / (pi slope), the force F = 2 E* Delta^2 / (pi slope), and the
+    pressure p = E* slope / 2 arcosh(a / r).
 
     Parameters
     ----------
@@ -217,7 +270,7 @@ class FlatPunch:
         return np.asanyarray(0.0 - self.depth * (radii > self.radius))
 
     def contact_radius(self, delta: float) -> float:
-        """Return the radius of the punch, which no indentation changes [um].
+        """Return the radius of the punch, or zero without indentation [um].
 
         Parameters
         ----------
@@ -232,7 +285,7 @@ class FlatPunch:
         return self.radius if delta > 0 else 0.0
 
     def force(self, delta: float, modulus: float = 1.0) -> float:
-        """Return F = 2 E* a Delta [uN].
+        """Return the normal force F = 2 E* a Delta [uN].
 
         Parameters
         ----------
@@ -249,7 +302,7 @@ class FlatPunch:
         return 2 * modulus * self.contact_radius(delta) * delta
 
     def pressure(self, radii: Field, delta: float, modulus: float = 1.0) -> Field:
-        """Return p = E* Delta / (pi sqrt(a^2 - r^2)), infinite at the rim [MPa].
+        """Return the pressure p = E* Delta / (pi sqrt(a^2 - r^2)), infinite at the rim [MPa].
 
         Parameters
         ----------
@@ -278,16 +331,16 @@ def distances_to_centre(
     side: float | tuple[float, float],
     shift: tuple[float, float] = (0.0, 0.0),
 ) -> Field:
-    """Compute the distance of the nodes from an axis at or near the centre of a patch.
+    """Compute the distance of a patch's nodes from an axis at or near its centre.
 
     Parameters
     ----------
     shape : tuple of int
         Nodes (nx, ny), at least two along both axes.
     side : float or tuple of float
-        Scan length, one or one per axis; the nodes are side / (nodes - 1) apart [um].
+        Scan length, one for both axes or one for each; the spacing is side / (nodes - 1) [um].
     shift : tuple of float
-        Distance of the axis from the patch's centre along both axes of the grid [um].
+        Position of the axis relative to the patch's centre, along both axes of the grid [um].
 
     Returns
     -------

@@ -5,13 +5,14 @@ Physical Review Letters 99, 125502 (2007); Yang and Persson, Journal of Physics:
 20, 215214 (2008).
 
 The reduced pressure is p / (E* h'), where h' is the rms of the modulus of the surface's gradient:
-h'^2 = <(dz/dx)^2 + (dz/dy)^2>. In full contact the pressure is E* |q| / 2 times each component of
-the heights, so that it scatters by E* h' / 2 about its mean. Persson's theory lets the pressure
-diffuse from the mean to this scatter, with an absorbing wall at no pressure; the share that is
-left is erf(p / (sqrt(2) E* h' / 2)) = erf(sqrt(2) p / (E* h')), whose slope at no load is
-sqrt(8 / pi). With h' along one axis only, smaller by sqrt(2) on isotropic surfaces, the same law
-reads erf(p / (E* h'_x)). The form erf(sqrt(pi) p / (E* h')) has the slope 2 of many computed
-contacts: it is fitted, not derived.
+h'^2 = <(dz/dx)^2 + (dz/dy)^2>. In full contact each wave of the heights with wavenumber q has a
+wave of pressure that is E* q / 2 times as large, so that the pressure has the standard deviation
+E* h' / 2 about its mean. In Persson's theory the distribution of pressure diffuses from the mean to
+this width as shorter waves are added, with an absorbing wall at zero pressure. The share that is
+not absorbed is the contact area, erf(p / (sqrt(2) E* h' / 2)) = erf(sqrt(2) p / (E* h')), with the
+slope sqrt(8 / pi) at zero load. The slope along one axis h'_x is smaller by sqrt(2) on isotropic
+surfaces; written with it, the law is erf(p / (E* h'_x)). The form erf(sqrt(pi) p / (E* h')) has the
+slope 2 of many computed contacts. It is fitted, not derived.
 """
 
 import math
@@ -23,31 +24,33 @@ from scipy.special import erf, exp1
 from bem.arrays import Values
 
 BUSH_GIBSON_THOMAS = math.sqrt(2 * math.pi)
-"""Slope of the area share over the reduced pressure at no load: paraboloids at all summits."""
+"""Slope of the area share over the reduced pressure at zero load, by contact of paraboloids at
+all summits [1]."""
 
 PERSSON = math.sqrt(8 / math.pi)
-"""Slope of the area share over the reduced pressure at no load: diffusion of the pressure."""
+"""Slope of the area share over the reduced pressure at zero load, by diffusion of the pressure
+[1]."""
 
-# Steps of the quadrature over the waves. They are finest for the longest waves, which light loads
-# flatten no more: pressures from p / (E* h') = 1e-6 are resolved.
+# Number of steps of the quadrature over the waves. They are finest for the longest waves, the only
+# ones that light loads flatten, so that pressures from p / (E* h') = 1e-6 are resolved.
 STEPS = 3000
 
 # Nodes and weights of Gauss and Legendre's quadrature from -1 to 1.
 QUADRATURE = np.polynomial.legendre.leggauss(40)
 
-# Value of x beyond which exp(-x^2) is below rounding.
+# Value of x for which exp(-x^2) is below rounding [1].
 FAR = 7.0
 
 
 def area_share(reduced_pressure: Values, slope: float = PERSSON) -> Values:
-    """Compute the share of the surface that is in contact, erf(sqrt(pi) / 2 slope p / (E* h')).
+    """Compute the contact area as a share of the surface, erf(sqrt(pi) / 2 slope p / (E* h')).
 
     Parameters
     ----------
     reduced_pressure : ndarray
-        Mean pressure p / (E* h'), h' the rms of the gradient's modulus [1].
+        Reduced mean pressure p / (E* h'), with the rms h' of the gradient's modulus [1].
     slope : float
-        Slope kappa at no load: `PERSSON` gives his erf(sqrt(2) p / (E* h')), 2 the fitted form
+        Slope at zero load. `PERSSON` gives his law erf(sqrt(2) p / (E* h')), 2 the fitted form
         erf(sqrt(pi) p / (E* h')) [1].
 
     Returns
@@ -64,19 +67,25 @@ def area_share(reduced_pressure: Values, slope: float = PERSSON) -> Values:
 class PerssonInterface:
     """Persson's relation between mean pressure and mean gap, from a power spectrum.
 
-    The elastic energy at wavenumber q is that of full contact times W = P (gamma + (1 - gamma)
-    P^2), where P(q, p) is the area share that Persson's law gives with the waves up to q only. The
-    mean gap follows from the work that closes it, dU/dp = -p d(gap)/dp.
+    The elastic energy of the waves of wavenumber q is that of full contact times
+    W = P (gamma + (1 - gamma) P^2). Here P(q, p) is the area share of Persson's law at the pressure
+    p for a surface with only the waves up to q. The mean gap follows from the work that closes it:
+    dU/dp = -p d(gap)/dp for the energy U of all waves.
 
     Attributes
     ----------
     wavenumbers : ndarray, shape (m,)
         Wavenumbers q, rising, dense enough for the trapezoidal rule [1/um].
     spectrum : ndarray, shape (m,)
-        Isotropic power spectrum C(q), whose integral of 2 pi q C is the mean square height [um^4].
+        Isotropic power spectrum C(q). The integral of 2 pi q C is the mean square height [um^4].
     gamma : float
-        Share of full contact's elastic energy that a small contact holds: 1 in Persson (2007),
-        0.45 after the computed contacts of Yang and Persson (2008) [1].
+        Share of the elastic energy of full contact in a small contact, per area: 1 in Persson
+        (2007), 0.45 by the computed contacts of Yang and Persson (2008) [1].
+
+    Raises
+    ------
+    ValueError
+        If wavenumbers or spectrum are masked in places.
     """
 
     wavenumbers: Values
@@ -84,12 +93,12 @@ class PerssonInterface:
     gamma: float = 0.45
 
     def __post_init__(self) -> None:
-        """Keep copies of the spectrum, which the caller may change."""
+        """Replace wavenumbers and spectrum by copies, because the caller may change them."""
         for name in ("wavenumbers", "spectrum"):
-            given = getattr(self, name)
-            if np.ma.is_masked(given):
+            values = getattr(self, name)
+            if np.ma.is_masked(values):
                 raise ValueError(f"{name} are masked in places: fill or crop them")
-            object.__setattr__(self, name, np.array(given, dtype=np.float64))
+            object.__setattr__(self, name, np.array(values, dtype=np.float64))
 
     def rms_height(self) -> float:
         """Return the rms height of these waves [um].
@@ -125,13 +134,14 @@ class PerssonInterface:
         Returns
         -------
         ndarray, shape (k,)
-            Mean gap: infinite without load, as random surfaces without end have no highest point,
-            and zero in full contact [um].
+            Mean gap [um]. It tends to infinity without load, because random surfaces without end
+            have no highest point, and to zero in full contact.
         """
-        return self._sum_over_waves(_work(self._ratios(pressure, modulus), self.gamma))
+        ratios = self._ratios(pressure, modulus)
+        return self._sum_over_waves(_work(ratios, self.gamma))
 
     def stiffness(self, pressure: Values, modulus: float = 1.0) -> Values:
-        """Compute the stiffness dp/dDelta = -dp/d(mean gap), which is p / u0 at light load.
+        """Compute the stiffness dp/dDelta = -dp/d(mean gap), p / `light_load_length` at light load.
 
         Parameters
         ----------
@@ -145,14 +155,15 @@ class PerssonInterface:
         ndarray, shape (k,)
             Stiffness of the interface per area; infinite in full contact [MPa/um].
         """
-        lengths = self._sum_over_waves(
-            _energy_rate(self._ratios(pressure, modulus), self.gamma)
-        )
+        ratios = self._ratios(pressure, modulus)
+        lengths = self._sum_over_waves(_energy_rate(ratios, self.gamma))
         with np.errstate(divide="ignore"):
             return np.asanyarray(pressure / lengths)
 
     def light_load_length(self) -> float:
-        """Return u0 of dp/dDelta = p / u0 and mean gap = u0 ln(constant / p) at light load [um].
+        """Return the length u0 of the law at light load [um].
+
+        There, dp/dDelta = p / u0, and the mean gap is u0 ln(constant / p).
 
         Returns
         -------
@@ -162,7 +173,10 @@ class PerssonInterface:
         return float(self._sum_over_waves(np.array(self.gamma)))
 
     def _squared_scatter(self) -> Values:
-        """Return h'(q)^2 / 2, with h'(q) the rms slope of the waves up to q, (m,) [1]."""
+        """Return h'(q)^2 / 2 for each wavenumber by the trapezoidal rule, (m,) [1].
+
+        h'(q) is the rms slope of the waves up to q.
+        """
         density = np.pi * self.wavenumbers**3 * self.spectrum
         steps = np.diff(self.wavenumbers) * (density[1:] + density[:-1]) / 2
         return np.concatenate([[0.0], np.cumsum(steps)])
@@ -173,13 +187,19 @@ class PerssonInterface:
         return np.asanyarray(largest * np.linspace(0, 1, STEPS + 1) ** 2)
 
     def _ratios(self, pressure: Values, modulus: float) -> Values:
-        """Return x = p / (E* scatter), of which erf(x) is the area share P, (k, STEPS + 1) [1]."""
+        """Return x = p / (E* h'(q) / sqrt(2)) for (k,) pressures, (k, STEPS + 1) [1].
+
+        The area share P with the waves up to q is erf(x).
+        """
         with np.errstate(divide="ignore"):
             ratios: Values = pressure[:, None] / (modulus * self._scatter())
         return ratios
 
     def _sum_over_waves(self, values: Values) -> Values:
-        """Integrate 2 / sqrt(pi) values / q over the scatter, values of shape (..., STEPS + 1)."""
+        """Integrate 2 / sqrt(pi) values / q over h'(q) / sqrt(2).
+
+        The last axis of `values` has the length STEPS + 1, and is summed over.
+        """
         scatter = self._scatter()
         wavenumbers = np.interp(scatter**2, self._squared_scatter(), self.wavenumbers)
         sums = np.trapezoid(values / wavenumbers, scatter, axis=-1)
@@ -187,20 +207,21 @@ class PerssonInterface:
 
 
 def _energy_rate(ratios: Values, gamma: float) -> Values:
-    """Compute sqrt(pi) / 2 dW/dx, where W is the share of full contact's energy and P = erf(x)."""
+    """Compute sqrt(pi) / 2 dW/dx at `ratios` x, for the share W of the energy with P = erf(x)."""
     shape = gamma + 3 * (1 - gamma) * erf(ratios) ** 2
     return np.asanyarray(shape * np.exp(-(ratios**2)))
 
 
 def _work(ratios: Values, gamma: float) -> Values:
-    """Integrate `_energy_rate` / x from these ratios to infinity.
+    """Integrate `_energy_rate` / x from each of the ratios to infinity.
 
-    Its first term is an exponential integral; the second one, without a pole, is left to Gauss and
-    Legendre.
+    The first term of the integrand gives an exponential integral. The second one has no pole, and
+    is integrated by quadrature.
     """
     total = np.zeros(ratios.shape)
     near = np.minimum(ratios, FAR)
-    for node, weight in zip(*QUADRATURE, strict=True):
+    nodes, weights = QUADRATURE
+    for node, weight in zip(nodes, weights, strict=True):
         x = near + FAR * (node + 1) / 2
         total += weight * FAR / 2 * np.exp(-(x**2)) * erf(x) ** 2 / x
     return np.asanyarray(gamma * exp1(ratios**2) / 2 + 3 * (1 - gamma) * total)

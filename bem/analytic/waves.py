@@ -3,12 +3,11 @@
 Westergaard, Journal of Applied Mechanics 6 (1939); Johnson, Greenwood and Higginson, International
 Journal of Mechanical Sciences 27 (1985); Johnson, Contact Mechanics (1985), section 13.2.
 
-Conventions, which are those of `bem` on patches without edges: the heights z of a rigid surface
-are pressed down into the half-space, and their amplitude is half of the height from valley to
-peak. The mean displacement of the half-space is zero. The approach Delta counts from first touch
-by the highest point: the mean gap is max(z) - mean(z) - Delta, and contact is full at
-Delta = max(z) - mean(z). Methods take the mean pressure on the whole surface [MPa], E* as `modulus`
-[MPa], and places x, y, arrays that broadcast together [um]; results have their common shape.
+The conventions of `bem` on patches without edges apply. The heights z of a rigid surface are
+pressed down into the half-space. The amplitude is half of the height from valley to peak. The mean
+displacement of the half-space is zero. The approach Delta counts from the first touch of the
+highest point: the mean gap is max(z) - mean(z) - Delta, and contact is full at
+Delta = max(z) - mean(z).
 """
 
 import math
@@ -19,14 +18,14 @@ from scipy.special import lambertw
 
 from bem.arrays import Field
 
-# Potential of all other unit charges of a square lattice of unit spacing, with its neutral
-# background, at the place of one: 4 zeta(1/2) beta(1/2), Dirichlet's beta.
+# Potential at one of the unit charges of a square lattice of unit spacing, by all other charges and
+# a neutralising uniform background [1]. It is 4 zeta(1/2) beta(1/2) with Dirichlet's beta.
 SQUARE_LATTICE = -3.9002649200019559
 
 
 @dataclass(frozen=True)
 class WavySurface:
-    """Westergaard's surface z = amplitude cos(2 pi x / wavelength), the same along y.
+    """Westergaard's surface z = amplitude cos(2 pi x / wavelength), which is uniform along y.
 
     Attributes
     ----------
@@ -49,7 +48,7 @@ class WavySurface:
         refuse_flat(self.amplitude, self.wavelength)
 
     def heights(self, x: Field) -> Field:
-        """Return the height at these distances from a peak [um].
+        """Return the height at distances from a peak [um].
 
         Parameters
         ----------
@@ -64,7 +63,7 @@ class WavySurface:
         return np.asanyarray(self.amplitude * np.cos(2 * np.pi * x / self.wavelength))
 
     def full_contact_pressure(self, modulus: float = 1.0) -> float:
-        """Return p* = pi E* amplitude / wavelength, the load that closes all gaps [MPa].
+        """Return p* = pi E* amplitude / wavelength, the mean pressure that closes all gaps [MPa].
 
         Parameters
         ----------
@@ -81,7 +80,7 @@ class WavySurface:
     def area_share(self, mean_pressure: float, modulus: float = 1.0) -> float:
         """Return the contact area as a share of the whole, 2 / pi arcsin sqrt(p / p*) [1].
 
-        It is the width of each strip of contact over the wavelength.
+        It equals the width of each strip of contact over the wavelength.
 
         Parameters
         ----------
@@ -100,8 +99,8 @@ class WavySurface:
     def pressure(self, x: Field, mean_pressure: float, modulus: float = 1.0) -> Field:
         """Compute the contact pressure.
 
-        2 p* cos(psi) sqrt(p / p* - sin^2(psi)) with psi = pi x / wavelength, up to full contact;
-        p + p* cos(2 psi) beyond.
+        With psi = pi x / wavelength, it is 2 p* |cos(psi)| sqrt(p / p* - sin^2(psi)) up to full
+        contact, and p + p* cos(2 psi) for larger loads.
 
         Parameters
         ----------
@@ -127,7 +126,8 @@ class WavySurface:
     def gap(self, x: Field, mean_pressure: float, modulus: float = 1.0) -> Field:
         """Compute the gap between the surface and the half-space.
 
-        amplitude s (sinh(2 t) - 2 t), s = p / p*, where sqrt(s) cosh(t) = |sin(pi x / wavelength)|.
+        It is amplitude s (sinh(2 t) - 2 t) with s = p / p* and
+        sqrt(s) cosh(t) = |sin(pi x / wavelength)|.
 
         Parameters
         ----------
@@ -151,10 +151,10 @@ class WavySurface:
         return np.asanyarray(self.amplitude * load * (np.sinh(2 * t) - 2 * t))
 
     def approach(self, mean_pressure: float, modulus: float = 1.0) -> float:
-        """Return Delta = amplitude s (1 - ln s) with s = p / p*, amplitude at full contact [um].
+        """Return the approach Delta = amplitude s (1 - ln s) with s = p / p* [um].
 
         It is the integral of dDelta/dp = wavelength / (pi E*) ln(p* / p), the compliance of
-        periodic flat punches on the strips of contact.
+        periodic flat punches on the strips of contact. At full contact it is the amplitude.
 
         Parameters
         ----------
@@ -189,10 +189,10 @@ class WavySurface:
         return self.amplitude - self.approach(mean_pressure, modulus)
 
     def mean_pressure(self, approach: float, modulus: float = 1.0) -> float:
-        """Return the mean pressure at an approach below that of full contact [MPa].
+        """Return the mean pressure at an approach, the inverse of `approach` [MPa].
 
-        Inverse of `approach`: p = p* exp(1 + W(-Delta / (e amplitude))) with the lower branch of
-        Lambert's W. At full contact every mean pressure of at least p* has the same approach.
+        p = p* exp(1 + W(-Delta / (e amplitude))) with the lower branch of Lambert's W. At full
+        contact there is no inverse: all mean pressures of at least p* have one approach.
 
         Parameters
         ----------
@@ -221,7 +221,7 @@ class WavySurface:
         return self.full_contact_pressure(modulus) * math.exp(1 + branch.real)
 
     def stiffness(self, mean_pressure: float, modulus: float = 1.0) -> float:
-        """Return dp/dDelta = pi E* / (wavelength ln(p* / p)), infinite at full contact [MPa/um].
+        """Return the stiffness dp/dDelta = pi E* / (wavelength ln(p* / p)) [MPa/um].
 
         Parameters
         ----------
@@ -233,7 +233,7 @@ class WavySurface:
         Returns
         -------
         float
-            Stiffness per area, zero without load [MPa/um].
+            Stiffness per area, zero without load and infinite at full contact [MPa/um].
         """
         load = self._load(mean_pressure, modulus)
         if not load:
@@ -243,7 +243,7 @@ class WavySurface:
         return -np.pi * modulus / (self.wavelength * math.log(load))
 
     def _load(self, mean_pressure: float, modulus: float) -> float:
-        """Return the mean pressure as a share of that of full contact, from 0 to 1 [1]."""
+        """Return the mean pressure over that of full contact, bounded to 0 and 1 [1]."""
         return min(max(mean_pressure / self.full_contact_pressure(modulus), 0.0), 1.0)
 
 
@@ -271,8 +271,8 @@ def refuse_flat(amplitude: float, wavelength: float) -> None:
 class DoublySinusoidal:
     """The surface z = amplitude cos(2 pi x / wavelength) cos(2 pi y / wavelength).
 
-    Its peaks are on a square lattice of spacing wavelength / sqrt(2), with the valleys at the
-    centres of the squares. There is no closed form between the two ends of the range of loads.
+    Its peaks form a square lattice of spacing wavelength / sqrt(2), with the valleys at the centres
+    of the squares. Closed forms exist only for the limits of light load and nearly full contact.
 
     Attributes
     ----------
@@ -295,7 +295,7 @@ class DoublySinusoidal:
         refuse_flat(self.amplitude, self.wavelength)
 
     def heights(self, x: Field, y: Field) -> Field:
-        """Return the height at these distances from a peak along both axes [um].
+        """Return the height at distances from a peak along both axes [um].
 
         Parameters
         ----------
@@ -311,7 +311,7 @@ class DoublySinusoidal:
         return np.asanyarray(self.amplitude * np.cos(q * x) * np.cos(q * y))
 
     def full_contact_pressure(self, modulus: float = 1.0) -> float:
-        """Return p* = sqrt(2) pi E* amplitude / wavelength [MPa].
+        """Return p* = sqrt(2) pi E* amplitude / wavelength, which closes all gaps [MPa].
 
         Parameters
         ----------
@@ -328,9 +328,9 @@ class DoublySinusoidal:
     def area_share_at_light_load(
         self, mean_pressure: float, modulus: float = 1.0
     ) -> float:
-        """Return pi (3 / (8 pi) p / p*)^(2/3), by Hertz at each peak on its own [1].
+        """Return the contact area as a share of the whole, pi (3 / (8 pi) p / p*)^(2/3) [1].
 
-        The leading term for p / p* -> 0.
+        It is the leading term for p / p* -> 0: Hertz's contact at each peak, without interaction.
 
         Parameters
         ----------
@@ -350,8 +350,9 @@ class DoublySinusoidal:
     def approach_at_light_load(self, mean_pressure: float, modulus: float = 1.0) -> float:
         """Return the two leading terms of the approach for p / p* -> 0 [um].
 
-        Hertz's a^2 / R at each peak of radius R, and what the forces on all other peaks displace
-        it, as point forces on a square lattice with zero mean displacement.
+        The first is Hertz's a^2 / R at a peak of radius of curvature R. The second is the
+        displacement of this peak by point forces on all other peaks of the lattice, with zero mean
+        displacement.
 
         Parameters
         ----------
@@ -374,9 +375,10 @@ class DoublySinusoidal:
     def area_share_near_full_contact(
         self, mean_pressure: float, modulus: float = 1.0
     ) -> float:
-        """Return 1 - 3 / (2 pi) (1 - p / p*), with a circular gap in each valley [1].
+        """Return the contact area as a share of the whole, 1 - 3 / (2 pi) (1 - p / p*) [1].
 
-        The leading term for p / p* -> 1: the gaps are penny-shaped cracks without a singularity.
+        It is the leading term for p / p* -> 1: the gap in each valley is a circular crack without a
+        singularity at its rim.
 
         Parameters
         ----------
@@ -398,8 +400,8 @@ class DoublySinusoidal:
     ) -> float:
         """Return the leading term of the mean gap for p / p* -> 1 [um].
 
-        The gap in a valley is 16 k / (9 pi E*) (b^2 - r^2)^(3/2) where the pressure of full contact
-        is k r^2 above its least value and b is the radius of the gap.
+        The gap at the distance r from a valley is 16 k / (9 pi E*) (b^2 - r^2)^(3/2). Here b is the
+        radius of the gap, and the pressure of full contact is k r^2 above its least value.
 
         Parameters
         ----------

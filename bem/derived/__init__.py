@@ -1,8 +1,8 @@
-"""What a contact decides, derived from its pressure and gap: stiffness, spots and flow.
+"""Results that follow from the pressure and the gap of a solved contact.
 
-- `border`: the area in the continuum, from pressures and gaps beside the border of contact.
-- `grid_error`: how far answers are from those of the continuum, by the same contact on half a grid.
-- `flow`: a thin fluid through the gap: flow factor, hydraulic aperture and field of flux.
-- `stiffness`: the flat punch of a set of nodes, by one linear solve.
-- `spots`: connected regions of contact and of gap, and whether they cross the patch.
+- `border`: the area in the continuum, from pressures and gaps next to the border of contact.
+- `grid_error`: bars for the error of the grid, from the same contact on half of its nodes.
+- `flow`: flow of a thin fluid through the gap: flow factor, hydraulic aperture, field of flux.
+- `stiffness`: stiffness of the flat punch that fills a set of nodes, by one linear solve.
+- `spots`: connected regions of contact and of gap, and whether they connect opposite sides.
 """

@@ -1,39 +1,47 @@
-"""The area of contact in the continuum: the count of nodes, less what the grid adds along borders.
+"""The area of contact in the continuum: the count of contact nodes, corrected along the border.
 
-A node touches as soon as its own height does, so that a count of nodes reaches beyond the border of
-contact. How far follows from one local problem: a straight border, whose pressure rises like the
-root of the distance and whose gap rises like its power 3/2, on a grid of the spacing h. For the
-nodes' compliance K(q) at the wave vector q (2 / |q| in the continuum, E* = 1), factorising it along
-the normal n (Wiener and Hopf) gives the mean distance over all places of the border in a cell,
+A node is in contact as soon as its own height touches. The cells of all contact nodes therefore
+reach beyond the border of contact, by a mean distance that is called the offset. It follows from
+one local problem: a straight border on a grid of spacing h, where the pressure rises with the
+square root of the distance from the border, and the gap with its power 3/2. K(q) is the compliance
+of the nodes for the wave vector q; in the continuum it is 2 / |q|, with E* = 1. Factorising K along
+the border's normal n (Wiener and Hopf) gives the offset, averaged over all places of the border
+within a cell:
 
-    offset / h = 1 / (2 pi) * integral over q of ln(K(q n) |q| / 2) / q^2,
+    offset / h = 1 / (2 pi) * integral over q of ln(K(q n) |q| / 2) / q^2
 
-0.190 along the grid, 0.114 to 0.13 at most angles and 0.134 along the diagonal for spectral
-compliance; 0.175, 0.101 to 0.12 and 0.121 for uniform pressure on cells. Over all directions that
-is 0.1014 and 0.0904 for each cell's edge between contact and gap.
+The spectral compliance of patches without edges has an offset of 0.190 h for a border along the
+grid, of 0.114 to 0.13 h at most angles, and of 0.134 h along the diagonal. Uniform pressure on
+cells, the kernel of free patches, has 0.175 h, 0.101 to 0.12 h, and 0.121 h. Averaged over all
+directions, and counted for each edge of a cell between contact and gap, the offsets are 0.1014 h
+and 0.0904 h.
 
-The nodes next to the border tell more. The same factors give its place between a node in contact,
-with the pressure p, and the next one, with the gap g: both are known multiples of their distances
-to it, so that the share f = g / (g + kappa p h / E*) tells the place, with kappa the geometric mean
-of K along the axis. Each edge of a cell hence counts by weights for one, for f, and for the ratios
-p / (p + p2) and g / (g + g2) with the nodes behind, which take off what curved borders and narrow
-spots do to f. All lengths are in spacings across the edge, so that oblong cells need nothing else.
+The nodes next to an edge locate the border more closely than this average. The same factors give
+the distance of the border from a contact node, with the pressure p, and from the open node next to
+it, with the gap g: p and g are known functions of these distances. The share
+f = g / (g + kappa p h / E*), where kappa is the geometric mean of K along the axis, therefore tells
+the place of the border between the two nodes. The ratios p / (p + p2) and g / (g + g2), with the
+pressure p2 of the next node inside and the gap g2 of the next node outside, correct f for curved
+borders and narrow spots. The offset of an edge is a weighted sum of one, f, and both ratios.
+Lengths are in spacings across the edge, also on oblong cells. The weights belong to square cells.
 """
 
 import math
 from collections.abc import Iterator
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bem.arrays import Field, Values
+from bem.arrays import Field, Mask, Nodes, Values
 from bem.problem import Boundary, Problem
 
-# Weights of an edge for one, f, p / (p + p2) and g / (g + g2), by how many of the two edges beside
-# it lie in line with it: least squares over 3,300 regular waves, Westergaard's at all angles and
-# crossed ones, from 3 to 64 nodes long and 1 to 97 % in contact. The code up to commit b37066e has
-# the fit (`python -m bench.border_weights`).
+# Weights of the terms of an edge [spacing across the edge]. The columns belong to the terms one, f,
+# p / (p + p2) and g / (g + g2); the row is the number of neighbouring edges, of the two beside an
+# edge, that are in line with it. They are least squares over 3,300 regular waves, single ones
+# (Westergaard's) at all angles and crossed ones, of 3 to 64 nodes a wave and with 1 to 97 % in
+# contact. `python -m bench border-weights` fits them again.
 WEIGHTS = np.array(
     [
         [-0.079, 0.381, -0.076, 0.130],
@@ -42,40 +50,95 @@ WEIGHTS = np.array(
     ]
 )
 
-# What uniform pressure on cells takes off the first weight: the difference of the two offsets above
-# over the edges of borders along the diagonal, between, and along the grid.
+# Reduction of the first column of `WEIGHTS` for uniform pressure on cells [spacing]. It is the
+# difference of the offsets of both kernels in the text of this module, for each edge of a border
+# along the diagonal, between diagonal and grid, and along the grid.
 UNIFORM_PRESSURE = np.array([0.0095, 0.0105, 0.0152])
 
-# Geometric mean of a grid's compliance along an axis [spacing / E*].
+# kappa: the geometric mean of a grid's compliance along an axis [spacing / E*].
 COMPLIANCE = {"spectral": 2 * math.e / math.pi, "uniform-pressure": 1.7240}
 
-# Means of the two ratios along straight borders: they stand in for nodes beyond a free patch.
+# Means of p / (p + p2) and of g / (g + g2) along straight borders [1]. They replace the ratios of
+# which the second node is beyond the border of a free patch.
 USUAL_RATIOS = 0.278, 0.200
 
-# How many times the compliance of a yielded node weighs against its depth. A yielded border is
-# where two surfaces cut each other, and an elastic one where p goes to zero: the edge of a yielded
-# node counts as both in the ratio of its depth and its pressure.
+# Factor on the elastic compliance of a yielded node where it is weighed against the node's yielded
+# depth [1]. The border of an elastic spot is where p goes to zero; that of a yielded spot is where
+# the two undeformed surfaces cut each other. The offset of a yielded node's edge is a mean of both.
 YIELDED = 4.0
 
-# A force at each node's centre, whose own displacement lacks a factor pi / 2, is a cell under
-# uniform pressure and a layer of this compliance below it [spacing / E*]: the sum of the
-# differences of all coefficients. Its offset is layer / 8 times the logarithm of the size of spots.
+# Compliance of the layer that turns the kernel of uniform pressure into that of concentrated forces
+# [spacing / E*]. It is negative, because a concentrated force displaces its own node too little, by
+# a factor pi / 2. It is the sum, over all nodes, of the differences of the two kernels'
+# coefficients. The offset that it adds is layer / 8 times the logarithm of the radius of spots.
 LAYER = -0.47629
 
-# The offset of such forces for a spot of one spacing in radius, from Hertz's circle.
+# Offset of concentrated forces for a spot with a radius of one spacing, from Hertz's circle
+# [spacing].
 CONCENTRATED_FORCE = -0.115
 
-# Radius of a circle over the ratio of its area to its perimeter along cells, 8 radii.
+# Ratio of a circle's radius to its area over its perimeter along the sides of cells, which is 8
+# radii long [1].
 CIRCLE = 8 / math.pi
 
+# Number of repetitions of the fixed-point iteration for the radius of spots. Each one multiplies
+# the error of the area by 0.06 edges / cells, which is 1/4 for single nodes, less for larger spots.
+REPETITIONS = 5
 
-# How `numpy.pad` continues a field beyond a patch, and by how many nodes edges need it.
+# Modes of `numpy.pad` that continue a field beyond each kind of patch.
 CONTINUED: dict[Boundary, Literal["edge", "wrap", "symmetric"]] = {
     "free": "edge",
     "periodic": "wrap",
     "mirror": "symmetric",
 }
+
+# Nodes by which fields are continued on each side: an edge needs the node next to it, and one more.
 RIM = 2
+
+
+@dataclass(frozen=True, eq=False)
+class BorderEdges:
+    """The edges of cells between contact and gap that face one of four ways; e is their number.
+
+    Attributes
+    ----------
+    aligned : ndarray of int, shape (e,)
+        Number of neighbouring edges in line with each edge: 0, 1 or 2.
+    terms : ndarray, shape (e, 4)
+        Terms that the weights multiply: one, f, p / (p + p2) and g / (g + g2) [1].
+    yielded : ndarray, shape (e,), or None
+        Weight, from 0 to 1, of the offset of a yielded border against that of an elastic one; None
+        if no node has yielded [1].
+    """
+
+    aligned: Nodes
+    terms: Field
+    yielded: Values | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Continued:
+    """Flat fields of a patch that is continued by `RIM` nodes on each side.
+
+    Attributes
+    ----------
+    pressure : ndarray, shape (c,)
+        Contact pressure [MPa].
+    gap : ndarray, shape (c,)
+        Distance between the surfaces [um].
+    depth : ndarray, shape (c,)
+        Yielded depth, zero beyond the patch [um].
+    on_patch : ndarray of bool, shape (c,)
+        Whether a node belongs to the patch itself.
+    exists : ndarray of bool, shape (c,)
+        Whether the body has a node here: everywhere unless the patch is free.
+    """
+
+    pressure: Values
+    gap: Values
+    depth: Values
+    on_patch: Mask
+    exists: Mask
 
 
 def continuum_nodes(
@@ -86,7 +149,7 @@ def continuum_nodes(
     Parameters
     ----------
     problem : Problem
-        Boundary, kernel, spacing and modulus.
+        Boundary, kernel, spacing, modulus and hardness.
     pressure : ndarray, shape (nx, ny)
         Contact pressure [MPa].
     gap : ndarray, shape (nx, ny)
@@ -97,70 +160,143 @@ def continuum_nodes(
     Returns
     -------
     float
-        From 0 to nx ny [cells].
+        Area from 0 to nx ny, at least the force over the hardness [cells].
     """
     count = int(np.count_nonzero(pressure > 0))
-    if count in (0, pressure.size):
+    if count in (0, pressure.size):  # there is no border
         return float(count)
-    offsets = list(_offsets(problem, pressure, gap, depth))
-    if problem.boundary == "free" and problem.kernel == "concentrated-force":
-        return _of_concentrated_forces(count, sum(map(len, offsets)))
-    excess = sum(float(each.sum()) for each in offsets)
-    # No area bears more than the hardness.
-    least = 0.0 if problem.hardness is None else float(pressure.sum()) / problem.hardness
-    return min(max(count - excess, least), float(pressure.size))
-
-
-def _offsets(
-    problem: Problem, pressure: Field, gap: Field, depth: Field | None
-) -> Iterator[Values]:
-    """Yield how far the border lies behind the edges, (e,), that face each of four ways [spacing].
-
-    An edge is that of a cell between contact and gap. Its offset follows from the nodes on the line
-    across it: the one in contact and the one behind it, the open one and the one beyond it.
-    """
-    free = problem.boundary == "free"
-    compliance = COMPLIANCE["uniform-pressure" if free else "spectral"] / problem.modulus
     weights = WEIGHTS.copy()
-    weights[:, 0] -= UNIFORM_PRESSURE * free
-    continued, zeros = CONTINUED[problem.boundary], np.zeros(pressure.shape)
-    fields: list[tuple[NDArray[Any], Any]] = [(pressure, continued), (gap, continued)]
-    fields += [(zeros if depth is None else depth, "constant"), (zeros == 0, "constant")]
-    pressures, gaps, depths, patch = (
-        np.pad(one, RIM, mode).ravel() for one, mode in fields
-    )
-    contact = pressures > 0
-    touching = np.flatnonzero(contact & patch)
+    if problem.boundary == "free":
+        weights[:, 0] -= UNIFORM_PRESSURE
+    offsets = [
+        _offsets(edges, weights) for edges in border_edges(problem, pressure, gap, depth)
+    ]
+    if problem.boundary == "free" and problem.kernel == "concentrated-force":
+        return _area_under_concentrated_forces(count, edges=sum(map(len, offsets)))
+    excess = sum(float(values.sum()) for values in offsets)
+    lower_bound = 0.0
+    if problem.hardness is not None:  # no area bears more than the hardness
+        lower_bound = float(pressure.sum()) / problem.hardness
+    return min(max(count - excess, lower_bound), float(pressure.size))
+
+
+def border_edges(
+    problem: Problem, pressure: Field, gap: Field, depth: Field | None
+) -> Iterator[BorderEdges]:
+    """Yield the edges of cells between contact and gap, for each of the four ways they face.
+
+    Parameters
+    ----------
+    problem : Problem
+        Boundary, spacing and modulus.
+    pressure : ndarray, shape (nx, ny)
+        Contact pressure [MPa].
+    gap : ndarray, shape (nx, ny)
+        Distance between the surfaces [um].
+    depth : ndarray, shape (nx, ny), or None
+        Depth by which nodes have yielded, None without a hardness [um].
+
+    Yields
+    ------
+    BorderEdges
+        First the edges across the first axis that face its start, then those that face its end;
+        then the edges across the second axis in the same order.
+    """
+    kernel = "uniform-pressure" if problem.boundary == "free" else "spectral"
+    compliance = COMPLIANCE[kernel] / problem.modulus
+    fields = _continued(problem.boundary, pressure, gap, depth)
+    contact = fields.pressure > 0
+    touching = np.flatnonzero(contact & fields.on_patch)
     row = pressure.shape[1] + 2 * RIM
+    # Flat steps to the next node along each axis, and along the other one.
     for spacing, along, across in zip(problem.spacing, (row, 1), (1, row), strict=True):
-        for step in (along, -along):
-            here = touching[~contact[touching - step]]
-            beside = np.array([here + across, here - across])
-            aligned = np.count_nonzero(contact[beside] & ~contact[beside - step], axis=0)
-            pressed, opened, yielded = pressures[here], gaps[here - step], depths[here]
-            elastic = compliance * spacing * pressed
-            terms = np.empty((len(here), 4))  # one, the share f and both ratios
-            terms[:, 0] = 1.0
-            terms[:, 1] = opened / (opened + elastic + yielded)
-            terms[:, 2:] = USUAL_RATIOS
-            both = pressed + pressures[here + step]
-            np.divide(
-                pressed, both, out=terms[:, 2], where=patch[here + step] | (not free)
+        for inward in (along, -along):
+            inner = touching[~contact[touching - inward]]
+            neighbours = np.array([inner + across, inner - across])
+            in_line = contact[neighbours] & ~contact[neighbours - inward]
+            yield _edges_between(
+                fields,
+                inner,
+                inward,
+                aligned=np.count_nonzero(in_line, axis=0),
+                compliance=compliance * spacing,
             )
-            both = opened + gaps[here - 2 * step]
-            known = (patch[here - 2 * step] | (not free)) & (both > 0)
-            np.divide(opened, both, out=terms[:, 3], where=known)
-            offsets: Values = np.einsum("ij,ij->i", weights[aligned], terms)
-            if yielded.any():
-                cut = yielded / (yielded + YIELDED * elastic)
-                offsets = (1 - cut) * offsets + cut * (terms[:, 1] - 0.5)
-            yield offsets
 
 
-def _of_concentrated_forces(count: int, edges: int) -> float:
-    """Return the area under forces at the nodes, whose offset depends on the size of spots."""
+def _continued(
+    boundary: Boundary, pressure: Field, gap: Field, depth: Field | None
+) -> _Continued:
+    """Continue (nx, ny) fields by `RIM` nodes on each side, as the boundary has it."""
+    mode = CONTINUED[boundary]
+    on_patch = np.pad(np.ones(pressure.shape, dtype=bool), RIM).ravel()
+    exists = np.ones(on_patch.shape, dtype=bool)
+    if boundary == "free":
+        exists = on_patch
+    depths = np.zeros(pressure.shape) if depth is None else depth
+    return _Continued(
+        pressure=np.pad(pressure, RIM, mode).ravel(),
+        gap=np.pad(gap, RIM, mode).ravel(),
+        depth=np.pad(depths, RIM).ravel(),
+        on_patch=on_patch,
+        exists=exists,
+    )
+
+
+def _edges_between(
+    fields: _Continued,
+    inner: Nodes,
+    inward: int,
+    *,
+    aligned: NDArray[np.intp],
+    compliance: float,
+) -> BorderEdges:
+    """Return the edges between contact nodes and the open nodes next to them.
+
+    `inner` has the (e,) flat indices of the contact nodes, and `inward` is the step from an open
+    node to its contact node. `compliance` is kappa h / E* [um / MPa].
+    """
+    outer = inner - inward
+    next_inner = inner + inward
+    next_outer = outer - inward
+    pressed = fields.pressure[inner]
+    opened = fields.gap[outer]
+    depth = fields.depth[inner]
+    elastic = compliance * pressed
+    terms = np.empty((len(inner), 4))
+    terms[:, 0] = 1.0
+    terms[:, 1] = opened / (opened + elastic + depth)
+    terms[:, 2:] = USUAL_RATIOS
+    pressures = pressed + fields.pressure[next_inner]
+    np.divide(pressed, pressures, out=terms[:, 2], where=fields.exists[next_inner])
+    gaps = opened + fields.gap[next_outer]
+    np.divide(opened, gaps, out=terms[:, 3], where=fields.exists[next_outer] & (gaps > 0))
+    yielded = None
+    if depth.any():
+        yielded = depth / (depth + YIELDED * elastic)
+    return BorderEdges(aligned=aligned, terms=terms, yielded=yielded)
+
+
+def _offsets(edges: BorderEdges, weights: Field) -> Values:
+    """Return the distance from each edge back to the border, (e,) [spacing across the edge].
+
+    `weights` has the form of `WEIGHTS`, (3, 4), and is corrected for the kernel.
+    """
+    offsets: Values = np.einsum("ij,ij->i", weights[edges.aligned], edges.terms)
+    if edges.yielded is None:
+        return offsets
+    # Two surfaces that cut each other have a gap and a depth in proportion to the distance.
+    where_surfaces_cut = edges.terms[:, 1] - 0.5
+    return (1 - edges.yielded) * offsets + edges.yielded * where_surfaces_cut
+
+
+def _area_under_concentrated_forces(count: int, edges: int) -> float:
+    """Return the area under forces at `count` nodes with this number of edges [cells].
+
+    The offset depends on the radius of spots, which is estimated from area and perimeter: a
+    fixed-point iteration.
+    """
     area = float(count)
-    for _ in range(5):
+    for _ in range(REPETITIONS):
         radius = CIRCLE * area / edges
         offset = CONCENTRATED_FORCE + LAYER / 8 * math.log(radius)
         area = max(count - offset * edges, 0.5)

@@ -1,13 +1,16 @@
-"""How far the answers of one grid are from those of the continuum: the same contact on half of it.
+"""How far a grid's answers are from those of the continuum, by the same contact on half of it.
 
-A contact on about every second node costs a quarter of the one asked about. How far the two are
-apart bounds the error of the finer one where both see the same surface, and says that there is no
-limit where roughness goes on down to the grid. Two things make the difference small by chance, and
-have a share of the bar of their own: the place of the border in the cells, which goes with what
-counting nodes adds to the area; and the highest node, from which Delta counts, which lies below the
-summit by an unknown share of its cell. What a higher summit changes at a given Delta follows from
-the work W that the load has done: of a force that grows like the power m of the approach d,
-W = F d / (m + 1), and W is known from pressure and displacement.
+A contact on about every second node costs a quarter of the contact in question. The difference of
+their answers bounds the error of the finer one where both grids see the same surface. It shows that
+there is no limit where roughness continues down to the grid.
+
+Two things make this difference small by chance, so that each has a part of the bar of its own. One
+is the place of the border within the cells: its part is proportional to what counting nodes adds to
+the area. The other one is the highest node, from which Delta counts: it is below the summit of the
+surface by an unknown part of the height differences to its neighbours. How much a higher summit
+changes the answers at a given Delta follows from the work W that the load has done: a force F that
+grows with the power m of the approach d has W = F d / (m + 1), and W is known from pressure and
+displacement.
 """
 
 from __future__ import annotations  # short signatures in help()
@@ -19,47 +22,61 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bem.arrays import Field
+from bem.arrays import Field, Values
 from bem.problem import Boundary, NoSolution, Problem, check_solvable
 from bem.threads import computed_once
 
 if TYPE_CHECKING:
     from bem.contact import Contact
 
-# Share of the difference of two grids in the bars, and what a bar has at least, in units of its
-# answer times the share of the area that counting nodes adds. Both are chosen so that at least 90 %
-# of true errors lie inside (`bench grid-error`).
+# Factor on the difference of both grids' answers in a bar [1]. It is chosen with `AT_LEAST` so that
+# at least 90 % of true errors are inside (`python -m bench grid-error`).
 OF_DIFFERENCE = 1.2
+
+# Smallest part of a bar, relative to the answer and to the share of the area that counting nodes
+# adds [1].
 AT_LEAST = {"area": 0.10, "gap": 0.02, "stiffness": 0.25}
 
-# Share of the highest node's second differences by which its summit lies higher, where the error
-# falls with the spacing itself: a smooth summit has a third of it.
+# Height of the summit above the highest node over the sum of the node's second differences along
+# both axes [1], where the error falls in proportion to the spacing. A smooth summit has a third of
+# it.
 OF_SUMMIT = 0.3
 
-# By how much the power of area and force exceeds its mean towards full contact of a patch without
-# edges, per share of the area in contact; free patches have none. Stiffness grows by its square.
+# Growth of the power by which area and force rise with the approach, over its mean, per share of a
+# patch without edges that is in contact [1]. Free patches have none. The stiffness takes the factor
+# twice.
 STEEPENING = 2.0
 
-# Order of the mean square slope in the spacing from which a surface has an end of its waves above
-# the grid: it is 2 for waves much longer than a cell, 1 for edges, and negative for fractals.
+# Least order in the spacing of the mean square slope of a surface whose waves end above the grid
+# [1]. The order is 2 for waves much longer than a cell, 1 for sharp edges, negative for fractals.
 LEAST_ORDER = 0.4
 
-# Relative difference of the mean square slopes below which a surface is smooth: waves of 60 nodes.
+# Relative difference of the mean square slopes over two distances below which a surface is smooth
+# [1]: its shortest waves have 60 nodes.
 SMOOTH = 3e-3
 
-# Relative difference of the areas of two grids above which neither is near the continuum.
+# Largest relative difference of the areas on both grids for which the finer one is near the
+# continuum [1].
 LARGEST_DIFFERENCE = 0.3
 
-# Share of the area, beyond what bears the load at the hardness, up to which yielding has decided it
-# whatever the waves below the grid.
+# Largest share of the area beyond load / hardness for which yielding has decided the area, whatever
+# waves there are below the grid [1].
 NEARLY_YIELDED = 0.03
 
-# Nodes along an axis below which half of them say nothing.
+# Fewest nodes along an axis of which half can be compared with all.
 FEWEST = 8
 
-# Tolerance of the coarser contact: its errors stay far below its distance from the finer one. On
-# 1,100 contacts the bars hold as many true errors as with 1e-4 (`bench grid-error`).
+# Tolerance of the coarser contact [Delta]: its errors are far below its distance from the finer
+# one. On 1,100 contacts the bars hold as many true errors as with 1e-4 (`python -m bench
+# grid-error`).
 COARSE_RTOL = 3e-3
+
+# Least and largest order that sets how much error remains after halving the spacing [1].
+ORDERS = math.log2(1.4), 2.0
+
+# Places between which slopes are measured, by the distance in nodes: the first one of the lower
+# nodes, so that slopes over all three distances are around the same places.
+FIRST_PLACE = {1: 2, 2: 1, 4: 0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,22 +88,24 @@ class GridError:
     resolved : bool
         Whether the grid resolves the surface, so that the bars hold.
     reason : str
-        Why they hold, or why not, without a full stop.
+        Reason why the bars hold or do not hold, without a full stop.
     order : float
         Order in the spacing of the surface's mean square slope: 2 for smooth surfaces, negative
-        where roughness goes on down to the grid [1].
+        where roughness continues down to the grid [1].
     remaining : float
-        Error left over that taken off by halving the spacing, from 1/3 to 2.5 [1].
+        Error that remains over the error removed by halving the spacing, from 1/3 to 2.5 [1].
     summit : float
-        How much the summit may lie above the highest node [um].
+        Height by which the summit may be above the highest node [um].
     growth : float
-        Share by which such a summit makes area and force grow, 0 under a given load [1].
+        Share by which a summit of this height makes area and force grow, 0 under a given load [1].
     counted : float
         Share of the area in the continuum that counting nodes adds [1].
     spare : float
-        Share of the area above load / hardness, below which no area can lie [1].
-    contact, coarse : Contact
-        The contact, and the same one on about every second node; None if there is none.
+        Share of the area beyond load / hardness, which is the least possible area [1].
+    contact : Contact
+        The contact whose answers are judged.
+    coarse : Contact or None
+        The same contact on about every second node, None if it has no solution.
     """
 
     resolved: bool
@@ -102,255 +121,434 @@ class GridError:
 
     @computed_once
     def area_percent(self) -> float:
-        """Of `Contact.continuum_area_percent` [%]."""
-        spacing, percent = (
-            self.contact.problem.spacing,
-            self.contact.continuum_area_percent,
-        )
-        scale = percent / (area_within(self.contact) or 1.0)
+        """Half-width of the bar of `Contact.continuum_area_percent` [%]."""
+        spacing = self.contact.problem.spacing
+        percent = self.contact.continuum_area_percent
+        percent_per_area = percent / (area_within(self.contact) or 1.0)
         floor = AT_LEAST["area"] * self.counted
+        # Without a limit of the area, only load / hardness bounds it from below.
         if self.order < LEAST_ORDER and self.spare <= NEARLY_YIELDED:
             floor = max(floor, self.spare)
         return self._bar(
-            lambda contact: scale * area_within(contact, spacing),
-            floor * percent,
-            percent * self.growth,
+            lambda contact: percent_per_area * area_within(contact, spacing),
+            at_least=floor * percent,
+            by_summit=percent * self.growth,
         )
 
     @computed_once
     def delta(self) -> float:
-        """Of `Contact.delta`, 0 where it was given [um]."""
+        """Half-width of the bar of `Contact.delta`, 0 where Delta was given [um]."""
         if self.contact.problem.delta is not None:
             return 0.0
         return self._bar(
-            lambda contact: contact.delta - contact.problem.heights.max(), self.summit
+            lambda contact: contact.delta - contact.problem.heights.max(),
+            by_summit=self.summit,
         )
 
     @computed_once
     def force(self) -> float:
-        """Of `Contact.force`, 0 where it was given [uN]."""
+        """Half-width of the bar of `Contact.force`, 0 where the force was given [uN]."""
         if self.contact.problem.force is not None:
             return 0.0
-        return self._bar(lambda contact: contact.force, self.contact.force * self.growth)
+        return self._bar(
+            lambda contact: contact.force, by_summit=self.contact.force * self.growth
+        )
 
     @computed_once
     def mean_gap(self) -> float:
-        """Of `Contact.mean_gap` [um]."""
-        floor, raised = AT_LEAST["gap"] * self.counted * self.contact.mean_gap, 0.0
-        if (
-            self.contact.problem.delta is not None
-        ):  # the bodies approach, and deform the more
-            raised = self.summit - self.growth * float(self.contact.displacement.mean())
-        return self._bar(lambda contact: contact.mean_gap, floor, raised)
+        """Half-width of the bar of `Contact.mean_gap` [um]."""
+        by_summit = 0.0
+        if self.contact.problem.delta is not None:
+            # A higher summit moves the bodies apart, and the larger force deforms them more.
+            displaced = self.growth * float(self.contact.displacement.mean())
+            by_summit = self.summit - displaced
+        return self._bar(
+            lambda contact: contact.mean_gap,
+            at_least=AT_LEAST["gap"] * self.counted * self.contact.mean_gap,
+            by_summit=by_summit,
+        )
 
     @computed_once
     def stiffness(self) -> float:
-        """Of `Contact.stiffness`, by one more linear solve on either grid [MPa um]."""
-        here = self.contact.stiffness
-        if not math.isfinite(here):  # full contact without edges
-            return 0.0
-        raised = here * self.growth * _steepening(self.contact)
-        floor = AT_LEAST["stiffness"] * self.counted * here
-        return self._bar(lambda contact: contact.stiffness, floor, raised)
+        """Half-width of the bar of `Contact.stiffness` [MPa um].
 
-    def _bar(self, answer: Callable[[Contact], float], *parts: float) -> float:
-        """Return the half-width of an answer's bar, from further parts of it in its unit."""
+        It takes one more linear solve on each grid.
+        """
+        stiffness = self.contact.stiffness
+        if not math.isfinite(stiffness):  # full contact without edges
+            return 0.0
+        return self._bar(
+            lambda contact: contact.stiffness,
+            at_least=AT_LEAST["stiffness"] * self.counted * stiffness,
+            by_summit=stiffness * self.growth * _steepening(self.contact),
+        )
+
+    def _bar(
+        self,
+        answer: Callable[[Contact], float],
+        *,
+        at_least: float = 0.0,
+        by_summit: float = 0.0,
+    ) -> float:
+        """Return the half-width of an answer's bar in its unit, infinite without a coarser contact.
+
+        `at_least` is the part that the place of the border needs, `by_summit` that of the summit.
+        """
         if self.coarse is None:
             return math.inf
-        apart = answer(self.contact) - answer(self.coarse)
-        return math.hypot(OF_DIFFERENCE * max(1.0, self.remaining) * apart, *parts)
+        difference = answer(self.contact) - answer(self.coarse)
+        by_difference = OF_DIFFERENCE * max(1.0, self.remaining) * difference
+        return math.hypot(by_difference, at_least, by_summit)
+
+
+@dataclass(frozen=True, eq=False)
+class _Verdict:
+    """Whether the bars hold, and why.
+
+    Attributes
+    ----------
+    resolved : bool
+        Whether the grid resolves the surface.
+    reason : str
+        Reason, without a full stop.
+    coarse : Contact or None
+        The coarser contact that was compared, None if it has no solution.
+    """
+
+    resolved: bool
+    reason: str
+    coarse: Contact | None = None
 
 
 def grid_error_of(contact: Contact) -> GridError:
-    """Return the errors of a contact, which is solved once more on about every second node."""
-    heights, percent = contact.problem.heights, contact.continuum_area_percent
-    order, lower = slope_order(heights, contact.problem.boundary), 0.0
+    """Return the errors of a contact, which is solved once more on about every second node.
+
+    Parameters
+    ----------
+    contact : Contact
+        The contact.
+
+    Returns
+    -------
+    GridError
+        The bars of its answers, infinite where the coarser contact has no solution.
+    """
+    problem = contact.problem
+    order = slope_order(problem.heights, problem.boundary)
+    lowest_order, highest_order = ORDERS
+    remaining = 1 / (2 ** min(max(order, lowest_order), highest_order) - 1)
+    summit = OF_SUMMIT * remaining * _drop_from_highest(problem.heights)
+    area = area_within(contact)
+    spare = 1.0
+    if problem.hardness is not None and area:
+        spare = 1 - contact.force / problem.hardness / area
+    percent = contact.continuum_area_percent
+    counted = 0.0
+    if percent:
+        counted = abs(contact.area_percent / percent - 1)
+    growth = 0.0
+    if problem.delta is not None:
+        growth = _growth(contact, summit)
+    verdict = _compared(contact, order=order, summit=summit, spare=spare)
+    return GridError(
+        resolved=verdict.resolved,
+        reason=verdict.reason,
+        order=order,
+        remaining=remaining,
+        summit=summit,
+        growth=growth,
+        counted=counted,
+        spare=spare,
+        contact=contact,
+        coarse=verdict.coarse,
+    )
+
+
+def _drop_from_highest(heights: Field) -> float:
+    """Return the sum of the highest node's second differences along both axes, above 0 [um].
+
+    At a border the inner neighbour counts twice.
+    """
     row, column = np.unravel_index(int(heights.argmax()), heights.shape)
+    drop = 0.0
     for line, place in ((heights[:, column], row), (heights[row], column)):
-        # The nodes on both sides of the highest one; at a border the inner one twice.
-        beside = np.pad(line, 1, mode="reflect")[[place, place + 2]]
-        lower += float(2 * line[place] - beside.sum())
-    remaining = 1 / (2 ** min(max(order, math.log2(1.4)), 2.0) - 1)
-    summit = OF_SUMMIT * remaining * lower
-    growth = 0.0 if contact.problem.delta is None else _growth(contact, summit)
-    counted = abs(contact.area_percent / percent - 1) if percent else 0.0
-    here, hardness = area_within(contact), contact.problem.hardness
-    spare = 1.0 if hardness is None or here == 0 else 1 - contact.force / hardness / here
-    coarse, (resolved, reason) = None, (False, "half of the nodes are in full contact")
-    if min(heights.shape) < FEWEST:
-        reason = f"{heights.shape[0]} x {heights.shape[1]} nodes are too few to tell"
-    else:
-        try:
-            half, near = coarser(contact.problem, contact.pressure)
-            half = replace(half, delta=None, force=contact.force)
-            if contact.problem.delta is not None:
-                delta = contact.delta - float(heights.max() - half.heights.max())
-                half = replace(half, delta=delta, force=None)
-                check_solvable(
-                    replace(half, delta=delta + summit)
-                )  # also under a higher summit
-            # A full contact without edges needs no start: the coarser one is known to be full too.
-            full = half.boundary != "free" and contact.contact_nodes == heights.size
-            coarse = contact.again(half, None if full else near)
-            there = area_within(coarse, contact.problem.spacing)
-            resolved, reason = _verdict(contact.force, here, there, order, spare)
-        except NoSolution:
-            pass
-        except ArithmeticError as error:
-            reason = f"half of the nodes: {error}"
-    made = order, remaining, summit, growth, counted, spare
-    return GridError(resolved, reason, *made, contact=contact, coarse=coarse)
+        neighbours = np.pad(line, 1, mode="reflect")[[place, place + 2]]
+        drop += float(2 * line[place] - neighbours.sum())
+    return drop
 
 
-def _verdict(
-    force: float, here: float, there: float, order: float, spare: float
-) -> tuple[bool, str]:
-    """Return whether the bars hold, and why, from the areas on both grids."""
-    if here == 0 < force:
-        return False, "no spot of contact is as large as a cell of the grid"
-    change = there / here - 1 if here else float(there > 0)
-    share, more = float(f"{100 * abs(change):.2g}"), "more" if change > 0 else "less"
-    # Below this share it is rounding.
-    words = f"half of the nodes give {f'{share:g} % {more}' if share > 1e-9 else 'the same'} area"
+def _compared(contact: Contact, *, order: float, summit: float, spare: float) -> _Verdict:
+    """Solve a contact on half of its nodes, and judge by the comparison whether the bars hold.
+
+    The keywords are fields of `GridError`.
+    """
+    nodes = contact.problem.heights.shape
+    if min(nodes) < FEWEST:
+        return _Verdict(False, f"{nodes[0]} x {nodes[1]} nodes are too few to tell")
+    try:
+        coarse = _solve_coarser(contact, summit)
+    except NoSolution:
+        return _Verdict(False, "half of the nodes are in full contact")
+    except ArithmeticError as error:
+        return _Verdict(False, f"half of the nodes: {error}")
+    return _judged(contact, coarse, order=order, spare=spare)
+
+
+def _judged(contact: Contact, coarse: Contact, *, order: float, spare: float) -> _Verdict:
+    """Judge by the areas on both grids whether the bars hold; keywords as `_compared`."""
+    area = area_within(contact)
+    coarse_area = area_within(coarse, contact.problem.spacing)
+    if area == 0 < contact.force:
+        reason = "no spot of contact is as large as a cell of the grid"
+        return _Verdict(False, reason, coarse)
+    change = float(coarse_area > 0)
+    if area:
+        change = coarse_area / area - 1
+    comparison = _in_words(change)
     if spare <= NEARLY_YIELDED:
         borne = f"{100 * (1 - spare):.3g} %"
-        return True, f"yielding decides it: load / hardness alone is {borne} of this area"
+        reason = f"yielding decides it: load / hardness alone is {borne} of this area"
+        return _Verdict(True, reason, coarse)
     if order < LEAST_ORDER:
-        return (
-            False,
-            f"waves go on down to the grid, so that the area has no limit: {words}",
-        )
+        reason = "waves go on down to the grid, so that the area has no limit"
+        return _Verdict(False, f"{reason}: {comparison}", coarse)
     if abs(change) > LARGEST_DIFFERENCE:
-        return False, f"too few nodes in a wave, or in contact: {words}"
-    return True, words
+        reason = "too few nodes in a wave, or in contact"
+        return _Verdict(False, f"{reason}: {comparison}", coarse)
+    return _Verdict(True, comparison, coarse)
+
+
+def _in_words(change: float) -> str:
+    """Say how much the area of half of the nodes differs: `change` is relative to the full grid."""
+    percent = float(f"{100 * abs(change):.2g}")
+    if percent <= 1e-9:  # rounding
+        return "half of the nodes give the same area"
+    if change > 0:
+        return f"half of the nodes give {percent:g} % more area"
+    return f"half of the nodes give {percent:g} % less area"
+
+
+def _solve_coarser(contact: Contact, summit: float) -> Contact:
+    """Solve a contact on about every second node.
+
+    Under a given Delta, the far field stays in the same place. Raises NoSolution if the coarser
+    grid, or one with a summit that is higher by `summit` [um], would be in full contact.
+    """
+    problem = contact.problem
+    half, near = coarser(problem, contact.pressure)
+    if problem.delta is None:
+        half = replace(half, delta=None, force=contact.force)
+    else:
+        lost = float(problem.heights.max() - half.heights.max())
+        half = replace(half, delta=contact.delta - lost, force=None)
+        check_solvable(replace(half, delta=contact.delta - lost + summit))
+    is_full = contact.contact_nodes == problem.heights.size
+    if is_full and half.boundary != "free":
+        return contact.again(half, None)  # it is full too, and needs no start
+    return contact.again(half, near)
 
 
 def _growth(contact: Contact, summit: float) -> float:
-    """Return by what share a higher summit makes area and force grow at a given Delta [1]."""
+    """Return the share by which a higher summit [um] makes area and force grow at a given Delta."""
     if contact.force == 0:
         return 0.0
-    approach, touching = contact.approach, contact.pressure > 0
+    heights = contact.problem.heights
+    approach = contact.approach
+    touching = contact.pressure > 0
     pressure = contact.pressure[touching]
-    pressed = (
-        contact.problem.heights[touching] - contact.problem.heights.max()
-    ) / approach + 1
+    displaced = (heights[touching] - heights.max()) / approach + 1  # [approach]
     if contact.problem.hardness is not None:
-        pressed += contact.yielded_depth[touching] / approach
-    work = np.average(pressed, weights=pressure / pressure.max()) / 2  # [F d]
-    power = _steepening(contact) * (1 / float(work) - 1)
-    # A compliant far field gives way too.
-    yielded = power * (1 - contact.delta / approach)
-    return power * summit / approach / max(1 - yielded, 1e-3)
+        displaced += contact.yielded_depth[touching] / approach
+    work = float(np.average(displaced, weights=pressure / pressure.max())) / 2  # [F d]
+    power = _steepening(contact) * (1 / work - 1)
+    # A compliant far field gives way too: it takes up a part of the approach.
+    given_way = power * (1 - contact.delta / approach)
+    return power * summit / approach / max(1 - given_way, 1e-3)
 
 
 def _steepening(contact: Contact) -> float:
-    """Return how much steeper forces grow than their mean power says, as a patch fills [1]."""
-    edgeless = contact.problem.boundary != "free"
-    return 1 + STEEPENING * contact.area_percent / 100 * edgeless
+    """Return the power of the force's growth over its mean power: above 1 as a patch fills [1]."""
+    if contact.problem.boundary == "free":
+        return 1.0
+    return 1 + STEEPENING * contact.area_percent / 100
 
 
 def area_within(contact: Contact, spacing: tuple[float, float] | None = None) -> float:
-    """Return the area of contact in the continuum [um2].
+    """Return the area of contact in the continuum.
 
-    Cells at the borders of a free patch reach half a spacing beyond its nodes: those of a coarser
-    grid count as far as those of the finer one, whose `spacing` is given.
+    Cells at the borders of a free patch reach half a spacing beyond its nodes. To compare a coarser
+    grid with a finer one, its border cells can be counted only as far as those of the finer one.
+
+    Parameters
+    ----------
+    contact : Contact
+        The contact.
+    spacing : tuple of float, optional
+        Spacing along both axes of the grid that bounds the area, by default the contact's own grid
+        [um].
+
+    Returns
+    -------
+    float
+        Area [um2].
     """
-    own = contact.problem.spacing
-    area = contact.continuum_area_percent / 100 * contact.pressure.size * own[0] * own[1]
+    cell = contact.problem.spacing
+    area = (
+        contact.continuum_area_percent / 100 * contact.pressure.size * cell[0] * cell[1]
+    )
     if spacing is None or contact.problem.boundary != "free":
         return area
     touching = contact.pressure > 0
     for axis in (0, 1):
-        edge = int(np.count_nonzero(touching.take([0, -1], axis)))
-        area -= edge * (own[axis] - spacing[axis]) / 2 * own[1 - axis]
+        border_nodes = int(np.count_nonzero(touching.take([0, -1], axis)))
+        area -= border_nodes * (cell[axis] - spacing[axis]) / 2 * cell[1 - axis]
     return max(area, 0.0)
 
 
 def slope_order(heights: Field, boundary: Boundary) -> float:
-    """Return the order in the spacing of a surface's mean square slope, the smaller of both axes.
+    """Return the order in the spacing of a surface's mean square slope.
 
-    It compares the slopes between nodes one, two and four spacings apart.
+    It compares the slopes between nodes that are one, two and four spacings apart.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights of the surface [um].
+    boundary : str
+        "free", "periodic" or "mirror", see `bem.solve`.
+
+    Returns
+    -------
+    float
+        The smaller order of both axes; infinite if the surface is smooth along both, or has fewer
+        than `FEWEST` nodes along them [1].
     """
     orders = []
-    periodic = boundary == "periodic"
     for lines in (heights, heights.T):
-        nodes, columns = lines.shape
-        if nodes < FEWEST:
+        if len(lines) < FEWEST:
             continue
-        slopes = []
-        for lag, first in ((1, 2), (2, 1), (4, 0)):  # around the same places
-            if periodic:
-                rise = np.roll(lines, -lag, axis=0) - lines
-            else:
-                rise = (
-                    lines[first + lag : nodes - first]
-                    - lines[first : nodes - first - lag]
-                )
-            squares = np.einsum("ij,ij->i", rise, rise) / columns
-            halved = lag > 1 and not periodic  # the first and the last place
-            ends = (squares[0] + squares[-1]) / 2 if halved else 0.0
-            slopes.append(float(squares.sum() - ends) / (squares.size - halved) / lag**2)
-        near, far = abs(slopes[0] - slopes[1]), abs(slopes[1] - slopes[2])
+        slopes = [
+            _mean_square_slope(lines, distance, periodic=boundary == "periodic")
+            for distance in FIRST_PLACE
+        ]
+        near = abs(slopes[0] - slopes[1])
+        far = abs(slopes[1] - slopes[2])
         if max(near, far) > SMOOTH * slopes[0]:
             orders.append(math.log2(max(far, 1e-300) / max(near, 1e-300)))
     return min(orders, default=math.inf)
 
 
+def _mean_square_slope(lines: Field, distance: int, *, periodic: bool) -> float:
+    """Return the mean square slope between nodes at a distance along the first axis [um2/node2]."""
+    nodes, columns = lines.shape
+    if periodic:
+        rise = np.roll(lines, -distance, axis=0) - lines
+    else:
+        first = FIRST_PLACE[distance]
+        rise = (
+            lines[first + distance : nodes - first]
+            - lines[first : nodes - first - distance]
+        )
+    squares = np.einsum("ij,ij->i", rise, rise) / columns
+    total = squares.sum()
+    count = squares.size
+    if distance > 1 and not periodic:
+        # Half of the first and of the last pair is beyond the places of neighbouring nodes.
+        total -= (squares[0] + squares[-1]) / 2
+        count -= 1
+    return float(total) / int(count) / distance**2
+
+
 def coarser(problem: Problem, pressure: Field) -> tuple[Problem, Field]:
     """Return the same problem on about every second node along each axis, and a pressure there.
 
-    Every second node is taken where they cover the patch: an even number of nodes on a patch that
-    repeats itself, an odd one on a free patch. Elsewhere the surface is read between its nodes, by
-    its own waves where the patch has no edges, and by cubic splines on free patches; the pressure
-    is that of the nearest node.
+    These are every second node where they cover the patch: with an even number of nodes on a patch
+    that repeats itself, with an odd one on a free patch. Elsewhere the surface is read between its
+    nodes: by its own waves where the patch has no edges, by cubic splines on free patches.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    pressure : ndarray, shape (nx, ny)
+        Contact pressure at its nodes [MPa].
+
+    Returns
+    -------
+    problem : Problem
+        The problem on the coarser grid, with a tolerance of at least `COARSE_RTOL` and the same
+        load.
+    pressure : ndarray, shape of its heights
+        Pressure of the nearest nodes [MPa].
     """
-    heights, spacing, free = (
-        problem.heights,
-        list(problem.spacing),
-        problem.boundary == "free",
-    )
+    heights = problem.heights
+    spacing = list(problem.spacing)
     for axis in (0, 1):
         nodes = heights.shape[axis]
         if nodes == 1:
             continue
-        number = (nodes + 1) // 2
-        step = (nodes - 1) / (number - 1) if free else nodes / number
-        first = 0.5 * step - 0.5 if problem.boundary == "mirror" else 0.0
-        places = first + step * np.arange(number)  # of its nodes, (number,) [spacing]
+        places = _coarser_places(nodes, problem.boundary)
         heights = _read(heights, axis, places, problem.boundary)
         pressure = pressure.take(np.rint(places).astype(np.intp), axis)
         spacing[axis] *= places[1] - places[0]
-    if (
-        problem.kernel == "concentrated-force"
-    ):  # which needs square cells, to the last digit
+    if problem.kernel == "concentrated-force":  # it needs square cells, to the last digit
         spacing = [float(np.sqrt(spacing[0] * spacing[1]))] * 2
-    rtol = max(problem.rtol, COARSE_RTOL)
-    half = replace(problem, heights=heights, spacing=(spacing[0], spacing[1]), rtol=rtol)
+    half = replace(
+        problem,
+        heights=heights,
+        spacing=(spacing[0], spacing[1]),
+        rtol=max(problem.rtol, COARSE_RTOL),
+    )
     return half, pressure
 
 
-def _read(heights: Field, axis: int, places: Field, boundary: Boundary) -> Field:
-    """Return the heights at places between the nodes along one axis."""
+def _coarser_places(nodes: int, boundary: Boundary) -> Values:
+    """Return the places of the coarser grid's nodes along an axis, (m,) [spacing]."""
+    number = (nodes + 1) // 2
+    places: Values = np.arange(number, dtype=np.float64)
+    if boundary == "free":  # the outer nodes stay on the border
+        places *= (nodes - 1) / (number - 1)
+        return places
+    step = nodes / number
+    places *= step
+    if boundary == "mirror":
+        # The border is half a spacing before the first node, on both grids.
+        places += 0.5 * step - 0.5
+    return places
+
+
+def _read(heights: Field, axis: int, places: Values, boundary: Boundary) -> Field:
+    """Return the heights [um] at places [spacing] along one axis, which may be between nodes."""
     nodes = heights.shape[axis]
-    whole = places.astype(np.intp)
-    if np.array_equal(whole, places):
-        return np.ascontiguousarray(heights.take(whole, axis=axis))
+    indices = places.astype(np.intp)
+    if np.array_equal(indices, places):  # all places are nodes
+        return np.ascontiguousarray(heights.take(indices, axis=axis))
     if boundary == "free":
-        from scipy.interpolate import (
-            make_interp_spline,
-        )  # here, because few grids need it
+        # Imported here, because few grids need it.
+        from scipy.interpolate import make_interp_spline
 
         spline = make_interp_spline(np.arange(nodes), heights, 3, axis=axis)
         return np.ascontiguousarray(spline(places))
-    if boundary == "periodic":
-        waves = 2j * np.pi / nodes * (np.arange(nodes) - (nodes - 1) // 2)
-        there, here = (np.exp(np.outer(x, waves)) for x in (places, np.arange(nodes)))
-        kernel = (there @ here.conj().T).real / nodes
-    else:
-        waves = np.pi / nodes * np.arange(nodes)
-        there, here = (
-            np.cos(np.outer(x + 0.5, waves)) for x in (places, np.arange(nodes))
-        )
-        kernel = (there * np.where(waves == 0, 1.0, 2.0)) @ here.T / nodes
-    read: Field = np.moveaxis(np.tensordot(kernel, heights, (1, axis)), 0, axis)
+    weights = _wave_interpolation(nodes, places, boundary)
+    read: Field = np.moveaxis(np.tensordot(weights, heights, (1, axis)), 0, axis)
     return np.ascontiguousarray(read)
+
+
+def _wave_interpolation(nodes: int, places: Values, boundary: Boundary) -> Field:
+    """Return weights of the nodes in the values at places, by trigonometric interpolation, (m, n).
+
+    The waves have the period of a patch that repeats itself, or are cosines on a mirrored one.
+    """
+    at_nodes = np.arange(nodes)
+    weights: Field
+    if boundary == "periodic":
+        exponents = 2j * np.pi / nodes * (at_nodes - (nodes - 1) // 2)
+        waves = np.exp(np.outer(places, exponents))
+        node_waves = np.exp(np.outer(at_nodes, exponents))
+        weights = (waves @ node_waves.conj().T).real / nodes
+        return weights
+    numbers = np.pi / nodes * at_nodes
+    cosines = np.cos(np.outer(places + 0.5, numbers))
+    node_cosines = np.cos(np.outer(at_nodes + 0.5, numbers))
+    weights = (cosines * np.where(numbers == 0, 1.0, 2.0)) @ node_cosines.T / nodes
+    return weights

@@ -1,11 +1,11 @@
-"""Spots of contact: regions of nodes that touch along the sides of their cells.
+"""Spots of contact: regions of nodes in contact that are connected along the sides of their cells.
 
-Contact and gap are both joined along sides only, so that two diagonal cells join neither. A patch
-that repeats itself is joined across its borders; at those of a mirrored one every region meets its
-own image.
+Regions of the gap are connected along sides too, so that two diagonal cells connect neither contact
+nor gap. Regions of a patch that repeats itself are also connected across its borders. On a mirrored
+patch every region at a border meets only its own mirror image, so that it is treated as a free one.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,16 +13,11 @@ from numpy.typing import NDArray
 
 from bem.arrays import Mask, Values
 
+# Numbers of regions, one for each node, 0 for the nodes of no region.
 Labels = NDArray[np.int32]
 
-# Whether something connects opposite sides, along the first and the second axis.
+# Whether something connects opposite sides of the patch, along the first and the second axis.
 Connects = tuple[bool, bool]
-
-# Whether each region crosses the patch along either axis, of shape (k + 1, 2).
-Crosses = NDArray[np.bool_]
-
-# Two regions that join across a border, and the patches by which the second one lies further on.
-Link = tuple[int, int, tuple[int, int]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +31,10 @@ class Spots:
     areas : ndarray, shape (k,)
         Area of each spot, the largest first; of a mirrored spot the part inside the patch [um2].
     contact_connects : tuple of bool
-        Whether one spot connects opposite sides of the patch along the first and along the second
-        axis. A patch that repeats itself has no sides: there, whether the spot goes on without end.
+        Whether one spot connects opposite sides of the patch, along the first and the second axis.
+        A patch that repeats itself has no sides; here it is whether a spot continues without end.
     gap_connects : tuple of bool
-        The same of the gap, which then leaks.
+        Whether one region of the gap does so, which means that the contact leaks.
     open_gap : ndarray of bool, shape (nx, ny)
         Nodes of the gap that belong to a region which connects opposite sides.
     """
@@ -58,7 +53,66 @@ class Spots:
     @property
     def largest_share(self) -> float:
         """Share of the contact area that the largest spot has, 0 without contact [1]."""
-        return float(self.areas[0] / self.areas.sum()) if self.areas.size else 0.0
+        if not self.areas.size:
+            return 0.0
+        return float(self.areas[0] / self.areas.sum())
+
+
+@dataclass(frozen=True, eq=False)
+class Regions:
+    """The connected regions of a mask.
+
+    Attributes
+    ----------
+    labels : ndarray of int, shape (nx, ny)
+        Number of the region that each node belongs to, from 1; 0 outside the mask.
+    crosses : ndarray of bool, shape (k + 1, 2)
+        Whether each of the k regions connects opposite sides, along the first and the second axis.
+        The row of a region has its number; the first row, for the nodes of no region, is False.
+    offsets : ndarray of int, shape (2, nx, ny)
+        Number of patches along either axis by which each node is moved where its region is put
+        together as a whole, up to a constant of the region. All are 0 if nothing repeats.
+    """
+
+    labels: Labels
+    crosses: NDArray[np.bool_]
+    offsets: Labels
+
+
+@dataclass(frozen=True)
+class _Link:
+    """Two labels that meet across a border of a patch that repeats itself.
+
+    Attributes
+    ----------
+    label : int
+        Label at the end of the patch.
+    following : int
+        Label at the start of the next patch, which continues it.
+    step : tuple of int
+        Patches from the first to the second, along the first and the second axis.
+    """
+
+    label: int
+    following: int
+    step: tuple[int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class _Group:
+    """Labels that are connected across borders, and so form one region.
+
+    Attributes
+    ----------
+    offsets : dict of int to tuple of int
+        Patches by which each label is moved off the first one, by the label.
+    endless : tuple of bool
+        Whether the region meets itself in another patch, and so continues without end, along the
+        first and the second axis.
+    """
+
+    offsets: dict[int, tuple[int, int]]
+    endless: Connects
 
 
 def spots_of(touching: NDArray[np.bool_], cell: float, *, periodic: bool) -> Spots:
@@ -72,28 +126,42 @@ def spots_of(touching: NDArray[np.bool_], cell: float, *, periodic: bool) -> Spo
         Area of a cell [um2].
     periodic : bool
         Whether the patch repeats itself.
+
+    Returns
+    -------
+    Spots
+        The spots; their arrays of nodes are read-only.
     """
-    labels, crosses, _ = regions(touching, periodic=periodic)
-    gaps, gap_crosses, _ = regions(~touching, periodic=periodic)
-    cells = np.bincount(labels.reshape(-1), minlength=len(crosses))[1:]
-    order = np.argsort(-cells, kind="stable")
-    places = np.zeros(len(crosses), dtype=np.int32)
-    places[order + 1] = np.arange(1, len(crosses))
-    ordered = places[labels]
-    open_gap = np.any(gap_crosses, axis=1, keepdims=True)[gaps, 0]
-    for field in (ordered, open_gap):
-        field.setflags(write=False)
-    areas: Values = cells[order].astype(np.float64) * cell
-    return Spots(ordered, areas, _either(crosses), _either(gap_crosses), open_gap)
+    contact = regions(touching, periodic=periodic)
+    gap = regions(~touching, periodic=periodic)
+    spots = len(contact.crosses)  # and one for the nodes out of contact
+    cells = np.bincount(contact.labels.reshape(-1), minlength=spots)[1:]
+    largest_first = np.argsort(-cells, kind="stable")
+    ranks = np.zeros(spots, dtype=np.int32)
+    ranks[largest_first + 1] = np.arange(1, spots)
+    labels = ranks[contact.labels]
+    open_gap = np.any(gap.crosses, axis=1, keepdims=True)[gap.labels, 0]
+    labels.setflags(write=False)
+    open_gap.setflags(write=False)
+    areas: Values = cells[largest_first].astype(np.float64) * cell
+    return Spots(
+        labels=labels,
+        areas=areas,
+        contact_connects=_any_connects(contact),
+        gap_connects=_any_connects(gap),
+        open_gap=open_gap,
+    )
 
 
-def _either(crosses: Crosses) -> Connects:
-    """Return whether any region connects opposite sides, along either axis."""
-    return bool(crosses[:, 0].any()), bool(crosses[:, 1].any())
+def _any_connects(all_regions: Regions) -> Connects:
+    """Return whether any region connects opposite sides, along the first and the second axis."""
+    along = all_regions.crosses[:, 0]
+    across = all_regions.crosses[:, 1]
+    return bool(along.any()), bool(across.any())
 
 
-def regions(mask: Mask, *, periodic: bool) -> tuple[Labels, Crosses, Labels]:
-    """Label the regions of a mask from 1 on, and find those that connect opposite sides.
+def regions(mask: Mask, *, periodic: bool) -> Regions:
+    """Find the connected regions of a mask, and which of them connect opposite sides.
 
     Parameters
     ----------
@@ -104,83 +172,85 @@ def regions(mask: Mask, *, periodic: bool) -> tuple[Labels, Crosses, Labels]:
 
     Returns
     -------
-    labels : ndarray of int, shape (nx, ny)
-        Label of the region that each node belongs to, 0 outside the mask.
-    crosses : ndarray of bool, shape (k + 1, 2)
-        Whether each region connects opposite sides along either axis; the first row, for nodes
-        outside the mask, is False.
-    patches : ndarray of int, shape (2, nx, ny)
-        By how many patches along either axis each node lies off its place in the mask where its
-        region is seen as a whole, up to a number that the region shares; 0 if nothing repeats.
+    Regions
+        The regions, numbered by their first nodes.
     """
-    from scipy.ndimage import (
-        label,
-    )  # here, because few contacts are asked for their spots
+    # Imported here, because few contacts are asked for their spots.
+    from scipy.ndimage import label
 
     labels = np.empty(mask.shape, dtype=np.int32)
     number = label(mask, output=labels)
     if periodic:
-        joined, around, patches = _joined(number, _links(labels))
-        return joined[labels], around, patches[:, labels]
-    sides = np.zeros((2, number + 1, 2), dtype=bool)
-    for end in (0, -1):
-        sides[end, labels[end], 0] = sides[end, labels[:, end], 1] = True
-    crosses: Crosses = sides[0] & sides[1]
+        return _joined_across_borders(labels, number)
+    at_side = np.zeros((2, number + 1, 2), dtype=bool)  # which side, label, axis
+    for side, end in enumerate((0, -1)):
+        at_side[side, labels[end], 0] = True
+        at_side[side, labels[:, end], 1] = True
+    crosses: NDArray[np.bool_] = at_side[0] & at_side[1]
     crosses[0] = False
-    return labels, crosses, np.zeros((2, *mask.shape), dtype=np.int32)
+    return Regions(labels, crosses, np.zeros((2, *mask.shape), dtype=np.int32))
 
 
-def _links(labels: Labels) -> Iterator[Link]:
-    """Yield the regions that meet across the borders of a patch that repeats itself."""
-    borders = (labels[-1], labels[0], (1, 0)), (labels[:, -1], labels[:, 0], (0, 1))
-    for last, first, step in borders:
-        both = (last > 0) & (first > 0)
-        pairs = np.unique(np.stack([last[both], first[both]], axis=1), axis=0)
-        yield from ((int(one), int(other), step) for one, other in pairs)
-
-
-def _joined(number: int, links: Iterator[Link]) -> tuple[Labels, Crosses, Labels]:
-    """Join linked regions; one that meets itself some patches further goes on without end.
-
-    Parameters
-    ----------
-    number : int
-        Number of regions.
-    links : iterator of Link
-        Regions that meet across a border.
-
-    Returns
-    -------
-    joined : ndarray of int, shape (number + 1,)
-        New label of each region, 0 for 0.
-    crosses : ndarray of bool, shape (k + 1, 2)
-        Whether each joined region goes on without end along either axis.
-    patches : ndarray of int, shape (2, number + 1)
-        By how many patches each region lies off the first one that it is joined to.
-    """
-    neighbours: dict[int, list[tuple[int, int, int]]] = {}
-    for one, other, (along, across) in links:
-        neighbours.setdefault(one, []).append((other, along, across))
-        neighbours.setdefault(other, []).append((one, -along, -across))
-    joined = np.zeros(number + 1, dtype=np.int32)
+def _joined_across_borders(labels: Labels, number: int) -> Regions:
+    """Join `number` labels that meet across the borders of a patch that repeats itself."""
+    neighbours = _neighbours(_links(labels))
+    region_of = np.zeros(number + 1, dtype=np.int32)
     crosses = np.zeros((number + 1, 2), dtype=bool)
-    patches = np.zeros((2, number + 1), dtype=np.int32)
+    offsets = np.zeros((2, number + 1), dtype=np.int32)
     count = 0
-    for region in range(1, number + 1):
-        if joined[region]:
+    for label in range(1, number + 1):
+        if region_of[label]:  # it has been joined to an earlier label
             continue
         count += 1
-        joined[region] = count
-        patch, open_ends = {region: (0, 0)}, [region]
-        while open_ends:
-            here = open_ends.pop()
-            patches[:, here] = patch[here]
-            for other, along, across in neighbours.get(here, []):
-                there = patch[here][0] + along, patch[here][1] + across
-                if other in patch:
-                    for axis in (0, 1):
-                        crosses[count, axis] |= patch[other][axis] != there[axis]
-                    continue
-                joined[other], patch[other] = count, there
-                open_ends.append(other)
-    return joined, crosses[: count + 1], patches
+        group = _group_of(label, neighbours)
+        crosses[count] = group.endless
+        for member, offset in group.offsets.items():
+            region_of[member] = count
+            offsets[:, member] = offset
+    return Regions(region_of[labels], crosses[: count + 1], offsets[:, labels])
+
+
+def _links(labels: Labels) -> Iterator[_Link]:
+    """Yield the labels that meet across the borders of a patch that repeats itself."""
+    borders = (
+        (labels[-1], labels[0], (1, 0)),
+        (labels[:, -1], labels[:, 0], (0, 1)),
+    )
+    for last, first, step in borders:
+        meet = (last > 0) & (first > 0)
+        pairs = np.unique(np.stack([last[meet], first[meet]], axis=1), axis=0)
+        for label, following in pairs:
+            yield _Link(int(label), int(following), step)
+
+
+def _neighbours(links: Iterable[_Link]) -> dict[int, list[_Link]]:
+    """Return the links that leave each label, in both directions, by the label."""
+    neighbours: dict[int, list[_Link]] = {}
+    for link in links:
+        along, across = link.step
+        back = _Link(link.following, link.label, (-along, -across))
+        neighbours.setdefault(link.label, []).append(link)
+        neighbours.setdefault(link.following, []).append(back)
+    return neighbours
+
+
+def _group_of(start: int, neighbours: dict[int, list[_Link]]) -> _Group:
+    """Follow the links from a label to all labels that it is connected to."""
+    offsets = {start: (0, 0)}
+    endless_along = False
+    endless_across = False
+    to_visit = [start]
+    while to_visit:
+        label = to_visit.pop()
+        along, across = offsets[label]
+        for link in neighbours.get(label, []):
+            reached = along + link.step[0], across + link.step[1]
+            if link.following not in offsets:
+                offsets[link.following] = reached
+                to_visit.append(link.following)
+                continue
+            # If two ways to a label end in different patches, the region meets itself.
+            earlier = offsets[link.following]
+            endless_along |= earlier[0] != reached[0]
+            endless_across |= earlier[1] != reached[1]
+    return _Group(offsets, (endless_along, endless_across))

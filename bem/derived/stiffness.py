@@ -1,8 +1,8 @@
-"""Stiffness of a set of nodes: that of the flat punch which fills it, by one linear solve.
+"""Stiffness of a set of nodes: the stiffness of the flat punch that fills it, by one linear solve.
 
 With the influence matrix H_AA of the set, the punch's pressure per displacement is H_AA^-1 1, and
-its sum the stiffness. By the analogy of Barber (2003, Proc. R. Soc. Lond. A 459), the same number
-gives the conductance of the set for heat and electric current.
+the sum of this pressure is the stiffness. By the analogy of Barber (2003, Proc. R. Soc. Lond. A
+459), the stiffness also gives the conductance of the set for heat and electric current.
 """
 
 from dataclasses import dataclass
@@ -14,14 +14,16 @@ from bem.active_set import ActiveSet
 from bem.arrays import Nodes, Values
 from bem.far_field import flat_punch
 from bem.influence import Kernel
-from bem.iterate import Effort
+from bem.iterate import Effort, Iterate
 from bem.operators.patch import Patch
 from bem.problem import Problem, boxed
 
-# Largest residual of the punch's unit displacement. The stiffness is right to about its square.
+# Largest departure of the punch's displacement from one that is accepted [1]. The relative error of
+# the stiffness is about its square.
 PUNCH_RTOL = 1e-6
 
-# Bound on the steps of conjugate gradients: ten times what the hardest sets of the tests need.
+# Largest number of steps of conjugate gradients: ten times as many as the hardest sets of the tests
+# need.
 MAX_ITERATIONS = 2000
 
 
@@ -32,12 +34,12 @@ class Punch:
     Attributes
     ----------
     stiffness : float
-        Force per displacement of the punch; infinite for all nodes of a patch without edges, where
-        a uniform pressure displaces nothing [MPa um].
+        Force per displacement of the punch. It is infinite for all nodes of a patch without edges,
+        where a uniform pressure displaces nothing [MPa um].
     pressure : ndarray, shape (a,)
-        Pressure per displacement [MPa / um].
+        Pressure per displacement at the a nodes of the punch [MPa / um].
     residual : float
-        Largest departure of the displacement from one [1].
+        Largest departure of the computed unit displacement from one [1].
     effort : Effort
         Iterations and applications of the influence matrix.
     """
@@ -54,47 +56,68 @@ def punch_of(problem: Problem, nodes: Nodes) -> Punch:
     Parameters
     ----------
     problem : Problem
-        Grid, boundary and modulus; its far field is taken as rigid.
+        Grid, boundary, kernel and modulus. Its far field is taken as rigid.
     nodes : ndarray, shape (a,)
-        Flat indices of the nodes.
+        Flat indices of the nodes, rising.
+
+    Returns
+    -------
+    Punch
+        Stiffness and pressure of the punch; a stiffness of 0 for no nodes.
 
     Raises
     ------
     ArithmeticError
         If conjugate gradients do not reach `PUNCH_RTOL`.
     """
+    is_edgeless = problem.boundary != "free"
     if not nodes.size:
-        return Punch(0.0, np.zeros(0), 0.0, Effort())
-    if nodes.size == problem.heights.size and problem.boundary != "free":
-        return Punch(np.inf, np.full(nodes.size, np.inf), 0.0, Effort())
+        return Punch(stiffness=0.0, pressure=np.zeros(0), residual=0.0, effort=Effort())
+    if is_edgeless and nodes.size == problem.heights.size:
+        pressure = np.full(nodes.size, np.inf)
+        return Punch(stiffness=np.inf, pressure=pressure, residual=0.0, effort=Effort())
     marked = np.zeros(problem.heights.shape, dtype=bool)
     marked.reshape(-1)[nodes] = True
-    if problem.boundary == "free":
+    if not is_edgeless:  # the rest of a free patch carries nothing
         marked = marked[boxed(marked)]
     shape = len(marked), len(marked[0])
     patch = Patch(shape, problem.boundary, problem.kernel, problem.aspect)
-    solve = ActiveSet(
-        patch, np.zeros(marked.shape), shift=1.0, rtol=PUNCH_RTOL, most=MAX_ITERATIONS
+    iterate = Iterate(
+        patch,
+        np.zeros(marked.shape),
+        shift=1.0,
+        rtol=PUNCH_RTOL,
+        max_iterations=MAX_ITERATIONS,
     )
-    residual = solve.solve_on(marked, PUNCH_RTOL)
+    residual = ActiveSet(iterate).solve_on(marked, atol=PUNCH_RTOL)
     if not residual <= PUNCH_RTOL:
         raise ArithmeticError(
             f"stiffness of {nodes.size} nodes in contact: residual {residual:.1e} after"
-            f" {solve.iterations} iterations, asked for {PUNCH_RTOL:g}"
+            f" {iterate.iterations} iterations, asked for {PUNCH_RTOL:g}"
         )
-    # The pressure is wrong in proportion to the residual r, the energy p (1 + r) in its square.
-    pressure = solve.pressure[marked]
-    force = float((pressure * (1 + solve.residual[marked].astype(np.float64))).sum())
+    # The pressure p has an error in proportion to the residual r, p (1 + r) one to its square.
+    pressure = iterate.pressure[marked]
+    force = float((pressure * (1 + iterate.residual[marked].astype(np.float64))).sum())
     return Punch(
         stiffness=force * problem.modulus * problem.spacing[1],
         pressure=pressure * (problem.modulus / problem.spacing[0]),
         residual=residual,
-        effort=Effort(solve.iterations, patch.convolutions),
+        effort=Effort(iterate.iterations, patch.convolutions),
     )
 
 
 def patch_stiffness(problem: Problem) -> float:
-    """Compute the stiffness of a punch that fills a free patch [MPa um].
+    """Compute the stiffness of a punch that fills a free patch.
+
+    Parameters
+    ----------
+    problem : Problem
+        A problem on a free patch.
+
+    Returns
+    -------
+    float
+        Stiffness [MPa um].
 
     Raises
     ------
@@ -106,26 +129,30 @@ def patch_stiffness(problem: Problem) -> float:
 
 
 def without_patch(stiffness: float, patch: float) -> float:
-    """Take the compliance of the patch out of that of a contact in series with it.
+    """Remove the compliance of the patch from the compliance of a contact in series with it.
 
     Parameters
     ----------
-    stiffness, patch : float
-        Stiffness of the contact and of the punch that fills the patch [MPa um].
+    stiffness : float
+        Stiffness of the contact [MPa um].
+    patch : float
+        Stiffness of the punch that fills the patch [MPa um].
 
     Returns
     -------
     float
-        1 / (1 / stiffness - 1 / patch); infinite where the contact is as stiff as the patch, to
-        rounding [MPa um].
+        1 / (1 / stiffness - 1 / patch); 0 without contact, infinite where the contact is as stiff
+        as the patch to rounding [MPa um].
     """
     if not stiffness > 0:
         return stiffness
-    left = 1 - stiffness / patch
-    return stiffness / left if left > PUNCH_RTOL**2 else np.inf
+    share = 1 - stiffness / patch  # of the compliance that is not the patch's
+    if not share > PUNCH_RTOL**2:
+        return np.inf
+    return stiffness / share
 
 
 @lru_cache(maxsize=8)
 def _flat_punch_force(shape: tuple[int, int], kernel: Kernel, aspect: float) -> float:
-    """Sum the pressure that displaces every node of the patch by one [reduced]."""
+    """Return the force that displaces every node of a free patch by one [E* x second side]."""
     return float(flat_punch(shape, kernel, aspect).sum())

@@ -1,3 +1,1 @@
-"""The influence matrix of a patch, free or without edges: coefficients, filters, approximate
-inverse.
-"""
+"""The influence matrix of a patch, free or without edges, and its approximate inverse."""

@@ -1,7 +1,7 @@
 """Filters: real, even spectra that are applied to fields by Fourier or cosine transforms.
 
-No other module imports pyfftw. Every plan is made with FFTW_ESTIMATE, because FFTW_MEASURE chooses
-by timing, so that two processes could differ in the last bits of a result.
+No other module imports pyfftw. Every plan is made with FFTW_ESTIMATE. FFTW_MEASURE chooses by
+timing, so that the results of two processes could differ in their last bits.
 """
 
 import math
@@ -10,7 +10,7 @@ from collections import OrderedDict
 from collections.abc import Callable
 from copy import copy
 from functools import wraps
-from typing import Any, Protocol, TypeVar, TypeVarTuple, cast
+from typing import Any, NamedTuple, Protocol, TypeVar, TypeVarTuple, cast
 from weakref import WeakSet
 
 import numpy as np
@@ -20,44 +20,52 @@ from scipy import fft
 from bem.arrays import Field, Real
 from bem.threads import share, threads_here, unforked
 
-# Entries of a padded field from which on threads share its transforms, and rows are padded a few at
-# a time: below, whole fields fit into the caches (1.06 to 1.22 times faster at 129 nodes a side).
+# Least number of entries of a padded field for which threads share its transforms, and rows are
+# padded a few at a time. Smaller fields fit into the caches as a whole, where padding them at once
+# is 1.06 to 1.22 times faster (at 129 nodes a side).
 LARGE = 2**19
 
-# Memory of the columns that are filtered at a time: they stay in the processor's cache.
+# Memory of the columns that are filtered at a time, so that they stay in the processor's cache
+# [bytes].
 BATCH_BYTES = 256 * 2**10
 
 # Rows of a large field that are transformed at a time.
 ROWS = 32
 
-# Memory by which columns in a buffer lie apart beyond their length. Columns a power of two apart
+# Unused memory between the columns of a buffer [bytes]. Columns whose distance is a power of two
 # would compete for the same sets of the processor's cache.
 GAP_BYTES = 64
 
-# Memory of one of FFTW's plans, estimated because FFTW does not tell.
+# Memory of one of FFTW's plans, an estimate, because FFTW does not tell it [bytes].
 PLAN_BYTES = 5 * 2**10
 
-# Memory of the filters that all threads keep for later solves; the same over the memory of the
-# largest filter, if that is more; and the filters that a thread keeps whatever their memory is.
-KEPT_BYTES, KEPT_LARGEST, FEWEST_KEPT = 256 * 2**20, 4, 4
+# Largest memory of the filters that all threads together keep for later solves [bytes].
+KEPT_BYTES = 256 * 2**20
+
+# Largest memory of these filters over that of the largest one [1]. The larger bound applies.
+KEPT_LARGEST = 4
+
+# Number of filters that each thread keeps whatever their memory is.
+FEWEST_KEPT = 4
 
 Kind = TypeVar("Kind", bound="FieldFilter")
-Given = TypeVarTuple("Given")
+Arguments = TypeVarTuple("Arguments")
 
 
 class FieldFilter(Protocol):
-    """A linear map of (nx, ny) fields.
+    """A linear map of (nx, ny) fields, with a buffer of its own.
 
     Attributes
     ----------
     shape : tuple of int
         Shape (nx, ny) of the fields.
     field : ndarray, shape (nx, at least ny)
-        Buffer of `transform`: the field, and zeros beyond its columns.
+        Buffer that `transform` changes. Its first ny columns hold the field; the columns beyond
+        must be zero before each call.
     bytes : int
-        Memory that the filter occupies.
+        Memory that the filter occupies [bytes].
     largest : float
-        Largest value of the spectrum, which no eigenvalue exceeds.
+        Largest value of the spectrum, an upper bound of the eigenvalues.
     """
 
     shape: tuple[int, int]
@@ -66,11 +74,24 @@ class FieldFilter(Protocol):
     largest: float
 
     def transform(self) -> None:
-        """Filter the field in place; columns beyond it are undefined afterwards."""
+        """Filter the field in place; the columns beyond it are undefined afterwards."""
 
 
 def filtered(by: FieldFilter, field: Real) -> Real:
-    """Filter a whole (nx, ny) field; the next use of the filter overwrites the result."""
+    """Filter a field.
+
+    Parameters
+    ----------
+    by : FieldFilter
+        The filter, whose buffer is used.
+    field : ndarray, shape (nx, ny)
+        The field, which is left as it is.
+
+    Returns
+    -------
+    ndarray, shape (nx, ny)
+        A view of the filter's buffer, which the next use of the filter overwrites.
+    """
     columns = by.shape[1]
     by.field[:, :columns] = field
     if by.field.shape[1] > columns:
@@ -83,7 +104,7 @@ def filtered(by: FieldFilter, field: Real) -> Real:
 def spectral_filter(
     shape: tuple[int, int], spectrum: Field, dtype: str, periods: tuple[int, int]
 ) -> "Filter | LargeFilter":
-    """Return the filter by a Fourier transform that suits the size of a field.
+    """Return the filter by Fourier transforms that is fast for the size of a field.
 
     Parameters
     ----------
@@ -94,24 +115,59 @@ def spectral_filter(
     dtype : str
         Precision: "float64", or "float32", which takes less time and rounds to 1e-7.
     periods : tuple of int
-        Periods (px, py) of the kernel.
+        Periods (px, py) of the kernel [nodes], py even.
+
+    Returns
+    -------
+    Filter or LargeFilter
+        The filter, with new buffers.
     """
     factors = (spectrum.T / math.prod(periods)).astype(dtype, copy=False)
     kind = LargeFilter if shape[0] * periods[1] >= LARGE else Filter
     return kind(shape, factors, periods, float(spectrum.max()))
 
 
+class _Batch(NamedTuple):
+    """Some columns of waves that a `Filter` transforms, multiplies and transforms back.
+
+    Attributes
+    ----------
+    forward : Plan
+        Transform along the first axis, from the columns into a buffer.
+    buffer : ndarray, shape (columns, 2 period)
+        Real and imaginary parts of the buffer.
+    factors : ndarray, shape (columns, 2 period)
+        Factors of both.
+    backward : Plan
+        Transform from the buffer back into the columns.
+    padding : ndarray, shape (columns, period - rows)
+        Part of the columns beyond the rows of the field, zero before each call.
+    """
+
+    forward: "Plan"
+    buffer: Real
+    factors: Real
+    backward: "Plan"
+    padding: Any
+
+
 class Filter:
     """A spectrum that is applied to small fields by pruned transforms.
 
-    Neither rows of zeros in the input nor unused rows of the output are transformed, so that the
-    padding costs half of the second axis and nothing of the first. Waves along the second axis are
-    stored column by column and filtered in batches, in a buffer that the cache holds.
+    Neither rows of zeros in the input nor unused rows of the output are transformed along the
+    second axis. Waves along the second axis are stored column by column, and filtered in batches of
+    columns in a buffer that fits into the cache.
 
     Parameters
     ----------
-    shape, factors, periods, largest
-        See `spectral_filter`; the factors are those of the waves, in columns.
+    shape : tuple of int
+        Shape (nx, ny) of the fields.
+    factors : ndarray, shape (py // 2 + 1, px // 2 + 1)
+        Factors of the waves, transposed and divided by the number of entries of a period.
+    periods : tuple of int
+        Periods (px, py) of the kernel [nodes].
+    largest : float
+        Largest value of the spectrum.
     """
 
     def __init__(
@@ -121,71 +177,79 @@ class Filter:
         periods: tuple[int, int],
         largest: float,
     ) -> None:
-        self.shape, self.largest, self.periods = shape, largest, periods
-        period, columns = periods[0], len(factors)
-        waves = "complex64" if factors.dtype == np.float32 else "complex128"
-        # Coefficients are repeated, so that a real product serves real and imaginary parts.
-        whole = np.concatenate([factors, _other_half(factors, period)], axis=1)
-        self._factors = np.repeat(whole, 2, axis=1)
+        self.shape = shape
+        self.largest = largest
+        self.periods = periods
+        period = periods[0]
+        columns = len(factors)
+        waves = _wave_type(factors)
+        # Each factor is repeated, so that one real product serves real and imaginary parts.
+        all_factors = np.concatenate([factors, _mirrored_half(factors, period)], axis=1)
+        self._factors = np.repeat(all_factors, 2, axis=1)
         self.field: Real = _aligned((shape[0], periods[1]), factors.dtype)
-        wide = period + GAP_BYTES // np.dtype(waves).itemsize
-        self._waves = _aligned((columns, wide), waves)[:, :period]
-        inside = self._waves[:, : shape[0]]
-        self._there = _plan(self.field, inside.T)
-        self._back = _plan(inside.T, self.field, backward=True)
+        length = period + GAP_BYTES // waves.itemsize
+        self._waves = _aligned((columns, length), waves)[:, :period]
+        in_rows = self._waves[:, : shape[0]]
+        self._rows_forward = _plan(self.field, in_rows.T)
+        self._rows_backward = _plan(in_rows.T, self.field, backward=True)
         fitting = max(BATCH_BYTES // self._waves[:1].nbytes, 1)
-        size = -(-columns // max(round(columns / fitting), 1))
+        batches = max(round(columns / fitting), 1)
+        size = -(-columns // batches)  # columns of a batch
         buffer: Any = _aligned((size, period), waves)
         self._batches = []
         for first in range(0, columns, size):
-            some = self._waves[first : first + size]
-            here = buffer[: len(some)]
-            self._batches.append(
-                (
-                    _plan(some, here),
-                    (here.view(factors.dtype), self._factors[first : first + size]),
-                    _plan(here, some, backward=True),
-                    some[:, shape[0] :],
-                )
+            batch_waves = self._waves[first : first + size]
+            batch_buffer = buffer[: len(batch_waves)]
+            batch = _Batch(
+                forward=_plan(batch_waves, batch_buffer),
+                buffer=batch_buffer.view(factors.dtype),
+                factors=self._factors[first : first + size],
+                backward=_plan(batch_buffer, batch_waves, backward=True),
+                padding=batch_waves[:, shape[0] :],
             )
+            self._batches.append(batch)
         arrays = self._factors, self.field, self._waves, buffer
-        self.bytes = sum(array.nbytes for array in arrays) + 2 * PLAN_BYTES * len(
-            self._batches
-        )
+        self.bytes = sum(array.nbytes for array in arrays)
+        self.bytes += 2 * PLAN_BYTES * len(self._batches)
 
     def in_single_precision(self) -> "Filter":
-        """Return the same filter in single precision."""
-        factors = self._factors[:, : 2 * (self.periods[0] // 2 + 1) : 2].astype(
-            np.float32
-        )
+        """Return a filter by the same spectrum in single precision, with buffers of its own."""
+        half = 2 * (self.periods[0] // 2 + 1)
+        factors = self._factors[:, :half:2].astype(np.float32)
         return Filter(self.shape, factors, self.periods, self.largest)
 
     def transform(self) -> None:
-        """Filter the field in place; columns beyond it are undefined afterwards."""
+        """Filter the field in place; the columns beyond it are undefined afterwards."""
         try:
-            self._there.execute()
-            for forward, (waves, factors), backward, beyond in self._batches:
+            self._rows_forward.execute()
+            for forward, buffer, factors, backward, padding in self._batches:
                 forward.execute()
-                np.multiply(waves, factors, out=waves)
+                np.multiply(buffer, factors, out=buffer)
                 backward.execute()
-                beyond.fill(0)
-            self._back.execute()
-        except BaseException:  # on Ctrl-C, for example: the filter is used again
+                padding.fill(0)
+            self._rows_backward.execute()
+        except BaseException:  # the filter is used again, for example after Ctrl-C
             self._waves.fill(0)
             raise
 
 
 class LargeFilter:
-    """A spectrum that is applied to large fields, reading and writing memory as rarely as it can.
+    """A spectrum that is applied to large fields with few transfers between memory and cache.
 
-    Fields hold no padding. A few rows at a time are padded in the processor's cache and transformed
-    there; only their waves go to memory. A few columns of waves at a time are then copied into the
-    cache, filtered, and copied back. Threads share the rows and the columns.
+    Fields have no padding. A few rows at a time are padded and transformed in the processor's
+    cache, and only their waves are written to memory. A few columns of waves at a time are then
+    copied into the cache, filtered, and copied back. Threads share the rows and the columns.
 
     Parameters
     ----------
-    shape, factors, periods, largest
-        See `spectral_filter`; the factors are those of the waves, in columns.
+    shape : tuple of int
+        Shape (nx, ny) of the fields.
+    factors : ndarray, shape (py // 2 + 1, px // 2 + 1)
+        Factors of the waves, transposed and divided by the number of entries of a period.
+    periods : tuple of int
+        Periods (px, py) of the kernel [nodes].
+    largest : float
+        Largest value of the spectrum.
     """
 
     def __init__(
@@ -195,47 +259,56 @@ class LargeFilter:
         periods: tuple[int, int],
         largest: float,
     ) -> None:
-        self.shape, self.largest, self.periods = shape, largest, periods
-        self._rooms: dict[str, Real] = {}
-        self._open(factors)
+        self.shape = shape
+        self.largest = largest
+        self.periods = periods
+        self._memory: dict[str, Real] = {}  # flat buffers by the name of their use
+        self._make_buffers(factors)
 
     def in_single_precision(self) -> "LargeFilter":
-        """Return the same filter in single precision.
+        """Return a filter by the same spectrum in single precision.
 
-        The two must not be used at once: their buffers lie in the same memory.
+        The two must not be used at the same time, because their buffers share memory.
         """
         single = copy(self)
-        single._open(self.factors.astype(np.float32))
+        single._make_buffers(self.factors.astype(np.float32))
         return single
 
-    def _open(self, factors: Real) -> None:
-        """Make the buffers of a filter from factors of half of the waves of each column."""
-        rows, dtype, columns = self.shape[0], factors.dtype, len(factors)
-        # In double precision, applied a few times in a solve, they are not repeated: less memory.
-        self.factors = factors if dtype == np.float64 else np.repeat(factors, 2, axis=1)
-        waves = np.dtype("complex64" if dtype == np.float32 else "complex128")
-        self.field: Real = self._room("fields", self.shape, dtype)
+    def _make_buffers(self, factors: Real) -> None:
+        """Set factors and buffers from the factors of half of the waves of each column."""
+        rows = self.shape[0]
+        columns = len(factors)
+        if factors.dtype == np.float32:
+            # Each factor is repeated, so that one real product serves real and imaginary parts.
+            self.factors = np.repeat(factors, 2, axis=1)
+        else:  # double precision is used a few times in a solve: less memory matters more
+            self.factors = factors
+        waves = _wave_type(factors)
+        self.field: Real = self._buffer("fields", self.shape, factors.dtype)
         line = GAP_BYTES // waves.itemsize
-        wide = -(-columns // line) * line + line
-        self.waves: Any = self._room("waves", (rows, wide), waves)[:, :columns]
+        width = -(-columns // line) * line + line
+        self.waves: Any = self._buffer("waves", (rows, width), waves)[:, :columns]
         self._lanes = [_Lane(self)]
         arrays: tuple[Any, ...] = self.factors, self.field, self.waves.base
         self.bytes = sum(array.nbytes for array in arrays) + self._lanes[0].bytes
 
-    def _room(self, name: str, shape: tuple[int, int], dtype: Any) -> Real:
-        """Return a buffer in the flat memory that both precisions share."""
-        if name not in self._rooms:
-            self._rooms[name] = _aligned((math.prod(shape),), dtype)
-        room: Real = self._rooms[name].view(dtype)[: math.prod(shape)].reshape(shape)
-        return room
+    def _buffer(self, name: str, shape: tuple[int, int], dtype: Any) -> Real:
+        """Return a buffer in the memory of this name, which both precisions share.
+
+        Double precision comes first, so that the memory suffices for both.
+        """
+        if name not in self._memory:
+            self._memory[name] = _aligned((math.prod(shape),), dtype)
+        memory = self._memory[name].view(dtype)
+        buffer: Real = memory[: math.prod(shape)].reshape(shape)
+        return buffer
 
     def transform(self) -> None:
         """Filter the field in place."""
-        if threads_here() > len(self._lanes):
+        missing = threads_here() - len(self._lanes)
+        if missing > 0:
             with unforked():
-                self._lanes += [
-                    _Lane(self) for _ in range(threads_here() - len(self._lanes))
-                ]
+                self._lanes += [_Lane(self) for _ in range(missing)]
         rows, columns = self.waves.shape
         self._share(_Lane.transform_rows, rows, ROWS)
         self._share(_Lane.filter_columns, columns, self._lanes[0].columns)
@@ -244,76 +317,104 @@ class LargeFilter:
     def _share(
         self, work: Callable[["_Lane", slice], None], size: int, length: int
     ) -> None:
-        """Do some work on all slices of a length, each thread in its own lane."""
+        """Do some work on all slices of a length, up to a size, each thread in its own lane."""
         slices = [
             slice(first, min(first + length, size)) for first in range(0, size, length)
         ]
-        share(lambda thread, some: work(self._lanes[thread], some), slices)
+        share(lambda thread, part: work(self._lanes[thread], part), slices)
 
 
 class _Lane:
     """The buffers and plans of one thread, which transforms some rows or columns at a time.
 
-    Buffers that transforms read keep their zeros beyond the field: nothing else is written there.
+    Buffers that transforms read stay zero beyond the field, because nothing is written there.
+
+    Parameters
+    ----------
+    owner : LargeFilter
+        The filter, whose field, waves and factors the lane uses.
+
+    Attributes
+    ----------
+    columns : int
+        Number of columns that are filtered at a time.
+    bytes : int
+        Memory of buffers and plans [bytes].
     """
 
     def __init__(self, owner: LargeFilter) -> None:
-        self._field, self._waves, self._factors = owner.field, owner.waves, owner.factors
-        dtype, waves, period = owner.field.dtype, owner.waves.dtype, owner.periods[0]
-        self.columns = max(BATCH_BYTES // (period * waves.itemsize), 1)
-        rows = owner.shape[0]
-        self._padded, self._returned = (
-            _aligned((ROWS, owner.periods[1]), dtype) for _ in range(2)
-        )
-        wide = period + GAP_BYTES // waves.itemsize
-        self._source, self._target = (
-            _aligned((self.columns, wide), waves)[:, :period] for _ in range(2)
-        )
-        self._filtered: Any = _aligned((self.columns, period), waves)
-        self._there, self._back = {}, {}
-        for many in {min(ROWS, rows), rows % ROWS} - {0}:
-            here = self._waves[rows - many :] if many < ROWS else self._waves[:many]
-            self._there[many] = _plan(self._padded[:many], here)
-            self._back[many] = _plan(here, self._returned[:many], backward=True)
-        self._forward = _plan(self._source, self._filtered)
-        self._backward = _plan(self._filtered, self._target, backward=True)
+        self._field = owner.field
+        self._waves = owner.waves
+        self._factors = owner.factors
+        self._make_row_plans(owner.shape[0], owner.periods[1])
+        self._make_column_plans(owner.periods[0])
         buffers = self._padded, self._returned, self._filtered, self._source, self._target
         self.bytes = sum(
-            (each if each.base is None else each.base).nbytes for each in buffers
+            (array if array.base is None else array.base).nbytes for array in buffers
         )
-        self.bytes += (2 + 2 * len(self._there)) * PLAN_BYTES
+        self.bytes += (2 + 2 * len(self._rows_forward)) * PLAN_BYTES
 
-    def transform_rows(self, some: slice) -> None:
-        """Pad some rows of the field and transform them to waves."""
-        rows, waves = self._field[some], self._waves[some]
+    def _make_row_plans(self, rows: int, period: int) -> None:
+        """Make the buffers and plans of rows, for `ROWS` of them and for the remaining ones."""
+        dtype = self._field.dtype
+        self._padded = _aligned((ROWS, period), dtype)
+        self._returned = _aligned((ROWS, period), dtype)
+        self._rows_forward = {}  # plans by the number of rows
+        self._rows_backward = {}
+        for count in {min(ROWS, rows), rows % ROWS} - {0}:
+            waves = self._waves[:count]
+            if count < ROWS:  # the remaining rows are the last ones
+                waves = self._waves[rows - count :]
+            self._rows_forward[count] = _plan(self._padded[:count], waves)
+            self._rows_backward[count] = _plan(
+                waves, self._returned[:count], backward=True
+            )
+
+    def _make_column_plans(self, period: int) -> None:
+        """Make the buffers and plans of columns."""
+        waves = self._waves.dtype
+        self.columns = max(BATCH_BYTES // (period * waves.itemsize), 1)
+        length = period + GAP_BYTES // waves.itemsize
+        self._source = _aligned((self.columns, length), waves)[:, :period]
+        self._target = _aligned((self.columns, length), waves)[:, :period]
+        self._filtered: Any = _aligned((self.columns, period), waves)
+        self._forward = _plan(self._source, self._filtered)
+        self._backward = _plan(self._filtered, self._target, backward=True)
+
+    def transform_rows(self, part: slice) -> None:
+        """Pad a part of the field's rows and transform them to waves."""
+        rows = self._field[part]
         padded = self._padded[: len(rows)]
         padded[:, : rows.shape[1]] = rows
-        there = self._there[len(rows)]
-        there.update_arrays(padded, waves)
-        there.execute()
+        forward = self._rows_forward[len(rows)]
+        forward.update_arrays(padded, self._waves[part])
+        forward.execute()
 
-    def filter_columns(self, some: slice) -> None:
-        """Transform some columns of waves, multiply them by their factors, and transform back."""
-        waves, factors = self._waves[:, some], self._factors[some]
+    def filter_columns(self, part: slice) -> None:
+        """Transform a part of the columns of waves, multiply by the factors, and transform back."""
+        waves = self._waves[:, part]
+        factors = self._factors[part]
         rows, columns = waves.shape
         self._source[:columns, :rows] = waves.T
         self._forward.execute()
-        here: Any = self._filtered[:columns]
-        half, times = factors.shape[1], 1
-        if factors.dtype == np.float32:
-            here, times = here.view(np.float32), 2
-        here[:, :half] *= factors
-        here[:, half:] *= _other_half(factors, self._filtered.shape[1], times)
+        values: Any = self._filtered[:columns]
+        repeats = 1
+        if factors.dtype == np.float32:  # real and imaginary parts have a factor each
+            values = values.view(np.float32)
+            repeats = 2
+        half = factors.shape[1]
+        values[:, :half] *= factors
+        values[:, half:] *= _mirrored_half(factors, self._filtered.shape[1], repeats)
         self._backward.execute()
         waves[:] = self._target[:columns, :rows].T
 
-    def transform_back(self, some: slice) -> None:
-        """Transform some rows of waves back and keep the part that belongs to the field."""
-        rows, waves = self._field[some], self._waves[some]
+    def transform_back(self, part: slice) -> None:
+        """Transform a part of the rows of waves back, and keep the columns of the field."""
+        rows = self._field[part]
         returned = self._returned[: len(rows)]
-        back = self._back[len(rows)]
-        back.update_arrays(waves, returned)
-        back.execute()
+        backward = self._rows_backward[len(rows)]
+        backward.update_arrays(self._waves[part], returned)
+        backward.execute()
         rows[:] = returned[:, : rows.shape[1]]
 
 
@@ -322,8 +423,8 @@ class CosineFilter:
 
     The field is continued evenly about its borders, half a cell beyond the outer nodes. Cosine
     transforms of types II and III diagonalise every even convolution of such a field (Martucci
-    1994, IEEE Transactions on Signal Processing 42), at the field's own size. Those of scipy take
-    less time than FFTW's, which has no vector instructions for them.
+    1994, IEEE Transactions on Signal Processing 42), without padding. scipy's transforms are faster
+    than those of FFTW, which has no vector instructions for them.
 
     Parameters
     ----------
@@ -341,43 +442,54 @@ class CosineFilter:
         self.bytes = 2 * self.field.nbytes
 
     def in_single_precision(self) -> "CosineFilter":
-        """Return the same filter in single precision."""
+        """Return a filter by the same spectrum in single precision, with a buffer of its own."""
         return CosineFilter(self._factors, "float32")
 
     def transform(self) -> None:
         """Filter the field in place."""
         with unforked():
-            many = threads_here() if self.field.size >= LARGE else 1
-            waves: Any = fft.dctn(self.field, type=2, overwrite_x=True, workers=many)
+            workers = threads_here() if self.field.size >= LARGE else 1
+            waves: Any = fft.dctn(self.field, type=2, overwrite_x=True, workers=workers)
             waves *= self._factors
-            here: Any = fft.idctn(waves, type=2, overwrite_x=True, workers=many)
-            if not np.may_share_memory(here, self.field):
-                self.field[:] = here
+            result: Any = fft.idctn(waves, type=2, overwrite_x=True, workers=workers)
+            # scipy may have worked in place, but need not have.
+            if not np.may_share_memory(result, self.field):
+                self.field[:] = result
 
 
-def _other_half(factors: Real, period: int, times: int = 1) -> Real:
-    """Return the factors beyond half a period, which mirror those before it, each some times."""
-    beyond = times * period - factors.shape[1]
-    return factors[:, times : times + beyond][:, ::-1]
+def _wave_type(factors: Real) -> np.dtype[Any]:
+    """Return the complex type of waves with the precision of their factors."""
+    return np.result_type(factors.dtype, np.complex64)
+
+
+def _mirrored_half(factors: Real, period: int, repeats: int = 1) -> Real:
+    """Return the factors beyond half a period, which mirror those before it.
+
+    Each row of `factors` has the factors up to half a period, each one `repeats` times.
+    """
+    missing = repeats * period - factors.shape[1]
+    return factors[:, repeats : repeats + missing][:, ::-1]
 
 
 class Plan(Protocol):
-    """A planned transform of many vectors, which may be applied to other arrays of that layout."""
+    """A planned transform of several vectors, which also serves other arrays of equal layout."""
 
     def execute(self) -> None:
-        """Transform the source that was given last into the target."""
+        """Transform the present source into the present target."""
 
     def update_arrays(self, source: Any, target: Any) -> None:
-        """Take another source and target of the same shape, strides and alignment."""
+        """Replace source and target by arrays of the same shape, strides and alignment."""
 
 
 def _plan(source: Any, target: Any, *, backward: bool = False) -> Plan:
-    """Plan transforms along the second axis; backward ones may destroy their input."""
-    direction = "FFTW_BACKWARD" if backward else "FFTW_FORWARD"
-    flags = ("FFTW_ESTIMATE", "FFTW_DESTROY_INPUT") if backward else ("FFTW_ESTIMATE",)
-    return cast(
-        "Plan", pyfftw.FFTW(source, target, axes=(1,), direction=direction, flags=flags)
-    )
+    """Plan transforms along the second axis; a backward one may destroy its source."""
+    direction = "FFTW_FORWARD"
+    flags: tuple[str, ...] = ("FFTW_ESTIMATE",)
+    if backward:
+        direction = "FFTW_BACKWARD"
+        flags = ("FFTW_ESTIMATE", "FFTW_DESTROY_INPUT")
+    plan = pyfftw.FFTW(source, target, axes=(1,), direction=direction, flags=flags)
+    return cast("Plan", plan)
 
 
 def _aligned(shape: tuple[int, ...], dtype: Any) -> Real:
@@ -387,7 +499,15 @@ def _aligned(shape: tuple[int, ...], dtype: Any) -> Real:
 
 
 class _Kept(threading.local):
-    """The filters last used on this thread, in the order of their last use, and their memory."""
+    """The filters that this thread keeps.
+
+    Attributes
+    ----------
+    memory : _Memory
+        Their memory.
+    filters : OrderedDict
+        Filters by the function that made them and its arguments, in the order of their last use.
+    """
 
     def __init__(self) -> None:
         self.memory = _Memory()
@@ -397,42 +517,63 @@ class _Kept(threading.local):
 
 
 class _Memory:
-    """The memory of the filters that one thread keeps; it is gone with the thread."""
+    """The memory of the filters that one thread keeps [bytes]; the object ends with the thread."""
 
     bytes = 0
 
 
+# The memories of all threads, and the lock under which they are added up.
 _MEMORIES: WeakSet[_Memory] = WeakSet()
 _COUNTING = threading.Lock()
 _KEPT = _Kept()
 
 
-def kept(make: Callable[[*Given], Kind]) -> Callable[[*Given], Kind]:
-    """Let each thread keep the filters that a function makes, for the same arguments later.
+def kept(make: Callable[[*Arguments], Kind]) -> Callable[[*Arguments], Kind]:
+    """Let each thread keep the filters that a function makes, for later calls.
 
-    Filters hold scratch space too, so that no two threads can share one. All threads keep as many
-    as `KEPT_BYTES` allow.
+    Filters have buffers, so that no two threads can share one. If the filters of all threads exceed
+    their memory, the thread that makes another one forgets the filters that it used least recently.
+
+    Parameters
+    ----------
+    make : callable
+        Function that makes a filter from hashable positional arguments.
+
+    Returns
+    -------
+    callable
+        The function, which returns the kept filter if this thread has one for its arguments.
     """
 
     @wraps(make)
-    def found(*arguments: *Given) -> Kind:
-        filters, key = _KEPT.filters, (make, *arguments)
+    def kept_or_made(*arguments: *Arguments) -> Kind:
+        filters = _KEPT.filters
+        key = make, *arguments
         if key in filters:
             filters.move_to_end(key)
-            there: Kind = filters[key]
-            return there
+            earlier: Kind = filters[key]
+            return earlier
         with unforked():  # plans and transforms are made under locks
-            made = filters[key] = make(*arguments)
-            _KEPT.memory.bytes += made.bytes
-            bound = max(
-                KEPT_BYTES, KEPT_LARGEST * max(each.bytes for each in filters.values())
-            )
-            with _COUNTING:
-                excess = sum(memory.bytes for memory in _MEMORIES) - bound
-            while excess > 0 and len(filters) > FEWEST_KEPT:
-                _, oldest = filters.popitem(last=False)
-                _KEPT.memory.bytes -= oldest.bytes
-                excess -= oldest.bytes
-        return made
+            new = make(*arguments)
+            filters[key] = new
+            _KEPT.memory.bytes += new.bytes
+            _forget_oldest()
+        return new
 
-    return found
+    return kept_or_made
+
+
+def _forget_oldest() -> None:
+    """Forget the least recently used filters of this thread while all filters take too much memory.
+
+    The `FEWEST_KEPT` latest filters stay.
+    """
+    filters = _KEPT.filters
+    largest = max(kept_filter.bytes for kept_filter in filters.values())
+    with _COUNTING:
+        occupied = sum(memory.bytes for memory in _MEMORIES)
+    excess = occupied - max(KEPT_BYTES, KEPT_LARGEST * largest)
+    while excess > 0 and len(filters) > FEWEST_KEPT:
+        _, oldest = filters.popitem(last=False)
+        _KEPT.memory.bytes -= oldest.bytes
+        excess -= oldest.bytes

@@ -1,19 +1,19 @@
 """The influence matrix H of all nodes of a grid, and an approximate inverse on any set of them.
 
-Lengths are in units of the cell's first side and E* = 1. The nodes of a free patch displace one
+Lengths are in units of the cell's first side, and E* = 1. The nodes of a free patch displace one
 another by `bem.influence.influence_coefficients`. A patch without edges repeats itself or its
-mirror images without end: a wave of pressure p with the wave number q displaces it by 2 p / (E*
-|q|) (Johnson 1985, section 13.2), and the mean pressure displaces nothing. What the mean does to
-the far field depends on the body behind, so that displacements count from the mean of the deformed
-surface.
+mirror images without end. A wave of pressure p with the wave vector q displaces it by 2 p / (E*
+|q|) (Johnson 1985, section 13.2), and the mean pressure displaces nothing: its effect on the far
+field depends on the body behind, so that displacements count from the mean of the deformed surface.
 
-The approximate inverse. Let C be near H on the whole grid and easily inverted. The inverse of C_AA
-on a set A is the minimum of v^T C^-1 v over all fields v that equal the residual on A. The usual
-choice of zero outside A overestimates this minimum, the more so the more fragmented A is, and the
-condition number then grows like the number of nodes a side. Here v continues the residual by
-weighted means of its values nearby, block by block. With this extension E, the condition number of
-M = E^T C^-1 E stays near 4 on rough surfaces of any size
-(`tests/bem/operators/test_patch.py` measures it).
+The approximate inverse on a set A of nodes replaces H by a matrix C that is near H on the whole
+grid and easily inverted. The quadratic form of the inverse of C_AA is the minimum of v^T C^-1 v
+over all fields v that equal the residual on A. The usual choice, v = 0 outside A, overestimates
+this minimum, the more so the more fragmented A is, and the condition number then grows in
+proportion to the number of nodes a side. Here v continues the residual outside A by weighted means
+of its values nearby, block by block. With this extension E, the condition number of
+M = E^T C^-1 E stays near 4 on rough surfaces of any size (`tests/bem/operators/test_patch.py`
+measures it).
 """
 
 import math
@@ -36,48 +36,49 @@ from bem.operators.filters import (
 from bem.problem import Boundary
 from bem.threads import threads_here
 
-# The following four were chosen by the iterations of conjugate gradients on the paper's surfaces,
-# k = 7 to 9, at 1, 10 and 50 % contact; none of them matters much.
+# The next four constants were chosen by the number of iterations of conjugate gradients on the
+# paper's surfaces of 129 to 513 nodes a side, at 1, 10 and 50 % contact. None of them matters much.
 
 # Nodes a side of the blocks whose means extend the residual.
 BLOCK = 4
 
-# Power of the distance between blocks by which the weight of a block falls.
+# Power of the inverse distance between blocks that is the weight of a block in a mean [1].
 DECAY = 2.5
 
-# Weight of a node's own block, over that of a neighbouring block.
+# Weight of a node's own block over the weight of a neighbouring block [1].
 OWN_BLOCK = 10.0
 
-# Weight of the value zero for the nodes outside the set: far from the set the extension falls to
-# zero.
+# Weight of the value zero in the means, over that of one node outside the set [1]: the extension
+# falls to zero far from the set.
 VACANT = np.float32(0.05)
 
-# Penalty for the distance of both pressures of a splitting, over the geometric mean of the stiffest
-# and the softest wave's compliance. Shares from 0.3 to 1 take about as many passes, 3 three times
-# as many.
+# Penalty for the difference of the two pressures of a splitting, over the geometric mean of the
+# largest and the least compliance of a wave [1]. Values from 0.3 to 1 need about as many passes; 3
+# needs three times as many.
 PENALTY = 0.5
 
-# Largest contact set worth factorising, as a factor and a power of the number of nodes: the cost of
-# a factor grows with the cube of the set, that of iterations with the grid (`pytest bench -k
-# few_in_contact`). The least of several counts.
-FEW_FREE, FEW_EDGELESS = ((27.0, 1 / 3),), ((0.105, 5 / 6), (9.0, 0.4))
+# Size of the largest contact set worth factorising, as factor times a power of the number of nodes;
+# the smallest of several sizes applies. The cost of a factor grows with the cube of the set, that
+# of iterations with the grid (`pytest bench -k few_in_contact`).
+FEW_FREE = ((27.0, 1 / 3),)
+FEW_EDGELESS = ((0.105, 5 / 6), (9.0, 0.4))
 
-# Share of all nodes up to which vectors of a contact set hold its nodes alone: reading listed nodes
-# takes about as long as ten passes over as many whole values.
+# Largest share of all nodes for which vectors of a contact set hold its nodes alone [1]. Reading
+# listed nodes takes about as long as ten passes over as many values of whole fields.
 LISTED = 0.12
 
-# Rows of blocks that are corrected at a time.
+# Rows of blocks that are extended at a time, so that they stay in the cache.
 BAND = 32
 
-# Rows of a dense matrix that are tabulated at a time: they fit into the cache.
+# Rows of a dense matrix that are tabulated at a time, so that they stay in the cache.
 ROWS = 64
 
 
 class Patch:
-    """The influence matrix of a grid: it displaces, and corrects pressures on a contact set.
+    """The influence matrix of a grid, with an approximate inverse on a contact set.
 
-    Search directions go through single precision, because the next direction corrects their last
-    digits. Displacements that decide on convergence go through double precision.
+    Search directions are displaced in single precision, because the next direction corrects their
+    last digits. Displacements that decide on convergence are computed in double precision.
 
     Parameters
     ----------
@@ -90,29 +91,30 @@ class Patch:
     aspect : float
         Second side of a cell over its first [1].
     give : float
-        How far a compliant far field gives way under a unit load, 0 if it is rigid: one term of
-        the matrix, H - give.
+        Displacement of a compliant far field under a unit load, 0 if it is rigid. It is subtracted
+        from every entry of the matrix [first side of a cell x pressure / E*].
 
     Attributes
     ----------
     norm : float
-        Upper bound of the matrix's largest eigenvalue.
+        Upper bound of the largest eigenvalue of H [1 / E*].
     few : int
-        Largest contact set worth factorising.
+        Number of nodes of the largest contact set worth factorising.
     soft : bool
         Whether a displacement may barely fix the load: on a compliant far field near Delta*, or
         without edges near full contact.
     convolutions : int
-        Applications of the matrix so far.
+        Number of applications of the matrix so far.
     contact : ndarray of bool, shape (nx, ny)
-        The contact set that was taken last.
+        Contact set of the last `take_contact`.
     count : int
         Number of its nodes.
     within : ndarray, shape (nx, ny)
-        The set as factors 1 and 0 of fields, unless it is small: of small fields in their own
-        precision, which takes a third of the time, of large ones in as little memory as can be.
+        Factors 1 in the contact set and 0 outside, if the set is a large one. On small grids they
+        are in single precision, which takes a third of the time, and on large grids they are bools,
+        which take the least memory.
     singular : bool
-        Whether it is all of a patch without edges.
+        Whether the contact set is all of a patch without edges.
     """
 
     contact: Mask
@@ -126,42 +128,61 @@ class Patch:
         aspect: float,
         give: float = 0.0,
     ) -> None:
-        self.shape, self.boundary, self.give = shape, boundary, give
-        self._cells = shape, kernel, aspect
-        self._exact, self._rough = (
-            displacement_filter(shape, boundary, kernel, aspect, dtype)
-            for dtype in ("float64", "float32")
-        )
+        self.shape = shape
+        self.boundary = boundary
+        self.give = give
+        self._kernel = kernel
+        self._aspect = aspect
+        self._exact = displacement_filter(shape, boundary, kernel, aspect, "float64")
+        self._rough = displacement_filter(shape, boundary, kernel, aspect, "float32")
         self._inverse = _inverse_filter(shape, boundary, kernel, aspect)
         self._means = _means_filter(shape, boundary, aspect)
         self.norm = self._exact.largest
+        nodes = shape[0] * shape[1]
         limits = FEW_FREE if boundary == "free" else FEW_EDGELESS
-        self.few = min(
-            int(factor * (shape[0] * shape[1]) ** power) for factor, power in limits
-        )
+        self.few = min(int(factor * nodes**power) for factor, power in limits)
         self.soft = give != 0 or boundary != "free"
-        self.convolutions, self.count, self.singular = 0, 0, False
+        self.convolutions = 0
+        self.count = 0
+        self.singular = False
+        # 1 at the nodes outside the set, and in the padding; empty until a large set is taken.
         self._outside = np.zeros((0, 0), np.float32)
+        # Rows and columns of the nodes of a small set, None for a large one.
         self._listed: tuple[Nodes, Nodes] | None = None
 
     def displace(self, pressure: Real, *, exactly: bool = False) -> Real:
-        """Compute the (nx, ny) displacement by a field or by values of `in_contact`.
+        """Compute the displacement by a pressure, and count one convolution.
 
-        It is right to 1e-7, or in double precision; the next call overwrites it.
+        Parameters
+        ----------
+        pressure : ndarray, shape (nx, ny) or (n,)
+            Pressure as a field, or as values of `in_contact` [E*].
+        exactly : bool
+            Whether to compute in double precision, else to 1e-7.
+
+        Returns
+        -------
+        ndarray, shape (nx, ny)
+            Displacement [first side of a cell]. It is a view of a buffer that the next call
+            overwrites, also one of another patch of this shape.
         """
         self.convolutions += 1
-        by = self._exact if exactly else self._rough
-        displacement = self._put(pressure, by.field)
-        by.transform()
+        matrix = self._exact if exactly else self._rough
+        displacement = self._put(pressure, matrix.field)
+        matrix.transform()
         if self.give:
-            given_way = self.give * float(pressure.sum(dtype=np.float64))
-            displacement -= displacement.dtype.type(given_way)
+            far_field = self.give * float(pressure.sum(dtype=np.float64))
+            displacement -= displacement.dtype.type(far_field)
         return displacement
 
     def _put(self, values: Real, buffer: Real) -> Real:
-        """Write a field, or values of `in_contact`, among zeros, and return the field's part."""
+        """Write a field, or values of `in_contact`, into a buffer, and zeros everywhere else.
+
+        Return the (nx, ny) part of the buffer that the grid occupies, as a view.
+        """
         rows, columns = self.shape
-        buffer[rows:], buffer[:, columns:] = 0, 0
+        buffer[rows:] = 0
+        buffer[:, columns:] = 0
         inside: Real = buffer[:rows, :columns]
         if values.ndim == 1:
             inside.fill(0)
@@ -171,12 +192,21 @@ class Patch:
         return inside
 
     def take_contact(self, nodes: Mask) -> None:
-        """Take a set of nodes, an (nx, ny) mask, for `in_contact` and `correct`."""
-        self.contact, self.count = nodes, int(np.count_nonzero(nodes))
+        """Set the contact set for `in_contact`, `add_to` and `correct`.
+
+        Parameters
+        ----------
+        nodes : ndarray of bool, shape (nx, ny)
+            Nodes of the set. The mask is kept, and must not be changed while the set is in use.
+        """
+        self.contact = nodes
+        self.count = int(np.count_nonzero(nodes))
         self.singular = self.boundary != "free" and self.count == nodes.size
-        means, self._listed = self._means, None
+        means = self._means
+        self._listed = None
         if self.count <= LISTED * nodes.size:
-            rows, columns = self._listed = np.divmod(np.flatnonzero(nodes), self.shape[1])
+            rows, columns = np.divmod(np.flatnonzero(nodes), self.shape[1])
+            self._listed = rows, columns
             self._blocks = rows // BLOCK * means.shape[1] + columns // BLOCK
             self._sum_listed(None)
         else:
@@ -185,23 +215,31 @@ class Patch:
             np.logical_not(nodes, out=self._outside[: self.shape[0], : self.shape[1]])
             self.within = nodes.astype(np.float32) if nodes.size < LARGE else nodes
             means.field[:] = BLOCK**2 - _block_sums(self._outside)
+        # The buffer of the means has the number of contact nodes of each block; now their means.
         means.transform()
         self._weights = 1 / (means.field + VACANT)
 
     def _sum_listed(self, values: Real | None) -> None:
-        """Sum values of listed nodes over blocks, or count the nodes."""
+        """Sum values of the listed nodes over blocks, into the buffer of the means.
+
+        Without values, count the nodes.
+        """
         size = self._means.field.size
-        self._means.field.reshape(-1)[:] = np.bincount(
-            self._blocks, values, minlength=size
-        )
+        sums = np.bincount(self._blocks, values, minlength=size)
+        self._means.field.reshape(-1)[:] = sums
 
     def in_contact(self, field: Real) -> Real:
-        """Return the values of an (nx, ny) field on the contact set, as `correct` takes them.
+        """Return the values of a field on the contact set, in the form that `correct` takes.
+
+        Parameters
+        ----------
+        field : ndarray, shape (nx, ny)
+            Values at all nodes.
 
         Returns
         -------
         ndarray of float32, shape (n,) or (nx, ny)
-            The values of the n nodes of a small set, else the field with zeros outside.
+            Values at the n nodes of a small set; for a large set the field, with zeros outside.
         """
         if self._listed is not None:
             values: Real = field[self._listed].astype(np.float32, copy=False)
@@ -209,121 +247,207 @@ class Patch:
         return np.multiply(field, self.within, dtype=np.float32, casting="same_kind")
 
     def add_to(self, field: Real, values: Real) -> None:
-        """Add values of `in_contact` to an (nx, ny) field."""
+        """Add values of the contact set to a field in place.
+
+        Parameters
+        ----------
+        field : ndarray, shape (nx, ny)
+            Field that is changed.
+        values : ndarray, shape (n,) or (nx, ny)
+            Values as `in_contact` returns them.
+        """
         if self._listed is None:
             field += values
         else:
             field[self._listed] += values
 
     def correct(self, residual: Real) -> Real:
-        """Apply the approximate inverse to a residual in contact, as `in_contact` returns it.
+        """Apply the approximate inverse, M = E^T C^-1 E, to a residual in contact.
+
+        Parameters
+        ----------
+        residual : ndarray of float32, shape (n,) or (nx, ny)
+            Residual as `in_contact` returns it [first side of a cell].
 
         Returns
         -------
         ndarray of float32, shape (n,) or (nx, ny)
-            Correction of the pressure, zero outside; the next call overwrites it.
+            Correction of the pressure, zero outside the set [E*]. For a large set it is a view of
+            a buffer that the next call overwrites.
         """
-        field, means, outside = self._inverse.field, self._means, self._outside
-        listed, width = self._listed, self._inverse.field.shape[1]
+        if self._listed is None:
+            return self._correct_field(residual)
+        return self._correct_listed(residual, self._listed)
+
+    def _correct_field(self, residual: Real) -> Real:
+        """Apply the approximate inverse on a large set; as `correct`."""
+        field = self._inverse.field
+        means = self._means
+        width = field.shape[1]
         blocks = field.reshape(-1, BLOCK, width)
-        if listed is None:
-            inside = self._put(residual, field)
-            means.field[:] = _block_sums(field)
-        else:
-            self._sum_listed(residual)
+        inside = self._put(residual, field)
+        means.field[:] = _block_sums(field)
         means.transform()
         means.field[:] *= self._weights
-        columns = means.field.repeat(BLOCK, axis=1)[:, np.newaxis]
-        if listed is None:
-            vacant = outside.reshape(-1, BLOCK, width)
-            for first in range(
-                0, len(blocks), BAND
-            ):  # so that what is added stays in the cache
-                some = slice(first, first + BAND)
-                blocks[some] += vacant[some] * columns[some]
-        else:
-            blocks[:] = columns
-            field[listed] = residual
+        extension = means.field.repeat(BLOCK, axis=1)[:, np.newaxis]
+        outside = self._outside.reshape(-1, BLOCK, width)
+        for first in range(0, len(blocks), BAND):
+            band = slice(first, first + BAND)
+            blocks[band] += outside[band] * extension[band]
         self._inverse.transform()
-        if listed is None:
-            means.field[:] = self._weights * _block_sums(field, outside)
-            means.transform()
-            blocks += means.field.repeat(BLOCK, axis=1)[:, np.newaxis]
-            inside *= self.within
-            return inside
+        # The transpose of the extension adds means of the outside to the set.
+        means.field[:] = self._weights * _block_sums(field, self._outside)
+        means.transform()
+        blocks += means.field.repeat(BLOCK, axis=1)[:, np.newaxis]
+        inside *= self.within
+        return inside
+
+    def _correct_listed(self, residual: Real, listed: tuple[Nodes, Nodes]) -> Real:
+        """Apply the approximate inverse on a small set, given by rows and columns; as `correct`."""
+        field = self._inverse.field
+        means = self._means
+        blocks = field.reshape(-1, BLOCK, field.shape[1])
+        self._sum_listed(residual)
+        means.transform()
+        means.field[:] *= self._weights
+        blocks[:] = means.field.repeat(BLOCK, axis=1)[:, np.newaxis]
+        field[listed] = residual
+        self._inverse.transform()
+        # The transpose of the extension adds means of the outside to the set.
         corrected: Real = field[listed]
-        everywhere = _block_sums(field)
+        sums = _block_sums(field)
         self._sum_listed(corrected)
-        means.field[:] = self._weights * (everywhere - means.field)
+        means.field[:] = self._weights * (sums - means.field)
         means.transform()
         corrected += means.field.reshape(-1)[self._blocks]
         return corrected
 
     def unbalanced(self, displacement: Field) -> Field:
-        """Compute the zero-mean pressure whose displacement equals the given one but for a mean."""
+        """Compute the pressure of zero mean that displaces a patch without edges as given.
+
+        Parameters
+        ----------
+        displacement : ndarray, shape (nx, ny)
+            Displacement, of which the mean has no effect [first side of a cell].
+
+        Returns
+        -------
+        ndarray, shape (nx, ny)
+            Pressure, a new array [E*].
+        """
         inverse = edgeless_filter(
-            self.shape, self.boundary, self._cells[2], "float64", True
+            self.shape, self.boundary, self._aspect, "float64", True
         )
         pressure: Field = filtered(inverse, displacement).copy()
         return pressure
 
     def splitting(self) -> tuple[FieldFilter, float] | None:
-        """Return (H + c)^-1 of a patch without edges as a filter, and c; None for a free patch.
+        """Return the inverse of H plus a penalty c, which a splitting of the contact problem needs.
 
-        The penalty c is a share of the geometric mean of the largest and the least compliance.
+        Returns
+        -------
+        filter : FieldFilter
+            (H + c)^-1 of a patch without edges; None instead of the pair for a free patch.
+        penalty : float
+            c, a share of the geometric mean of the largest and the least compliance of a wave
+            [1 / E*].
         """
         if self.boundary == "free":
             return None
-        grid = self.shape, self.boundary, self._cells[2]
+        grid = self.shape, self.boundary, self._aspect
         return _splitting_filter(*grid), _penalty(*grid)
 
     def entries(self, nodes: Nodes, dtype: str) -> Real:
-        """Return the lower triangle of the (n, n) matrix of (n,) nodes, in Fortran's order."""
+        """Return the lower triangle of the matrix of some nodes.
+
+        Parameters
+        ----------
+        nodes : ndarray, shape (n,)
+            Flat indices of the nodes.
+        dtype : str
+            Precision, "float64" or "float32".
+
+        Returns
+        -------
+        ndarray, shape (n, n)
+            Matrix in Fortran's order [1 / E*]. Most of its upper triangle is undefined.
+        """
         if self.boundary == "free":
-            return InfluenceMatrix(*self._cells, dtype).among(nodes, self.give)
-        (nx, ny), mirrored, count = self.shape, self.boundary == "mirror", len(nodes)
-        periods = (2 * nx, 2 * ny) if mirrored else (nx, ny)
-        table, width = (
-            _edgeless_coefficients(periods, self._cells[2], dtype),
-            2 * periods[1],
-        )
+            matrix = InfluenceMatrix(self.shape, self._kernel, self._aspect, dtype)
+            return matrix.among(nodes, self.give)
+        return self._edgeless_entries(nodes, dtype)
+
+    def _edgeless_entries(self, nodes: Nodes, dtype: str) -> Real:
+        """Return the entries of a patch without edges, as `entries`.
+
+        On a mirrored patch, each node has three images in the period.
+        """
+        nx, ny = self.shape
         rows, columns = np.divmod(nodes, ny)
-        here = rows * width + columns + (periods[0] * width + periods[1])
-        images = [(rows, columns)]
-        if mirrored:
+        if self.boundary == "mirror":
+            periods = 2 * nx, 2 * ny
             images = [
-                (along, across)
-                for along in (rows, -1 - rows)
-                for across in (columns, -1 - columns)
+                (image_rows, image_columns)
+                for image_rows in (rows, -1 - rows)
+                for image_columns in (columns, -1 - columns)
             ]
+        else:
+            periods = nx, ny
+            images = [(rows, columns)]
+        table = _edgeless_coefficients(periods, self._aspect, dtype)
+        width = 2 * periods[1]  # columns of the table
+        # Offsets are at least minus a period, which the table's second half avoids.
+        places = rows * width + columns + (periods[0] * width + periods[1])
+        count = len(nodes)
         matrix = np.zeros((count, count), dtype)
         for first in range(0, count, ROWS):
-            some = slice(first, first + ROWS)
-            for along, across in images:
-                offsets = np.subtract.outer(here[some], (along * width + across)[first:])
-                matrix[some, first:] += table.take(offsets, mode="clip")
+            band = slice(first, first + ROWS)
+            for image_rows, image_columns in images:
+                loaded = (image_rows * width + image_columns)[first:]
+                offsets = np.subtract.outer(places[band], loaded)
+                matrix[band, first:] += table.take(offsets, mode="clip")
         return matrix.T
 
 
 def fast_period(nodes: int) -> int:
-    """Return the smallest even period with small prime factors that a grid's kernel allows.
+    """Return the smallest period of an even kernel that is exact for a grid and fast to transform.
 
-    The kernel is even, so that 2 nodes - 2 is exact, a power of two for 2^k + 1 nodes.
+    Because the kernel is even, 2 nodes - 2 is long enough: a power of two for 2^k + 1 nodes.
+
+    Parameters
+    ----------
+    nodes : int
+        Nodes of the grid along an axis.
+
+    Returns
+    -------
+    int
+        Even period with small prime factors [nodes].
     """
     return 2 * int(fft.next_fast_len(max(nodes - 1, 1), real=True))
 
 
 def wave_numbers(shape: tuple[int, int], boundary: Boundary, aspect: float) -> Field:
-    """Return |q| of the waves that a patch without edges holds [1 / first side of a cell].
+    """Return the wave numbers |q| of the waves on a patch without edges.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Nodes (nx, ny) of the patch.
+    boundary : str
+        "periodic" or "mirror".
+    aspect : float
+        Second side of a cell over its first [1].
 
     Returns
     -------
     ndarray, shape (nx, ny // 2 + 1) or (nx, ny)
-        In the order of a real Fourier transform if the patch repeats itself, of a cosine transform
-        if its mirror images continue it.
+        Wave numbers, in the order of a real Fourier transform of a periodic patch or of a cosine
+        transform of a mirrored one [1 / first side of a cell].
     """
     if boundary == "periodic":
-        along, across = fft.fftfreq(shape[0]), fft.rfftfreq(shape[1])
+        along = fft.fftfreq(shape[0])
+        across = fft.rfftfreq(shape[1])
     else:
         along, across = (np.arange(cells) / (2 * cells) for cells in shape)
     length: Field = 2 * math.pi * np.hypot(along[:, np.newaxis], across / aspect)
@@ -334,21 +458,33 @@ def wave_numbers(shape: tuple[int, int], boundary: Boundary, aspect: float) -> F
 def displacement_filter(
     shape: tuple[int, int], boundary: Boundary, kernel: Kernel, aspect: float, dtype: str
 ) -> FieldFilter:
-    """Return H as a filter: of a free patch, a real transform of its even table.
+    """Return H as a filter of fields.
 
     Parameters
     ----------
-    shape, boundary, kernel, aspect
-        See `Patch`.
+    shape : tuple of int
+        Nodes (nx, ny) of the patch.
+    boundary : str
+        "free", "periodic" or "mirror".
+    kernel : str
+        Influence coefficients of a free patch, see `bem.influence.influence_coefficients`.
+    aspect : float
+        Second side of a cell over its first [1].
     dtype : str
         Precision, "float64" or "float32".
+
+    Returns
+    -------
+    FieldFilter
+        Filter from pressure [E*] to displacement [first side of a cell]. It is shared by later
+        calls on this thread, with its buffer.
     """
     if boundary != "free":
         return edgeless_filter(shape, boundary, aspect, dtype, False)
     if dtype == "float32":
-        double: Any = displacement_filter(shape, "free", kernel, aspect, "float64")
-        single: FieldFilter = double.in_single_precision()
-        return single
+        exact: Any = displacement_filter(shape, "free", kernel, aspect, "float64")
+        rough: FieldFilter = exact.in_single_precision()
+        return rough
     periods = fast_period(shape[0]), fast_period(shape[1])
     # Offsets beyond the grid never connect two nodes, so that any value will do there.
     along, across = (
@@ -360,7 +496,10 @@ def displacement_filter(
 
 
 def _even_spectrum(quarter: Field) -> Field:
-    """Transform a table that is even along both axes, from the entries up to half its periods."""
+    """Transform a table that is even along both axes; `quarter` has it up to half of its periods.
+
+    The result has the shape of `quarter`, which is overwritten.
+    """
     spectrum: Field = fft.dctn(quarter, type=1, overwrite_x=True, workers=threads_here())
     return spectrum
 
@@ -371,7 +510,23 @@ def edgeless_filter(
 ) -> FieldFilter:
     """Return H of a patch without edges, or its inverse on fields of zero mean, as a filter.
 
-    It is 2 / |q|, and zero for the mean; or |q| / 2.
+    Parameters
+    ----------
+    shape : tuple of int
+        Nodes (nx, ny) of the patch.
+    boundary : str
+        "periodic" or "mirror".
+    aspect : float
+        Second side of a cell over its first [1].
+    dtype : str
+        Precision, "float64" or "float32".
+    inverse : bool
+        Whether to return the inverse, |q| / 2 of each wave, instead of 2 / |q|, or 0 for the mean.
+
+    Returns
+    -------
+    FieldFilter
+        The filter, shared by later calls on this thread.
     """
     if inverse:
         spectrum = wave_numbers(shape, boundary, aspect) / 2
@@ -381,7 +536,7 @@ def edgeless_filter(
 
 
 def _compliances(shape: tuple[int, int], boundary: Boundary, aspect: float) -> Field:
-    """Return 2 / |q| of the waves of a patch without edges, and zero for the mean."""
+    """Return 2 / |q| of all waves, in the order of `wave_numbers`, and 0 for the mean."""
     numbers = wave_numbers(shape, boundary, aspect)
     numbers[0, 0] = math.inf
     compliances: Field = 2 / numbers
@@ -389,25 +544,28 @@ def _compliances(shape: tuple[int, int], boundary: Boundary, aspect: float) -> F
 
 
 def _penalty(shape: tuple[int, int], boundary: Boundary, aspect: float) -> float:
-    """Return the penalty of `Patch.splitting`."""
-    waves = _compliances(shape, boundary, aspect)
-    waves = waves[waves > 0]
-    return PENALTY * math.sqrt(waves.min() * waves.max()) if waves.size else 1.0
+    """Return the penalty of `Patch.splitting`, 1 on a single node, which has no waves [1 / E*]."""
+    compliances = _compliances(shape, boundary, aspect)
+    of_waves = compliances[compliances > 0]
+    if not of_waves.size:
+        return 1.0
+    return PENALTY * math.sqrt(of_waves.min() * of_waves.max())
 
 
 @kept
 def _splitting_filter(
     shape: tuple[int, int], boundary: Boundary, aspect: float
 ) -> FieldFilter:
-    """Tabulate 1 / (2 / |q| + c)."""
-    waves = _compliances(shape, boundary, aspect) + _penalty(shape, boundary, aspect)
-    return _even_filter(shape, boundary, 1 / waves, "float64")
+    """Return the filter by 1 / (2 / |q| + c) of `Patch.splitting`."""
+    compliances = _compliances(shape, boundary, aspect)
+    penalised = compliances + _penalty(shape, boundary, aspect)
+    return _even_filter(shape, boundary, 1 / penalised, "float64")
 
 
 def _even_filter(
     shape: tuple[int, int], boundary: Boundary, spectrum: Field, dtype: str
 ) -> FieldFilter:
-    """Return the filter of a patch without edges that has a spectrum."""
+    """Return the filter of a patch without edges with a spectrum in the order of `wave_numbers`."""
     if boundary == "mirror":
         return CosineFilter(spectrum, dtype)
     return spectral_filter(shape, spectrum[: shape[0] // 2 + 1], dtype, shape)
@@ -417,24 +575,26 @@ def _even_filter(
 def _inverse_filter(
     shape: tuple[int, int], boundary: Boundary, kernel: Kernel, aspect: float
 ) -> FieldFilter:
-    """Tabulate the inverse of a matrix near H.
+    """Return the inverse of a matrix C near H as a filter in single precision.
 
-    For a free patch it is the circulant nearest to H in the Frobenius norm (T. Chan 1988), on a
-    grid hardly wider than the patch, a quarter of the grid that H needs. Without edges it is H
-    itself where both sides are whole blocks, else that of the next larger patch.
+    For a free patch C is the circulant nearest to H in the Frobenius norm (T. Chan 1988). Its grid
+    is little wider than the patch, a quarter of the grid that H needs. Without edges C is H of the
+    smallest patch of whole blocks with room for the nodes.
     """
-    rows, columns = map(_whole_blocks, shape)
+    rows = _whole_blocks(shape[0])
+    columns = _whole_blocks(shape[1])
     if boundary != "free":
         return edgeless_filter((rows, columns), boundary, aspect, "float32", True)
     periods = _fast_length(rows), _fast_length(shape[1])
     table = influence_coefficients(periods, kernel, aspect)
     for period in periods:
-        # Along an axis c_k = ((m - k) t_k + k t_(m - k)) / m, the mean over a wrapped diagonal.
+        # c_k = ((m - k) t_k + k t_(m - k)) / m along an axis of period m, the mean over a diagonal
+        # of the matrix and the diagonal that continues it when the axis is wrapped.
         half = period // 2 + 1
         share = (np.arange(half) / period)[:, np.newaxis]
         folded = (1 - share) * table[:half]
         folded[1:] += share[1:] * table[: period - half : -1]
-        table = folded.T  # the other axis next
+        table = folded.T  # the second axis comes next, and the order is restored after it
     return spectral_filter(
         (rows, periods[1]), 1 / _even_spectrum(table), "float32", periods
     )
@@ -444,12 +604,16 @@ def _inverse_filter(
 def _means_filter(
     shape: tuple[int, int], boundary: Boundary, aspect: float
 ) -> FieldFilter:
-    """Tabulate the spectrum of weighted means over the blocks of the approximate inverse."""
-    rows, columns = _whole_blocks(shape[0]) // BLOCK, _whole_blocks(shape[1]) // BLOCK
+    """Return the filter that takes sums of blocks to weighted means over the blocks nearby.
+
+    Its fields have one value for each block of the approximate inverse.
+    """
+    rows = _whole_blocks(shape[0]) // BLOCK
+    columns = _whole_blocks(shape[1]) // BLOCK
     if boundary == "free":
-        repeating = _fast_length(BLOCK * rows) // BLOCK, _fast_length(shape[1]) // BLOCK
-        spectrum = _block_means(repeating, aspect)[: repeating[0] // 2 + 1]
-        return spectral_filter((rows, repeating[1]), spectrum, "float32", repeating)
+        periods = _fast_length(BLOCK * rows) // BLOCK, _fast_length(shape[1]) // BLOCK
+        spectrum = _block_means(periods, aspect)[: periods[0] // 2 + 1]
+        return spectral_filter((rows, periods[1]), spectrum, "float32", periods)
     spectrum = _block_means((rows, columns), aspect)
     if boundary == "mirror":
         spectrum = _block_means((2 * rows, 2 * columns), aspect)[:rows, :columns]
@@ -457,12 +621,13 @@ def _means_filter(
 
 
 def _block_means(blocks: tuple[int, int], aspect: float) -> Field:
-    """Compute the spectrum of weighted means over blocks that repeat themselves.
+    """Compute the spectrum of weighted means over (rows, columns) blocks that repeat themselves.
 
-    The weights add up to one for a mean. Its shape is (rows, columns // 2 + 1).
+    The weights are normalised so that means of a uniform field equal it. The spectrum has the shape
+    (rows, columns // 2 + 1).
     """
     along, across = (
-        np.minimum(np.arange(many), -np.arange(many) % many) for many in blocks
+        np.minimum(np.arange(count), -np.arange(count) % count) for count in blocks
     )
     distance = np.hypot(along[:, np.newaxis], aspect * across)
     distance[0, 0] = 1
@@ -474,19 +639,28 @@ def _block_means(blocks: tuple[int, int], aspect: float) -> Field:
 
 
 def _whole_blocks(nodes: int) -> int:
-    """Return the nodes of whole blocks that hold some nodes along an axis."""
+    """Return the number of nodes along an axis, rounded up to whole blocks."""
     return -(-nodes // BLOCK) * BLOCK
 
 
 def _fast_length(nodes: int) -> int:
-    """Return a multiple of 16; long ones have no factor of 3, which would save FFTW no time."""
+    """Return a length of at least `nodes` along an axis that transforms are fast for.
+
+    It is a multiple of 16. Above 256 it is 1, 5 or 25 times a power of two: a factor of 3 would be
+    shorter, but save FFTW no time.
+    """
     if nodes <= 256:
-        return 16 * int(fft.next_fast_len(-(-nodes // 16), real=True))
+        sixteens = -(-nodes // 16)
+        return 16 * int(fft.next_fast_len(sixteens, real=True))
     return min(odd << (-(-nodes // odd) - 1).bit_length() for odd in (1, 5, 25))
 
 
 def _block_sums(field: Real, factors: Real | None = None) -> Real:
-    """Sum a field, times factors, by whole rows and columns because a block's axes are short."""
+    """Sum a field over blocks, times factors of the field's shape if they are given.
+
+    The field is a buffer of whole blocks. Sums of whole rows, then of whole columns, are faster
+    than sums along the short axes of the blocks.
+    """
     blocks = field.reshape(-1, BLOCK, field.shape[1])
     if factors is None:
         rows = np.add.reduce(blocks, axis=1)
@@ -500,10 +674,13 @@ def _block_sums(field: Real, factors: Real | None = None) -> Real:
 
 @lru_cache(maxsize=4)
 def _edgeless_coefficients(periods: tuple[int, int], aspect: float, dtype: str) -> Real:
-    """Tabulate the displacement by a unit pressure that repeats itself, for offsets either way."""
-    symbol = wave_numbers(periods, "periodic", aspect) / 2
-    symbol[0, 0] = math.inf
-    table = fft.irfft2(1 / symbol, s=periods).astype(dtype)
+    """Return the displacement by a unit pressure on one node of each period, flat and read-only.
+
+    The table has two periods along each axis, for offsets of either sign.
+    """
+    stiffnesses = wave_numbers(periods, "periodic", aspect) / 2
+    stiffnesses[0, 0] = math.inf
+    table = fft.irfft2(1 / stiffnesses, s=periods).astype(dtype)
     twice = np.tile(table, (2, 2)).reshape(-1)
     twice.setflags(write=False)
     return twice

@@ -1,21 +1,19 @@
-"""The paper's nine models beside ours, Tables 2 to 4 and pictures, and the numbers in its text."""
+"""The paper's nine models beside ours: Tables 2 to 4, their pictures, and numbers in the text.
 
-from collections.abc import Iterator, Sequence
+Our scores, times and optima are read from the folder of `learn compare` and `learn tune`, where
+`learn.comparison.jobs` wrote them. The paper's are those of `learn.comparison.paper`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from bench.files import Row
 from bench.paper.database import finished
-from bench.paper.facts import (
-    AREA_MAX,
-    LONGEST_SOLVE,
-    TRAIN_ROWS,
-    few,
-    ratio,
-    rows_of,
-    why,
-)
+from bench.paper.facts import AREA_MAX, LONGEST_SOLVE, TRAIN_ROWS, ratio, rounded, why
 from bench.picture import COLOURS, new_figure
 from bench.report import Report
 from bench.surrogates.cost import PAPER_ROWS, PAPER_SOLVE, PAPER_TESTS
@@ -24,22 +22,50 @@ from gen.runtime.errors import InputError
 from gen.runtime.figure import draw_parity, parity_axes
 from gen.schema import Status
 from learn.comparison import paper, tables
-from learn.comparison.folder import Folder, SearchReport
+from learn.comparison.folder import Folder, Result, SearchReport, StoredScores, Times
 from learn.comparison.paper import OPTIMA, SPACES
 from learn.comparison.plots import DOTS
 from learn.comparison.tables import NOT_SEARCHED
+from learn.metrics import Scores
 from learn.models import MODELS
 
-# So far may the paper's nMSE and R2 of a model be from those of its others, relatively.
 BELONG = 0.15
-MANY = 20  # values of a hyperparameter that are all listed
+"""Largest relative distance of a model's variance over mean, by its nMSE and R2, from the paper's
+median, at which both scores still belong to the same test areas."""
 
-Shown = dict[str, dict[str, Any]]
-ENDS = "", "_paper"  # of the names of columns
+MANY = 20
+"""Largest number of values of a hyperparameter that are all listed."""
 
 
-def opened(comparison: Path) -> Folder:
-    """Find the part of a comparison that is on the paper's inputs and target."""
+@dataclass(frozen=True)
+class ScoredResult:
+    """A result of a comparison that has scores."""
+
+    model: str
+    kind: str  # "baseline", "library" or "tuned"
+    result: Result
+    test: StoredScores  # on the test rows [%]
+    times: Times  # [s]
+
+
+def area_folder(comparison: Path) -> Folder:
+    """Open the part of a comparison that is about the area, from the paper's features.
+
+    Parameters
+    ----------
+    comparison : Path
+        Folder of `learn compare` and `learn tune`.
+
+    Returns
+    -------
+    Folder
+        The folder of the area's results.
+
+    Raises
+    ------
+    InputError
+        If there is no such part, or the features are others.
+    """
     folder = Folder(comparison / "area")
     if not (folder.path / "comparison.json").exists():
         raise InputError(
@@ -53,317 +79,572 @@ def opened(comparison: Path) -> Folder:
     return folder
 
 
-def results(folder: Folder, kind: str) -> Shown:
-    """Return the results that have scores, by model, in the order of Table 4."""
-    return {model: result for model, found, result in _scored(folder) if found == kind}
+def _scored(folder: Folder) -> list[ScoredResult]:
+    """Return the results that have scores, in the order of Table 4."""
+    scored = []
+    for stored in folder.results():
+        result = stored.result
+        if result.test is not None and result.times is not None:
+            scored.append(
+                ScoredResult(
+                    model=stored.model,
+                    kind=stored.kind,
+                    result=result,
+                    test=result.test,
+                    times=result.times,
+                )
+            )
+    return scored
 
 
-def _searched(folder: Folder) -> Shown:
+def _of_kind(folder: Folder, kind: str) -> dict[str, ScoredResult]:
+    """Return the results of one kind that have scores, by model, in the order of Table 4."""
+    return {scored.model: scored for scored in _scored(folder) if scored.kind == kind}
+
+
+def _searched(folder: Folder) -> dict[str, ScoredResult]:
     """Return the results of searches that judged enough candidates, by model."""
     return {
-        stored.model: stored.result.content()
-        for stored in folder.results()
-        if stored.kind == "tuned"
-        and stored.result.test is not None
-        and stored.result.search is not None
-        and tables.winner_of(stored.result.search) != NOT_SEARCHED
+        model: scored
+        for model, scored in _of_kind(folder, "tuned").items()
+        if scored.result.search is not None
+        and tables.winner_of(scored.result.search) != NOT_SEARCHED
     }
 
 
-def _scored(folder: Folder) -> list[tuple[str, str, dict[str, Any]]]:
-    """Return model, kind and result of all that have scores."""
-    return [
-        (stored.model, stored.kind, stored.result.content())
-        for stored in folder.results()
-        if stored.result.test is not None
-    ]
-
-
 def spread(folder: Folder) -> float:
-    """Return variance over mean of the test areas [%], as in `paper.SPREAD`."""
-    model, kind, _ = _scored(folder)[0]
-    truth, _ = folder.prediction(kind, model)
+    """Compute the variance of the test areas over their mean, as in `paper.SPREAD`.
+
+    Parameters
+    ----------
+    folder : Folder
+        A folder with one result or more that has scores.
+
+    Returns
+    -------
+    float
+        Variance over mean [%].
+    """
+    first = _scored(folder)[0]
+    truth = folder.prediction(first.kind, first.model).truth
     return float(truth.var() / truth.mean())
 
 
 def table_2(comparison: Path | None = None) -> Report:
-    """Tabulate search spaces and optima."""
-    tuned = {} if comparison is None else _searched(opened(comparison))
-    rows: list[tuple[object, ...]] = []
+    """Tabulate search spaces and optima (Table 2).
+
+    Parameters
+    ----------
+    comparison : Path or None
+        Folder of `learn tune`, which has our optima; None for the paper's alone.
+
+    Returns
+    -------
+    Report
+        Table `table-2`: one row for each hyperparameter.
+    """
+    searched: dict[str, ScoredResult] = {}
+    if comparison is not None:
+        searched = _searched(area_folder(comparison))
+    rows: list[Row] = []
     for model, space in SPACES.items():
-        search, found = (
-            tuned.get(model, {}).get(name, {}) for name in ("search", "settings")
-        )
-        default = "the library's" if search.get("winner") == "baseline" else ""
         for name, values in space.items():
-            theirs = _value(OPTIMA[model][name])
-            ours = _value(found[name]) if name in found else default
-            same = (
-                "" if not (found or default) else "same" if ours == theirs else "another"
-            )
-            parameter, tried = name.removeprefix("estimator__"), _values(values)
+            theirs = _in_words(OPTIMA[model][name])
+            ours = _our_optimum(searched.get(model), name)
             rows.append(
-                (_title(model), parameter, len(values), tried, theirs, ours, same)
+                {
+                    "model": MODELS[model].title,
+                    "hyperparameter": name.removeprefix("estimator__"),
+                    "points": len(values),
+                    "values_tried": _list_in_words(values),
+                    "paper_optimum": theirs,
+                    "our_optimum": ours,
+                    "deviation": _compared(searched.get(model), ours, theirs),
+                }
             )
-    header = (
-        "model",
-        "hyperparameter",
-        "points",
-        "values_tried",
-        "paper_optimum",
-        "our_optimum",
-    )
-    return Report({"table-2": rows_of((*header, "deviation"), rows)})
+    return Report({"table-2": rows})
 
 
-def _title(model: str) -> str:
-    return MODELS[model].title
+def _baseline_won(winner: ScoredResult) -> bool:
+    """Say whether no candidate of a search was better than the library's settings."""
+    search = winner.result.search
+    return search is not None and search.winner == "baseline"
 
 
-def _values(values: Sequence[Any]) -> str:
-    """Write all values, of very many the first and the last ones."""
-    texts = [_value(value) for value in values]
-    return ", ".join(texts if len(texts) <= MANY else [*texts[:5], "...", *texts[-2:]])
+def _our_optimum(winner: ScoredResult | None, name: str) -> str:
+    """Return our value of a hyperparameter; "" if the model was not searched.
+
+    Where the baseline won, values that it does not set are "the library's".
+    """
+    if winner is None:
+        return ""
+    settings = winner.result.settings
+    if name in settings:
+        return _in_words(settings[name])
+    if _baseline_won(winner):
+        return "the library's"
+    return ""
 
 
-def _value(value: Any) -> str:
-    """Write a value; the sizes of a network's layers are a list in results, a tuple in spaces."""
+def _compared(winner: ScoredResult | None, ours: str, theirs: str) -> str:
+    """Say whether our optimum is the paper's; "" if there is none to compare."""
+    if winner is None or not (winner.result.settings or _baseline_won(winner)):
+        return ""
+    return "same" if ours == theirs else "another"
+
+
+def _list_in_words(values: Sequence[Any]) -> str:
+    """Write the values of a hyperparameter: all, or the first five and the last two of many."""
+    texts = [_in_words(value) for value in values]
+    if len(texts) > MANY:
+        texts = [*texts[:5], "...", *texts[-2:]]
+    return ", ".join(texts)
+
+
+def _in_words(value: Any) -> str:
+    """Write the value of a hyperparameter.
+
+    The sizes of a network's layers are a list in results, and a tuple in search spaces.
+    """
     if isinstance(value, tuple | list):
         return "-".join(map(str, value))
-    return "none" if value is None else str(value)
+    if value is None:
+        return "none"
+    return str(value)
 
 
 def table_3(comparison: Path) -> Report:
-    """Tabulate the times of the searches."""
-    tuned = _searched(opened(comparison))
-    rows: list[tuple[object, ...]] = []
+    """Tabulate the times of the searches (Table 3).
+
+    Parameters
+    ----------
+    comparison : Path
+        Folder of `learn tune`.
+
+    Returns
+    -------
+    Report
+        Table `table-3`: one row for each model.
+    """
+    searched = _searched(area_folder(comparison))
+    rows: list[Row] = []
     for model, theirs in paper.TUNING_SECONDS.items():
-        search = tuned.get(model, {}).get("search")
-        if search is None:
-            rows.append((_title(model), "", float(theirs), "", "not searched"))
-            continue
-        ours = float(tuned[model]["times"]["search"])
-        reason = why("search", done=search["fits"], nominal=search["fits_nominal"])
-        if search["how"] != "whole grid":
-            reason = f"{search['how']} of the grid searched; {reason}"
-        rows.append((_title(model), ours, float(theirs), ratio(ours, theirs), reason))
-    header = ("model", "ours_s", "paper_s", "ours_over_paper", "explanation")
-    return Report({"table-3": rows_of(header, rows)})
+        ours: float | str = ""
+        times_theirs = ""
+        reason = "not searched"
+        if model in searched:
+            ours = float(searched[model].times.search)
+            times_theirs = ratio(ours, theirs)
+            reason = _reason_for_time(searched[model])
+        rows.append(
+            {
+                "model": MODELS[model].title,
+                "ours_s": ours,
+                "paper_s": float(theirs),
+                "ours_over_paper": times_theirs,
+                "explanation": reason,
+            }
+        )
+    return Report({"table-3": rows})
+
+
+def _reason_for_time(searched: ScoredResult) -> str:
+    """Say why the time of a search differs from the paper's."""
+    search = searched.result.search
+    assert search is not None  # `_searched` returns no other results
+    reason = why("search", done=search.fits, nominal=search.fits_nominal)
+    if search.how != "whole grid":
+        reason = f"{search.how} of the grid searched; {reason}"
+    return reason
 
 
 def table_4(comparison: Path) -> Report:
-    """Tabulate scores and times of all models, and how far they are from the paper's."""
-    ours = opened(comparison)
-    here = spread(ours)
-    rows = [
-        (
-            _title(model),
-            tables.kind_text(model, kind),
-            *_scores_and_times(model, kind, result, here),
-        )
-        for model, kind, result in _scored(ours)
-    ]
-    pairs = [
-        f"{n}{end}"
-        for n in (*tables.SCORES.values(), "fit_s", "predict_s")
-        for end in ENDS
-    ]
-    header = ("model", "result", *pairs, "nMAE_ratio", "unexplained_ratio", "explanation")
-    return Report({"table-4": rows_of(header, rows)})
+    """Tabulate scores and times of all models, and their distance from the paper's (Table 4).
+
+    Parameters
+    ----------
+    comparison : Path
+        Folder of `learn compare` and `learn tune`.
+
+    Returns
+    -------
+    Report
+        Table `table-4`: one row for each result that has scores.
+    """
+    folder = area_folder(comparison)
+    our_spread = spread(folder)
+    return Report({"table-4": [_row_of_4(item, our_spread) for item in _scored(folder)]})
 
 
-def _scores_and_times(
-    model: str, kind: str, result: dict[str, Any], here: float
-) -> Iterator[str]:
-    """Yield the cells of a row of Table 4, ours and the paper's in turn."""
-    theirs, times = paper.TEST.get(kind, {}).get(model), result.get("times") or {}
-    for name in tables.SCORES:
-        yield f"{result['test'][name]:.2f}"
-        yield f"{getattr(theirs, name):.2f}" if theirs else ""
-    for place, name in enumerate(("fit", "test")):
-        yield "" if times.get(name) is None else f"{times[name]:.3g}"
-        yield f"{paper.TIMES[kind][model][place]:.3g}" if theirs else ""
-    if theirs is None:
-        yield from ("", "", why("library"))
-        return
-    yield ratio(result["test"]["nmae"], theirs.nmae)
-    yield ratio(100 - result["test"]["r2"], 100 - theirs.r2)
-    reasons = [f"nMSE x {here / paper.SPREAD:.2g} by the areas' spread, at equal R2"]
+def _row_of_4(scored: ScoredResult, our_spread: float) -> Row:
+    """Return the row of Table 4 for a result. Scores are in percent, times in seconds."""
+    theirs = paper.TEST.get(scored.kind, {}).get(scored.model)
+    row: Row = {
+        "model": MODELS[scored.model].title,
+        "result": tables.kind_text(scored.model, scored.kind),
+    }
+    for name, title in tables.SCORES.items():
+        row[title] = f"{getattr(scored.test, name):.2f}"
+        row[f"{title}_paper"] = ""
+        if theirs is not None:
+            row[f"{title}_paper"] = f"{getattr(theirs, name):.2f}"
+    row |= {
+        "fit_s": _short(scored.times.fit),
+        "fit_s_paper": "",
+        "predict_s": _short(scored.times.test),
+        "predict_s_paper": "",
+        "nMAE_ratio": "",
+        "unexplained_ratio": "",
+        "explanation": why("library"),
+    }
+    if theirs is not None:
+        fit_seconds, test_seconds = paper.TIMES[scored.kind][scored.model]
+        row["fit_s_paper"] = _short(fit_seconds)
+        row["predict_s_paper"] = _short(test_seconds)
+        row["nMAE_ratio"] = ratio(scored.test.nmae, theirs.nmae)
+        row["unexplained_ratio"] = ratio(100 - scored.test.r2, 100 - theirs.r2)
+        row["explanation"] = _reason_for_scores(scored.result.search, theirs, our_spread)
+    return row
+
+
+def _short(seconds: float | None) -> str:
+    """Write a time [s] with three digits; "" for None."""
+    if seconds is None:
+        return ""
+    return f"{seconds:.3g}"
+
+
+def _reason_for_scores(
+    search: SearchReport | None, theirs: Scores, our_spread: float
+) -> str:
+    """Say why the scores of a model differ from the paper's."""
+    reasons = []
+    if search is not None and tables.winner_of(search) == NOT_SEARCHED:
+        reasons.append(why("few"))
     if abs(paper.spread_of(theirs) / paper.SPREAD - 1) > BELONG:
-        reasons.insert(0, why("two-spreads"))
-    search = result["search"] and SearchReport.model_validate(result["search"])
-    if search and tables.winner_of(search) == NOT_SEARCHED:
-        reasons.insert(0, why("few"))
-    yield "; ".join(reasons)
-
-
-# Times of Table 4, in its order.
-TIMES = {"fit": "fit [s]", "test": "prediction of\nall test rows [s]"}
+        reasons.append(why("two-spreads"))
+    factor = our_spread / paper.SPREAD
+    reasons.append(f"nMSE x {factor:.2g} by the areas' spread, at equal R2")
+    return "; ".join(reasons)
 
 
 def predictions(comparison: Path) -> Report:
-    """Draw predictions over truth, of baselines and of tuned models, where there are any."""
-    header, folder, tables, pictures = (
-        ("model", "solved", "predicted"),
-        opened(comparison),
-        {},
-        {},
-    )
+    """Draw predicted over solved areas, of baselines and of tuned models (sections 4.1 and 4.2).
+
+    Parameters
+    ----------
+    comparison : Path
+        Folder of `learn compare` and `learn tune`.
+
+    Returns
+    -------
+    Report
+        Tables and pictures `predictions-baseline` and `predictions-tuned`, if there are such
+        results.
+    """
+    folder = area_folder(comparison)
+    rows: dict[str, list[Row]] = {}
+    pictures: dict[str, Any] = {}
     for kind in ("baseline", "tuned"):
-        if shown := results(folder, kind):
-            rows, pictures[f"predictions-{kind}"] = _predictions(folder, kind, shown)
-            tables[f"predictions-{kind}"] = rows_of(header, rows)
-    return Report(tables, pictures)
+        models = list(_of_kind(folder, kind))
+        if models:
+            name = f"predictions-{kind}"
+            rows[name] = _predicted_rows(folder, kind, models)
+            pictures[name] = _draw_predictions(folder, kind, models)
+    return Report(rows, pictures)
 
 
-def _predictions(
-    ours: Folder, kind: str, shown: Shown
-) -> tuple[list[tuple[object, ...]], Any]:
-    """Return rows and figure of one kind of results, tuned ones beside the baselines."""
-    columns = min(3, len(shown))
-    lines = -(-len(shown) // columns)
+def _predicted_rows(folder: Folder, kind: str, models: list[str]) -> list[Row]:
+    """Return the solved and predicted areas [%] of all test rows, for each model."""
+    rows: list[Row] = []
+    for model in models:
+        for pair in zip(*folder.prediction(kind, model), strict=True):
+            solved, predicted = rounded(pair)
+            rows.append({"model": model, "solved": solved, "predicted": predicted})
+    return rows
+
+
+def _draw_predictions(folder: Folder, kind: str, models: list[str]) -> Any:
+    """Draw a panel for each model; a tuned model's has the predictions of its baseline, too."""
+    columns = min(3, len(models))
+    lines = -(-len(models) // columns)
     figure = new_figure(max(3.5 * columns, 4.6), 3.1 * lines + 0.4)
     axes = figure.subplots(lines, columns, squeeze=False).ravel()
-    rows: list[tuple[object, ...]] = []
-    for model, axis in zip(shown, axes, strict=False):
-        for each in dict.fromkeys(("baseline", kind)):
-            if ours.result(each, model):
-                dots = _draw_prediction(axis, ours, each, model)
-                rows += dots if each == kind else []
+    kinds = dict.fromkeys(["baseline", kind])  # each kind once
+    for model, axis in zip(models, axes, strict=False):
+        for drawn_kind in kinds:
+            if folder.result(drawn_kind, model):
+                _draw_prediction(axis, folder, drawn_kind, model)
         axis.set_title(MODELS[model].title, fontsize=10)
-    for axis in axes[len(shown) :]:
+    for axis in axes[len(models) :]:
         axis.set_axis_off()
     figure.supxlabel("solved area [%]", fontsize=10)
     figure.supylabel("predicted area [%]", fontsize=10)
-    return rows, figure
+    return figure
 
 
-def _draw_prediction(
-    axis: Any, folder: Folder, kind: str, model: str
-) -> list[tuple[object, ...]]:
-    """Draw dots for a model; return its rows for the table."""
+def _draw_prediction(axis: Any, folder: Folder, kind: str, model: str) -> None:
+    """Draw the predictions of one result as dots; raise InputError if it has no scores."""
     truth, predicted = folder.prediction(kind, model)
     result = folder.result(kind, model)
     if result is None or result.test is None:
         raise InputError(f"{folder.path} has no scores of {model}, {kind}")
     colour = COLOURS[0] if kind == "baseline" else COLOURS[1]
-    label = (
-        f"{kind}: R² {result.test.r2:.2f} %\n(paper's {paper.TEST[kind][model].r2:.2f} %)"
-    )
+    theirs = paper.TEST[kind][model]
+    label = f"{kind}: R² {result.test.r2:.2f} %\n(paper's {theirs.r2:.2f} %)"
     if not axis.lines:
         parity_axes(axis, truth)
     draw_parity(axis, truth, predicted, label=label, color=colour, **DOTS[kind])
     axis.legend(loc="lower right", fontsize=7, markerscale=2, framealpha=0.9)
-    return [(model, *few(pair)) for pair in zip(truth, predicted, strict=True)]
+
+
+FIT = "fit [s]"
+"""Label of the panel with the times of the fits."""
+
+PREDICTION = "prediction of\nall test rows [s]"
+"""Label of the panel with the times of the predictions."""
 
 
 def bars(comparison: Path) -> Report:
-    """Draw scores and times of the baselines as bars, the paper's beside ours, if there are any.
+    """Draw scores and times of the baselines as bars, ours beside the paper's (section 4.1).
 
-    Of R2 the rest to 100 % is drawn, for good models look alike in R2.
+    Parameters
+    ----------
+    comparison : Path
+        Folder of `learn compare`.
+
+    Returns
+    -------
+    Report
+        Table and picture `bars`; nothing if there is no baseline.
     """
-    shown, theirs = results(opened(comparison), "baseline"), paper.TEST["baseline"]
+    shown = _of_kind(area_folder(comparison), "baseline")
     if not shown:
         return Report({})
-    pairs: dict[str, list[tuple[Any, float]]] = {}
-    for name, title in tables.SCORES.items():
-        both = (
-            (found["test"][name], getattr(theirs[m], name)) for m, found in shown.items()
-        )
-        pairs[f"{title} [%]"] = list(both)
-    for place, (name, title) in enumerate(TIMES.items()):
-        took = {
-            model: (found.get("times") or {}).get(name) for model, found in shown.items()
-        }
-        pairs[title] = [(took[m], paper.TIMES["baseline"][m][place]) for m in shown]
+    panels = _panels_of_bars(shown)
     figure = new_figure(max(7.5, 2.2 + len(shown)), 10.5)
-    axes = figure.subplots(len(pairs), 1, sharex=True)
+    axes = figure.subplots(len(panels), 1, sharex=True)
     names = [MODELS[model].title.replace(" ", "\n") for model in shown]
-    rows: list[tuple[object, ...]] = []
-    for axis, (title, values) in zip(axes, pairs.items(), strict=True):
-        quantity = title.replace("\n", " ")
-        rows += [
-            (model, quantity, *pair) for model, pair in zip(shown, values, strict=True)
+    rows: list[Row] = []
+    for axis, (label, pairs) in zip(axes, panels.items(), strict=True):
+        _draw_bars(axis, label, pairs, names, legend=axis is axes[0])
+        for model, pair in zip(shown, pairs, strict=True):
+            rows.append(
+                {
+                    "model": model,
+                    "quantity": label.replace("\n", " "),
+                    "ours": pair.ours,
+                    "paper": pair.paper,
+                }
+            )
+    return Report({"bars": rows}, pictures={"bars": figure})
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Our number and the paper's, in the same unit."""
+
+    ours: float | None
+    paper: float
+
+
+def _panels_of_bars(shown: dict[str, ScoredResult]) -> dict[str, list[Pair]]:
+    """Return the pairs of all baselines by the label of their panel: scores [%] and times [s]."""
+    theirs = paper.TEST["baseline"]
+    panels: dict[str, list[Pair]] = {}
+    for name, title in tables.SCORES.items():
+        panels[f"{title} [%]"] = [
+            Pair(ours=getattr(scored.test, name), paper=getattr(theirs[model], name))
+            for model, scored in shown.items()
         ]
-        drawn = pd.DataFrame(values, names, ("ours", "the paper's"), dtype=float)
-        drawn = 100 - drawn if title.startswith("R2") else drawn
-        drawn.plot.bar(
-            ax=axis, logy=True, rot=0, legend=axis is axes[0], color=COLOURS[:5:4]
-        )
-        for each in axis.containers:
-            axis.bar_label(each, fmt="%.3g", fontsize=7, padding=1)
-        axis.set_ylabel(title.replace("R2", "1 - R²"), fontsize=9)
-        axis.margins(y=0.25)
-    return Report(
-        {"bars": rows_of(("model", "quantity", "ours", "paper"), rows)}, {"bars": figure}
+    panels[FIT] = []
+    panels[PREDICTION] = []
+    for model, scored in shown.items():
+        fit_seconds, test_seconds = paper.TIMES["baseline"][model]
+        panels[FIT].append(Pair(ours=scored.times.fit, paper=fit_seconds))
+        panels[PREDICTION].append(Pair(ours=scored.times.test, paper=test_seconds))
+    return panels
+
+
+def _draw_bars(
+    axis: Any, label: str, pairs: list[Pair], names: list[str], *, legend: bool
+) -> None:
+    """Draw one panel of bars; R2 as its difference to 100 %, in which good models differ."""
+    drawn = pd.DataFrame(
+        [(pair.ours, pair.paper) for pair in pairs],
+        index=names,
+        columns=["ours", "the paper's"],
+        dtype=float,
     )
-
-
-Row = tuple[str, str, str, str, str, str]
-
-HEADER = ("quantity", "section", "paper", "ours", "deviation", "explanation")
+    if label.startswith("R2"):
+        drawn = 100 - drawn
+    colours = (COLOURS[0], COLOURS[4])
+    drawn.plot.bar(ax=axis, logy=True, rot=0, legend=legend, color=colours)
+    for container in axis.containers:
+        axis.bar_label(container, fmt="%.3g", fontsize=7, padding=1)
+    axis.set_ylabel(label.replace("R2", "1 - R²"), fontsize=9)
+    axis.margins(y=0.25)
 
 
 def numbers(database: Path, comparison: Path | None = None) -> Report:
-    """Collect the numbers in the paper's text that can be compared with the inputs at hand."""
-    rows = [*_of_the_database(database)]
+    """Collect the numbers of the paper's text that the inputs can be compared with.
+
+    Parameters
+    ----------
+    database : Path
+        A database of the paper preset.
+    comparison : Path or None
+        Folder of `learn compare`; None to leave out its numbers.
+
+    Returns
+    -------
+    Report
+        Table `numbers`.
+    """
+    rows = _of_the_database(database)
     if comparison is not None:
         rows += _of_the_comparison(comparison)
-    return Report({"numbers": rows_of(HEADER, rows)})
+    return Report({"numbers": rows})
 
 
-def _of_the_database(path: Path) -> Iterator[Row]:
+def _of_the_database(path: Path) -> list[Row]:
+    """Return the numbers about the database and its solve times."""
     rows = finished(path)
-    area, seconds, done = rows["area_percent"], rows["solve_seconds"], len(rows)
+    areas = rows["area_percent"]
+    seconds = rows["solve_seconds"]
+    mean_seconds = float(seconds.mean())
     with Reader(path) as reader:
         failed = int((reader.column("status") == Status.FAILED).sum())
-    yield _row("rows of the database", "3.2", PAPER_ROWS, done, "as asked for", "{:,.0f}")
-    yield "failed simulations", "3.1", "some", f"{failed:,}", "", ""
-    reason, solver = why("areas", largest=AREA_MAX), why("solver")
-    yield _row("largest area [%]", "Table 1", AREA_MAX, float(area.max()), reason)
-    below = 100 * float((area <= AREA_MAX).mean())
-    yield _row(
-        "rows up to the paper's largest area [%]", "Table 1", 100, below, reason, "{:.3g}"
-    )
-    mean, longest = float(seconds.mean()), float(seconds.max())
-    yield _row("mean time of a simulation [s]", "3.2, 4.4", PAPER_SOLVE, mean, solver)
-    yield _row("longest simulation [s]", "2.4", LONGEST_SOLVE, longest, solver)
-    theirs, ours = PAPER_ROWS * PAPER_SOLVE, done * mean
-    texts = time_of(theirs), time_of(ours), f"1/{theirs / ours:,.0f}"
-    yield "all simulations, one after another", "3.2", *texts, solver
+    our_total = len(rows) * mean_seconds
+    paper_total = PAPER_ROWS * PAPER_SOLVE
+    reason_for_areas = why("areas", largest=AREA_MAX)
+    reason_for_times = why("solver")
+    return [
+        _number(
+            "rows of the database",
+            "3.2",
+            PAPER_ROWS,
+            len(rows),
+            reason="as asked for",
+            form="{:,.0f}",
+        ),
+        {
+            "quantity": "failed simulations",
+            "section": "3.1",
+            "paper": "some",
+            "ours": f"{failed:,}",
+            "deviation": "",
+            "explanation": "",
+        },
+        _number(
+            "largest area [%]",
+            "Table 1",
+            AREA_MAX,
+            float(areas.max()),
+            reason=reason_for_areas,
+        ),
+        _number(
+            "rows up to the paper's largest area [%]",
+            "Table 1",
+            100,
+            100 * float((areas <= AREA_MAX).mean()),
+            reason=reason_for_areas,
+            form="{:.3g}",
+        ),
+        _number(
+            "mean time of a simulation [s]",
+            "3.2, 4.4",
+            PAPER_SOLVE,
+            mean_seconds,
+            reason=reason_for_times,
+        ),
+        _number(
+            "longest simulation [s]",
+            "2.4",
+            LONGEST_SOLVE,
+            float(seconds.max()),
+            reason=reason_for_times,
+        ),
+        {
+            "quantity": "all simulations, one after another",
+            "section": "3.2",
+            "paper": _duration(paper_total),
+            "ours": _duration(our_total),
+            "deviation": f"1/{paper_total / our_total:,.0f}",
+            "explanation": reason_for_times,
+        },
+    ]
 
 
-def time_of(seconds: float) -> str:
-    """Write a time in a unit that suits it."""
-    units = {1e-3: ("us", 1e6), 1.0: ("ms", 1e3), 600.0: ("s", 1.0), 1e6: ("h", 1 / 3600)}
-    unit, number = next(
-        (u for most, u in units.items() if seconds < most), ("d", 1 / 86400)
-    )
-    return f"{number * seconds:.3g} {unit}"
+def _duration(seconds: float) -> str:
+    """Write a time with three digits, in the unit that suits it."""
+    if seconds < 1e-3:
+        return f"{1e6 * seconds:.3g} us"
+    if seconds < 1.0:
+        return f"{1e3 * seconds:.3g} ms"
+    if seconds < 600.0:
+        return f"{seconds:.3g} s"
+    if seconds < 1e6:
+        return f"{seconds / 3600:.3g} h"
+    return f"{seconds / 86400:.3g} d"
 
 
-def _of_the_comparison(comparison: Path) -> Iterator[Row]:
-    folder = opened(comparison)
-    found = folder.record().conditions
-    limit = found.area_max
-    reason = (
-        "as asked for" if limit is None else f"rows with areas up to {limit:g} % only"
-    )
-    yield _row("rows that train", "3.2", TRAIN_ROWS, found.train_rows, reason, "{:,.0f}")
-    yield _row("rows that test", "3.2", PAPER_TESTS, found.test_rows, reason, "{:,.0f}")
-    what, here = "variance of test areas over their mean [%]", spread(folder)
-    yield _row(what, "Table 4", paper.SPREAD, here, why("spread"), "{:.3g}")
+def _of_the_comparison(comparison: Path) -> list[Row]:
+    """Return the numbers about the rows that train and test the models."""
+    folder = area_folder(comparison)
+    conditions = folder.record().conditions
+    reason = "as asked for"
+    if conditions.area_max is not None:
+        reason = f"rows with areas up to {conditions.area_max:g} % only"
+    return [
+        _number(
+            "rows that train",
+            "3.2",
+            TRAIN_ROWS,
+            conditions.train_rows,
+            reason=reason,
+            form="{:,.0f}",
+        ),
+        _number(
+            "rows that test",
+            "3.2",
+            PAPER_TESTS,
+            conditions.test_rows,
+            reason=reason,
+            form="{:,.0f}",
+        ),
+        _number(
+            "variance of test areas over their mean [%]",
+            "Table 4",
+            paper.SPREAD,
+            spread(folder),
+            reason=why("spread"),
+            form="{:.3g}",
+        ),
+    ]
 
 
-def _row(
+def _number(
     quantity: str,
     section: str,
     theirs: float,
     ours: float,
+    *,
     reason: str,
     form: str = "{:.4g}",
 ) -> Row:
-    """Return a row; equal numbers need no explanation."""
-    texts = form.format(theirs), form.format(ours)
-    apart = ("none", "") if texts[0] == texts[1] else (ratio(ours, theirs), reason)
-    return quantity, section, *texts, *apart
+    """Return a row of the numbers; the reason is left out where both are written the same."""
+    paper_text = form.format(theirs)
+    our_text = form.format(ours)
+    row: Row = {
+        "quantity": quantity,
+        "section": section,
+        "paper": paper_text,
+        "ours": our_text,
+        "deviation": "none",
+        "explanation": "",
+    }
+    if paper_text != our_text:
+        row["deviation"] = ratio(ours, theirs)
+        row["explanation"] = reason
+    return row

@@ -1,4 +1,4 @@
-"""`python -m bench paper`: parts in the order of the paper, each made of the inputs it needs."""
+"""`python -m bench paper`: the tables and figures of the paper that the inputs allow."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -16,20 +16,41 @@ from bench.report import Report, remark
 def paper(
     folder: Path, rows: int, database: Path | None, comparison: Path | None
 ) -> Report:
-    """Make all parts that the inputs allow; some need a comparison.
+    """Make the tables and figures of the paper, ours beside the paper's numbers.
 
-    The arguments are those of the command. Databases that are not given are generated in the
-    folder's `databases`.
+    The rows of the finer grid are always generated. Progress is printed on standard error.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the report. Generated databases are kept in its folder `databases`.
+    rows : int
+        Number of rows of the paper preset that are generated if no database is given.
+    database : Path or None
+        A database of the paper preset.
+    comparison : Path or None
+        Folder of `learn compare` and `learn tune`. Without it Tables 3 and 4, their pictures and
+        our optima are left out.
+
+    Returns
+    -------
+    Report
+        All tables and pictures.
+
+    Raises
+    ------
+    InputError
+        If the database or the folder cannot be used.
     """
     if comparison is not None:
-        models.opened(comparison)
+        models.area_folder(comparison)  # before any work is done
     path = databases.of_the_paper(database, folder / "databases", rows)
-    count = of_database.tests_of(len(of_database.finished(path)))
-    text = f"samples = {count}\nseed = {OTHER_SEED}\n{of_database.FINE_SCENE}"
-    fine = databases.generated(folder / "databases", "fine", text)
+    fine = _fine_database(folder, path)
     parts: list[Callable[[], Report]] = [
         partial(models.numbers, path, comparison),
-        *(surfaces.levels, surfaces.profile, surfaces.topographies),
+        surfaces.levels,
+        surfaces.profile,
+        surfaces.topographies,
         partial(of_database.solve_times, path),
         partial(of_database.table_1, path),
         partial(models.table_2, comparison),
@@ -37,13 +58,24 @@ def paper(
         partial(surfaces.equal_kernels, path),
     ]
     if comparison is not None:
-        found = (models.table_3, models.table_4, models.predictions, models.bars)
-        parts += [partial(each, comparison) for each in found]
+        parts += [
+            partial(models.table_3, comparison),
+            partial(models.table_4, comparison),
+            partial(models.predictions, comparison),
+            partial(models.bars, comparison),
+        ]
     tables: dict[str, Sequence[Row]] = {}
     pictures: dict[str, Any] = {}
     for number, make in enumerate(parts, 1):
         remark(f"{number} of {len(parts)}")
-        made = make()
-        tables |= made.tables
-        pictures |= made.pictures
+        part = make()
+        tables |= part.tables
+        pictures |= part.pictures
     return Report(tables, pictures)
+
+
+def _fine_database(folder: Path, coarse: Path) -> Path:
+    """Generate rows of the finer grid that test a surrogate of the coarse database."""
+    number = of_database.number_of_fine_rows(len(of_database.finished(coarse)))
+    text = f"samples = {number}\nseed = {OTHER_SEED}\n{of_database.FINE_SCENE}"
+    return databases.generated(folder / "databases", "fine", text)

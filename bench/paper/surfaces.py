@@ -1,16 +1,22 @@
-"""The paper's pictures of surfaces and of a paraboloid, and two equal models (Appendix A)."""
+"""The paper's pictures of surfaces (sections 2.2 to 2.4), and two equal models (Appendix A).
 
+The paper does not give its random numbers: the pictures show the same kinds of surfaces as its own,
+not the same surfaces.
+"""
+
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 import bem
-from bench.paper.facts import AREA_MAX, DELTAS, GRIDS, rows_of
+from bench.files import Row
+from bench.paper.facts import AREA_MAX, DELTAS, GRIDS
 from bench.picture import COLOURS, new_figure
 from bench.report import Report
-from gen.arrays import Heights
+from gen.arrays import Heights, Values
 from gen.distribution import limits
 from gen.quantities import AREA, DELTA, FORCE
 from gen.scene import load
@@ -22,218 +28,386 @@ from learn.metrics import scores
 from learn.models import MODELS, pipeline
 
 SEED = 3
+"""Seed of the random numbers of the surface that all pictures show."""
+
 _PAPER = load("paper").surface
 assert isinstance(_PAPER, DisplacedSurface)
+
 PRESET = _PAPER
-SIDE, NODES = PRESET.side, PRESET.nodes
+"""The surfaces of the paper preset."""
+
+SIDE = PRESET.side
+"""Scan length [um]."""
+
+NODES = PRESET.nodes
+"""Nodes a side."""
+
 ROUGH, SMOOTH = limits(PRESET.hurst)
-# The middle of the preset's range [um].
+"""Smallest and largest Hurst exponent of the preset."""
+
 SIGMA0 = sum(limits(PRESET.sigma0)) / 2
-ALONG, ACROSS = (
-    ((-1, 0), (1, 0)),
-    ((0, -1), (0, 1)),
-)  # neighbours in profiles along x and along y
+"""Middle of the preset's range of sigma0 [um]."""
+
+Offset = tuple[int, int]
+"""Place of a node relative to another node: nodes along x and along y."""
+
+ALONG: tuple[Offset, ...] = ((-1, 0), (1, 0))
+"""Neighbours in a profile along x."""
+
+ACROSS: tuple[Offset, ...] = ((0, -1), (0, 1))
+"""Neighbours in a profile along y."""
 
 
 def shown_surface(
     hurst: float, generator: str = "diamond-square", nodes: int = NODES
 ) -> Heights:
-    """Return the heights, shape (nodes, nodes), of the surface that all pictures show [um]."""
+    """Generate the surface that all pictures show.
+
+    Parameters
+    ----------
+    hurst : float
+        The generator's Hurst exponent.
+    generator : str
+        One of `GENERATORS`.
+    nodes : int
+        Nodes a side, 2^k + 1. A finer grid keeps the nodes of a coarser one.
+
+    Returns
+    -------
+    ndarray, shape (nodes, nodes)
+        Heights [um].
+    """
     return generate(generator, nodes, hurst, SIGMA0, np.random.default_rng(SEED))
 
 
-def above(heights: Heights, *offsets: tuple[int, int]) -> NDArray[np.bool_]:
-    """Mark the nodes that are above all of their neighbours, given by places relative to a node.
+def above(heights: Heights, *offsets: Offset) -> NDArray[np.bool_]:
+    """Mark the nodes that are higher than all of their neighbours.
 
-    Nodes at the border are not marked.
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights, in any unit.
+    *offsets : pair of int
+        Places of the neighbours relative to the node, each -1, 0 or 1 along x and along y.
+
+    Returns
+    -------
+    ndarray of bool, shape (nx, ny)
+        True for a node that is higher. A node without one of the neighbours is not marked.
     """
     padded = np.pad(heights, 1, constant_values=np.nan)  # no number is above NaN
     nx, ny = heights.shape
-    neighbours = (padded[1 + i : 1 + i + nx, 1 + j : 1 + j + ny] for i, j in offsets)
-    return np.asarray(np.all([heights > neighbour for neighbour in neighbours], axis=0))
+    is_above = np.ones((nx, ny), dtype=bool)
+    for i, j in offsets:
+        is_above &= heights > padded[1 + i : 1 + i + nx, 1 + j : 1 + j + ny]
+    return is_above
 
 
 def levels() -> Report:
-    """Draw one surface at four levels, by both generators (section 2.2)."""
+    """Draw one surface on finer and finer grids, by both generators (section 2.2).
+
+    Returns
+    -------
+    Report
+        Table and picture `levels`.
+    """
     figure = new_figure(10.5, 4.9)
     axes = figure.subplots(len(GENERATORS), len(GRIDS))
-    rows = []
+    rows: list[Row] = []
     for line, generator in zip(axes, GENERATORS, strict=True):
         grids = [
             shown_surface((ROUGH + SMOOTH) / 2, generator, cells + 1) for cells in GRIDS
         ]
         highest = max(float(heights.max()) for heights in grids)
         for axis, cells, heights in zip(line, GRIDS, grids, strict=True):
-            shown = _image(axis, heights, vmin=0, vmax=highest)
+            image = _draw_field(axis, heights, vmin=0, vmax=highest)
             axis.set_title(f"{cells} × {cells}", fontsize=10)
             axis.set_xlabel("x [µm]")
             rows.append(
-                (generator, cells, cells + 1, float(heights.std()), float(heights.max()))
+                {
+                    "generator": generator,
+                    "cells_a_side": cells,
+                    "nodes_a_side": cells + 1,
+                    "rms_height_um": float(heights.std()),
+                    "largest_height_um": float(heights.max()),
+                }
             )
-        figure.colorbar(shown, ax=line, label="height [µm]", shrink=0.9)
+        figure.colorbar(image, ax=line, label="height [µm]", shrink=0.9)
         line[0].set_ylabel(f"{generator}\ny [µm]")
-    header = (
-        "generator",
-        "cells_a_side",
-        "nodes_a_side",
-        "rms_height_um",
-        "largest_height_um",
-    )
-    return Report({"levels": rows_of(header, rows)}, {"levels": figure})
+    return Report({"levels": rows}, pictures={"levels": figure})
 
 
 def profile() -> Report:
-    """Draw a topography and one of its profiles, statistics marked (section 2.3)."""
+    """Draw a topography and one of its profiles, with what the statistics count (section 2.3).
+
+    Returns
+    -------
+    Report
+        Table and picture `profile`.
+    """
     heights = shown_surface(ROUGH)
-    middle = NODES // 2
-    x, line = np.linspace(0, SIDE, NODES), heights[:, middle]
-    peaks = above(heights, *ALONG)[:, middle]
     asperities = above(heights, *ALONG, *ACROSS)
+    middle = NODES // 2  # number of the profile
+    shown = _Profile(
+        x=np.linspace(0, SIDE, NODES),
+        heights=heights[:, middle],
+        peaks=above(heights, *ALONG)[:, middle],
+        asperities=asperities[:, middle],
+    )
     figure = new_figure(11, 4.2)
-    left, right = figure.subplots(1, 2, width_ratios=(1, 1.7))
-    figure.colorbar(_image(left, heights), ax=left, label="height [µm]")
-    left.axhline(x[middle], color="w", lw=1.5)
-    left.plot(*(x[places] for places in np.nonzero(asperities)), "w.", ms=1.2)
-    left.set(
+    map_axis, profile_axis = figure.subplots(1, 2, width_ratios=(1, 1.7))
+    figure.colorbar(_draw_field(map_axis, heights), ax=map_axis, label="height [µm]")
+    map_axis.axhline(shown.x[middle], color="w", lw=1.5)
+    ix, iy = np.nonzero(asperities)
+    map_axis.plot(shown.x[ix], shown.x[iy], "w.", ms=1.2)
+    map_axis.set(
         title="(a) topography: asperities, a profile", xlabel="x [µm]", ylabel="y [µm]"
     )
-    _draw_profile(right, x, line, peaks, asperities[:, middle])
-    values = describe(heights, PRESET.side / (NODES - 1)).values
-    number = round(values["peak_density"] * 2 * heights.size)
-    counted = (
-        (
-            "profile peaks, this profile",
-            int(peaks.sum()),
-            line[peaks].mean(),
-            line[peaks].std(),
-        ),
-        ("profile peaks, all profiles", number, values["peak_mean"], values["peak_rms"]),
-        ("asperities", asperities.sum(), values["asperity_mean"], values["asperity_rms"]),
-        ("all nodes", heights.size, values["height_mean"], values["height_rms"]),
-    )
-    header = ("of", "number", "mean_height_um", "rms_um")
-    return Report({"profile": rows_of(header, counted)}, {"profile": figure})
+    _draw_profile(profile_axis, shown)
+    rows = _rows_of_profile(heights, shown, number_of_asperities=int(asperities.sum()))
+    return Report({"profile": rows}, pictures={"profile": figure})
 
 
-def _draw_profile(
-    axis: Any,
-    x: Heights,
-    line: Heights,
-    peaks: NDArray[np.bool_],
-    asperities: NDArray[np.bool_],
-) -> None:
-    """Draw a profile, its peaks and their statistics."""
-    heights = line[peaks]
-    mean, rms, top = (
-        float(each) for each in (heights.mean(), heights.std(), heights.max())
+@dataclass(frozen=True, eq=False)
+class _Profile:
+    """A profile along x of n nodes."""
+
+    x: Values  # (n,) [um]
+    heights: Heights  # (n,) [um]
+    peaks: NDArray[np.bool_]  # (n,) nodes above both neighbours in the profile
+    asperities: NDArray[np.bool_]  # (n,) nodes above all four neighbours in the surface
+
+
+def _rows_of_profile(
+    heights: Heights, shown: _Profile, number_of_asperities: int
+) -> list[Row]:
+    """Return number, mean height and rms of peaks, asperities and nodes of a surface [um]."""
+    statistics = describe(heights, PRESET.side / (NODES - 1)).values
+    peak_heights = shown.heights[shown.peaks]
+    return [
+        {
+            "of": "profile peaks, this profile",
+            "number": int(shown.peaks.sum()),
+            "mean_height_um": peak_heights.mean(),
+            "rms_um": peak_heights.std(),
+        },
+        {
+            "of": "profile peaks, all profiles",
+            # The density is the number of peaks, along x and along y, over twice the nodes.
+            "number": round(statistics["peak_density"] * 2 * heights.size),
+            "mean_height_um": statistics["peak_mean"],
+            "rms_um": statistics["peak_rms"],
+        },
+        {
+            "of": "asperities",
+            "number": number_of_asperities,
+            "mean_height_um": statistics["asperity_mean"],
+            "rms_um": statistics["asperity_rms"],
+        },
+        {
+            "of": "all nodes",
+            "number": heights.size,
+            "mean_height_um": statistics["height_mean"],
+            "rms_um": statistics["height_rms"],
+        },
+    ]
+
+
+def _draw_profile(axis: Any, shown: _Profile) -> None:
+    """Draw a profile, its peaks, and the mean, rms and highest of their heights."""
+    heights = shown.heights[shown.peaks]
+    mean = float(heights.mean())
+    rms = float(heights.std())
+    highest = float(heights.max())
+    axis.plot(shown.x, shown.heights, color="0.45", lw=1, label="profile")
+    axis.plot(shown.x[shown.peaks], heights, "^", ms=4, color=COLOURS[0], label="peaks")
+    axis.plot(
+        shown.x[shown.asperities],
+        shown.heights[shown.asperities],
+        "o",
+        label="also asperities",
+        ms=8,
+        mfc="none",
+        color=COLOURS[1],
     )
-    circles = {"ms": 8, "mfc": "none", "color": COLOURS[1]}
-    axis.plot(x, line, color="0.45", lw=1, label="profile")
-    axis.plot(x[peaks], heights, "^", ms=4, color=COLOURS[0], label="peaks")
-    axis.plot(x[asperities], line[asperities], "o", label="also asperities", **circles)
     axis.axhspan(mean - rms, mean + rms, color=COLOURS[5], alpha=0.25, lw=0)
-    axis.axhline(
-        mean, color=COLOURS[0], ls="--", label=f"mean of peaks {mean:.3g} ± {rms:.2g} µm"
-    )
-    axis.axhline(top, color="k", ls=":", label=f"highest peak {top:.3g} µm")
+    mean_label = f"mean of peaks {mean:.3g} ± {rms:.2g} µm"
+    axis.axhline(mean, color=COLOURS[0], ls="--", label=mean_label)
+    axis.axhline(highest, color="k", ls=":", label=f"highest peak {highest:.3g} µm")
     axis.set(
-        title="(b) the profile", xlabel="x [µm]", ylabel="height [µm]", xlim=(x[0], x[-1])
+        title="(b) the profile",
+        xlabel="x [µm]",
+        ylabel="height [µm]",
+        xlim=(shown.x[0], shown.x[-1]),
     )
     axis.margins(y=0.25)
     axis.legend(ncols=2, fontsize=8, loc="upper center")
 
 
+@dataclass(frozen=True, eq=False)
+class _Pressed:
+    """A surface that is pressed at a displacement, with the letters of its two panels."""
+
+    panels: str
+    hurst: float
+    delta: float  # [um]
+    heights: Heights  # (n, n) [um]
+    contact: bem.Contact
+
+    @property
+    def forces(self) -> Values:
+        """Force on each node for E* = 1 MPa, shape (n, n) [uN]."""
+        return np.asarray(self.contact.pressure * (SIDE / (NODES - 1)) ** 2)
+
+
+def _pressed(panels: str, hurst: float, delta: float) -> _Pressed:
+    """Press the shown surface of a Hurst exponent at a displacement [um], with E* = 1 MPa."""
+    heights = shown_surface(hurst)
+    return _Pressed(
+        panels=panels,
+        hurst=hurst,
+        delta=delta,
+        heights=heights,
+        contact=bem.solve(heights, SIDE, delta),
+    )
+
+
 def topographies() -> Report:
-    """Draw two topographies, and the forces on their nodes at two displacements (section 2.4)."""
+    """Draw topographies above the forces on their nodes, at two displacements (section 2.4).
+
+    Returns
+    -------
+    Report
+        Table and picture `topographies`.
+    """
     small, large = DELTAS
-    cases = [("ad", ROUGH, small), ("be", ROUGH, large), ("cf", SMOOTH, small)]
+    cases = [
+        _pressed("ad", ROUGH, small),
+        _pressed("be", ROUGH, large),
+        _pressed("cf", SMOOTH, small),
+    ]
+    highest = max(float(case.heights.max()) for case in cases)
+    strongest = max(float(case.forces.max()) for case in cases)
     figure = new_figure(10.5, 6.6)
     axes = figure.subplots(2, len(cases))
-    surfaces = [shown_surface(hurst) for _, hurst, _ in cases]
-    pairs = zip(surfaces, cases, strict=True)
-    pressed = [bem.solve(heights, SIDE, delta) for heights, (*_, delta) in pairs]
-    fields = [contact.pressure * (SIDE / (NODES - 1)) ** 2 for contact in pressed]
-    highest, strongest = (
-        max(float(each.max()) for each in both) for both in (surfaces, fields)
-    )
-    rows = []
-    together = zip(axes.T, cases, surfaces, pressed, fields, strict=True)
-    for (upper, lower), (names, hurst, delta), heights, contact, force in together:
-        shown = _image(upper, heights, vmin=0, vmax=highest)
-        upper.set_title(f"({names[0]}) H = {hurst:g}", fontsize=10)
-        spots = np.ma.masked_equal(force, 0)
-        forces = _image(lower, spots, vmin=0, vmax=strongest, cmap="inferno_r")
-        area = contact.area_percent
-        lower.set_title(f"({names[1]}) Δ = {delta:g} µm: area {area:.2f} %", fontsize=10)
+    for (upper, lower), case in zip(axes.T, cases, strict=True):
+        topography = _draw_field(upper, case.heights, vmin=0, vmax=highest)
+        upper.set_title(f"({case.panels[0]}) H = {case.hurst:g}", fontsize=10)
+        spots = np.ma.masked_equal(case.forces, 0)
+        forces = _draw_field(lower, spots, vmin=0, vmax=strongest, cmap="inferno_r")
+        area = f"area {case.contact.area_percent:.2f} %"
+        lower.set_title(f"({case.panels[1]}) Δ = {case.delta:g} µm: {area}", fontsize=10)
         lower.set_xlabel("x [µm]")
-        numbers = (area, contact.force, float(force.max()), contact.residual)
-        rows.append((", ".join(names), hurst, delta, *numbers))
-    labels = "height [µm]", "force on a node [µN], E* = 1 MPa"
-    for line, drawn, label in zip(axes, (shown, forces), labels, strict=True):
+    for line, image, label in (
+        (axes[0], topography, "height [µm]"),
+        (axes[1], forces, "force on a node [µN], E* = 1 MPa"),
+    ):
         line[0].set_ylabel("y [µm]")
-        figure.colorbar(drawn, ax=line, label=label)
-    header = (
-        "panels",
-        "hurst",
-        DELTA.in_tables,
-        AREA.name,
-        FORCE.in_tables,
-        "largest_uN",
-        "residual",
-    )
-    return Report({"topographies": rows_of(header, rows)}, {"topographies": figure})
+        figure.colorbar(image, ax=line, label=label)
+    rows: list[Row] = [
+        {
+            "panels": ", ".join(case.panels),
+            "hurst": case.hurst,
+            DELTA.in_tables: case.delta,
+            AREA.name: case.contact.area_percent,
+            FORCE.in_tables: case.contact.force,
+            "largest_uN": float(case.forces.max()),
+            "residual": case.contact.residual,
+        }
+        for case in cases
+    ]
+    return Report({"topographies": rows}, pictures={"topographies": figure})
 
 
-def _image(axis: Any, field: Any, **options: Any) -> Any:
-    """Draw a field of nodes, x (axis 0) to the right."""
+def _draw_field(axis: Any, field: Any, **options: Any) -> Any:
+    """Draw a field of nodes, shape (nx, ny), with x to the right; return matplotlib's image."""
     return axis.imshow(field.T, origin="lower", extent=(0, SIDE, 0, SIDE), **options)
 
 
 APPENDIX_ROWS = 3000
-"""Training rows of Appendix A at most: that two predictions agree needs no more, and a Gaussian
-process's memory grows with their square."""
+"""Largest number of training rows of Appendix A. More are not needed to see that two predictions
+agree, and the memory of a Gaussian process grows with their square."""
 
 
-def equal_kernels(database: Path) -> Report:
-    """Fit Gaussian process and kernel ridge with equal kernels: they predict alike (Appendix A).
+class _EqualModels(NamedTuple):
+    """Kernel and noise for a Gaussian process, and the settings that make kernel ridge equal."""
 
-    Case 1 has a radial basis function of length 1, which is gamma = 1/2, and 1e-10 on the diagonal.
-    Case 2 has the linear kernel; the paper gives it no noise, but a linear kernel of 23 inputs is
-    singular then, so both get 1, the default of kernel ridge.
+    kernel: Any  # of scikit-learn
+    ridge: dict[str, Any]  # its `alpha` is the noise
+
+
+def _equal_models() -> dict[str, _EqualModels]:
+    """Return the two cases of Appendix A by the names of their kernels.
+
+    The radial basis function has length 1, which is gamma = 1/2, and 1e-10 on the diagonal. The
+    paper gives the linear kernel no noise, but with 23 inputs its matrix is singular then: both
+    models get 1, the default of kernel ridge.
     """
     from sklearn.gaussian_process.kernels import RBF, DotProduct
 
-    radial = RBF(1.0, "fixed"), {"kernel": "rbf", "gamma": 0.5, "alpha": 1e-10}
-    linear = DotProduct(0.0, "fixed"), {"kernel": "linear", "alpha": 1.0}
-    cases = {"radial basis function": radial, "linear": linear}
+    return {
+        "radial basis function": _EqualModels(
+            kernel=RBF(1.0, "fixed"),
+            ridge={"kernel": "rbf", "gamma": 0.5, "alpha": 1e-10},
+        ),
+        "linear": _EqualModels(
+            kernel=DotProduct(0.0, "fixed"),
+            ridge={"kernel": "linear", "alpha": 1.0},
+        ),
+    }
+
+
+def equal_kernels(database: Path) -> Report:
+    """Compare a Gaussian process and kernel ridge with equal kernels (Appendix A).
+
+    They predict the same, except for rounding.
+
+    Parameters
+    ----------
+    database : Path
+        A database of the paper preset.
+
+    Returns
+    -------
+    Report
+        Table and picture `appendix`.
+    """
     (rows,) = dataset.read(Request((database,), area_max=AREA_MAX))
     parts = split.draw(rows, 0, APPENDIX_ROWS)
-    test, truth = rows.inputs[parts.test], rows.target[parts.test]
+    truth = rows.target[parts.test]
+
+    def predicted(name: str, settings: dict[str, Any]) -> Values:
+        model = pipeline(MODELS[name], settings)
+        model.fit(rows.inputs[parts.train], rows.target[parts.train])
+        return np.asarray(model.predict(rows.inputs[parts.test]), dtype=float)
+
     figure = new_figure(8.7, 8.2)
-    lines: list[tuple[str, float, float, float]] = []
-    for panels, (case, (kernel, ridge)) in zip(
-        figure.subplots(2, 2), cases.items(), strict=True
+    axes = figure.subplots(2, 2)
+    lines: list[Row] = []
+    for (areas, differences), (case, models) in zip(
+        axes, _equal_models().items(), strict=True
     ):
-        process = {"kernel": kernel, "alpha": ridge["alpha"]}
-        both = []
-        for name, settings in (("gaussian-process", process), ("kernel-ridge", ridge)):
-            model = pipeline(MODELS[name], settings)
-            model.fit(rows.inputs[parts.train], rows.target[parts.train])
-            both.append(np.asarray(model.predict(test), dtype=float))
-        off = np.abs(both[0] - both[1])
-        largest = float(off.max() / np.abs(truth).max())
+        process_settings = {"kernel": models.kernel, "alpha": models.ridge["alpha"]}
+        process = predicted("gaussian-process", process_settings)
+        ridge = predicted("kernel-ridge", models.ridge)
+        difference = np.abs(process - ridge)
         lines.append(
-            (case, scores(truth, both[0]).r2, scores(truth, both[1]).r2, largest)
+            {
+                "case": case,
+                "gp_r2": scores(truth, process).r2,
+                "ridge_r2": scores(truth, ridge).r2,
+                "largest_difference": float(difference.max() / np.abs(truth).max()),
+            }
         )
-        panels[0].plot(
-            truth, both[0], "o", ms=4, mew=0.5, mfc="none", label="Gaussian process"
+        areas.plot(
+            truth, process, "o", ms=4, mew=0.5, mfc="none", label="Gaussian process"
         )
-        panels[0].plot(truth, both[1], ".", ms=2, label="kernel ridge")
-        panels[0].set(xlabel="solved area [%]", ylabel="predicted area [%]", title=case)
-        panels[0].legend()
-        panels[1].semilogy(truth, off + 1e-18, ".", ms=3)
-        panels[1].set(
+        areas.plot(truth, ridge, ".", ms=2, label="kernel ridge")
+        areas.set(xlabel="solved area [%]", ylabel="predicted area [%]", title=case)
+        areas.legend()
+        # A difference of 0 has no logarithm.
+        differences.semilogy(truth, difference + 1e-18, ".", ms=3)
+        differences.set(
             xlabel="solved area [%]", ylabel="difference of the predictions [%]"
         )
-    header = ("case", "gp_r2", "ridge_r2", "largest_difference")
-    return Report({"appendix": rows_of(header, lines)}, {"appendix": figure})
+    return Report({"appendix": lines}, pictures={"appendix": figure})

@@ -1,4 +1,4 @@
-"""One thread for all benchmarks, as in production: more would blur every time."""
+"""Use one thread for all benchmarks, as in production: more threads would blur the times."""
 
 import os
 

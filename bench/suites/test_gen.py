@@ -1,4 +1,4 @@
-"""Time of the farm, of the writer and of surfaces of every kind, with the answers asserted.
+"""Time the farm, the writer, and surfaces of every kind. Each benchmark asserts its answer.
 
     pytest bench/suites/test_gen.py --benchmark-only
 
@@ -36,32 +36,37 @@ from gen.statistics import describe
 from gen.surface import GENERATORS, generate
 
 SPECS = {"smoke": Spec(32, 33, 1), "paper": Spec(256, 129, 1), "large": Spec(32, 513, 1)}
+"""Rows and nodes a side of the databases that are written, by size."""
 
 
 @pytest.mark.parametrize("size", SPECS)
 def test_write_by_one(benchmark: Any, tmp_path: Path, size: str) -> None:
-    """Rows with their pressure fields, to the disk; creating the file is not timed."""
-    spec, path = SPECS[size], tmp_path / "rows.h5"
+    """Write rows with their pressure fields to the disk; creating the file is not timed."""
+    spec = SPECS[size]
+    path = tmp_path / "rows.h5"
     blocks = list(blocks_of(spec.scene, [range(spec.rows)], World().workers))
     template = template_of(spec.scene, blocks)
-    arguments = (path, spec.scene, blocks, template, World())
 
     def create() -> None:
         path.unlink(missing_ok=True)
         database.create(path, spec.scene)
 
-    benchmark.pedantic(lambda: write_rows(*arguments), setup=create, rounds=3)
+    def write() -> None:
+        write_rows(path, spec.scene, blocks, template, World())
+
+    benchmark.pedantic(write, setup=create, rounds=3)
     require_rows(path, blocks, template)
     if benchmark.enabled:
-        benchmark.extra_info["megabytes_per_second"] = (
-            spec.megabytes / benchmark.stats["median"]
-        )
+        megabytes_per_second = spec.megabytes / benchmark.stats["median"]
+        benchmark.extra_info["megabytes_per_second"] = megabytes_per_second
 
 
 TASKS = {"smoke": 256, "paper": 15_878, "large": 100_000}
+"""Numbers of tasks that the farm hands out, by size."""
 
 
 def dispatch(tasks: int) -> int:
+    """Hand out tasks that cost nothing; return the sum of their results, 0 to `tasks` - 1."""
     results: list[int] = []
     farm.run(
         abs, iter(range(tasks)), lambda _task, result: results.append(result), World()
@@ -71,7 +76,7 @@ def dispatch(tasks: int) -> int:
 
 @pytest.mark.parametrize("size", TASKS)
 def test_dispatch_serially(benchmark: Any, size: str) -> None:
-    """The farm's own work: the tasks cost nothing."""
+    """Time the farm's own work."""
     tasks = TASKS[size]
     assert benchmark(dispatch, tasks) == tasks * (tasks - 1) // 2
     if benchmark.enabled:
@@ -79,20 +84,23 @@ def test_dispatch_serially(benchmark: Any, size: str) -> None:
 
 
 SIZES = {"smoke": 33, "paper": 129, "large": 513}
+"""Nodes a side of the surfaces, by size."""
+
 SPACING = 1.0
+"""Distance of the nodes of windows [um]."""
 
 sizes = pytest.mark.parametrize("nodes", SIZES.values(), ids=SIZES)
 
 
 def stream(surface: int) -> np.random.Generator:
-    return np.random.Generator(
-        np.random.PCG64(np.random.SeedSequence(7, spawn_key=(surface,)))
-    )
+    """Make the random numbers of a surface, by its number, as scenes do."""
+    sequence = np.random.SeedSequence(7, spawn_key=(surface,))
+    return np.random.Generator(np.random.PCG64(sequence))
 
 
 @sizes
 def test_window(benchmark: BenchmarkFixture, nodes: int, tmp_path: Path) -> None:
-    """Out of a map in shared memory: stream of the surface, draw, cut, lowest node to 0."""
+    """Draw and cut a window of a map in shared memory, and shift its lowest node to 0."""
     heights = np.random.default_rng(3).normal(size=(2 * nodes + 9, 2 * nodes + 5))
     path = tmp_path / "a.maps"
     spacing = (SPACING, SPACING)
@@ -109,14 +117,13 @@ def test_window(benchmark: BenchmarkFixture, nodes: int, tmp_path: Path) -> None
     surface = benchmark(window)
     assert surface.shape == (nodes, nodes)
     assert surface.min() == 0.0
-    (x, y) = draw_window(stream(5), tiling).corner
-    own = heights[x : x + nodes, y : y + nodes]
-    assert np.ptp(surface) == np.ptp(own)
+    x, y = draw_window(stream(5), tiling).corner
+    assert np.ptp(surface) == np.ptp(heights[x : x + nodes, y : y + nodes])
 
 
 @sizes
 def test_spectral_window(benchmark: BenchmarkFixture, nodes: int) -> None:
-    """A free patch of a scene, cut from twice its length, with the shortest waves that it holds."""
+    """Make a free patch of a scene, cut from twice its length, with the shortest waves it holds."""
     scene = Scene.parse(
         f"samples = 1\n[surface]\ngenerator = 'spectral'\nnodes = {nodes}\n"
         f"side = {(nodes - 1) * SPACING}\nroll_off = {nodes / 4}\ncut_off = 2.0\nrms_slope = 0.1",
@@ -129,19 +136,25 @@ def test_spectral_window(benchmark: BenchmarkFixture, nodes: int) -> None:
 
 
 SIDE = 1000.0
-STEP = 1 / 8192  # of heights, so that their exact statistics take seconds [um]
+"""Scan length of the generated surfaces [um]."""
+
+STEP = 1 / 8192
+"""Multiple to which heights are rounded, so that their exact statistics take only seconds [um]."""
 
 
 def generated(generator: str, nodes: int) -> NDArray[np.float64]:
+    """Generate a surface of random midpoint displacement, (nodes, nodes) heights [um]."""
     return generate(generator, nodes, 0.65, 12.0, np.random.default_rng(7))
 
 
 @sizes
 @pytest.mark.parametrize("generator", GENERATORS)
 def test_generate(benchmark: BenchmarkFixture, generator: str, nodes: int) -> None:
+    """Generate a surface, which keeps the nodes of the coarse surface of the same seed."""
     heights = benchmark(generated, generator, nodes)
     coarse = generated(generator, 17)
-    shared = heights[:: (nodes - 1) // 16, :: (nodes - 1) // 16]
+    step = (nodes - 1) // 16
+    shared = heights[::step, ::step]
     assert heights.shape == (nodes, nodes)
     assert heights.min() == 0.0
     assert shared - shared[0, 0] == pytest.approx(coarse - coarse[0, 0], abs=1e-10)
@@ -149,6 +162,7 @@ def test_generate(benchmark: BenchmarkFixture, generator: str, nodes: int) -> No
 
 @sizes
 def test_describe(benchmark: BenchmarkFixture, nodes: int) -> None:
+    """Compute the 22 statistics, and compare them with those of rational numbers."""
     heights = np.round(generated("diamond-square", nodes) / STEP) * STEP
     spacing = SIDE / (nodes - 1)
     description = benchmark(describe, heights, spacing)

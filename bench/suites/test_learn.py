@@ -1,5 +1,6 @@
-"""The pruned search beside scikit-learn's own, fits and predictions of all nine models, features of
-a surface and a surrogate's answers; each asserts its answer.
+"""Time searches, fits and predictions of models, features of a surface, and a surrogate's answers.
+
+The pruned search is timed beside scikit-learn's own. Each benchmark asserts its answer.
 
     pytest bench/suites/test_learn.py --benchmark-only
 """
@@ -27,27 +28,32 @@ from learn.features.columns import HYBRID
 from learn.models import MODELS, STEP, check_memory, pipeline
 
 ROWS = {"smoke": 250, "paper": 12_703}
-"""Training rows; the paper's are fitted only where time is taken and memory suffices."""
+"""Training rows by size. The paper's are fitted only if times are taken and memory suffices."""
 
 NUMBERS = {"smoke": [4, 8], "paper": [10, 20, 30, 40, 50, 60, 70, 80]}
-"""Of estimators: their sum over their maximum is the most that one fit for all can save."""
+"""Numbers of estimators by size. Their sum over their maximum is the largest factor of time that
+one fit for all of them can save."""
 
 SEARCHED = 250
-"""Rows of the searches."""
+"""Number of rows of the searches."""
 
 Samples = tuple[NDArray[np.float64], NDArray[np.float64]]
-Folds = NDArray[np.int8]
+"""Inputs, shape (rows, 23), and target, shape (rows,)."""
 
-SPACES: dict[str, Space] = {  # besides the numbers of estimators
+Folds = NDArray[np.int8]
+"""Fold of each row, 0 to 4."""
+
+SPACES: dict[str, Space] = {
     "random-forest": {"max_features": ["sqrt", 1.0], "criterion": ["squared_error"]},
     "adaboost": {"estimator__max_depth": [3, 8], "learning_rate": [0.5]},
     "gradient-boost": {"learning_rate": [0.1], "max_depth": [3, 6]},
     "xgboost": {"learning_rate": [0.1], "max_depth": [3, 6]},
 }
+"""Values of the searched settings, besides the numbers of estimators, by model."""
 
 
 def samples_of(rows: int) -> Samples:
-    """Smooth, with a little noise."""
+    """Make a smooth function of 23 inputs with a little noise."""
     generator = np.random.default_rng(0)
     inputs = generator.uniform(0.2, 1.0, (rows, 23))
     target = 1 + inputs[:, 0] ** 2 + np.sin(3 * inputs[:, 1]) * inputs[:, 2]
@@ -55,10 +61,12 @@ def samples_of(rows: int) -> Samples:
 
 
 def space_of(name: str, size: str) -> Space:
+    """Return the searched values of all settings of a model."""
     return {**SPACES[name], "n_estimators": NUMBERS[size]}
 
 
 def best_of_scikit_learn(name: str, size: str, samples: Samples, folds: Folds) -> float:
+    """Search by scikit-learn; return the best mean R2 over the folds."""
     from sklearn.model_selection import GridSearchCV, PredefinedSplit
 
     space = {f"{STEP}__{key}": values for key, values in space_of(name, size).items()}
@@ -73,6 +81,7 @@ def best_of_scikit_learn(name: str, size: str, samples: Samples, folds: Folds) -
 def best_of_ours(
     name: str, size: str, samples: Samples, folds: Folds, path: Path
 ) -> float:
+    """Search by `learn`, without fits of earlier calls; return the best mean R2 over the folds."""
     inputs, target = samples
     training = Training(inputs, target, folds, inputs[:2], target[:2])
     model = MODELS[name]
@@ -87,10 +96,11 @@ def best_of_ours(
 @pytest.mark.parametrize("size", NUMBERS)
 @pytest.mark.parametrize("name", SPACES)
 def test_search(benchmark: Any, name: str, size: str, tmp_path: Path) -> None:
-    """Ours is to take a third of scikit-learn's time at most, on the same single core."""
+    """Search as exactly as scikit-learn, in at most a third of its time on one core."""
     if size == "paper" and not benchmark.enabled:
         pytest.skip("the smoke size asserts the same; this one is for times")
-    samples, folds = samples_of(SEARCHED), (np.arange(SEARCHED) % 5).astype(np.int8)
+    samples = samples_of(SEARCHED)
+    folds = (np.arange(SEARCHED) % 5).astype(np.int8)
     path = tmp_path / "trials.jsonl"
     ours = benchmark.pedantic(
         best_of_ours, args=(name, size, samples, folds, path), rounds=3
@@ -110,6 +120,7 @@ def test_search(benchmark: Any, name: str, size: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize("what", ["fit", "predict"])
 def test_baseline(benchmark: Any, name: str, what: str, size: str) -> None:
+    """Fit a baseline, or predict with it; its R2 on training rows is that of a fitted model."""
     rows = ROWS[size]
     if size == "paper":
         if not benchmark.enabled:
@@ -129,65 +140,75 @@ def test_baseline(benchmark: Any, name: str, what: str, size: str) -> None:
         else:
             model.fit(*samples)
             benchmark.pedantic(model.predict, args=samples[:1], rounds=5, warmup_rounds=1)
-    few = slice(2000)
-    score = model.score(samples[0][few], samples[1][few])
-    # The perceptron's 200 epochs do no better than the mean on so few rows, not worse either.
-    assert score > (-0.1 if name == "mlp" else 0.5)
+    first_rows = slice(2000)
+    score = model.score(samples[0][first_rows], samples[1][first_rows])
+    # On the rows of the smoke size the perceptron's 200 epochs are only as good as the mean.
+    lowest = -0.1 if name == "mlp" else 0.5
+    assert score > lowest
     benchmark.extra_info["R2"] = score
 
 
 NODES = {"smoke": 33, "paper": 129, "large": 513}
+"""Nodes a side of the surface, by size."""
+
 ASKED_ROWS = {"smoke": 1, "paper": 1000, "large": 100_000}
-SIDE, DELTA = 1000.0, 12.0
+"""Numbers of answers that are asked for together, by size."""
+
+SIDE = 1000.0
+"""Scan length [um]."""
+
+DELTA = 12.0
+"""Far-field displacement [um]."""
 
 
 @pytest.mark.parametrize("size", NODES)
 @pytest.mark.parametrize("name", OF_SURFACES)
 def test_features(benchmark: Any, name: str, size: str) -> None:
-    """Cold: statistics, and all else that a surface is asked for, anew in every round."""
+    """Compute the features of a surface without anything that an earlier round has computed."""
     heights = generate(
         "diamond-square", NODES[size], 0.65, 12.0, np.random.default_rng(7)
     )
-    wanted, deltas, step = chosen(name), np.array([DELTA]), SIDE / (NODES[size] - 1)
+    feature_set = chosen(name)
+    step = SIDE / (NODES[size] - 1)
 
-    def features() -> NDArray[np.float64]:
-        surface = SurfaceFeatures(heights, (SIDE, SIDE), (step, step))
-        return wanted.of(surface.rows(wanted, deltas))
+    def features(scale: float = 1.0) -> NDArray[np.float64]:
+        """Return the features, shape (1, columns), of the surface with all lengths scaled."""
+        sides = (scale * SIDE, scale * SIDE)
+        steps = (scale * step, scale * step)
+        surface = SurfaceFeatures(scale * heights, sides, steps)
+        return feature_set.of(surface.rows(feature_set, np.array([scale * DELTA])))
 
-    found = benchmark(features)
-    assert found.shape == (1, len(wanted.columns))
-    if wanted.needs_surface:
+    row = benchmark(features)
+    assert row.shape == (1, len(feature_set.columns))
+    if feature_set.needs_surface:
+        # The first two hybrid features: share and mean interference of nodes in rigid overlap.
         above = np.maximum(heights - (heights.max() - DELTA), 0.0)
-        places = [wanted.columns.index(column) for column in HYBRID[:2]]
-        bearing = found[0, places]
-        assert bearing == pytest.approx(
-            [np.mean(above > 0), above.mean() / DELTA], rel=1e-12
-        )
-    lengths = 1.0 if wanted.scaled else 2.0
-    large = SurfaceFeatures(2 * heights, (2 * SIDE, 2 * SIDE), (2 * step, 2 * step))
-    doubled = wanted.of(large.rows(wanted, 2 * deltas))
-    assert doubled[0, 0] == pytest.approx(lengths * found[0, 0], rel=1e-12)
+        expected = [np.mean(above > 0), above.mean() / DELTA]
+        places = [feature_set.columns.index(column) for column in HYBRID[:2]]
+        assert row[0, places] == pytest.approx(expected, rel=1e-12)
+    # The first feature is the displacement, over the rms height if the features have no units.
+    factor = 1.0 if feature_set.scaled else 2.0
+    assert features(2.0)[0, 0] == pytest.approx(factor * row[0, 0], rel=1e-12)
 
 
 @pytest.mark.parametrize("size", ASKED_ROWS)
 @pytest.mark.parametrize("name", ["kernel-ridge", "xgboost", "gaussian-process"])
 def test_surrogate(benchmark: Any, name: str, size: str) -> None:
-    """Answers with intervals; each row's must not depend on how many are asked."""
-    asked = fitted(name, "tuned", ordinary("dimensionless"))
-    order = np.arange(ASKED_ROWS[size]) % asked.test.size
-    described, side = asked.test.described, MADE_SIDE
-    every, rows = (
-        asked.surrogate.of_statistics(each[:, 1:], each[:, 0], side)
-        for each in (described[order], described)
-    )
-    answer = benchmark(asked.surrogate.predict_rows, every)
-    alone = asked.surrogate.predict_rows(rows)
-    few = order[:40]
-    assert answer.values["target"][:40] == pytest.approx(
-        alone.values["target"][few], rel=1e-9
-    )
-    assert answer.low["target"][:40] == pytest.approx(alone.low["target"][few], rel=1e-9)
+    """Answer with intervals; an answer does not depend on the number of rows asked for."""
+    fit = fitted(name, "tuned", ordinary("dimensionless"))
+    surrogate = fit.surrogate
+    described = fit.test.described  # the displacement, then the statistics
+    order = np.arange(ASKED_ROWS[size]) % fit.test.size
+    repeated = described[order]
+    questions = surrogate.of_statistics(repeated[:, 1:], repeated[:, 0], MADE_SIDE)
+    answer = benchmark(surrogate.predict_rows, questions)
+    test_rows = surrogate.of_statistics(described[:, 1:], described[:, 0], MADE_SIDE)
+    expected = surrogate.predict_rows(test_rows)
+    first = order[:40]
+    values = answer.values["target"][:40]
+    assert values == pytest.approx(expected.values["target"][first], rel=1e-9)
+    low = answer.low["target"][:40]
+    assert low == pytest.approx(expected.low["target"][first], rel=1e-9)
     if benchmark.enabled:
-        benchmark.extra_info["answers_per_second"] = (
-            ASKED_ROWS[size] / benchmark.stats["median"]
-        )
+        answers_per_second = ASKED_ROWS[size] / benchmark.stats["median"]
+        benchmark.extra_info["answers_per_second"] = answers_per_second

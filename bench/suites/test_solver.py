@@ -1,9 +1,9 @@
-"""Time to tabulate, to convolve, to precondition and to solve contacts, with the answers asserted.
+"""Time tables, convolutions, preconditioners and solves; each benchmark asserts its answer.
 
     pytest bench --benchmark-only
 
-`test_solve_paper` is the mean over the first rows of the paper's database: 64 solves a round. It
-records convolutions and residual, and the cost of a solve in bare convolutions.
+A round of `test_solve_paper` solves the first 64 rows of the paper's database. It records the
+convolutions, the residual, and the cost of a solve in bare convolutions.
 """
 
 import time
@@ -32,45 +32,59 @@ from bench.references import half_space as references
 from bench.work_precision import paper_case
 
 SIZES = {"smoke": 33, "paper": 129, "large": 513}
-SIDE = 1000.0
-ROWS = 64
-EXACT = 1e-10  # tolerance of the solutions that answers are held against
+"""Nodes a side of the surfaces, by size."""
 
-# Delta that brings these shares of the first surface's nodes into contact [%: um].
+SIDE = 1000.0
+"""Scan length [um]."""
+
+ROWS = 64
+"""Number of the first rows of the paper's database that are solved."""
+
+EXACT = 1e-10
+"""Tolerance of the solutions that answers are compared with."""
+
 DELTAS = {
     33: {1: 6.48, 10: 16.09, 50: 43.35},
     129: {1: 7.86, 10: 20.05, 50: 60.32},
     513: {1: 9.56, 10: 24.38, 50: 84.25},
 }
+"""Delta [um] that brings a share [%] of the first surface's nodes into contact, by nodes a side and
+share."""
 
 sizes = pytest.mark.parametrize("nodes", SIZES.values(), ids=SIZES)
 kernels = pytest.mark.parametrize("kernel", KERNELS)
 precisions = pytest.mark.parametrize("dtype", ["float64", "float32"])
 
 Work = Callable[[], object]
+"""A function whose time is taken."""
 
 
 def random_field(nodes: int, seed: int = 7) -> NDArray[np.float64]:
+    """Draw normal numbers, shape (nodes, nodes)."""
     return np.random.default_rng(seed).standard_normal((nodes, nodes))
 
 
 def assert_exact(contact: bem.Contact) -> None:
-    """Contact nodes within 0.05 %, or one, of those at a far tighter tolerance; the same force."""
+    """Compare a contact with the one of tolerance `EXACT`: its nodes and its force.
+
+    The number of nodes may differ by 0.05 %, or by one node.
+    """
     problem = contact.problem
     exact = bem.solve(
         problem.heights, SIDE, problem.delta, kernel=problem.kernel, rtol=EXACT
     )
-    missed = abs(contact.contact_nodes - exact.contact_nodes)
-    assert missed <= max(exact.contact_nodes // 2000, 1)
+    difference = abs(contact.contact_nodes - exact.contact_nodes)
+    assert difference <= max(exact.contact_nodes // 2000, 1)
     assert contact.force == pytest.approx(exact.force, rel=1e-5)
 
 
 def convolutions(contacts: list[bem.Contact]) -> int:
+    """Add up the convolutions of contacts."""
     return sum(contact.convolutions for contact in contacts)
 
 
 def seconds_of(work: Work, rounds: int = 5) -> list[float]:
-    """Several times [s]."""
+    """Return the wall-clock times of several repetitions [s]."""
     seconds = []
     for _ in range(rounds):
         began = time.perf_counter()
@@ -82,13 +96,13 @@ def seconds_of(work: Work, rounds: int = 5) -> list[float]:
 def record_time_over(
     benchmark: BenchmarkFixture, name: str, work: Work, other: Work
 ) -> None:
-    """The median time of one work over that of another, where time is taken."""
+    """Record the median time of one work over that of another, if times are taken."""
     if benchmark.enabled:
         benchmark.extra_info[name] = median(seconds_of(work)) / median(seconds_of(other))
 
 
 def record_effort(benchmark: BenchmarkFixture, contacts: list[bem.Contact]) -> None:
-    """The cost of a solve: convolutions, residual and, where it was timed, seconds.
+    """Record the cost of a solve: convolutions, residual and, if times are taken, time [s].
 
     The cost in bare convolutions is that of the fastest round, which other work on the machine
     disturbs least.
@@ -99,16 +113,13 @@ def record_effort(benchmark: BenchmarkFixture, contacts: list[bem.Contact]) -> N
         rows, columns = contacts[0].pressure.shape
         kernel = contacts[0].problem.kernel
         operator = displacement_filter((rows, columns), "free", kernel, 1.0, "float64")
-        operator.field.fill(
-            0
-        )  # in place, any other field would grow from one time to the next
+        # The transform works in place: any other field would grow from one time to the next.
+        operator.field.fill(0)
         bare = min(seconds_of(operator.transform, 50))
-        benchmark.extra_info["seconds_per_solve"] = benchmark.stats["mean"] / len(
-            contacts
-        )
-        benchmark.extra_info["bare_convolutions_per_solve"] = (
-            benchmark.stats["min"] / len(contacts) / bare
-        )
+        solves = len(contacts)
+        benchmark.extra_info["seconds_per_solve"] = benchmark.stats["mean"] / solves
+        fastest = benchmark.stats["min"] / solves
+        benchmark.extra_info["bare_convolutions_per_solve"] = fastest / bare
 
 
 @sizes
@@ -116,10 +127,10 @@ def record_effort(benchmark: BenchmarkFixture, contacts: list[bem.Contact]) -> N
 def test_influence_coefficients(
     benchmark: BenchmarkFixture, kernel: Kernel, nodes: int
 ) -> None:
-    """Cold: every round tabulates anew."""
+    """Tabulate the influence coefficients; no round uses the table of an earlier one."""
 
     def tabulate() -> NDArray[np.float64]:
-        influence._table.cache_clear()
+        influence._kept_table.cache_clear()
         return influence.influence_coefficients((nodes, nodes), kernel)
 
     table = benchmark(tabulate)
@@ -136,6 +147,7 @@ def test_influence_coefficients(
 @sizes
 @precisions
 def test_convolution(benchmark: BenchmarkFixture, dtype: str, nodes: int) -> None:
+    """Compute displacements from pressures, and compare them with direct sums."""
     pressure = random_field(nodes).astype(dtype)
     operator = displacement_filter((nodes, nodes), "free", "uniform-pressure", 1.0, dtype)
     displacement = benchmark(filtered, operator, pressure)
@@ -149,24 +161,25 @@ def test_convolution(benchmark: BenchmarkFixture, dtype: str, nodes: int) -> Non
 def test_approximate_inverse(
     benchmark: BenchmarkFixture, boundary: Boundary, nodes: int
 ) -> None:
-    """It is symmetric and positive definite on half the nodes: conjugate gradients may use it."""
+    """Precondition half the nodes: symmetric and positive definite, as conjugate gradients need."""
     operator = Patch((nodes, nodes), boundary, "uniform-pressure", 1.0)
     operator.take_contact(random_field(nodes) > 0)
     residual, other = (random_field(nodes, seed) * operator.contact for seed in (1, 2))
 
-    def correct(given: NDArray[np.float64]) -> NDArray[np.float64]:
-        return operator.correct(operator.in_contact(given))
+    def correct(field: NDArray[np.float64]) -> NDArray[np.float64]:
+        return operator.correct(operator.in_contact(field))
 
     correction = benchmark(correct, residual).astype(np.float64)
-    products = (other * correction).sum(), (correct(other) * residual).sum()
+    product = (other * correction).sum()
+    transposed = (correct(other) * residual).sum()
     accepted = 1e-5 * np.abs(correction * other).sum()
     assert (residual * correction).sum() > 0
-    assert products[0] == pytest.approx(products[1], rel=0, abs=accepted)
+    assert product == pytest.approx(transposed, rel=0, abs=accepted)
 
 
 @pytest.mark.parametrize("rtol", [1e-6, RTOL])
 def test_solve_paper(benchmark: BenchmarkFixture, rtol: float) -> None:
-    """At the tolerance that marks are stated for, and at the default one."""
+    """Solve contacts of the paper's database, at the tolerance of stated marks and the default."""
     cases = [paper_case(row, SIZES["paper"]) for row in range(ROWS)]
     contacts = benchmark(
         lambda: [bem.solve(case.heights, SIDE, case.delta, rtol=rtol) for case in cases]
@@ -179,6 +192,7 @@ def test_solve_paper(benchmark: BenchmarkFixture, rtol: float) -> None:
 @sizes
 @pytest.mark.parametrize("percent", [1, 10, 50])
 def test_solve_at_contact(benchmark: BenchmarkFixture, percent: int, nodes: int) -> None:
+    """Solve contacts of small, medium and large shares of the nodes."""
     contact = benchmark(
         bem.solve, paper_case(0, nodes).heights, SIDE, DELTAS[nodes][percent]
     )
@@ -192,21 +206,21 @@ def test_solve_at_contact(benchmark: BenchmarkFixture, percent: int, nodes: int)
 def test_solve_few_in_contact(
     benchmark: BenchmarkFixture, nodes: int, percent: float
 ) -> None:
-    """Dense algebra on the contact set where it is few; its time over that of iterations alone."""
+    """Solve by dense algebra on few nodes; record its time over that of iterations alone."""
     heights = paper_case(0, nodes).heights
-    delta = optimize.brentq(
-        lambda d: bem.solve(heights, SIDE, d, rtol=1e-2).area_percent - percent,
-        1,
-        60,
-        xtol=0.1,
-    )
+
+    def excess(delta: float) -> float:
+        return bem.solve(heights, SIDE, delta, rtol=1e-2).area_percent - percent
+
+    delta = optimize.brentq(excess, 1, 60, xtol=0.1)
     solve = partial(bem.solve, heights, SIDE, delta)
 
     def iterate() -> bem.Contact:
         with mock.patch.object(patch, "FEW_FREE", ((0.0, 1.0),)):
             return solve()
 
-    contact, iterated = benchmark(solve), iterate()
+    contact = benchmark(solve)
+    iterated = iterate()
     assert_exact(contact)
     assert iterated.force == pytest.approx(contact.force, rel=1e-5)
     record_effort(benchmark, [contact])
@@ -217,33 +231,39 @@ def test_solve_few_in_contact(
 
 @pytest.mark.parametrize("control", ["force", "pressure"])
 def test_solve_given_force(benchmark: BenchmarkFixture, control: str) -> None:
-    """The same contacts by their force or mean pressure; their cost over that of a given Delta."""
+    """Solve contacts for their force or mean pressure; record the cost over that of their Delta."""
     cases = [paper_case(row, SIZES["paper"]) for row in range(ROWS // 4)]
-    given = [partial(bem.solve, case.heights, SIDE, case.delta) for case in cases]
-    expected = [solve() for solve in given]
-    asked = [
-        partial(bem.solve, c.problem.heights, SIDE, force=c.force)
-        if control == "force"
-        else partial(
-            bem.solve, c.problem.heights, SIDE, pressure=float(c.pressure.mean())
-        )
-        for c in expected
-    ]
-    contacts = benchmark(lambda: [solve() for solve in asked])
-    for found, exact in zip(contacts, expected, strict=True):
-        assert found.delta == pytest.approx(exact.delta, rel=1e-5)
-        assert found.force == pytest.approx(exact.force, rel=1e-5)
+
+    def solve_for_delta() -> list[bem.Contact]:
+        return [bem.solve(case.heights, SIDE, case.delta) for case in cases]
+
+    expected = solve_for_delta()
+    solves = []
+    for case, contact in zip(cases, expected, strict=True):
+        if control == "force":
+            solve = partial(bem.solve, case.heights, SIDE, force=contact.force)
+        else:
+            pressure = float(contact.pressure.mean())
+            solve = partial(bem.solve, case.heights, SIDE, pressure=pressure)
+        solves.append(solve)
+
+    def solve_for_load() -> list[bem.Contact]:
+        return [solve() for solve in solves]
+
+    contacts = benchmark(solve_for_load)
+    for contact, exact in zip(contacts, expected, strict=True):
+        assert contact.delta == pytest.approx(exact.delta, rel=1e-5)
+        assert contact.force == pytest.approx(exact.force, rel=1e-5)
     ratio = convolutions(contacts) / convolutions(expected)
     benchmark.extra_info["convolutions_over_given_delta"] = ratio
     record_effort(benchmark, contacts)
-    times = [lambda: [solve() for solve in asked], lambda: [solve() for solve in given]]
-    record_time_over(benchmark, "time_over_given_delta", *times)
+    record_time_over(benchmark, "time_over_given_delta", solve_for_load, solve_for_delta)
 
 
 @pytest.mark.parametrize("boundary", BOUNDARIES)
 @sizes
 def test_stiffness(benchmark: BenchmarkFixture, nodes: int, boundary: Boundary) -> None:
-    """The linear solve for the stiffness at 10 % contact; its cost over that of the contact."""
+    """Solve for the stiffness at 10 % contact; record the cost over that of the contact."""
     heights = paper_case(0, nodes).heights[:-1, :-1]
     solve = partial(bem.solve, heights, SIDE, DELTAS[nodes][10], boundary=boundary)
     if boundary != "free":
@@ -253,11 +273,11 @@ def test_stiffness(benchmark: BenchmarkFixture, nodes: int, boundary: Boundary) 
     work = partial(punch_of, contact.problem, touching)
     punch = benchmark(work)
     step = 1e-5 * contact.delta
-    more, less = (
-        bem.solve(heights, SIDE, contact.delta + way, boundary=boundary, rtol=EXACT)
-        for way in (step, -step)
-    )
-    slope = (more.force - less.force) / (2 * step)
+
+    def force_at(delta: float) -> float:
+        return bem.solve(heights, SIDE, delta, boundary=boundary, rtol=EXACT).force
+
+    slope = (force_at(contact.delta + step) - force_at(contact.delta - step)) / (2 * step)
     assert punch.stiffness == pytest.approx(slope, rel=1e-2)  # a node may come to touch
     benchmark.extra_info["convolutions"] = punch.effort.convolutions
     benchmark.extra_info["convolutions_of_the_contact"] = contact.convolutions
@@ -265,23 +285,24 @@ def test_stiffness(benchmark: BenchmarkFixture, nodes: int, boundary: Boundary) 
 
 
 FLOWS = [(129, load, boundary) for load in (0.003, 0.01, 0.03) for boundary in BOUNDARIES]
+"""Nodes a side, mean pressure over E*, and boundary of the flows."""
 
 
 @pytest.mark.parametrize(
     ("nodes", "pressure", "boundary"), [*FLOWS, (1025, 0.03, "free")]
 )
 def test_flow(benchmark: Any, nodes: int, pressure: float, boundary: Boundary) -> None:
-    """The flow through the gap along x; its cost over that of the contact."""
+    """Solve for the flow through the gap along x; record the cost over that of the contact."""
     heights = paper_case(0, nodes).heights[:-1, :-1]
     solve = partial(bem.solve, heights, SIDE, pressure=pressure, boundary=boundary)
     contact = solve()
-    gap, spacing = (
-        np.where(contact.pressure > 0, 0, contact.gap.clip(0)),
-        contact.problem.spacing,
-    )
-    axes = (0, 1) if boundary == "periodic" else (0,)  # there one factor serves both
-    work = partial(flows_through, gap, spacing, axes, periodic=boundary == "periodic")
-    flow, *_ = benchmark.pedantic(work, rounds=1 if nodes > SIZES["paper"] else 9)
+    gap = np.where(contact.pressure > 0, 0, contact.gap.clip(0))
+    periodic = boundary == "periodic"
+    # Without edges one factorisation serves both axes.
+    axes = (0, 1) if periodic else (0,)
+    work = partial(flows_through, gap, contact.problem.spacing, axes, periodic=periodic)
+    rounds = 1 if nodes > SIZES["paper"] else 9
+    flow, *_ = benchmark.pedantic(work, rounds=rounds)
     assert flow.aperture == contact.flow().aperture > 0
     benchmark.extra_info["area_percent"] = contact.area_percent
     record_time_over(benchmark, "time_over_the_contact", work, solve)
@@ -289,7 +310,7 @@ def test_flow(benchmark: Any, nodes: int, pressure: float, boundary: Boundary) -
 
 @pytest.mark.parametrize("rungs", [9, 41, 161])
 def test_solve_ladder(benchmark: BenchmarkFixture, rungs: int) -> None:
-    """Delta from 5 to 45 um on one surface, each contact started from the last three."""
+    """Solve for Delta from 5 to 45 um on one surface, each contact begun from the last three."""
     heights = paper_case(0, SIZES["paper"]).heights
     deltas = np.linspace(5, 45, rungs)
 
@@ -299,7 +320,8 @@ def test_solve_ladder(benchmark: BenchmarkFixture, rungs: int) -> None:
     def apart() -> list[bem.Contact]:
         return [bem.solve(heights, SIDE, delta) for delta in deltas]
 
-    ladder, alone = benchmark(together), apart()
+    ladder = benchmark(together)
+    alone = apart()
     for started, single in zip(ladder, alone, strict=True):
         assert abs(started.contact_nodes - single.contact_nodes) <= 1
         assert started.force == pytest.approx(single.force, rel=1e-5)

@@ -1,1 +1,1 @@
-"""Studies of surrogates: where they hold, their costs, and the times of their answers."""
+"""Studies of surrogates: where they hold, what they cost, and how long they take to answer."""

@@ -1,12 +1,13 @@
-"""When a surrogate pays: solver and surrogate against the number of queries (section 4.4).
+"""When a surrogate pays: the cost of solver and surrogate against the number of queries.
 
-Everything is timed in this one process, on the paper preset's distribution but on surfaces of
-another seed. All are processor times of one core: others on the machine do not count.
+This is section 4.4 of the paper. Everything is timed in this one process, on surfaces of the paper
+preset's distribution, but of another seed. All times are processor times of one core, so that other
+work on the machine does not count.
 """
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from statistics import fmean, median
@@ -31,123 +32,295 @@ from learn.dataset import Request
 from learn.features import OF_SURFACES, SurfaceFeatures, chosen
 from learn.metrics import scores
 
-PAPER_SOLVE = 189.79  # mean time of the paper's solver for one contact (section 4.4) [s]
-# Rows of the paper's database, and of its test set, which its prediction times are for.
-PAPER_ROWS, PAPER_TESTS = 15_878, 3_175
+PAPER_SOLVE = 189.79
+"""Mean time of the paper's solver for one contact (section 4.4) [s]."""
 
-ENOUGH = 0.3  # s of calls that a median is over
-ROUNDS = (3, 300)  # calls that a median is over, at least and at most
-BATCH = 2000  # rows predicted together, as in section 4.4
-LOADS = 10  # displacements of a ladder on one surface
-DELTAS = 5.0, 45.0  # the paper's range of displacements [um]
-LOOSE = 1e-2  # residual of the loose solves that a surrogate competes with
-# The paper preset with surfaces that nothing was trained on.
+PAPER_ROWS = 15_878
+"""Number of rows of the paper's database."""
+
+PAPER_TESTS = 3_175
+"""Number of rows of the paper's test set, which its prediction times are for."""
+
+FEWEST_ROWS = 200
+"""Smallest number of rows of the database."""
+
+ENOUGH = 0.3
+"""Total time of the calls after which a median is taken [s]."""
+
+FEWEST_CALLS = 3
+"""Smallest number of calls that a median is over."""
+
+MOST_CALLS = 300
+"""Largest number of calls that a median is over."""
+
+BATCH = 2000
+"""Number of rows that are predicted together, as in section 4.4."""
+
+LOADS = 10
+"""Number of displacements of a ladder on one surface."""
+
+DELTAS = (5.0, 45.0)
+"""The paper's range of displacements [um]."""
+
+LOOSE = 1e-2
+"""Residual of the loose solves, which a surrogate competes with."""
+
 SCENE = load("paper").model_copy(update={"seed": OTHER_SEED})
+"""The paper preset with surfaces that no surrogate was trained on."""
 
 SIDE = SCENE.sides[0]
+"""Scan length [um]."""
 
-Contacts = list[tuple[Heights, float]]  # surfaces, each with its displacement [um]
-Times = dict[str, float]  # [s]
+
+@dataclass(frozen=True, eq=False)
+class Query:
+    """A contact that is asked for."""
+
+    heights: Heights  # (n, n) [um]
+    delta: float  # [um]
+
+
+@dataclass(frozen=True)
+class SolverTimes:
+    """Mean times of the solver, without any surrogate [s], and the error of loose solves."""
+
+    row: float  # a row of a database
+    surface: float  # the surface of such a row
+    solve: float  # a contact on a new surface
+    ladder: float  # a contact among `LOADS` on one surface
+    loose: float  # a contact on a new surface, to a residual of `LOOSE`
+    loose_nmae: float  # error nMAE of the area of loose solves [%]
+
+
+@dataclass(frozen=True)
+class AnswerTimes:
+    """Times of a surrogate's answers [s]."""
+
+    surface: float  # features of a contact on a new surface
+    load: float  # features of a further contact on a surface, of `LOADS` at once
+    single: float  # prediction of a single row
+    batched: float  # prediction of a row among `BATCH`
+
+
+@dataclass(frozen=True)
+class BuildTimes:
+    """Times before the first answer of a surrogate [s]."""
+
+    database: float  # t_d: the rows, and their surfaces again if the features need them
+    tuning: float  # t_h: the choice among the settings that come with the program
+    fit: float  # t_f
+
+    @property
+    def total(self) -> float:
+        """The sum of all times [s]."""
+        return self.database + self.tuning + self.fit
 
 
 def break_even(build: float, solver: float, query: float) -> float:
-    """Return the number of queries from which on a surrogate is cheaper, infinity if it never is.
+    """Compute the number of queries from which a surrogate is cheaper than a solver.
 
-    Its rows, features and fit take `build`, an answer by the solver and by the surrogate `solver`
-    and `query` [s].
+    Parameters
+    ----------
+    build : float
+        Time before the first answer of the surrogate [s].
+    solver : float
+        Time of an answer by the solver [s].
+    query : float
+        Time of an answer by the surrogate [s].
+
+    Returns
+    -------
+    float
+        A whole number; infinity if the surrogate never is cheaper.
     """
-    return math.inf if query >= solver else math.ceil(build / (solver - query))
+    if query >= solver:
+        return math.inf
+    return math.ceil(build / (solver - query))
 
 
 def seconds_of(call: Callable[[], object]) -> float:
-    """Return the processor time of a call."""
+    """Measure the processor time of a call.
+
+    Parameters
+    ----------
+    call : callable
+        Called once, without arguments.
+
+    Returns
+    -------
+    float
+        Processor time of this process [s].
+    """
     began = process_time()
     call()
     return process_time() - began
 
 
 def median_seconds(call: Callable[[], object]) -> float:
-    """Time a call that is the same each time; the first is a warm-up."""
-    seconds_of(call)
-    taken: list[float] = []
-    while len(taken) < ROUNDS[0] or (sum(taken) < ENOUGH and len(taken) < ROUNDS[1]):
-        taken.append(seconds_of(call))
-    return median(taken)
+    """Measure the time of a call that does the same whenever it is repeated.
+
+    Parameters
+    ----------
+    call : callable
+        Called without arguments, once to warm up and then until the calls took `ENOUGH` seconds,
+        from `FEWEST_CALLS` to `MOST_CALLS` times.
+
+    Returns
+    -------
+    float
+        Median of the processor times [s].
+    """
+    seconds_of(call)  # warms up
+    times: list[float] = []
+    while len(times) < FEWEST_CALLS or (sum(times) < ENOUGH and len(times) < MOST_CALLS):
+        times.append(seconds_of(call))
+    return median(times)
 
 
 def mean_seconds(calls: Iterable[Callable[[], object]]) -> float:
-    """Time calls that differ: the mean is what many of them cost. The first is done twice."""
-    first, *others = calls
-    seconds_of(first)
-    return fmean(map(seconds_of, (first, *others)))
+    """Measure the mean time of calls that differ, which is the cost of one among many.
 
+    Parameters
+    ----------
+    calls : iterable of callables
+        One call or more. The first is made twice, once to warm up.
 
-def measure_solver(contacts: Contacts) -> Times:
-    """Return mean times without any surrogate [s], and the error of loose solves [%].
-
-    Of a `row` of a database, its `surface`, a `solve` of a contact on a new surface, of one among
-    `LOADS` on one surface (`ladder`), and to a residual of `LOOSE`.
+    Returns
+    -------
+    float
+        Mean of the processor times [s].
     """
-    rows, deltas = range(len(contacts)), np.linspace(*DELTAS, LOADS)
-    plan = parameters(SCENE, 0, len(contacts))
-    loose = [
-        partial(bem.solve, each, SIDE, delta, rtol=LOOSE) for each, delta in contacts
+    first, *following = calls
+    seconds_of(first)  # warms up
+    return fmean(map(seconds_of, (first, *following)))
+
+
+def measure_solver(queries: list[Query]) -> SolverTimes:
+    """Measure the times of the solver.
+
+    Parameters
+    ----------
+    queries : list of Query
+        Contacts on different surfaces of `SCENE`, as many as rows are timed.
+
+    Returns
+    -------
+    SolverTimes
+        Mean times [s], and the error of the loose solves [%].
+    """
+    rows = range(len(queries))
+    plan = parameters(SCENE, 0, len(queries))
+    deltas = np.linspace(*DELTAS, LOADS)
+    exact = [
+        partial(solve_contact, SCENE, query.heights, query.delta) for query in queries
     ]
-    exact = [partial(solve_contact, SCENE, *each) for each in contacts]
-    climbs = [lambda z=z: list(bem.ladder(z, SIDE, deltas)) for z, _ in contacts]
-    areas = ([solve().area_percent for solve in solves] for solves in (exact, loose))
-    return {
-        "row": mean_seconds(partial(compute_rows, SCENE, row, row + 1) for row in rows),
-        "surface": mean_seconds(partial(surface_of, SCENE, plan, row) for row in rows),
-        "solve": mean_seconds(exact),
-        "ladder": mean_seconds(climbs) / LOADS,
-        "loose": mean_seconds(loose),
-        "loose_nmae": scores(*areas).nmae,
-    }
+    loose = [
+        partial(bem.solve, query.heights, SIDE, query.delta, rtol=LOOSE)
+        for query in queries
+    ]
+
+    def climb(heights: Heights) -> None:
+        for _ in bem.ladder(heights, SIDE, deltas):
+            pass
+
+    def areas(solves: list[partial[bem.Contact]]) -> list[float]:
+        return [solve().area_percent for solve in solves]
+
+    return SolverTimes(
+        row=mean_seconds(partial(compute_rows, SCENE, row, row + 1) for row in rows),
+        surface=mean_seconds(partial(surface_of, SCENE, plan, row) for row in rows),
+        solve=mean_seconds(exact),
+        ladder=mean_seconds(partial(climb, query.heights) for query in queries) / LOADS,
+        loose=mean_seconds(loose),
+        loose_nmae=scores(areas(exact), areas(loose)).nmae,
+    )
 
 
-def measure_surrogate(fitted: Fitted, features: str, contacts: Contacts) -> Times:
-    """Return times of a surrogate's answers [s], on surfaces that it has not seen.
+def measure_surrogate(fitted: Fitted, features: str, queries: list[Query]) -> AnswerTimes:
+    """Measure the times of a surrogate's answers, on surfaces that it was not trained on.
 
-    Of the features of a new `surface`, and of one more `load` on it; of the prediction of a
-    `single` row, and of one among `BATCH` (`batched`).
+    Parameters
+    ----------
+    fitted : Fitted
+        The surrogate.
+    features : str
+        Name of its feature set.
+    queries : list of Query
+        Contacts on different surfaces of `SCENE`.
+
+    Returns
+    -------
+    AnswerTimes
+        Times [s].
     """
-    wanted = chosen(features, roots=True)
+    feature_set = chosen(features, roots=True)
 
-    def surface_of(heights: Heights) -> SurfaceFeatures:
+    def described(heights: Heights) -> SurfaceFeatures:
         step = SIDE / (len(heights) - 1)
         return SurfaceFeatures(heights, (SIDE, SIDE), (step, step))
 
     def features_of(surface: SurfaceFeatures, deltas: Values) -> Values:
-        return wanted.of(surface.rows(wanted, deltas))
+        return feature_set.of(surface.rows(feature_set, deltas))
 
-    def unknown(heights: Heights, delta: float) -> Values:
-        return features_of(surface_of(heights), np.array([delta]))
+    def of_new_surface(query: Query) -> Values:
+        return features_of(described(query.heights), np.array([query.delta]))
 
-    surface = mean_seconds(partial(unknown, *each) for each in contacts)
-    # What does not depend on Delta is computed once: these have it.
-    known = [surface_of(heights) for heights, _ in contacts]
+    new_surface_seconds = mean_seconds(
+        partial(of_new_surface, query) for query in queries
+    )
+    # These surfaces keep what does not depend on Delta after their first features.
+    surfaces = [described(query.heights) for query in queries]
     deltas = np.linspace(*DELTAS, LOADS)
-    rows = np.concatenate([features_of(each, deltas) for each in known])
-    many = np.resize(rows, (BATCH, rows.shape[1]))
-    return {
-        "surface": surface,
-        "load": mean_seconds(partial(features_of, each, deltas) for each in known)
-        / LOADS,
-        "single": median_seconds(partial(fitted.learnt.raw, rows[:1])),
-        "batched": median_seconds(partial(fitted.learnt.raw, many)) / BATCH,
-    }
+    rows = np.concatenate([features_of(surface, deltas) for surface in surfaces])
+    batch = np.resize(rows, (BATCH, rows.shape[1]))
+    ladder_seconds = mean_seconds(
+        partial(features_of, surface, deltas) for surface in surfaces
+    )
+    return AnswerTimes(
+        surface=new_surface_seconds,
+        load=ladder_seconds / LOADS,
+        single=median_seconds(partial(fitted.learnt.raw, rows[:1])),
+        batched=median_seconds(partial(fitted.learnt.raw, batch)) / BATCH,
+    )
 
 
-PAPERS, OURS = "the paper's", "ours"  # solvers
+PAPERS = "the paper's"
+"""Name of the paper's solver in the tables."""
 
-NEW, LADDER, KNOWN = "new surfaces", "loads on one surface", "statistics at hand"
-"""The questions: a contact on a new surface, one more load on a surface, and a contact whose
-features are known already."""
+OURS = "ours"
+"""Name of our solver in the tables."""
 
-FEWEST = 100  # training rows of a learning curve's first point
-# Fits of a point, each to other rows, as long as the rows suffice; the median error counts.
+NEW = "new surfaces"
+"""The question for a contact on a new surface."""
+
+LADDER = "loads on one surface"
+"""The question for a further contact on a surface."""
+
+KNOWN = "statistics at hand"
+"""The question for a contact whose features are known already."""
+
+FEWEST = 100
+"""Training rows of a learning curve's first point."""
+
 DRAWS = 3
+"""Largest number of fits of a point, each to other rows; the point is their median."""
+
+
+@dataclass(frozen=True, eq=False)
+class Studied:
+    """A surrogate of one feature set, with all times that its costs are made of."""
+
+    request: Request
+    parts: Parts
+    rows: int  # of the database that were solved, also those that are left out
+    fitted: Fitted  # to all training rows
+    solver: SolverTimes
+    answer: AnswerTimes
+
+    @property
+    def features(self) -> str:
+        """Name of the feature set."""
+        return self.request.features
 
 
 def cost(
@@ -158,50 +331,95 @@ def cost(
     area_max: float = 16.56,
     surfaces: int = 32,
 ) -> Report:
-    """Measure what a kernel ridge surrogate of the paper preset costs and saves.
+    """Measure what kernel ridge surrogates of the paper preset cost and save.
 
-    The arguments are those of the command. Break-even is counted twice: for those who take the
-    settings that come with the program, and for those who search as in the comparison, which is
-    on the paper's features.
+    Break-even is computed twice: with the settings that come with the program, and with the search
+    of the comparison, which is for the paper's features. Progress is printed on standard error.
 
-    An InputError is raised if a database or folder cannot be used, or there are too few rows.
+    Parameters
+    ----------
+    folder : Path
+        Folder of the report. A generated database is kept in its folder `databases`.
+    rows : int
+        Number of the preset's first rows, `FEWEST_ROWS` or more.
+    database : Path or None
+        A database of the paper preset; None to generate one.
+    comparison : Path or None
+        Folder of `learn tune`; None to leave out the search.
+    area_max : float
+        Largest area of the rows that are used [%].
+    surfaces : int
+        Number of surfaces that are timed.
+
+    Returns
+    -------
+    Report
+        Tables `cost` of the questions, `learning` of the learning curves, `times`, and `totals`,
+        the total costs over the number of queries. Times are in seconds.
+
+    Raises
+    ------
+    InputError
+        If a database or folder cannot be used, or there are too few rows.
     """
-    if rows < 200:
-        raise InputError(f"--rows {rows}: give 200 or more, the paper has 15878")
-    searched = math.nan if comparison is None else tuning_seconds(comparison)
+    if rows < FEWEST_ROWS:
+        raise InputError(
+            f"--rows {rows}: give {FEWEST_ROWS} or more, the paper has {PAPER_ROWS}"
+        )
+    search = math.nan
+    if comparison is not None:
+        search = tuning_seconds(comparison)
     path = databases.of_the_paper(database, folder / "databases", rows)
     remark(f"the solver on {surfaces} surfaces")
-    plan = parameters(SCENE, 0, surfaces)
-    contacts = [
-        (surface_of(SCENE, plan, row), float(plan.load[row])) for row in range(surfaces)
-    ]
-    solver, questions = measure_solver(contacts), [of_the_paper()]
+    queries = _queries(surfaces)
+    solver = measure_solver(queries)
+    questions = [of_the_paper()]
     points: list[Row] = []
-    spent = [
-        {"of": "solver", "what": what, "value": value} for what, value in solver.items()
-    ]
+    times = _rows_of_times("solver", asdict(solver))
     for features in OF_SURFACES:
         request = request_for(path, "kernel-ridge", features, area_max)
         parts = parted(read(request, rows))
         remark(f"{features} features: {parts.train.size} rows train")
-        full = fit(request, parts.train, parts.folds)
-        answer = measure_surrogate(full, features, contacts)
-        of = f"{features} features"
-        spent += [
-            {"of": of, "what": what, "value": value} for what, value in answer.items()
-        ]
-        build = build_times(rows, solver, answer, full, features)
-        search = searched if features == "paper" else math.nan
-        questions += _questions(features, rows, solver, answer, build, search)
-        points += _curve(request, parts, rows, solver, answer, full)
-    tables = {"cost": questions, "learning": points, "times": spent}
-    return Report({**tables, "totals": [*_totals(questions)]})
+        fitted = fit(request, parts.train, parts.folds)
+        answer = measure_surrogate(fitted, features, queries)
+        studied = Studied(request, parts, rows, fitted, solver, answer)
+        times += _rows_of_times(f"{features} features", asdict(answer))
+        # The search of the comparison is for the paper's features alone.
+        search_of_features = search if features == "paper" else math.nan
+        questions += _questions(studied, search_of_features)
+        points += _learning_curve(studied)
+    totals = list(_totals(questions))
+    return Report(
+        {"cost": questions, "learning": points, "times": times, "totals": totals}
+    )
+
+
+def _queries(surfaces: int) -> list[Query]:
+    """Generate the first surfaces of `SCENE`, each with its displacement."""
+    plan = parameters(SCENE, 0, surfaces)
+    return [
+        Query(heights=surface_of(SCENE, plan, row), delta=float(plan.load[row]))
+        for row in range(surfaces)
+    ]
+
+
+def _rows_of_times(subject: str, values: dict[str, float]) -> list[Row]:
+    """Return a row for each time of the solver or of a feature set."""
+    return [{"of": subject, "what": name, "value": values[name]} for name in values]
 
 
 def tuning_seconds(comparison: Path) -> float:
-    """Return the time of all fits of the search in a folder of `learn tune` [s].
+    """Read the time of all fits of the search of kernel ridge for the area.
 
-    NaN if the folder has no search of kernel ridge for the area.
+    Parameters
+    ----------
+    comparison : Path
+        Folder of `learn tune`.
+
+    Returns
+    -------
+    float
+        Time [s]. NaN if the folder has no such search, which is said on standard error.
     """
     result = Folder(comparison / "area").result("tuned", "kernel-ridge")
     if result is None or result.times is None:
@@ -210,137 +428,249 @@ def tuning_seconds(comparison: Path) -> float:
     return result.times.search
 
 
+@dataclass(frozen=True)
+class Situation:
+    """A surrogate of some features beside a solver, for one question."""
+
+    question: str  # `NEW`, `LADDER` or `KNOWN`
+    solver: str  # `PAPERS` or `OURS`
+    features: str
+
+
 def question(
-    who: tuple[str, str, str],
+    situation: Situation,
     rows: int,
-    build: Times,
+    build: BuildTimes,
     solve: float,
     query: float,
     search: float,
 ) -> Row:
-    """Return a row: surrogate against a solver in one situation, by the times of an answer [s].
+    """Compare a surrogate with a solver in one situation.
 
-    `query` is t_p, with the features that it needs. With the time of a `search` for settings, NaN
-    if there was none, the row has break-even twice, and the contacts that pay for the search alone.
+    Parameters
+    ----------
+    situation : Situation
+        The question, the solver and the features.
+    rows : int
+        Number of rows of the database.
+    build : BuildTimes
+        Times before the first answer [s].
+    solve : float
+        Time of an answer by the solver [s].
+    query : float
+        Time t_p of an answer by the surrogate, with the features that it needs [s].
+    search : float
+        Time of a search for settings [s]; NaN if there was none.
+
+    Returns
+    -------
+    Row
+        A row of the table `cost`: all times [s], break-even without and with the search, and the
+        number of queries that pay for the search alone. The last two are NaN without a search.
     """
-    own, known = sum(build.values()), not math.isnan(search)
-    return {
-        **dict(zip(("asked", "solver", "features"), who, strict=True)),
+    row = {
+        "asked": situation.question,
+        "solver": situation.solver,
+        "features": situation.features,
         "rows": rows,
-        **build,
-        **dict(zip(("search", "solve", "query"), (search, solve, query), strict=True)),
-        "break_even": break_even(own, solve, query),
-        "break_even_searched": break_even(own + search, solve, query)
-        if known
-        else math.nan,
-        "search_pays": break_even(search, solve, query) if known else math.nan,
+        **asdict(build),
+        "search": search,
+        "solve": solve,
+        "query": query,
+        "break_even": break_even(build.total, solve, query),
+        "break_even_searched": math.nan,
+        "search_pays": math.nan,
     }
+    if not math.isnan(search):
+        row["break_even_searched"] = break_even(build.total + search, solve, query)
+        row["search_pays"] = break_even(search, solve, query)
+    return row
 
 
 def of_the_paper() -> Row:
-    """Return the paper's own break-even, from its own times."""
-    fit, tests = paper.TIMES["tuned"]["kernel-ridge"]
-    searched = paper.TUNING_SECONDS["kernel-ridge"]
-    build = {"database": PAPER_ROWS * PAPER_SOLVE, "tuning": 0.0, "fit": fit}
-    who = KNOWN, PAPERS, "paper, as published"
-    return question(who, PAPER_ROWS, build, PAPER_SOLVE, tests / PAPER_TESTS, searched)
+    """Compute the paper's own break-even from its own times.
 
-
-def build_times(
-    rows: float, solver: Times, answer: Times, fitted: Fitted, features: str
-) -> Times:
-    """Return times before the first answer [s]: t_d, `database`, t_h, `tuning`, and t_f, `fit`.
-
-    Where features need surfaces, these are generated again; `tuning` chooses among the settings
-    that come with the program.
+    Returns
+    -------
+    Row
+        A row of the table `cost`.
     """
-    again = (
-        solver["surface"] + answer["surface"] if chosen(features).needs_surface else 0.0
+    fit_seconds, test_seconds = paper.TIMES["tuned"]["kernel-ridge"]
+    build = BuildTimes(database=PAPER_ROWS * PAPER_SOLVE, tuning=0.0, fit=fit_seconds)
+    return question(
+        Situation(question=KNOWN, solver=PAPERS, features="paper, as published"),
+        rows=PAPER_ROWS,
+        build=build,
+        solve=PAPER_SOLVE,
+        query=test_seconds / PAPER_TESTS,
+        search=paper.TUNING_SECONDS["kernel-ridge"],
     )
-    database = rows * (solver["row"] + again)
-    return {"database": database, "tuning": fitted.choosing, "fit": fitted.fitting}
 
 
-def _questions(
-    features: str, rows: int, solver: Times, answer: Times, build: Times, search: float
-) -> Iterator[Row]:
-    """Yield all situations of a feature set; a surface itself costs both sides the same."""
-    theirs = {
-        **build,
-        "database": build["database"] + rows * (PAPER_SOLVE - solver["solve"]),
-    }
-    new, more = (answer[name] + answer["batched"] for name in ("surface", "load"))
-    yield question((NEW, PAPERS, features), rows, theirs, PAPER_SOLVE, new, search)
-    yield question((NEW, OURS, features), rows, build, solver["solve"], new, search)
-    yield question((LADDER, OURS, features), rows, build, solver["ladder"], more, search)
-    if not chosen(features).needs_surface:
-        known = KNOWN, OURS, features
-        yield question(known, rows, build, solver["solve"], answer["batched"], search)
+def build_times(studied: Studied, fitted: Fitted, rows: float) -> BuildTimes:
+    """Compute the times before the first answer of a surrogate.
 
+    Parameters
+    ----------
+    studied : Studied
+        The surrogate's feature set, and the times of the solver.
+    fitted : Fitted
+        A fit, to all training rows or to some of them.
+    rows : float
+        Number of rows that had to be solved for the fit.
 
-def sizes(most: int) -> list[int]:
-    """Return the training rows of a curve's points: doubled up to all of them."""
-    doubled = [
-        FEWEST * 2**power for power in range(30) if FEWEST * 2**power < 0.75 * most
-    ]
-    return [*doubled, most]
-
-
-def _curve(
-    request: Request, parts: Parts, rows: int, solver: Times, answer: Times, full: Fitted
-) -> Iterator[Row]:
-    """Yield a feature set's learning curve, judged on the same rows; its last point is `full`.
-
-    A point fits different rows, as often as there are rows for; its times count the rows that had
-    to be solved for it, with those left out.
+    Returns
+    -------
+    BuildTimes
+        Times [s]. Surfaces are generated a second time if the features need them.
     """
-    most = parts.train.size
-    for size in sizes(most):
-        folds = (np.arange(size) % 5).astype(np.int8)
-        draws = [
-            np.arange(n * size, (n + 1) * size) for n in range(min(DRAWS, most // size))
-        ]
-        fits = (
-            [full]
-            if size == most
-            else [fit(request, parts.train.at(n), folds) for n in draws]
+    row_seconds = studied.solver.row
+    if chosen(studied.features).needs_surface:
+        row_seconds += studied.solver.surface + studied.answer.surface
+    return BuildTimes(
+        database=rows * row_seconds, tuning=fitted.choosing, fit=fitted.fitting
+    )
+
+
+def _questions(studied: Studied, search: float) -> Iterator[Row]:
+    """Yield the rows of all situations of a feature set.
+
+    The time of generating a surface is left out, because solver and surrogate both need it.
+    """
+    features = studied.features
+    rows = studied.rows
+    solver = studied.solver
+    answer = studied.answer
+    build = build_times(studied, studied.fitted, rows)
+    slower = rows * (PAPER_SOLVE - solver.solve)
+    build_by_papers = replace(build, database=build.database + slower)
+    on_new_surface = answer.surface + answer.batched
+    on_same_surface = answer.load + answer.batched
+    yield question(
+        Situation(question=NEW, solver=PAPERS, features=features),
+        rows=rows,
+        build=build_by_papers,
+        solve=PAPER_SOLVE,
+        query=on_new_surface,
+        search=search,
+    )
+    yield question(
+        Situation(question=NEW, solver=OURS, features=features),
+        rows=rows,
+        build=build,
+        solve=solver.solve,
+        query=on_new_surface,
+        search=search,
+    )
+    yield question(
+        Situation(question=LADDER, solver=OURS, features=features),
+        rows=rows,
+        build=build,
+        solve=solver.ladder,
+        query=on_same_surface,
+        search=search,
+    )
+    # Features that need the surface cannot be known without it.
+    if not chosen(features).needs_surface:
+        yield question(
+            Situation(question=KNOWN, solver=OURS, features=features),
+            rows=rows,
+            build=build,
+            solve=solver.solve,
+            query=answer.batched,
+            search=search,
         )
-        solved = size * rows / most
-        judged = [asdict(each.scores(parts.test)) for each in fits]
-        builds = [
-            build_times(solved, solver, answer, each, request.features) for each in fits
-        ]
-        build = float(np.median([sum(each.values()) for each in builds]))
-        query = answer["surface"] + answer["batched"]
-        yield {
-            "features": request.features,
+
+
+def sizes(rows: int) -> list[int]:
+    """Choose the numbers of training rows of a learning curve's points.
+
+    Parameters
+    ----------
+    rows : int
+        Number of all training rows.
+
+    Returns
+    -------
+    list of int
+        `FEWEST`, doubled again and again below three quarters of all rows, and then all rows.
+    """
+    chosen_sizes = []
+    size = FEWEST
+    while size < 0.75 * rows:
+        chosen_sizes.append(size)
+        size *= 2
+    return [*chosen_sizes, rows]
+
+
+def _learning_curve(studied: Studied) -> Iterator[Row]:
+    """Yield the points of a feature set's learning curve, all judged by the same test rows.
+
+    The times of a point are for the rows that had to be solved for its training rows, also for
+    those that were left out.
+    """
+    all_rows = studied.parts.train.size
+    on_new_surface = studied.answer.surface + studied.answer.batched
+    for size in sizes(all_rows):
+        fits = _fits_of_size(studied, size)
+        solved = size * studied.rows / all_rows
+        judged = [asdict(fitted.scores(studied.parts.test)) for fitted in fits]
+        builds = [build_times(studied, fitted, solved).total for fitted in fits]
+        build = float(np.median(builds))
+        row: Row = {
+            "features": studied.features,
             "trained": size,
             "rows": round(solved),
-            **{
-                name: float(np.median([each[name] for each in judged]))
-                for name in judged[0]
-            },
-            "build": build,
-            "break_even": break_even(build, solver["solve"], query),
         }
+        for name in judged[0]:
+            row[name] = float(np.median([of_fit[name] for of_fit in judged]))
+        row["build"] = build
+        row["break_even"] = break_even(build, studied.solver.solve, on_new_surface)
+        yield row
+
+
+def _fits_of_size(studied: Studied, size: int) -> list[Fitted]:
+    """Fit the surrogate to different rows, `size` at a time, up to `DRAWS` times.
+
+    The fit to all training rows is not made a second time.
+    """
+    train = studied.parts.train
+    if size == train.size:
+        return [studied.fitted]
+    folds = (np.arange(size) % 5).astype(np.int8)
+    fits = []
+    for draw in range(min(DRAWS, train.size // size)):
+        rows = np.arange(draw * size, (draw + 1) * size)
+        fits.append(fit(studied.request, train.at(rows), folds))
+    return fits
 
 
 def _totals(questions: list[Row]) -> Iterator[Row]:
-    """Yield the total cost [s] of a solver, and of each surrogate beside it, over the queries."""
+    """Yield total costs [s] over the number of queries, of solvers and of surrogates beside them.
+
+    The queries go up to thirty times the largest finite break-even.
+    """
     for solver in (PAPERS, OURS):
-        own = [row for row in questions if (row["asked"], row["solver"]) == (NEW, solver)]
-        most = max(
-            (q["break_even"] for q in own if math.isfinite(q["break_even"])), default=1e5
-        )
-        curves = {"the solver": (0.0, own[0]["solve"])}
-        for each in own:
-            build = each["database"] + each["tuning"] + each["fit"]
-            curves[f"{each['features']} features"] = build, each["query"]
-        for name, (build, each) in curves.items():
-            for n in np.geomspace(1, 30 * most, 40).tolist():
+        rows = [q for q in questions if q["asked"] == NEW and q["solver"] == solver]
+        finite = [q["break_even"] for q in rows if math.isfinite(q["break_even"])]
+        largest = max(finite, default=1e5)
+        curves = {"the solver": _Line(build=0.0, query=rows[0]["solve"])}
+        for row in rows:
+            build = row["database"] + row["tuning"] + row["fit"]
+            curves[f"{row['features']} features"] = _Line(build, row["query"])
+        for name, line in curves.items():
+            for number in np.geomspace(1, 30 * largest, 40).tolist():
                 yield {
                     "solver": solver,
                     "of": name,
-                    "queries": n,
-                    "seconds": build + n * each,
+                    "queries": number,
+                    "seconds": line.build + number * line.query,
                 }
+
+
+@dataclass(frozen=True)
+class _Line:
+    """Times before the first answer and of each answer [s]."""
+
+    build: float
+    query: float

@@ -1,8 +1,8 @@
-"""Of the rows that a surrogate does not flag, how many lie inside their interval.
+"""The share of rows inside their interval, among the rows that a surrogate does not flag.
 
-An interval is promised to rows like those of the training, and a flag says which rows are not. So
-what counts is the coverage of the rows without a flag: on surfaces, grids and bodies that the
-surrogate has not been trained on, and for as many draws of training rows as there are seeds.
+An interval is promised for rows like those of the training, and a flag says which rows are not like
+them. So the coverage of the rows without a flag has to be the promised one: on surfaces, grids and
+bodies that the surrogate has not been trained on, and for several draws of the training rows.
 """
 
 from collections.abc import Iterator, Sequence
@@ -28,308 +28,571 @@ from learn import dataset, split
 from learn.database_rows import Dataset
 from learn.split import FOLDS
 
-HURST_BORDER = 0.7  # surfaces below it train, surfaces above it test
-TARGETS = ("area", FORCE.name, MEAN_GAP.name)
-FEW = 20  # rows of a finer grid that are learnt together with those of the preset's grid
-HARDNESS = (0.006, 0.05)  # over E*, of the rows that train; the preset has 0.003 to 0.1
-LEVEL = 0.9  # of the intervals whose coverage is counted
-WANTED = 0.86  # smallest coverage of unflagged rows that is asked for, within its standard error
-ENOUGH = 30  # unflagged rows, fewer of which tell nothing
-FEWEST = 300  # smallest number of rows of the preset
+HURST_BORDER = 0.7
+"""Surfaces up to this Hurst exponent train, surfaces above it test."""
 
-PAPER, MIDPOINT, SPECTRAL, YIELDING = (
-    "paper",
-    "midpoint",
-    "broad-spectral",
-    "paper-yielding",
-)
+TARGETS = ("area", FORCE.name, MEAN_GAP.name)
+"""Targets of the surrogates."""
+
+FEW = 20
+"""Number of rows of a finer grid that are learnt together with those of the preset's grid."""
+
+HARDNESS = (0.006, 0.05)
+"""Smallest and largest hardness over E* of the rows that train; the preset has 0.003 to 0.1."""
+
+LEVEL = 0.9
+"""Level of the intervals."""
+
+WANTED = 0.86
+"""Smallest coverage of unflagged rows that meets the promise, within its standard error."""
+
+ENOUGH = 30
+"""Smallest number of unflagged rows that are worth a verdict."""
+
+FEWEST = 300
+"""Smallest number of rows of the preset."""
+
+FEWEST_OF_DATABASE = 40
+"""Smallest number of rows of any database."""
+
+PAPER = "paper"
+"""Name of the paper preset's database."""
+
+MIDPOINT = "midpoint"
+"""Name of the database of the paper preset with the other algorithm of displacements."""
+
+SPECTRAL = "broad-spectral"
+"""Name of the database of broad spectral surfaces."""
+
+YIELDING = "paper-yielding"
+"""Name of the database of the paper preset with bodies that yield."""
+
 FINE = {257: "fine-257", 513: "fine-513"}
+"""Names of the databases of finer grids, by their nodes a side."""
 
 STORE = "[store]\nmean_gap = true\n"
+"""Keys that every scene has in addition, because the mean gap is a target."""
+
 SCENES = read_toml("surrogates/scenes")["coverage"]
+"""The scenes of this study."""
+
 KIND = "kinds"
-"""Name of the cases of kinds of surfaces that train no surrogate."""
+"""Name of the cases that are tested on kinds of surfaces which train no surrogate."""
 
 FOREIGN = (*SCENES["kinds"], *kinds.NAMES)
-"""These kinds; the last four were made when the features stood."""
+"""Names of the databases of these kinds. The last four were made after the features."""
 
 SHARES = {FINE[257]: 6, FINE[513]: 15, "broad-fine": 6, **dict.fromkeys(FOREIGN, 6)}
-"""The rows of the preset over those of a database, where these are fewer."""
+"""Number of rows of the preset over that of a database, for the databases that have fewer rows."""
 
 BROAD = tuple(name for name in preset_names() if name.startswith("broad-"))
-"""The scenes of a surrogate that most surfaces lie inside of."""
+"""Names of the broad scenes, whose surrogate was trained on most kinds of surfaces."""
 
 KINDS = {
     "midpoint": ("broad-midpoint",),
     "spectra": ("broad-spectral", "broad-spectral-yielding"),
     "diamond-square": ("broad-rmd", "broad-fine", "broad-yielding"),
 }
-"""Databases of the broad scenes by the kind of their surfaces."""
+"""Names of the broad scenes by the kind of their surfaces."""
+
+
+def _no_rows() -> Indices:
+    """Return an empty array of positions."""
+    return np.empty(0, np.int64)
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """Rows that train a surrogate, and rows of another kind that judge it, by their positions."""
+    """Rows that train a surrogate, and rows that judge it, by their positions in a dataset."""
 
-    trained_on: str  # in words
-    tested_on: str
-    pool: tuple[str, ...]  # databases that are read together
-    train: Indices  # rows that are split into training, calibration and test
-    judged: Indices | None = (
-        None  # rows that judge it; None for the test rows of the split
-    )
-    added: Indices = field(
-        default_factory=lambda: np.empty(0, np.int64)
-    )  # further training rows
+    trained_on: str  # description of the rows that train
+    tested_on: str  # description of the rows that judge
+    pool: tuple[str, ...]  # names of the databases that are read together
+    train: Indices  # rows that are split into training, calibration and test rows
+    judged: Indices | None = None  # rows that judge; None for the test rows of the split
+    added: Indices = field(default_factory=_no_rows)  # further training rows
     flagged: Indices = field(
-        default_factory=lambda: np.empty(0, np.int64)
-    )  # whatever they are
+        default_factory=_no_rows
+    )  # rows that always count as flagged
 
 
 def databases(folder: Path, rows: int) -> dict[str, Path]:
-    """Generate the databases as far as they are missing, by the names of their scenes."""
+    """Generate the databases of the study as far as they are missing.
+
+    The scenes' own Python functions are marked as trusted.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the databases.
+    rows : int
+        Number of rows of the preset.
+
+    Returns
+    -------
+    dict
+        Paths of the databases by the names of their scenes.
+    """
     texts = {PAPER: "", **SCENES["others"]}
     for name in (YIELDING, *BROAD):
-        shipped = (files("gen") / "scenes" / f"{name}.toml").read_text(encoding="utf-8")
-        lines = shipped.splitlines(keepends=True)
-        texts[name] = "".join(
-            each for each in lines if not each.startswith(("title", "samples"))
-        )
+        texts[name] = _shipped_scene(name)
     for seed, name in enumerate(FOREIGN, 3000):
-        surface = SCENES["kinds"].get(name, SCENES["function"].replace("NAME", name))
+        function = SCENES["function"].replace("NAME", name)
+        surface = SCENES["kinds"].get(name, function)
         texts[name] = f"seed = {seed}\n{surface}{SCENES['load']}"
-    TRUSTED.set(True)  # the functions are ours
-    counts = {name: max(rows // SHARES.get(name, 1), 40) for name in texts}
-    return {
-        name: generated(folder, name, f"samples = {counts[name]}\n{text}{STORE}")
-        for name, text in texts.items()
-    }
+    TRUSTED.set(True)
+    paths = {}
+    for name, text in texts.items():
+        number = max(rows // SHARES.get(name, 1), FEWEST_OF_DATABASE)
+        paths[name] = generated(folder, name, f"samples = {number}\n{text}{STORE}")
+    return paths
+
+
+def _shipped_scene(name: str) -> str:
+    """Return the text of a preset without its title and number of rows."""
+    path = files("gen") / "scenes" / f"{name}.toml"
+    lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+    return "".join(line for line in lines if not line.startswith(("title", "samples")))
 
 
 def cases(pool: tuple[str, ...], rows: Dataset, seed: int) -> Iterator[Case]:
-    """Yield the cases of one pool of databases, whose rows have been read."""
-    place = {
-        name: np.flatnonzero(rows.database == index) for index, name in enumerate(pool)
-    }
+    """Yield the cases of a pool of databases.
+
+    Parameters
+    ----------
+    pool : tuple of str
+        Names of the databases, one of `pools`.
+    rows : Dataset
+        Rows of all databases of the pool.
+    seed : int
+        Seed of the draw of training rows from finer grids.
+
+    Yields
+    ------
+    Case
+        Rows that train and rows that judge.
+    """
     if {*FOREIGN} <= {*pool}:
-        foreign = np.concatenate([place[name] for name in FOREIGN])
-        trained = "broad" if BROAD[0] in pool else "preset"
-        yield Case(
-            trained, KIND, pool, np.setdiff1d(np.arange(rows.size), foreign), foreign
-        )
+        yield _case_of_kinds(pool, rows)
     elif pool == (PAPER,):
-        yield Case("preset", "preset", pool, place[PAPER])
-        low = column(rows, "hurst") <= HURST_BORDER
-        words = f"preset, H to {HURST_BORDER:g}", "Hurst exponents above"
-        yield Case(*words, pool, np.flatnonzero(low), np.flatnonzero(~low))
+        yield from _cases_of_preset(pool, rows)
     elif pool == (YIELDING,):
-        ratio = column(rows, "hardness")  # E* is 1 MPa
-        inside = (ratio >= HARDNESS[0]) & (ratio <= HARDNESS[1])
-        words = (
-            f"preset, hardness {HARDNESS[0]:g} to {HARDNESS[1]:g} E*",
-            "other hardness",
-        )
-        outside = np.flatnonzero(~inside)
-        yield Case(*words, pool, np.flatnonzero(inside), outside, flagged=outside)
+        yield _case_of_hardness(pool, rows)
     elif pool[0] == PAPER:
-        other = pool[1]
-        yield Case("preset", other, pool, place[PAPER], place[other])
-        if other in FINE.values():
-            few = np.random.default_rng(seed).permutation(place[other])[:FEW]
-            judged = np.setdiff1d(place[other], few)
-            both = f"preset and {FEW} rows of {other}"
-            yield Case(both, other, pool, place[PAPER], judged, few)
-            yield Case(f"{FEW} rows of {other}", other, pool, few, judged)
+        yield from _cases_beside_preset(pool, rows, seed)
     else:
-        every = np.arange(rows.size)
-        yield Case("broad", "broad", pool, every)
-        for kind, names in KINDS.items():
-            judged = np.sort(np.concatenate([place[name] for name in names]))
-            yield Case(
-                f"broad without {kind}", kind, pool, np.setdiff1d(every, judged), judged
-            )
+        yield from _cases_of_broad_scenes(pool, rows)
+
+
+def _rows_of(pool: tuple[str, ...], rows: Dataset, names: Sequence[str]) -> Indices:
+    """Return the positions of the rows of some databases of a pool, database by database."""
+    return np.concatenate(
+        [np.flatnonzero(rows.database == pool.index(name)) for name in names]
+    )
+
+
+def _case_of_kinds(pool: tuple[str, ...], rows: Dataset) -> Case:
+    """Return the case that is judged by the kinds of surfaces which train no surrogate."""
+    foreign = _rows_of(pool, rows, FOREIGN)
+    trained_on = "preset"
+    if BROAD[0] in pool:
+        trained_on = "broad"
+    return Case(
+        trained_on=trained_on,
+        tested_on=KIND,
+        pool=pool,
+        train=np.setdiff1d(np.arange(rows.size), foreign),
+        judged=foreign,
+    )
+
+
+def _cases_of_preset(pool: tuple[str, ...], rows: Dataset) -> Iterator[Case]:
+    """Yield the cases of the preset alone: like its training, and of larger Hurst exponents."""
+    preset = _rows_of(pool, rows, [PAPER])
+    yield Case(trained_on="preset", tested_on="preset", pool=pool, train=preset)
+    is_low = column(rows, "hurst") <= HURST_BORDER
+    yield Case(
+        trained_on=f"preset, H to {HURST_BORDER:g}",
+        tested_on="Hurst exponents above",
+        pool=pool,
+        train=np.flatnonzero(is_low),
+        judged=np.flatnonzero(~is_low),
+    )
+
+
+def _case_of_hardness(pool: tuple[str, ...], rows: Dataset) -> Case:
+    """Return the case that is judged by bodies harder or softer than those that train."""
+    smallest, largest = HARDNESS
+    hardness = column(rows, "hardness")  # over E*, which is 1 MPa
+    is_inside = (hardness >= smallest) & (hardness <= largest)
+    outside = np.flatnonzero(~is_inside)
+    return Case(
+        trained_on=f"preset, hardness {smallest:g} to {largest:g} E*",
+        tested_on="other hardness",
+        pool=pool,
+        train=np.flatnonzero(is_inside),
+        judged=outside,
+        flagged=outside,
+    )
+
+
+def _cases_beside_preset(
+    pool: tuple[str, ...], rows: Dataset, seed: int
+) -> Iterator[Case]:
+    """Yield the cases that are judged by a database beside the preset.
+
+    If that has a finer grid, two more cases train on `FEW` of its rows, with the preset and alone.
+    """
+    name = pool[1]
+    preset = _rows_of(pool, rows, [PAPER])
+    other = _rows_of(pool, rows, [name])
+    yield Case(trained_on="preset", tested_on=name, pool=pool, train=preset, judged=other)
+    if name not in FINE.values():
+        return
+    few = np.random.default_rng(seed).permutation(other)[:FEW]
+    judged = np.setdiff1d(other, few)
+    yield Case(
+        trained_on=f"preset and {FEW} rows of {name}",
+        tested_on=name,
+        pool=pool,
+        train=preset,
+        judged=judged,
+        added=few,
+    )
+    yield Case(
+        trained_on=f"{FEW} rows of {name}",
+        tested_on=name,
+        pool=pool,
+        train=few,
+        judged=judged,
+    )
+
+
+def _cases_of_broad_scenes(pool: tuple[str, ...], rows: Dataset) -> Iterator[Case]:
+    """Yield the cases of the broad scenes: all of them, and without one kind that judges."""
+    all_rows = np.arange(rows.size)
+    yield Case(trained_on="broad", tested_on="broad", pool=pool, train=all_rows)
+    for kind, names in KINDS.items():
+        judged = np.sort(_rows_of(pool, rows, names))
+        yield Case(
+            trained_on=f"broad without {kind}",
+            tested_on=kind,
+            pool=pool,
+            train=np.setdiff1d(all_rows, judged),
+            judged=judged,
+        )
 
 
 def column(rows: Dataset, name: str) -> Values:
-    """Read a column of the only database of a dataset, at its rows."""
+    """Read a column of the database at the rows of a dataset.
+
+    Parameters
+    ----------
+    rows : Dataset
+        n rows of one database.
+    name : str
+        Name of the column.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Values, in the unit of the column.
+    """
     with Reader(Path(rows.origins[0].database)) as reader:
         return np.asarray(reader.column(name), dtype=np.float64)[rows.rows]
 
 
 def pools() -> Sequence[tuple[str, ...]]:
-    """Return the databases that are read together for the cases."""
-    beside = (MIDPOINT, SPECTRAL, *FINE.values())
-    elsewhere = (PAPER, *FOREIGN), (*BROAD, *FOREIGN)
+    """List the databases that are read together for the cases.
+
+    Returns
+    -------
+    sequence of tuples of str
+        Names of the databases of each pool.
+    """
+    beside_preset = (MIDPOINT, SPECTRAL, *FINE.values())
     return (
         (PAPER,),
-        *((PAPER, other) for other in beside),
+        *((PAPER, name) for name in beside_preset),
         (YIELDING,),
         BROAD,
-        *elsewhere,
+        (PAPER, *FOREIGN),
+        (*BROAD, *FOREIGN),
     )
 
 
 def coverage(folder: Path, rows: int, seeds: int) -> Report:
-    """Judge all cases with each seed, and report rows of all seeds and of the cases.
+    """Count the rows inside their intervals, for all cases, targets and seeds.
 
-    The arguments are those of the command.
+    Progress is printed on standard error.
 
-    An InputError is raised if there are too few rows or seeds.
+    Parameters
+    ----------
+    folder : Path
+        Folder of the report. Databases are generated in its folder `databases`, and kept.
+    rows : int
+        Number of rows of the preset, `FEWEST` or more.
+    seeds : int
+        Number of draws of the training rows, 1 or more.
+
+    Returns
+    -------
+    Report
+        Tables `coverage-seeds` of all seeds, and `coverage` and `kinds` with means over the seeds.
+
+    Raises
+    ------
+    InputError
+        If there are too few rows or seeds.
     """
     if rows < FEWEST or seeds < 1:
         raise InputError(
             f"--rows {rows}, --seeds {seeds}: give {FEWEST} rows and 1 seed or more"
         )
-    made = databases(folder / "databases", rows)
-    found = []
+    paths = databases(folder / "databases", rows)
+    judged: list[Row] = []
     for pool in pools():
-        for target, read in zip(
-            TARGETS, _read(*(made[name] for name in pool)), strict=True
-        ):
+        datasets = _read(*(paths[name] for name in pool))
+        for target, of_target in zip(TARGETS, datasets, strict=True):
             for seed in range(seeds):
-                for case in cases(pool, read, seed):
-                    judged = [
-                        {"target": target} | row
-                        for row in _judged(case, read, rows, seed)
-                    ]
-                    share = judged[0]["covered_unflagged"]
-                    remark(
-                        f"{case.trained_on}: {case.tested_on}, {target}: {share:.1%} in 90 %"
-                    )
-                    found += judged
-    table = pooled(found)
-    elsewhere = [row for row in table if not row["tested_on"].startswith(KIND)]
-    tables = {"coverage-seeds": found, "coverage": elsewhere, "kinds": by_kind(table)}
-    return Report(tables)
+                judged += _judged_pool(pool, of_target, target, rows, seed)
+    table = pooled(judged)
+    return Report(
+        {
+            "coverage-seeds": judged,
+            "coverage": [r for r in table if not r["tested_on"].startswith(KIND)],
+            "kinds": by_kind(table),
+        }
+    )
+
+
+def _judged_pool(
+    pool: tuple[str, ...], rows: Dataset, target: str, largest: int, seed: int
+) -> list[Row]:
+    """Return the rows of the table for the cases of a pool, and print the coverage of each case."""
+    judged: list[Row] = []
+    for case in cases(pool, rows, seed):
+        of_case = [
+            {"target": target, **row} for row in _judged(case, rows, largest, seed)
+        ]
+        share = of_case[0]["covered_unflagged"]
+        remark(f"{case.trained_on}: {case.tested_on}, {target}: {share:.1%} in 90 %")
+        judged += of_case
+    return judged
 
 
 REQUEST = replace(request_for(Path(), "kernel-ridge", "hybrid", None), targets=TARGETS)
+"""The request of all surrogates, without databases."""
 
 
 def _read(*paths: Path) -> list[Dataset]:
-    """Read the rows that all targets have, one dataset for each target."""
+    """Read the rows that all targets have from some databases: one dataset for each target."""
     return dataset.read(replace(REQUEST, databases=paths))
 
 
-def _judged(case: Case, rows: Dataset, most: int, seed: int) -> list[Row]:
-    """Fit the surrogate of a case and judge it: a row of the table, then one of each scene."""
-    parts = _parts(case, rows, most, seed)
+def _judged(case: Case, rows: Dataset, largest: int, seed: int) -> list[Row]:
+    """Fit the surrogate of a case to `largest` rows or fewer, and judge it.
+
+    The first row of the table is of all rows that judge. If these are of several databases, a row
+    of each database follows.
+    """
+    parts = _parts(case, rows, largest, seed)
     fitted = fit(REQUEST, parts.train, parts.folds)
-    judged, always = parts.test, np.zeros(parts.test.size, dtype=bool)
-    if case.judged is not None:
-        judged, always = rows.at(case.judged), np.isin(case.judged, case.flagged)
-    scenes = {case.tested_on: np.arange(judged.size)}
-    numbers = np.unique(judged.database) if case.judged is not None else ()
-    for number in numbers if len(numbers) > 1 else ():
-        name = f"{case.tested_on}: {case.pool[number]}"
-        scenes[name] = np.flatnonzero(judged.database == number)
     names = {"trained_on": case.trained_on, "seed": seed, "trained": parts.train.size}
-    return [
-        {**names, "tested_on": scene, **_scores(fitted, judged.at(own), always[own])}
-        for scene, own in scenes.items()
-    ]
+    if case.judged is None:
+        flagged = np.zeros(parts.test.size, dtype=bool)
+        scores = _scores(fitted, parts.test, flagged)
+        return [{**names, "tested_on": case.tested_on, **scores}]
+    judged = rows.at(case.judged)
+    flagged = np.isin(case.judged, case.flagged)
+    scenes = {case.tested_on: np.arange(judged.size)}
+    numbers = np.unique(judged.database)
+    if len(numbers) > 1:
+        for number in numbers:
+            scene = f"{case.tested_on}: {case.pool[number]}"
+            scenes[scene] = np.flatnonzero(judged.database == number)
+    table = []
+    for scene, places in scenes.items():
+        scores = _scores(fitted, judged.at(places), flagged[places])
+        table.append({**names, "tested_on": scene, **scores})
+    return table
 
 
-def _parts(case: Case, rows: Dataset, most: int, seed: int) -> Parts:
-    """Split the rows of a case, up to a largest number, and add the rows that train in any case."""
-    chosen = np.sort(np.random.default_rng(seed).permutation(case.train)[:most])
+def _parts(case: Case, rows: Dataset, largest: int, seed: int) -> Parts:
+    """Split `largest` rows of a case or fewer, and add the rows that train in any case."""
+    chosen = np.sort(np.random.default_rng(seed).permutation(case.train)[:largest])
     drawn = split.draw(rows.at(chosen), seed)
-    train, folds, test = chosen[drawn.train], drawn.folds, rows.at(chosen[drawn.test])
+    train = chosen[drawn.train]
+    folds = drawn.folds
     if case.added.size:
         train = np.append(train, case.added)
         folds = np.append(folds, np.arange(case.added.size) % FOLDS).astype(np.int8)
-        order = np.random.default_rng(seed).permutation(
-            train.size
-        )  # a search sees the first rows
-        train, folds = train[order], folds[order]
-    return Parts(rows.at(train), test, folds)
+        # A search may use the first rows only, so that the added ones have to be among them.
+        order = np.random.default_rng(seed).permutation(train.size)
+        train = train[order]
+        folds = folds[order]
+    return Parts(train=rows.at(train), test=rows.at(chosen[drawn.test]), folds=folds)
 
 
 def _scores(fitted: Fitted, judged: Dataset, always: NDArray[np.bool_]) -> Row:
-    """Return shares and scores of some rows: flagged, covered, and covered where not flagged."""
+    """Return shares of flagged and covered rows, the width of the intervals [%], and the error [%].
+
+    `always` has the rows that count as flagged whatever the surrogate says. The width is the mean
+    of the rows without a flag, over their mean target.
+    """
     low, high = fitted.interval(judged, LEVEL)
     truth = judged.target * judged.scale
     covered = (low <= truth) & (truth <= high)
     flagged = fitted.flags(judged) | always
     kept = ~flagged
-    widths = (high - low)[kept].sum() / truth[kept].sum() if kept.any() else np.nan
+    covered_unflagged = float("nan")
+    width = float("nan")
+    if kept.any():
+        covered_unflagged = float(covered[kept].mean())
+        width = float((high - low)[kept].sum() / truth[kept].sum())
     return {
         "judged": judged.size,
         "nmae": fitted.scores(judged).nmae,
         "flagged": float(flagged.mean()),
         "covered": float(covered.mean()),
         "unflagged": int(kept.sum()),
-        "covered_unflagged": float(covered[kept].mean()) if kept.any() else float("nan"),
-        "width": 100 * float(widths),
+        "covered_unflagged": covered_unflagged,
+        "width": 100 * width,
         "empty": int((high <= low)[kept].sum()),
     }
 
 
-def pooled(found: Sequence[Row]) -> list[Row]:
-    """Return one row for each case: means over the seeds, unflagged rows counted together."""
+def pooled(judged: Sequence[Row]) -> list[Row]:
+    """Average over the seeds, weighting each seed with the number of its unflagged rows.
+
+    Parameters
+    ----------
+    judged : sequence of Row
+        Rows of the table `coverage-seeds`.
+
+    Returns
+    -------
+    list of Row
+        One row for each case, database and target, with a verdict.
+    """
     groups: dict[tuple[str, ...], list[Row]] = {}
-    for row in found:
-        key = row["trained_on"], row["tested_on"], row["target"]
+    for row in judged:
+        key = (row["trained_on"], row["tested_on"], row["target"])
         groups.setdefault(key, []).append(row)
     return [_pooled(rows) for rows in groups.values()]
 
 
 def by_kind(table: Sequence[Row]) -> list[Row]:
-    """Return one row for each kind of surfaces, with the coverage and width of all targets."""
-    found: dict[tuple[str, str], Row] = {}
+    """Collect the rows about kinds of surfaces that train no surrogate.
+
+    Parameters
+    ----------
+    table : sequence of Row
+        Rows of `pooled`.
+
+    Returns
+    -------
+    list of Row
+        One row for each kind, with coverage and width [%] of all targets. `flagged` and
+        `unflagged` are those of the first target; `empty` is the sum over the targets.
+    """
+    rows: dict[tuple[str, str], Row] = {}
     for row in table:
-        if row["tested_on"].startswith(KIND):
-            kind = row["tested_on"].removeprefix(f"{KIND}: ").replace(KIND, "all")
-            names = {
-                "trained_on": row["trained_on"],
-                "kind": kind,
-                "judged": row["judged"],
-            }
-            counts = {
-                "flagged": row["flagged"],
-                "unflagged": row["unflagged"],
-                "empty": 0,
-            }
-            own = found.setdefault((row["trained_on"], kind), names | counts)
-            own["empty"] += row["empty"]
-            own[row["target"]] = row["covered_unflagged"]
-            own[f"{row['target']}_width"] = row["width"]
-    return list(found.values())
+        if not row["tested_on"].startswith(KIND):
+            continue
+        kind = row["tested_on"].removeprefix(f"{KIND}: ").replace(KIND, "all")
+        new_row = {
+            "trained_on": row["trained_on"],
+            "kind": kind,
+            "judged": row["judged"],
+            "flagged": row["flagged"],
+            "unflagged": row["unflagged"],
+            "empty": 0,
+        }
+        of_kind = rows.setdefault((row["trained_on"], kind), new_row)
+        of_kind["empty"] += row["empty"]
+        of_kind[row["target"]] = row["covered_unflagged"]
+        of_kind[f"{row['target']}_width"] = row["width"]
+    return list(rows.values())
 
 
 def _pooled(rows: Sequence[Row]) -> Row:
-    """Return a row of all seeds of a case."""
-    names = ("unflagged", "covered_unflagged", "width", "nmae", "flagged", "covered")
-    weights, each, width, *others = (
-        np.array([row[name] for row in rows]) for name in names
+    """Return the row for all seeds of a case, from one row for each seed."""
+
+    def values(name: str) -> Values:
+        return np.array([row[name] for row in rows])
+
+    first = rows[0]
+    unflagged = values("unflagged")
+    coverage_of_rows = _Coverage.of(
+        unflagged, values("covered_unflagged"), values("width")
     )
-    share = error = mean_width = float("nan")
-    if (some := weights > 0).any():
-        share = float(np.average(each[some], weights=weights[some]))
-        mean_width = float(np.average(width[some], weights=weights[some]))
-        # The seeds judge rows that are alike: no more than one seed's are independent.
-        error = float(np.sqrt(share * (1 - share) / weights[some].mean()))
-    means = zip(names[3:], (float(mean) for mean in np.mean(others, axis=1)), strict=True)
     return {
-        **{name: rows[0][name] for name in ("trained_on", "tested_on", "target")},
+        "trained_on": first["trained_on"],
+        "tested_on": first["tested_on"],
+        "target": first["target"],
         "seeds": len(rows),
-        **{name: rows[0][name] for name in ("trained", "judged")},
-        **dict(means),
-        "unflagged": int(weights.sum()),
-        "covered_unflagged": share,
-        "error": error,
-        "width": mean_width,
+        "trained": first["trained"],
+        "judged": first["judged"],
+        "nmae": float(values("nmae").mean()),
+        "flagged": float(values("flagged").mean()),
+        "covered": float(values("covered").mean()),
+        "unflagged": int(unflagged.sum()),
+        "covered_unflagged": coverage_of_rows.share,
+        "error": coverage_of_rows.error,
+        "width": coverage_of_rows.width,
         "empty": sum(row["empty"] for row in rows),
-        "verdict": verdict(share, error, int(weights.sum())),
+        "verdict": verdict(
+            coverage_of_rows.share, coverage_of_rows.error, int(unflagged.sum())
+        ),
     }
 
 
+@dataclass(frozen=True)
+class _Coverage:
+    """The coverage of the rows without a flag, over all seeds; NaN if all rows are flagged."""
+
+    share: float  # of the rows inside their interval, 0 to 1
+    error: float  # standard error of the share
+    width: float  # mean width of the intervals over the mean target [%]
+
+    @classmethod
+    def of(cls, unflagged: Values, shares: Values, widths: Values) -> "_Coverage":
+        """Average over the seeds: numbers of unflagged rows, shares and widths of each seed."""
+        has_rows = unflagged > 0
+        if not has_rows.any():
+            return cls(share=float("nan"), error=float("nan"), width=float("nan"))
+        weights = unflagged[has_rows]
+        share = float(np.average(shares[has_rows], weights=weights))
+        # The seeds judge similar rows, so that no more than one seed's rows are independent.
+        error = float(np.sqrt(share * (1 - share) / weights.mean()))
+        width = float(np.average(widths[has_rows], weights=weights))
+        return cls(share=share, error=error, width=width)
+
+
 def verdict(share: float, error: float, unflagged: int) -> str:
-    """Say whether the coverage of unflagged rows is what is asked for, within a standard error."""
+    """Judge the coverage of the rows without a flag.
+
+    Parameters
+    ----------
+    share : float
+        Share of these rows inside their interval, 0 to 1.
+    error : float
+        Standard error of the share.
+    unflagged : int
+        Number of these rows.
+
+    Returns
+    -------
+    str
+        "met", "met within its error", "not met", or a reason why there is no verdict.
+    """
     if not unflagged:
         return "all flagged"
     if unflagged < ENOUGH:
         return "few unflagged"
     if share >= WANTED:
         return "met"
-    return "met within its error" if share + error >= WANTED else "not met"
+    if share + error >= WANTED:
+        return "met within its error"
+    return "not met"

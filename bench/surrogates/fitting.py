@@ -1,7 +1,8 @@
-"""Fits for the reports, made as `learn fit` makes them, of rows from one database or several."""
+"""Fits for the reports, made as `learn fit` makes them, of rows from one or several databases."""
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,44 +22,115 @@ from learn.surrogate.learnt import Fit
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """Rows of one database that fit and judge, with the folds of those that fit."""
+    """The rows of a dataset, split into those that fit a surrogate and those that test it."""
 
     train: Dataset
     test: Dataset
-    folds: NDArray[np.int8]
+    folds: NDArray[np.int8]  # fold of each training row, 0 to 4
+
+
+class Ends(NamedTuple):
+    """The ends of the intervals of n rows, in the unit of the column."""
+
+    low: Values  # (n,)
+    high: Values  # (n,)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Fitted(Fit):
-    """A fitted model of a target, with the flags for rows of another kind."""
+    """A fitted model of a target that flags rows unlike those of its training."""
 
-    low: Values  # (d,) ends of the training ranges
-    high: Values
-    distance: Distance  # from the training
+    low: Values  # smallest value of each of d inputs in the training, (d,)
+    high: Values  # largest value of each input in the training, (d,)
+    distance: Distance  # from the training rows
 
     def predict(self, rows: Dataset) -> Values:
-        """Predict n rows, in the unit of the target's column."""
+        """Predict the target.
+
+        Parameters
+        ----------
+        rows : Dataset
+            n rows with the inputs of the training.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Predictions inside the bounds of the target, in the unit of its column.
+        """
         return np.clip(self.learnt.raw(rows.inputs) * rows.scale, *self.learnt.bounds)
 
     def scores(self, rows: Dataset) -> Scores:
-        """Judge the predictions of some rows."""
+        """Compare predictions with the target.
+
+        Parameters
+        ----------
+        rows : Dataset
+            Rows with the inputs and the target of the training.
+
+        Returns
+        -------
+        Scores
+            Scores [%].
+        """
         return scores(rows.target * rows.scale, self.predict(rows))
 
-    def interval(self, rows: Dataset, level: float) -> tuple[Values, Values]:
-        """Return both ends of the interval of each of n rows, in the unit of the column."""
-        raw, inputs = self.predict(rows) / rows.scale, rows.inputs
-        ends = self.learnt.calibration.ends(raw, level, inputs)
+    def interval(self, rows: Dataset, level: float) -> Ends:
+        """Compute the interval of each row.
+
+        Parameters
+        ----------
+        rows : Dataset
+            n rows with the inputs of the training.
+        level : float
+            Share of rows like those of the training that are to lie inside, 0 to 1.
+
+        Returns
+        -------
+        Ends
+            Both ends, inside the bounds of the target.
+        """
+        raw = self.predict(rows) / rows.scale
+        ends = self.learnt.calibration.ends(raw, level, rows.inputs)
         low, high = (np.clip(end * rows.scale, *self.learnt.bounds) for end in ends)
-        return low, high
+        return Ends(low=low, high=high)
 
     def flags(self, rows: Dataset) -> NDArray[np.bool_]:
-        """Return whether rows have an input outside the training ranges, or are far away, (n,)."""
-        outside = ((rows.inputs < self.low) | (rows.inputs > self.high)).any(axis=1)
-        return np.asarray(outside | (self.distance.of(rows.inputs) > self.distance.limit))
+        """Flag the rows that are unlike those of the training.
+
+        Parameters
+        ----------
+        rows : Dataset
+            n rows with the inputs of the training.
+
+        Returns
+        -------
+        ndarray of bool, shape (n,)
+            True if an input is outside the training ranges, or the row is far from all others.
+        """
+        is_outside = ((rows.inputs < self.low) | (rows.inputs > self.high)).any(axis=1)
+        is_far = self.distance.of(rows.inputs) > self.distance.limit
+        return np.asarray(is_outside | is_far)
 
 
 def request_for(path: Path, model: str, features: str, area_max: float | None) -> Request:
-    """Ask for the contact area of a database's rows."""
+    """Make the request for a surrogate of the contact area.
+
+    Parameters
+    ----------
+    path : Path
+        The database.
+    model : str
+        Name of the model.
+    features : str
+        Name of the feature set.
+    area_max : float or None
+        Largest area of a row that is used [%]; None for all rows.
+
+    Returns
+    -------
+    Request
+        The request, with the normalisation that belongs to the features.
+    """
     return Request(
         databases=(path,),
         models=(model,),
@@ -70,18 +142,48 @@ def request_for(path: Path, model: str, features: str, area_max: float | None) -
 
 
 def read(request: Request, rows: int | None = None) -> Dataset:
-    """Read a database with a request's features: all of it, or its first rows.
+    """Read the rows of a database with the features of a request.
 
-    An InputError is raised if too few rows can be used.
+    Parameters
+    ----------
+    request : Request
+        The request, with one target.
+    rows : int or None
+        Number of the database's first rows that are used; None for all.
+
+    Returns
+    -------
+    Dataset
+        The usable rows.
+
+    Raises
+    ------
+    InputError
+        If too few rows can be used.
     """
-    (found,) = dataset.read(request)
-    return found if rows is None else found.at(np.flatnonzero(found.rows < rows))
+    (all_rows,) = dataset.read(request)
+    if rows is None:
+        return all_rows
+    return all_rows.at(np.flatnonzero(all_rows.rows < rows))
 
 
 def parted(rows: Dataset, seed: int = 0) -> Parts:
-    """Split a dataset into training and test, as `learn fit` does with a seed."""
+    """Split a dataset into training and test rows, as `learn fit` does.
+
+    Parameters
+    ----------
+    rows : Dataset
+        The rows.
+    seed : int
+        Seed of the split.
+
+    Returns
+    -------
+    Parts
+        Training rows with their folds, and test rows.
+    """
     drawn = split.draw(rows, seed)
-    return Parts(rows.at(drawn.train), rows.at(drawn.test), drawn.folds)
+    return Parts(train=rows.at(drawn.train), test=rows.at(drawn.test), folds=drawn.folds)
 
 
 def fit(
@@ -90,11 +192,34 @@ def fit(
     folds: NDArray[np.int8],
     settings: Settings | None = None,
 ) -> Fitted:
-    """Choose settings by the folds unless they are given, fit, calibrate by the training rows.
+    """Fit a surrogate, and calibrate its intervals and flags by the training rows.
 
-    An InputError is raised if this machine lacks the memory.
+    Parameters
+    ----------
+    request : Request
+        The request, with one model.
+    train : Dataset
+        n training rows.
+    folds : ndarray, shape (n,)
+        Fold of each training row.
+    settings : Settings or None
+        Settings of the model; None to choose among those of the program by the folds.
+
+    Returns
+    -------
+    Fitted
+        The surrogate.
+
+    Raises
+    ------
+    InputError
+        If this machine lacks the memory.
     """
     plan = plan_calibration(request.models[0], train)
     fitted = fit_target(request, train, plan, folds, settings=settings)
-    low, high = train.inputs.min(axis=0), train.inputs.max(axis=0)
-    return Fitted(**vars(fitted), low=low, high=high, distance=plan.distance)
+    return Fitted(
+        **vars(fitted),
+        low=train.inputs.min(axis=0),
+        high=train.inputs.max(axis=0),
+        distance=plan.distance,
+    )

@@ -1,6 +1,10 @@
-"""Kinds of surfaces by which intervals and flags are judged: none of them trains a surrogate.
+"""Kinds of surfaces that judge the intervals and flags of surrogates, and train none of them.
 
-Each is a function for the scene's generator "python". Its numbers are drawn with the surface.
+Each kind is a function for the generator "python" of a scene. It takes the shape of the surface,
+the spacing along x and y [um] and a random generator, from which it draws the parameters of the
+kind; it returns the heights [um].
+
+The order in which a function draws its numbers decides the surfaces: another order makes others.
 """
 
 from functools import partial
@@ -15,31 +19,41 @@ from gen.spectral import SelfAffineSpectrum, generate_spectral
 from gen.surface import generate
 
 NAMES = (
-    *(
-        "turned",
-        "ground",
-        "honed",
-        "sandblasted",
-        "one_to_five",
-        "one_to_ten",
-        "sine",
-        "egg_box",
-    ),
-    *(
-        "lognormal",
-        "pitted",
-        "bumps",
-        "spheres",
-        "worn",
-        "two_scales",
-        "grains",
-        "scratched",
-    ),
-    *("stepped", "patchy", "brushed", "holed", "weibull", "truncated", "liner", "pores"),
+    "turned",
+    "ground",
+    "honed",
+    "sandblasted",
+    "one_to_five",
+    "one_to_ten",
+    "sine",
+    "egg_box",
+    "lognormal",
+    "pitted",
+    "bumps",
+    "spheres",
+    "worn",
+    "two_scales",
+    "grains",
+    "scratched",
+    "stepped",
+    "patchy",
+    "brushed",
+    "holed",
+    "weibull",
+    "truncated",
+    "liner",
+    "pores",
 )
+"""Names of the kinds, which are those of the functions."""
 
 Shape = tuple[int, int]
+"""Nodes along x and along y."""
+
 Spacing = tuple[float, float]
+"""Distance between neighbouring nodes along x and along y [um]."""
+
+HEXAGONAL = 0.866
+"""Distance of the rows of a hexagonal packing over the distance of its spheres."""
 
 
 def _self_affine(
@@ -48,126 +62,212 @@ def _self_affine(
     rng: np.random.Generator,
     *,
     longest: float = 0.5,
-    **given: float,
+    stretch: float = 1.0,
+    hurst: float | None = None,
 ) -> Heights:
-    """Make a window of a self-affine surface, rms 1; `longest` is the roll-off over the side."""
-    larger = 2 * shape[0], 2 * shape[1]
-    sides = larger[0] * spacing[0], larger[1] * spacing[1]
-    stretch, cut_off = given.get("stretch", 1.0), 2.1 * max(spacing)
+    """Make a window of a self-affine surface with a mean of 0 and an rms height of 1.
+
+    `longest` is the roll-off wavelength along x over the side; `stretch` is the ratio of
+    wavelengths along x to wavelengths along y. A Hurst exponent is drawn if none is given.
+    """
+    larger = (2 * shape[0], 2 * shape[1])
+    sides = (larger[0] * spacing[0], larger[1] * spacing[1])
+    cut_off = 2.1 * max(spacing)
     roll_off = max(longest * shape[0] * spacing[0], 1.2 * cut_off)
-    hurst = given.get("hurst", rng.uniform(0.5, 0.9))
+    drawn_hurst = rng.uniform(
+        0.5, 0.9
+    )  # also if one is given: the order of draws decides
+    if hurst is None:
+        hurst = drawn_hurst
     spectrum = SelfAffineSpectrum(hurst, roll_off / stretch, cut_off / stretch, stretch)
-    whole = generate_spectral(larger, sides, spectrum, rng, rms_height=1.0)
-    return _scaled(whole[: shape[0], : shape[1]])
+    heights = generate_spectral(larger, sides, spectrum, rng, rms_height=1.0)
+    return _scaled(heights[: shape[0], : shape[1]])
 
 
 def _scaled(heights: Heights) -> Heights:
+    """Shift and scale heights to a mean of 0 and an rms of 1."""
     return np.asarray((heights - heights.mean()) / heights.std())
 
 
 def _sized(heights: Heights, rng: np.random.Generator) -> Heights:
-    """Give the surface an rms height of 2 to 12 um."""
+    """Scale heights to an rms that is drawn from 2 to 12 um."""
     return np.asarray(_scaled(heights) * np.exp(rng.uniform(np.log(2.0), np.log(12.0))))
 
 
 def _axes(shape: Shape) -> tuple[Heights, Heights]:
-    """Return coordinates over the side, of shapes (nx, 1) and (1, ny)."""
+    """Return x and y over the side, 0 to 1, of the shapes (nx, 1) and (1, ny)."""
     return np.linspace(0, 1, shape[0])[:, None], np.linspace(0, 1, shape[1])[None, :]
+
+
+def _across(x: Heights, y: Heights, angle: float, rng: np.random.Generator) -> Heights:
+    """Return the signed distances over the side from a straight line through a drawn point.
+
+    `angle` is the direction of the distances [rad], from x to y.
+    """
+    along_x = (x - rng.uniform()) * np.cos(angle)
+    along_y = (y - rng.uniform()) * np.sin(angle)
+    return np.asarray(along_x + along_y)
 
 
 def _made(
     kind: Kind, shape: Shape, spacing: Spacing, rng: np.random.Generator
 ) -> Heights:
-    """Make a map of `bench.made_maps` of this shape."""
-    made = MadeMap(
-        kind, int(rng.integers(2**31)), shape, 1.0, shape[0] * rng.uniform(0.12, 0.4)
-    )
-    return _sized(surface(made), rng)
+    """Make a map of `bench.made_maps`, of a drawn rms height."""
+    seed = int(rng.integers(2**31))
+    length = shape[0] * rng.uniform(0.12, 0.4)
+    return _sized(surface(MadeMap(kind, seed, shape, 1.0, length)), rng)
 
 
-turned, ground = partial(_made, "turned"), partial(_made, "ground")
-honed, sandblasted = partial(_made, "honed"), partial(_made, "sandblasted")
+turned = partial(_made, "turned")
+ground = partial(_made, "ground")
+honed = partial(_made, "honed")
+sandblasted = partial(_made, "sandblasted")
 
 
 def _long(
-    most: float, stretch: float, shape: Shape, spacing: Spacing, rng: np.random.Generator
+    largest: float,
+    stretch: float,
+    shape: Shape,
+    spacing: Spacing,
+    rng: np.random.Generator,
 ) -> Heights:
-    """Make waves that are longer along y than along x."""
-    longest = rng.uniform(0.1, most)
-    return _sized(
-        _self_affine(shape, spacing, rng, longest=longest, stretch=stretch), rng
-    )
+    """Make waves that are longer along y than along x.
+
+    `largest` is the largest roll-off wavelength over the side, and `stretch` the ratio of
+    wavelengths along x to wavelengths along y.
+    """
+    longest = rng.uniform(0.1, largest)
+    waves = _self_affine(shape, spacing, rng, longest=longest, stretch=stretch)
+    return _sized(waves, rng)
 
 
-one_to_five, one_to_ten = partial(_long, 0.4, 0.2), partial(_long, 0.2, 0.1)
+one_to_five = partial(_long, 0.4, 0.2)
+one_to_ten = partial(_long, 0.2, 0.1)
 
 
 def _exponential(
     sign: int, shape: Shape, spacing: Spacing, rng: np.random.Generator
 ) -> Heights:
-    """Make peaks or pits: the exponential of a self-affine surface, or less that."""
-    return _sized(
-        sign * np.exp(rng.uniform(0.3, 1.0) * _self_affine(shape, spacing, rng)), rng
-    )
+    """Make peaks (sign 1) or pits (sign -1): the exponential of a self-affine surface."""
+    strength = rng.uniform(0.3, 1.0)
+    return _sized(sign * np.exp(strength * _self_affine(shape, spacing, rng)), rng)
 
 
-lognormal, pitted = partial(_exponential, 1), partial(_exponential, -1)
+lognormal = partial(_exponential, 1)
+pitted = partial(_exponential, -1)
 
 
 def sine(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """A wave along one direction, with self-affine noise of 0.1 to 0.4 of its rms height."""
-    (x, y), angle = _axes(shape), rng.uniform(0, np.pi)
-    phase = (
-        2
-        * np.pi
-        * (rng.uniform(3, 10) * (x * np.cos(angle) + y * np.sin(angle)) + rng.uniform())
-    )
+    """Make a wave along one direction, with self-affine noise of 0.1 to 0.4 of its rms height.
+
+    Parameters
+    ----------
+    shape : pair of int
+        Nodes along x and along y.
+    spacing : pair of float
+        Distance between neighbouring nodes along x and along y [um].
+    rng : Generator
+        Source of the random numbers.
+
+    Returns
+    -------
+    ndarray
+        Heights [um] of this shape.
+    """
+    x, y = _axes(shape)
+    angle = rng.uniform(0, np.pi)
+    waves = rng.uniform(3, 10)
+    along = waves * (x * np.cos(angle) + y * np.sin(angle))
+    phase = 2 * np.pi * (along + rng.uniform())
     noise = _self_affine(shape, spacing, rng)
     return _sized(np.sqrt(2) * np.sin(phase) + rng.uniform(0.1, 0.4) * noise, rng)
 
 
 def egg_box(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """Waves along both axes, with very little noise."""
-    (x, y), waves = _axes(shape), rng.uniform(2, 8, 2)
-    both = np.sin(2 * np.pi * (waves[0] * x + rng.uniform())) + np.sin(
-        2 * np.pi * (waves[1] * y + rng.uniform())
-    )
-    return _sized(both + 0.03 * rng.normal(size=shape), rng)
+    """Make waves along both axes, with very little noise.
+
+    Parameters
+    ----------
+    shape, spacing, rng
+        As in `sine`.
+
+    Returns
+    -------
+    ndarray
+        Heights [um] of this shape.
+    """
+    x, y = _axes(shape)
+    waves = rng.uniform(2, 8, 2)
+    along_x = np.sin(2 * np.pi * (waves[0] * x + rng.uniform()))
+    along_y = np.sin(2 * np.pi * (waves[1] * y + rng.uniform()))
+    return _sized(along_x + along_y + 0.03 * rng.normal(size=shape), rng)
 
 
 def bumps(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """Paraboloids of random places, radii and heights on a fine noise."""
-    (x, y), heights = _axes(shape), 0.02 * rng.normal(size=shape)
+    """Make paraboloids of random places, radii and heights on a fine noise.
+
+    Parameters
+    ----------
+    shape, spacing, rng
+        As in `sine`.
+
+    Returns
+    -------
+    ndarray
+        Heights [um] of this shape.
+    """
+    x, y = _axes(shape)
+    heights = 0.02 * rng.normal(size=shape)
     for _ in range(int(rng.integers(20, 120))):
-        at, radius, height = (
-            rng.uniform(size=2),
-            rng.uniform(0.04, 0.15),
-            rng.uniform(0.5, 1.0),
-        )
-        cap = height * (1 - ((x - at[0]) ** 2 + (y - at[1]) ** 2) / radius**2)
-        heights = np.maximum(heights, cap)
+        centre = rng.uniform(size=2)
+        radius = rng.uniform(0.04, 0.15)
+        height = rng.uniform(0.5, 1.0)
+        squared = (x - centre[0]) ** 2 + (y - centre[1]) ** 2
+        heights = np.maximum(heights, height * (1 - squared / radius**2))
     return _sized(heights, rng)
 
 
 def spheres(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """A hexagonal packing of spheres whose heights differ a little."""
-    (x, y), pitch = _axes(shape), 1 / rng.uniform(4, 10)
-    heights, rows = np.full(shape, -pitch), int(1 / (pitch * 0.866)) + 2
+    """Make a hexagonal packing of spheres whose heights differ a little.
+
+    Parameters
+    ----------
+    shape, spacing, rng
+        As in `sine`.
+
+    Returns
+    -------
+    ndarray
+        Heights [um] of this shape.
+    """
+    x, y = _axes(shape)
+    pitch = 1 / rng.uniform(4, 10)
     shift = rng.uniform(0, pitch, 2)
-    for row in range(-1, rows):
+    heights = np.full(shape, -pitch)
+    # The packing extends beyond the surface on all sides.
+    for row in range(-1, int(1 / (pitch * HEXAGONAL)) + 2):
         for column in range(-1, int(1 / pitch) + 2):
-            at = (
-                shift[0] + (column + 0.5 * (row % 2)) * pitch,
-                shift[1] + row * 0.866 * pitch,
-            )
-            square = (pitch / 2) ** 2 - (x - at[0]) ** 2 - (y - at[1]) ** 2
+            centre_x = shift[0] + (column + 0.5 * (row % 2)) * pitch
+            centre_y = shift[1] + row * HEXAGONAL * pitch
+            square = (pitch / 2) ** 2 - (x - centre_x) ** 2 - (y - centre_y) ** 2
             top = np.sqrt(np.maximum(square, 0.0)) + 0.05 * pitch * rng.normal()
             heights = np.maximum(heights, np.where(square > 0, top, -pitch / 2))
     return _sized(heights, rng)
 
 
 def worn(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """A self-affine surface whose highest parts are worn to a nearly flat plateau."""
+    """Make a self-affine surface whose highest parts are worn to a nearly flat plateau.
+
+    Parameters
+    ----------
+    shape, spacing, rng
+        As in `sine`.
+
+    Returns
+    -------
+    ndarray
+        Heights [um] of this shape.
+    """
     heights = _self_affine(shape, spacing, rng)
     level = np.quantile(heights, rng.uniform(0.4, 0.9))
     plateau = level + 0.05 * _self_affine(shape, spacing, rng)
@@ -175,117 +275,240 @@ def worn(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
 
 
 def two_scales(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """Long waves, and a fine roughness with nothing between."""
+    """Make long waves and a fine roughness, without wavelengths between them.
+
+    Parameters
+    ----------
+    shape, spacing, rng
+        As in `sine`.
+
+    Returns
+    -------
+    ndarray
+        Heights [um] of this shape.
+    """
     coarse = _self_affine(shape, spacing, rng, longest=1.0, hurst=1.0)
     fine = _self_affine(shape, spacing, rng, longest=0.06, hurst=0.8)
     return _sized(coarse + rng.uniform(0.1, 0.6) * fine, rng)
 
 
 def grains(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """Facets of grains, each flat and tilted."""
-    (x, y), number = _axes(shape), int(rng.integers(20, 150))
-    at = rng.uniform(size=(number, 2))
-    squares = (x[..., None] - at[:, 0]) ** 2 + (y[..., None] - at[:, 1]) ** 2
-    own = squares.argmin(axis=-1)
+    """Make facets of grains, each flat and tilted, with very little noise.
+
+    Parameters
+    ----------
+    shape, spacing, rng
+        As in `sine`.
+
+    Returns
+    -------
+    ndarray
+        Heights [um] of this shape.
+    """
+    x, y = _axes(shape)
+    number = int(rng.integers(20, 150))
+    centres = rng.uniform(size=(number, 2))
+    squares = (x[..., None] - centres[:, 0]) ** 2 + (y[..., None] - centres[:, 1]) ** 2
+    grain = squares.argmin(axis=-1)  # number of the grain of each node
     tilts = rng.normal(0, 3.0, (number, 2))
-    inside = tilts[own, 0] * (x - at[own, 0]) + tilts[own, 1] * (y - at[own, 1])
-    return _sized(
-        rng.normal(size=number)[own] + inside + 0.02 * rng.normal(size=shape), rng
-    )
+    along_x = tilts[grain, 0] * (x - centres[grain, 0])
+    along_y = tilts[grain, 1] * (y - centres[grain, 1])
+    levels = rng.normal(size=number)[grain]
+    noise = 0.02 * rng.normal(size=shape)
+    return _sized(levels + (along_x + along_y) + noise, rng)
 
 
 def scratched(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """A self-affine surface with straight scratches of random directions."""
-    (x, y), heights = _axes(shape), _self_affine(shape, spacing, rng)
+    """Make a self-affine surface with straight scratches of random directions.
+
+    Parameters
+    ----------
+    shape, spacing, rng
+        As in `sine`.
+
+    Returns
+    -------
+    ndarray
+        Heights [um] of this shape.
+    """
+    x, y = _axes(shape)
+    heights = _self_affine(shape, spacing, rng)
     for _ in range(int(rng.integers(5, 30))):
-        angle = rng.uniform(0, np.pi)
-        across = (x - rng.uniform()) * np.cos(angle) + (y - rng.uniform()) * np.sin(angle)
-        heights = heights - rng.uniform(0.5, 2.0) * np.exp(
-            -((across / rng.uniform(0.01, 0.04)) ** 2)
-        )
+        across = _across(x, y, rng.uniform(0, np.pi), rng)
+        depth = rng.uniform(0.5, 2.0)
+        width = rng.uniform(0.01, 0.04)
+        heights = heights - depth * np.exp(-((across / width) ** 2))
     return _sized(heights, rng)
 
 
 def weibull(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """Heights of a Weibull distribution, skewed to either side."""
-    drawn = (-log_ndtr(_self_affine(shape, spacing, rng))) ** (1 / rng.uniform(1.0, 3.0))
-    return _sized(rng.choice([-1.0, 1.0]) * drawn, rng)
+    """Make heights of a Weibull distribution, skewed to either side.
+
+    Parameters
+    ----------
+    shape, spacing, rng
+        As in `sine`.
+
+    Returns
+    -------
+    ndarray
+        Heights [um] of this shape.
+    """
+    exponential = -log_ndtr(_self_affine(shape, spacing, rng))
+    heights = exponential ** (1 / rng.uniform(1.0, 3.0))
+    return _sized(rng.choice([-1.0, 1.0]) * heights, rng)
 
 
 def truncated(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """A self-affine surface whose peaks are cut off, with very little noise."""
+    """Make a self-affine surface whose peaks are cut off, with very little noise.
+
+    Parameters
+    ----------
+    shape, spacing, rng
+        As in `sine`.
+
+    Returns
+    -------
+    ndarray
+        Heights [um] of this shape.
+    """
     heights = _self_affine(shape, spacing, rng)
     cut = np.minimum(heights, np.quantile(heights, rng.uniform(0.6, 0.98)))
     return _sized(cut + 0.01 * rng.normal(size=shape), rng)
 
 
 def liner(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """A self-affine surface, slightly worn, with crossing scratches of two widths."""
-    (x, y), heights, angle = (
-        _axes(shape),
-        _self_affine(shape, spacing, rng),
-        rng.uniform(0.3, 1.2),
-    )
+    """Make a slightly worn self-affine surface, with crossing scratches of two widths.
+
+    Parameters
+    ----------
+    shape, spacing, rng
+        As in `sine`.
+
+    Returns
+    -------
+    ndarray
+        Heights [um] of this shape.
+    """
+    x, y = _axes(shape)
+    heights = _self_affine(shape, spacing, rng)
+    angle = rng.uniform(0.3, 1.2)
     heights = np.where(heights > 0, rng.uniform(0.3, 1.0) * heights, heights)
     for number in range(int(rng.integers(8, 40))):
-        along, wide = angle * (-1) ** number, number % 4 == 0
-        across = (x - rng.uniform()) * np.cos(along) + (y - rng.uniform()) * np.sin(along)
-        width = rng.uniform(0.03, 0.06) if wide else rng.uniform(0.008, 0.015)
-        heights = heights - rng.uniform(0.2, 2.0 if wide else 1.0) * np.exp(
-            -((across / width) ** 2)
-        )
+        across = _across(x, y, angle * (-1) ** number, rng)
+        if number % 4 == 0:
+            width = rng.uniform(0.03, 0.06)
+            depth = rng.uniform(0.2, 2.0)
+        else:
+            width = rng.uniform(0.008, 0.015)
+            depth = rng.uniform(0.2, 1.0)
+        heights = heights - depth * np.exp(-((across / width) ** 2))
     return _sized(heights, rng)
 
 
 def pores(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """A self-affine surface with round pores of random sizes."""
-    (x, y), heights = _axes(shape), _self_affine(shape, spacing, rng)
+    """Make a self-affine surface with round pores of random sizes.
+
+    Parameters
+    ----------
+    shape, spacing, rng
+        As in `sine`.
+
+    Returns
+    -------
+    ndarray
+        Heights [um] of this shape.
+    """
+    x, y = _axes(shape)
+    heights = _self_affine(shape, spacing, rng)
     for _ in range(int(rng.integers(5, 60))):
-        at, radius = rng.uniform(size=2), rng.uniform(0.01, 0.05)
-        square = ((x - at[0]) ** 2 + (y - at[1]) ** 2) / radius**2
+        centre = rng.uniform(size=2)
+        radius = rng.uniform(0.01, 0.05)
+        square = ((x - centre[0]) ** 2 + (y - centre[1]) ** 2) / radius**2
         heights = heights - rng.uniform(0.5, 3.0) * np.maximum(1 - square, 0.0)
     return _sized(heights, rng)
 
 
 def _midpoint(shape: Shape, rng: np.random.Generator) -> Heights:
-    """Make a surface as the paper preset has them: random midpoint displacement."""
-    return generate(
-        "diamond-square", shape[0], rng.uniform(0.5, 0.8), rng.uniform(10, 15), rng
-    )
+    """Make a surface like those of the paper preset: random midpoint displacement [um]."""
+    hurst = rng.uniform(0.5, 0.8)
+    sigma0 = rng.uniform(10, 15)
+    return generate("diamond-square", shape[0], hurst, sigma0, rng)
 
 
 def stepped(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """A surface of the paper preset with a step along a straight line."""
-    heights, (x, y), angle = (
-        _midpoint(shape, rng),
-        _axes(shape),
-        rng.uniform(0, 2 * np.pi),
-    )
-    beyond = (x - rng.uniform(0.2, 0.8)) * np.cos(angle) + (y - 0.5) * np.sin(angle) > 0
-    return np.asarray(heights + rng.uniform(0.1, 1.5) * heights.std() * beyond)
+    """Make a surface of the paper preset with a step along a straight line.
+
+    Parameters
+    ----------
+    shape, spacing, rng
+        As in `sine`; the shape is square, with 2^k + 1 nodes a side.
+
+    Returns
+    -------
+    ndarray
+        Heights [um] of this shape.
+    """
+    heights = _midpoint(shape, rng)
+    x, y = _axes(shape)
+    angle = rng.uniform(0, 2 * np.pi)
+    across = (x - rng.uniform(0.2, 0.8)) * np.cos(angle) + (y - 0.5) * np.sin(angle)
+    return np.asarray(heights + rng.uniform(0.1, 1.5) * heights.std() * (across > 0))
 
 
 def patchy(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """A surface of the paper preset whose roughness varies over the patch."""
-    heights, (x, y) = _midpoint(shape, rng), _axes(shape)
-    wave = np.sin(2 * np.pi * (x + rng.uniform())) * np.sin(
-        2 * np.pi * (y + rng.uniform())
-    )
-    return np.asarray(heights * np.exp(rng.uniform(0.1, 1.0) * wave))
+    """Make a surface of the paper preset whose roughness varies over the patch.
+
+    Parameters
+    ----------
+    shape, spacing, rng
+        As in `stepped`.
+
+    Returns
+    -------
+    ndarray
+        Heights [um] of this shape.
+    """
+    heights = _midpoint(shape, rng)
+    x, y = _axes(shape)
+    along_x = np.sin(2 * np.pi * (x + rng.uniform()))
+    along_y = np.sin(2 * np.pi * (y + rng.uniform()))
+    return np.asarray(heights * np.exp(rng.uniform(0.1, 1.0) * (along_x * along_y)))
 
 
 def brushed(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """A surface of the paper preset, smoothed along x by means over five nodes."""
-    heights, weight = _midpoint(shape, rng), rng.uniform(0.1, 1.0)
-    return np.asarray(
-        (1 - weight) * heights + weight * uniform_filter1d(heights, 5, axis=0)
-    )
+    """Make a surface of the paper preset, smoothed along x by means over five nodes.
+
+    Parameters
+    ----------
+    shape, spacing, rng
+        As in `stepped`.
+
+    Returns
+    -------
+    ndarray
+        Heights [um] of this shape.
+    """
+    heights = _midpoint(shape, rng)
+    weight = rng.uniform(0.1, 1.0)
+    smooth = uniform_filter1d(heights, 5, axis=0)
+    return np.asarray((1 - weight) * heights + weight * smooth)
 
 
 def holed(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """A surface of the paper preset with deep holes of a node each."""
+    """Make a surface of the paper preset with deep holes of one node each.
+
+    Parameters
+    ----------
+    shape, spacing, rng
+        As in `stepped`.
+
+    Returns
+    -------
+    ndarray
+        Heights [um] of this shape.
+    """
     heights = _midpoint(shape, rng)
-    holes = rng.uniform(size=shape) < rng.uniform(0.001, 0.02)
-    return np.asarray(
-        np.where(holes, heights - rng.uniform(1, 4) * heights.std(), heights)
-    )
+    is_hole = rng.uniform(size=shape) < rng.uniform(0.001, 0.02)
+    depth = rng.uniform(1, 4) * heights.std()
+    return np.asarray(np.where(is_hole, heights - depth, heights))

@@ -1,12 +1,13 @@
-"""Count of nodes or area in the continuum: which of the two a surrogate learns on mixed grids.
+"""Which area a surrogate should learn on mixed grids: the count of nodes, or the continuum's.
 
-A count depends on the grid, the area in the continuum should not. Spectral surfaces of one
-distribution on four grids: a surrogate of each grid, of all, and of the coarser ones for the
-finest; from statistics, from features of the heights, and from the scene's parameters alone.
+A count depends on the grid; the area in the continuum should not. Spectral surfaces of one
+distribution are solved on four grids. Surrogates are trained on one grid, on all, and on the three
+coarser ones for the finest; from dimensionless statistics, from features of the heights (hybrid),
+and from the parameters of the scene alone.
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,48 +20,95 @@ from learn import dataset
 from learn.database_rows import Dataset
 from learn.dataset import Request
 
-GRIDS = (33, 65, 129, 257)  # nodes a side
+GRIDS = (33, 65, 129, 257)
+"""Nodes a side of the grids."""
+
 TARGETS = {"count": "area", "continuum": "continuum_area_percent"}
+"""Targets of the surrogates by the beginning of their columns in the table."""
+
 SCENE: str = read_toml("surrogates/scenes")["mixed-grids"]["scene"]
+"""The scene (TOML) of the coarsest grid, without its number of rows and seed."""
+
+
+@dataclass(frozen=True)
+class JudgedGrid:
+    """Errors of a surrogate on rows of one grid that it was not trained on."""
+
+    trained_on: str  # nodes a side of the grids, with blanks between
+    judged_on: str
+    nmae: float  # [%]
+    bias: float  # sum of the predictions over that of the areas, less 1 [%]
 
 
 def mixed(folder: Path, rows: int) -> list[Row]:
-    """Return errors and biases [%] of both areas, for each set of grids that trains and judges."""
-    paths = []
-    for n in GRIDS:
-        text = f"samples = {rows}\nseed = {n}\n" + SCENE.replace(
-            "nodes = 33", f"nodes = {n}"
-        )
-        paths.append(generated(folder / "databases", f"spectral-{n}", text))
-    found: dict[tuple[str, ...], Row] = {}
+    """Fit surrogates to both areas on sets of grids, and judge them on each grid.
+
+    Databases are generated in the folder `databases`, and kept. Progress is printed on standard
+    error.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the report.
+    rows : int
+        Number of rows of each grid.
+
+    Returns
+    -------
+    list of Row
+        Errors and biases of both areas [%], for each feature set, set of training grids and grid.
+    """
+    paths = tuple(_database(folder, nodes, rows) for nodes in GRIDS)
+    table: dict[tuple[str, str, str], Row] = {}
     for features in ("dimensionless", "hybrid", "scene"):
         for name, target in TARGETS.items():
             request = request_for(Path(), "kernel-ridge", features, None)
-            request = replace(request, databases=tuple(paths), targets=(target,))
-            (every,) = dataset.read(request)
-            for key, scores in _judged(request, every):
-                row = found.setdefault((features, *key), {})
-                row |= {
-                    f"{name}_{score}_percent": value for score, value in scores.items()
-                }
+            request = replace(request, databases=paths, targets=(target,))
+            (all_rows,) = dataset.read(request)
+            for judged in _judged(request, all_rows):
+                key = (features, judged.trained_on, judged.judged_on)
+                row = table.setdefault(key, _new_row(features, judged))
+                row[f"{name}_nmae_percent"] = judged.nmae
+                row[f"{name}_bias_percent"] = judged.bias
             remark(f"{features} features, {target}: done")
-    names = "features", "trained_on", "judged_on"
-    return [dict(zip(names, key, strict=True)) | row for key, row in found.items()]
+    return list(table.values())
 
 
-def _judged(
-    request: Request, every: Dataset
-) -> Iterator[tuple[tuple[str, str], dict[str, float]]]:
-    """Yield the grids that train and judge, with the errors of rows that have not trained."""
-    nodes = np.array(GRIDS)[every.database]
-    for trains in (*((grid,) for grid in GRIDS), GRIDS, GRIDS[:-1]):
-        parts = parted(every.at(np.flatnonzero(np.isin(nodes, trains))))
+def _database(folder: Path, nodes: int, rows: int) -> Path:
+    """Generate the database of one grid; the seed is its number of nodes a side."""
+    scene = SCENE.replace("nodes = 33", f"nodes = {nodes}")
+    text = f"samples = {rows}\nseed = {nodes}\n{scene}"
+    return generated(folder / "databases", f"spectral-{nodes}", text)
+
+
+def _new_row(features: str, judged: JudgedGrid) -> Row:
+    """Return a row of the table without errors."""
+    return {
+        "features": features,
+        "trained_on": judged.trained_on,
+        "judged_on": judged.judged_on,
+    }
+
+
+def _judged(request: Request, all_rows: Dataset) -> Iterator[JudgedGrid]:
+    """Yield the errors of each set of training grids on each grid, from rows of all grids."""
+    nodes = np.array(GRIDS)[all_rows.database]
+    coarser = GRIDS[:-1]
+    for trained in [*((grid,) for grid in GRIDS), GRIDS, coarser]:
+        parts = parted(all_rows.at(np.flatnonzero(np.isin(nodes, trained))))
         fitted = fit(request, parts.train, parts.folds)
-        test, judges = parts.test, trains
-        if trains == GRIDS[:-1]:
-            test, judges = every, GRIDS[-1:]
-        for grid in judges:
+        test = parts.test
+        judging = trained
+        if trained == coarser:
+            # The finest grid judges alone: none of its rows has trained.
+            test = all_rows
+            judging = GRIDS[-1:]
+        for grid in judging:
             rows = test.at(np.flatnonzero(test.database == GRIDS.index(grid)))
             bias = 100 * (fitted.predict(rows).sum() / rows.target.sum() - 1)
-            scores = {"nmae": fitted.scores(rows).nmae, "bias": float(bias)}
-            yield (" ".join(map(str, trains)), str(grid)), scores
+            yield JudgedGrid(
+                trained_on=" ".join(map(str, trained)),
+                judged_on=str(grid),
+                nmae=fitted.scores(rows).nmae,
+                bias=float(bias),
+            )

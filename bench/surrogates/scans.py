@@ -1,20 +1,20 @@
-"""How well a surrogate knows windows of maps: parts that it has not seen, and maps left out.
+"""How well a surrogate predicts windows of maps: of parts that it has not seen, and of other maps.
 
-The twenty made maps of one instrument are read, prepared and cut into windows by a scene as a user
-would write it. Kernel ridge with hybrid features, fitted as `learn fit` does, is judged on every
-row once: a fifth of the tiles at a time, and one map at a time. No node of a map is in training and
-in judgement, and neither are settings, intervals and flags: they come from the other rows.
+The twenty made maps of one instrument are read, prepared and cut into windows by a scene that a
+user would write. Kernel ridge with hybrid features, fitted as `learn fit` does, is judged once on
+every row: on a fifth of the tiles at a time, and on one map at a time. No node of a map both trains
+and judges, and settings, intervals and flags come from the training rows alone.
 
-A row is called wrong if it is further from the prediction than twice as far as its interval
-reaches: of normal errors 0.1 % are. A tenth of the rows is announced to be outside the interval;
-wrong rows are not, so they have to be flagged, all but the few that chance makes. More would show a
-kind of surface that the flags do not tell.
+A row counts as wrong if its error is more than twice as large as its interval allows; of normal
+errors 0.1 % are. A tenth of the rows is announced to be outside the interval, but wrong rows are
+not. So they have to be flagged, except for the few that occur by chance: more would show a kind of
+surface that the flags do not recognise.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,36 +34,59 @@ from learn.database_rows import Dataset
 from learn.metrics import scores
 from learn.split import FOLDS
 
-LEVEL = 0.9  # of the intervals whose coverage is counted
-FEWEST = 200  # smallest number of rows: ten of each map
-MISSED = 2.0  # times that a wrong row's error is half the width of its interval, at least
+LEVEL = 0.9
+"""Level of the intervals."""
+
+FEWEST = 200
+"""Smallest number of rows: ten of each map."""
+
+MISSED = 2.0
+"""Smallest error of a wrong row over half the width of its interval, both in roots of areas."""
 
 SCENE: str = read_toml("surrogates/scenes")["windows"]["scene"]
+"""The scene (TOML) with windows of 64 nodes a side, without its number of rows."""
 
 PARTS = {"unseen tiles": "tile", "maps left out": "map"}
-"""The rows that are left out of the training, and the column that tells them."""
+"""The rows that are left out of a training, and the column that tells them apart."""
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """All rows of a database, each predicted by a surrogate that has not seen its tile, or map."""
+    """All n rows of a database, each predicted by a surrogate without its tile or its map."""
 
     nodes: int  # a side of the windows
     left_out: str  # a key of `PARTS`
-    maps: Indices  # (n,) map of each row
-    names: tuple[str, ...]  # of the maps
-    truth: Values  # (n,) areas [%]
-    prediction: Values
-    low: Values  # (n,) ends of the intervals [%]
-    high: Values
-    flagged: NDArray[np.bool_]
+    maps: Indices  # (n,) number of the map of each row
+    names: tuple[str, ...]  # names of the maps, by their numbers
+    truth: Values  # (n,) solved areas [%]
+    prediction: Values  # (n,) predicted areas [%]
+    low: Values  # (n,) lower ends of the intervals [%]
+    high: Values  # (n,) upper ends of the intervals [%]
+    flagged: NDArray[np.bool_]  # (n,)
 
     def row(self, name: str, chosen: NDArray[np.bool_]) -> Row:
-        """Score some of the rows, as one row of the table."""
-        fields = (self.truth, self.prediction, self.low, self.high)
-        truth, prediction, low, high = (each[chosen] for each in fields)
+        """Score some of the rows.
+
+        Parameters
+        ----------
+        name : str
+            Name of the map, or "all".
+        chosen : ndarray of bool, shape (n,)
+            True for the rows to score.
+
+        Returns
+        -------
+        Row
+            A row of the table. Shares (0 to 1) of no rows are NaN.
+        """
+        truth = self.truth[chosen]
+        prediction = self.prediction[chosen]
+        low = self.low[chosen]
+        high = self.high[chosen]
         flagged = self.flagged[chosen]
-        covered, root = (low <= truth) & (truth <= high), np.sqrt(prediction)
+        covered = (low <= truth) & (truth <= high)
+        # The intervals are symmetric about the prediction for roots of areas.
+        root = np.sqrt(prediction)
         wrong = np.abs(np.sqrt(truth) - root) > MISSED * (np.sqrt(high) - root)
         judged = scores(truth, prediction)
         return {
@@ -76,114 +99,190 @@ class Judged:
             "nmae": judged.nmae,
             "covered": float(covered.mean()),
             "flagged": float(flagged.mean()),
-            "covered_unflagged": _mean(covered[~flagged]),
+            "covered_unflagged": _share(covered[~flagged]),
             "width": float((np.minimum(high, 100.0) - low).mean()),
-            "outside_flagged": _mean(flagged[~covered]),
+            "outside_flagged": _share(flagged[~covered]),
             "wrong": int(wrong.sum()),
-            "wrong_flagged": _mean(flagged[wrong]),
-            "wrong_unflagged": _mean(wrong[~flagged]),
+            "wrong_flagged": _share(flagged[wrong]),
+            "wrong_unflagged": _share(wrong[~flagged]),
         }
 
     def rows(self) -> list[Row]:
-        """Return the rows of the table: all maps together, then each."""
-        every = np.ones(self.maps.size, dtype=bool)
-        each = [
-            self.row(name, self.maps == index) for index, name in enumerate(self.names)
+        """Return the rows of the table: one for all maps together, then one for each map."""
+        all_maps = self.row("all", np.ones(self.maps.size, dtype=bool))
+        of_maps = [
+            self.row(name, self.maps == number) for number, name in enumerate(self.names)
         ]
-        return [self.row("all", every), *each]
+        return [all_maps, *of_maps]
 
 
 def scans(folder: Path, rows: int, nodes: Sequence[int], seed: int) -> Report:
-    """Judge surrogates of windows, on tiles and maps left out; `seed` is that of the fifths.
+    """Judge surrogates of windows, on tiles and on maps that were left out of the training.
 
-    Maps and databases are kept in the folder. InputError is raised if there are too few rows, or
-    windows larger than the maps.
+    Progress is printed on standard error.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the report. Maps and databases are made in its folders `maps` and `databases`,
+        and kept.
+    rows : int
+        Number of rows of each size of windows, `FEWEST` or more.
+    nodes : sequence of int
+        Nodes a side of the windows.
+    seed : int
+        Seed of the division of the tiles into fifths.
+
+    Returns
+    -------
+    Report
+        Table and picture `scans`.
+
+    Raises
+    ------
+    InputError
+        If there are too few rows, or windows are larger than the maps.
     """
     if rows < FEWEST:
         raise InputError(f"--rows {rows}: give {FEWEST} or more, ten of each map")
-    if not (
-        folder / "maps"
-    ).is_dir():  # some formats hold the time at which they were written
+    # Some formats hold the time of writing: maps written again would be other files.
+    if not (folder / "maps").is_dir():
         write_all(folder / "maps", ONE_INSTRUMENT)
-    found = []
+    studies = []
     for size in nodes:
         text = f"samples = {rows}\n" + SCENE.replace("nodes = 64", f"nodes = {size}")
         path = generated(folder / "databases", f"windows-{size}", text)
-        found += [_judged(path, size, left_out, seed) for left_out in PARTS]
-    table = [row for judged in found for row in judged.rows()]
-    return Report({"scans": table}, pictures={"scans": picture(found)})
+        studies += [_judged(path, size, left_out, seed) for left_out in PARTS]
+    table = [row for study in studies for row in study.rows()]
+    return Report({"scans": table}, pictures={"scans": picture(studies)})
 
 
 def _judged(path: Path, nodes: int, left_out: str, seed: int) -> Judged:
-    """Predict all rows of a database, each by a surrogate of the others."""
+    """Predict all rows of a database, each by a surrogate without its tile or its map."""
     request = request_for(path, "kernel-ridge", "hybrid", None)
     rows = read(request)
-    with Reader(path) as reader:
-        maps = np.asarray(reader.column("map"), dtype=np.int64)[rows.rows]
-        surface = reader.scene.surface
-    assert isinstance(surface, ScanSurface)
-    names = tuple(Path(each.file).stem for each in surface.recorded_maps().maps)
+    recorded = _recorded_maps(path, rows)
     prediction, low, high = np.empty((3, rows.size))
     flagged = np.empty(rows.size, dtype=bool)
-    for test in _tests(rows, maps, by_map=PARTS[left_out] == "map", seed=seed):
-        train, folds = _ordered(rows, np.setdiff1d(np.arange(rows.size), test))
-        fitted = fit(request, rows.at(train), folds)
+    by_map = PARTS[left_out] == "map"
+    for test in _tests(rows, recorded.numbers, by_map=by_map, seed=seed):
+        training = _ordered(rows, np.setdiff1d(np.arange(rows.size), test))
+        fitted = fit(request, rows.at(training.rows), training.folds)
         judged = rows.at(test)
         low[test], high[test] = fitted.interval(judged, LEVEL)
         prediction[test] = fitted.predict(judged)
         flagged[test] = fitted.flags(judged)
-    made = Judged(
-        nodes, left_out, maps, names, rows.target, prediction, low, high, flagged
-    )
-    score = scores(made.truth, made.prediction)
+    score = scores(rows.target, prediction)
     remark(f"{nodes} nodes, {left_out}: R2 {score.r2:.2f} %, nMAE {score.nmae:.2f} %")
-    return made
+    return Judged(
+        nodes=nodes,
+        left_out=left_out,
+        maps=recorded.numbers,
+        names=recorded.names,
+        truth=rows.target,
+        prediction=prediction,
+        low=low,
+        high=high,
+        flagged=flagged,
+    )
+
+
+class _RecordedMaps(NamedTuple):
+    """The maps of a database."""
+
+    numbers: Indices  # (n,) number of the map of each row
+    names: tuple[str, ...]  # by the numbers
+
+
+def _recorded_maps(path: Path, rows: Dataset) -> _RecordedMaps:
+    """Read the map of each row from the database of the rows."""
+    with Reader(path) as reader:
+        numbers = np.asarray(reader.column("map"), dtype=np.int64)[rows.rows]
+        surface = reader.scene.surface
+    assert isinstance(surface, ScanSurface)
+    names = [Path(recorded.file).stem for recorded in surface.recorded_maps().maps]
+    return _RecordedMaps(numbers=numbers, names=tuple(names))
 
 
 def _tests(
     rows: Dataset, maps: Indices, *, by_map: bool, seed: int = 0
 ) -> Iterator[Indices]:
-    """Yield the rows that are judged together: those of a map, or of a fifth of all tiles."""
-    groups = np.random.default_rng(seed).permutation(
-        np.unique(maps if by_map else rows.groups)
-    )
-    for part in np.array_split(groups, groups.size if by_map else FOLDS):
-        yield np.flatnonzero(np.isin(maps if by_map else rows.groups, part))
+    """Yield the positions of rows that are judged together: a map, or a fifth of all tiles.
+
+    `maps` has the number of the map of each row.
+    """
+    groups = maps if by_map else rows.groups
+    shuffled = np.random.default_rng(seed).permutation(np.unique(groups))
+    parts = np.array_split(shuffled, shuffled.size if by_map else FOLDS)
+    for part in parts:
+        yield np.flatnonzero(np.isin(groups, part))
 
 
-def _ordered(rows: Dataset, kept: Indices) -> tuple[Indices, NDArray[np.int8]]:
-    """Return training rows in random order, tiles together, and their folds."""
+class _Training(NamedTuple):
+    """n training rows in the order of the fit."""
+
+    rows: Indices  # (n,) positions in the dataset
+    folds: NDArray[np.int8]  # (n,)
+
+
+def _ordered(rows: Dataset, kept: Indices) -> _Training:
+    """Return the training rows `kept` with their folds: tiles in random order, each in one fold."""
     groups = rows.groups[kept]
     order = np.random.default_rng(1).permutation(np.unique(groups))
-    place = np.zeros(int(rows.groups.max()) + 1, dtype=np.int64)
+    place = np.zeros(
+        int(rows.groups.max()) + 1, dtype=np.int64
+    )  # of each tile in the order
     place[order] = np.arange(order.size)
     train = kept[np.argsort(place[groups], kind="stable")]
-    fold = place[rows.groups[train]] * FOLDS // order.size
-    return train, fold.astype(np.int8)
+    folds = place[rows.groups[train]] * FOLDS // order.size
+    return _Training(rows=train, folds=folds.astype(np.int8))
 
 
-def _mean(values: NDArray[np.bool_]) -> float:
-    """Return a share, NaN of nothing."""
-    return float(values.mean()) if values.size else float("nan")
+def _share(values: NDArray[np.bool_]) -> float:
+    """Return the share of True, 0 to 1; NaN without any value."""
+    if not values.size:
+        return float("nan")
+    return float(values.mean())
 
 
-def picture(found: Sequence[Judged]) -> Any:
-    """Draw prediction over truth, a panel for each study, a colour for each kind of surface."""
-    figure = new_figure(5.0 * len(PARTS), 4.4 * (len(found) / len(PARTS)))
-    panels = figure.subplots(-(-len(found) // len(PARTS)), len(PARTS), squeeze=False)
-    for panel, judged in zip(panels.flat, found, strict=True):
-        parity_axes(panel, judged.truth)
+def picture(studies: Sequence[Judged]) -> Any:
+    """Draw predicted over solved areas.
+
+    Parameters
+    ----------
+    studies : sequence of Judged
+        The judged rows, all of `PARTS` for each size of windows.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A panel for each study, with a colour for each kind of surface.
+    """
+    lines = len(studies) // len(PARTS)
+    figure = new_figure(5.0 * len(PARTS), 4.4 * lines)
+    panels = figure.subplots(lines, len(PARTS), squeeze=False)
+    for panel, study in zip(panels.flat, studies, strict=True):
+        parity_axes(panel, study.truth)
         for kind, colour in zip(KINDS, COLOURS, strict=False):
-            own = [
-                index for index, name in enumerate(judged.names) if name.startswith(kind)
-            ]
-            here = np.isin(judged.maps, own)
-            x, y = judged.truth[here], judged.prediction[here]
-            look = {"marker": ".", "ms": 3, "ls": "none", "color": colour}
-            draw_parity(panel, x, y, label=kind, **look)
+            _draw_kind(panel, study, kind, colour)
         panel.set(xlabel="solved area [%]", ylabel="predicted area [%]")
-        panel.set_title(
-            f"{judged.nodes} x {judged.nodes} nodes, {judged.left_out}", fontsize=10
-        )
+        title = f"{study.nodes} x {study.nodes} nodes, {study.left_out}"
+        panel.set_title(title, fontsize=10)
     panels.flat[0].legend(markerscale=3)
     return figure
+
+
+def _draw_kind(panel: Any, study: Judged, kind: str, colour: str) -> None:
+    """Draw the predictions on the maps of one kind of surface as dots."""
+    maps = [n for n, name in enumerate(study.names) if name.startswith(kind)]
+    is_of_kind = np.isin(study.maps, maps)
+    draw_parity(
+        panel,
+        study.truth[is_of_kind],
+        study.prediction[is_of_kind],
+        label=kind,
+        marker=".",
+        ms=3,
+        ls="none",
+        color=colour,
+    )

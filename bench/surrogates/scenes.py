@@ -1,17 +1,18 @@
 """A surrogate of a scene's own numbers, judged by many surfaces of the same parameters.
 
-Three scenes that share nothing but this: spectral surfaces of bodies that yield, by pressure;
-random midpoint displacement, by Delta; and windows of ground maps, whose height and length are
-parameters. The truth is solved at fresh parameters on fresh surfaces. Beside ours stands a Gaussian
-process of scikit-learn as a user would write it.
+Its inputs are the parameters that the scene draws, not statistics of a surface. Three different
+scenes are studied: spectral surfaces of bodies that yield, by pressure; random midpoint
+displacement, by Delta; and windows of ground maps, whose height and length are parameters. The
+truth is solved at fresh parameters on fresh surfaces. The table also has a Gaussian process of
+scikit-learn, as a user would write it.
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from time import process_time
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.stats import norm
@@ -32,215 +33,351 @@ from gen.quantities import AREA, DELTA, FORCE
 from gen.runtime.user_code import TRUSTED
 from gen.scene import Scene
 from learn import dataset
+from learn.database_rows import Dataset
 from learn.dataset import Request
 from learn.executor import Executor
 from learn.features.scene import load_of
 from learn.surrogate import Surrogate, fitting
 
-SEED = 4242  # of parameters and surfaces that judge
-FEW = 20  # surfaces that a user would solve for a mean
+SEED = 4242
+"""Seed of the parameters and surfaces that judge."""
+
+FEW = 20
+"""Number of surfaces that a user would solve for a mean."""
+
 QUESTIONS = 10_000
+"""Number of questions whose answers are timed."""
+
 LEVEL = 0.9
-MEANS = ("nmae", "floor", "mean_inside", "mean_width")
-MODELS = (
-    "population",
-    "kernel-ridge",
-    "gaussian-process",
-)  # whose fits `learn fit` makes
-MODEL_ROWS = 3000  # that train each of them: the fits of the last two take the cube of their number
-SIZES = (500, 1500, 5000)  # rows that train means too
-DRAWS = 5  # of these rows, since means of one fit err alike at neighbouring points
-PROCESS_ROWS = (
-    1000  # of the plain Gaussian process, whose fit takes the cube of their number
-)
+"""Level of the intervals."""
+
+SCORES_OF_MEANS = ("nmae", "floor", "mean_inside", "mean_width")
+"""Columns about means over surfaces that are averaged over draws of the training rows."""
+
+MODELS = ("population", "kernel-ridge", "gaussian-process")
+"""Models that `learn fit` takes for a scene's own numbers."""
+
+MODEL_ROWS = 3000
+"""Number of rows that train each of the models: the times of kernel ridge and of the Gaussian
+process grow with its cube."""
+
+SIZES = (500, 1500, 5000)
+"""Smaller numbers of rows that train a surrogate of the means."""
+
+DRAWS = 5
+"""Number of draws of these rows: the means of one fit alone have similar errors at all points."""
+
+PROCESS_ROWS = 1000
+"""Number of rows that train the plain Gaussian process, whose time grows with its cube."""
 
 SCENES: dict[str, str] = read_toml("surrogates/scenes")["own-numbers"]
+"""The scenes (TOML) by their names, without their numbers of rows."""
+
+RESULTS = (AREA.name, FORCE.name, DELTA.name)
+"""Columns of the results that judge."""
+
+
+class Solved(NamedTuple):
+    """Results at p fresh parameters on s fresh surfaces each."""
+
+    numbers: dict[str, Values]  # parameters and loads by their names, (p,) each
+    results: dict[str, Values]  # results by their columns, (p, s) each
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """A scene with its database, and the results that judge its surrogates."""
+
+    name: str  # of the scene
+    request: Request  # for the surrogate of the population
+    surrogate: Surrogate
+    fit_seconds: float  # processor time of the fit [s]
+    rows: int  # of the database
+    solved: Solved
 
 
 def scene_surrogate(folder: Path, rows: int, points: int, surfaces: int) -> Report:
-    """Fit to each scene, and judge by `surfaces` surfaces at each of `points` fresh parameters.
+    """Fit a surrogate to each scene, and judge it at fresh parameters on fresh surfaces.
 
-    The arguments are those of the command.
+    Progress is printed on standard error. The function of the windows, which is `bench`'s own, is
+    marked as trusted.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the report. Databases are generated in its folder `databases`, and kept.
+    rows : int
+        Number of rows of each database.
+    points : int
+        Number of fresh sets of parameters and loads.
+    surfaces : int
+        Number of fresh surfaces for each of them.
+
+    Returns
+    -------
+    Report
+        Tables `scene-surrogate`, `scene-models` of other models, and `scene-means` of surrogates
+        that were trained on fewer rows.
     """
-    TRUSTED.set(True)  # the windows come from a function of `bench`
-    found: list[Row] = []
+    TRUSTED.set(True)
+    table: list[Row] = []
     models: list[Row] = []
     means: list[Row] = []
     for name, text in SCENES.items():
-        path = generated(
-            folder / "databases", name.replace(" ", "-"), f"samples = {rows}\n{text}"
-        )
-        with Reader(path) as reader:
-            scene = reader.scene
-        load = load_of(scene)
-        request = Request(
-            databases=(path,),
-            targets=("area", "force" if load == "delta" else "delta"),
-            models=("population",),
-            features="scene",
-            normalisation="standard",
-            load=load,
-        )
-        surrogate, seconds = _fitted(request)
-        remark(f"{name}: {points} points of {surfaces} surfaces")
-        asked, truth = solved(scene, surrogate.features.names, points, surfaces)
-        said = {"scene": name, "load": load, "rows": rows, "fit_seconds": seconds}
-        found += [said | row for row in _judged(surrogate, request, asked, truth)]
-        for model in MODELS:
-            own, seconds = _fitted(
-                replace(request, models=(model,), train_rows=MODEL_ROWS)
-            )
-            new = own.predict_rows(own.of_numbers(asked), level=LEVEL)
-            for target, learnt in own.learnt.items():
-                true = truth[learnt.column]
-                row = {
-                    "scene": name,
-                    "target": target,
-                    "model": model,
-                    "fit_seconds": seconds,
-                }
-                row["nmae"] = _Errors(true).of(new.values[target])
-                models.append(
-                    {**row, "inside": _inside(new.low[target], new.high[target], true)}
-                )
-        for size in (each for each in SIZES if each < rows):
-            draws = [
-                replace(request, train_rows=size, seed=draw) for draw in range(DRAWS)
-            ]
-            fits = [list(_means(_fitted(each)[0], asked, truth)) for each in draws]
-            for same in zip(*fits, strict=True):
-                mean = {
-                    name: float(np.mean([each[name] for each in same])) for name in MEANS
-                }
-                means.append(
-                    {"scene": name, "target": same[0]["target"], "rows": size, **mean}
-                )
+        file_name = name.replace(" ", "-")
+        path = generated(folder / "databases", file_name, f"samples = {rows}\n{text}")
+        study = _study(name, path, rows, points, surfaces)
+        table += _judged(study)
+        models += _other_models(study)
+        means += _smaller_trainings(study)
     return Report(
-        {"scene-surrogate": found, "scene-models": models, "scene-means": means}
+        {"scene-surrogate": table, "scene-models": models, "scene-means": means}
     )
 
 
-def _fitted(request: Request) -> tuple[Surrogate, float]:
-    """Fit a surrogate as `learn fit` does; return it with the processor time [s]."""
+def _study(name: str, path: Path, rows: int, points: int, surfaces: int) -> Study:
+    """Fit the surrogate of a scene's database, and solve the contacts that judge it."""
+    with Reader(path) as reader:
+        scene = reader.scene
+    load = load_of(scene)
+    request = Request(
+        databases=(path,),
+        targets=("area", "force" if load == "delta" else "delta"),
+        models=("population",),
+        features="scene",
+        normalisation="standard",
+        load=load,
+    )
+    fit = _fitted(request)
+    remark(f"{name}: {points} points of {surfaces} surfaces")
+    return Study(
+        name=name,
+        request=request,
+        surrogate=fit.surrogate,
+        fit_seconds=fit.seconds,
+        rows=rows,
+        solved=solved(scene, fit.surrogate.features.names, points, surfaces),
+    )
+
+
+class _TimedFit(NamedTuple):
+    """A surrogate, and the processor time of its fit [s]."""
+
+    surrogate: Surrogate
+    seconds: float
+
+
+def _fitted(request: Request) -> _TimedFit:
+    """Fit a surrogate as `learn fit` does."""
     began = process_time()
     surrogate = fitting.fit(request, Executor(), remark)
-    assert surrogate is not None  # which a stop would make it
-    return surrogate, process_time() - began
+    assert (
+        surrogate is not None
+    )  # it is None only after a stop, of which there is none here
+    return _TimedFit(surrogate=surrogate, seconds=process_time() - began)
 
 
-def _inside(low: Values, high: Values, true: Values) -> float:
-    """Return the share of results, (p, s), inside the intervals of their points, (p,)."""
-    return float(np.mean((low[:, None] <= true) & (true <= high[:, None])))
+def solved(scene: Scene, names: tuple[str, ...], points: int, surfaces: int) -> Solved:
+    """Solve contacts at fresh parameters of a scene on fresh surfaces.
 
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    names : tuple of str
+        Names of the parameters and of the load that are returned.
+    points : int
+        Number p of sets of parameters and loads.
+    surfaces : int
+        Number s of surfaces for each of them.
 
-def solved(
-    scene: Scene, names: tuple[str, ...], points: int, surfaces: int
-) -> tuple[dict[str, Values], dict[str, Values]]:
-    """Return fresh parameters and loads by their names, (p,), and results by column, (p, s)."""
+    Returns
+    -------
+    Solved
+        The named numbers, in the units of the scene, and the results, in the units of their
+        columns.
+    """
+    load = load_of(scene)
     fresh = scene.model_copy(update={"seed": SEED, "samples_per_surface": 1})
-    plan, asked, truth = parameters(fresh, 0, points), dict[str, Any](), dict[str, Any]()
+    plan = parameters(fresh, 0, points)
+    numbers: dict[str, list[float]] = {name: [] for name in names}
+    results: dict[str, list[float]] = {column: [] for column in RESULTS}
     for point in range(points):
-        drawn, hardness = plan.parameters_of(point), None
-        numbers = {**drawn, load_of(scene): float(plan.load[point])}
+        drawn = plan.parameters_of(point)
+        load_value = float(plan.load[point])
+        of_point: dict[str, Any] = {**drawn, load: load_value}
+        hardness = None
         if plan.hardness is not None:
-            numbers["hardness"] = hardness = float(plan.hardness[point])
-        given = {load_of(scene): numbers[load_of(scene)]}
-        one = scene.with_parameters(drawn, seed=SEED + 1 + point)
-        for number in range(surfaces):
-            heights = surface_numbered(one, number)
-            contact = solve_contact(one, heights, hardness=hardness, **given)
-            for column in (AREA.name, FORCE.name, DELTA.name):
-                truth.setdefault(column, []).append(getattr(contact, column))
+            hardness = float(plan.hardness[point])
+            of_point["hardness"] = hardness
         for name in names:
-            asked.setdefault(name, []).append(numbers[name])
-    results = {name: np.reshape(each, (points, surfaces)) for name, each in truth.items()}
-    return {name: np.array(values) for name, values in asked.items()}, results
+            numbers[name].append(of_point[name])
+        at_point = scene.with_parameters(drawn, seed=SEED + 1 + point)
+        for number in range(surfaces):
+            heights = surface_numbered(at_point, number)
+            contact = solve_contact(
+                at_point, heights, hardness=hardness, **{load: load_value}
+            )
+            for column in RESULTS:
+                results[column].append(getattr(contact, column))
+    return Solved(
+        numbers={name: np.array(values) for name, values in numbers.items()},
+        results={
+            column: np.reshape(values, (points, surfaces))
+            for column, values in results.items()
+        },
+    )
 
 
-def _means(
-    surrogate: Surrogate, asked: dict[str, Values], truth: dict[str, Values]
-) -> Iterator[Row]:
-    """Yield a row for each target: errors of means over surfaces, and what their intervals hold."""
-    answer = surrogate.predict_rows(surrogate.of_numbers(asked), level=LEVEL, mean=True)
-    for target, learnt in surrogate.learnt.items():
-        true, error = truth[learnt.column], _Errors(truth[learnt.column])
-        half = (answer.high[target] - answer.low[target]) / 2
-        wrong = np.abs(answer.values[target] - true.mean(axis=1))
+def _share_inside(low: Values, high: Values, truth: Values) -> float:
+    """Return the share of results, shape (p, s), inside the intervals of their points, (p,)."""
+    return float(np.mean((low[:, None] <= truth) & (truth <= high[:, None])))
+
+
+def _judged(study: Study) -> Iterator[Row]:
+    """Yield a row of the table for each target: errors, coverage and times, and a plain process."""
+    surrogate = study.surrogate
+    questions = surrogate.of_numbers(study.solved.numbers)
+    answer = surrogate.predict_rows(questions, level=LEVEL)
+    inputs = surrogate.features.of(questions)
+    answer_seconds = _seconds_of_answers(study)
+    training = dataset.read(study.request)  # one dataset for each target
+    for mean, rows in zip(_means(surrogate, study.solved), training, strict=True):
+        target = str(mean["target"])
+        truth = study.solved.results[surrogate.learnt[target].column]
+        few = _Errors(truth[:, :FEW])
+        low = answer.low[target]
+        high = answer.high[target]
         yield {
-            "target": target,
-            "nmae": error.of(answer.values[target]),
-            "floor": error.floor,
-            "mean_inside": float(np.mean(wrong <= np.hypot(half, error.half))),
-            "mean_width": float(2 * half.mean() / true.mean()),
+            "scene": study.name,
+            "load": study.request.load,
+            "rows": study.rows,
+            "fit_seconds": study.fit_seconds,
+            **mean,
+            "nmae_of_few": few.of(answer.values[target]),
+            "floor_of_few": few.floor,
+            "inside": _share_inside(low, high, truth),
+            "width": float((high - low).mean() / truth.mean()),
+            "answer_seconds": answer_seconds,
+            **_plain_process(rows, inputs, truth),
         }
 
 
-def _judged(
-    surrogate: Surrogate,
-    request: Request,
-    asked: dict[str, Values],
-    truth: dict[str, Values],
-) -> Iterator[Row]:
-    """Yield a row for each target: errors of the mean, coverage, times; and the plain process's."""
-    questions = surrogate.of_numbers(asked)
-    new, means = (
-        surrogate.predict_rows(questions, level=LEVEL),
-        _means(surrogate, asked, truth),
+def _seconds_of_answers(study: Study) -> float:
+    """Return the time of `QUESTIONS` answers with intervals [s]."""
+    numbers = {
+        name: np.resize(values, QUESTIONS)
+        for name, values in study.solved.numbers.items()
+    }
+    surrogate = study.surrogate
+    return median_seconds(
+        lambda: surrogate.predict_rows(surrogate.of_numbers(numbers), level=LEVEL)
     )
-    many = {name: np.resize(values, QUESTIONS) for name, values in asked.items()}
-    seconds = median_seconds(
-        lambda: surrogate.predict_rows(surrogate.of_numbers(many), level=LEVEL)
+
+
+def _plain_process(rows: Dataset, inputs: Values, truth: Values) -> Row:
+    """Return error, coverage and times of a plain Gaussian process.
+
+    It has a length for each input, and noise. It is fitted to the first `PROCESS_ROWS` rows, and
+    judged at the inputs of p points by their results, shape (p, s).
+    """
+    kernel = ConstantKernel() * RBF(np.ones(inputs.shape[1])) + WhiteKernel()
+    process = make_pipeline(
+        StandardScaler(), GaussianProcessRegressor(kernel, normalize_y=True)
     )
-    inputs = surrogate.features.of(questions)
-    every = np.resize(inputs, (QUESTIONS, inputs.shape[1]))
-    for mean, rows in zip(means, dataset.read(request), strict=True):
-        target = str(mean["target"])
-        true = truth[surrogate.learnt[target].column]
-        low, high, error = new.low[target], new.high[target], _Errors(true)
-        process = make_pipeline(
-            StandardScaler(),
-            GaussianProcessRegressor(
-                ConstantKernel() * RBF(np.ones(inputs.shape[1])) + WhiteKernel(),
-                normalize_y=True,
-            ),
-        )
-        few = rows.inputs[:PROCESS_ROWS], rows.target[:PROCESS_ROWS]
-        fit_seconds = seconds_of(partial(process.fit, *few))
-        middle, deviation = process.predict(inputs, return_std=True)
-        deviation *= norm.ppf((1 + LEVEL) / 2)
+    fit = partial(process.fit, rows.inputs[:PROCESS_ROWS], rows.target[:PROCESS_ROWS])
+    fit_seconds = seconds_of(fit)
+    middle, deviation = process.predict(inputs, return_std=True)
+    half = norm.ppf((1 + LEVEL) / 2) * deviation
+    questions = np.resize(inputs, (QUESTIONS, inputs.shape[1]))
+    answer = partial(process.predict, questions, return_std=True)
+    return {
+        "process_nmae": _Errors(truth).of(middle),
+        "process_inside": _share_inside(middle - half, middle + half, truth),
+        "process_fit_seconds": fit_seconds,
+        "process_answer_seconds": median_seconds(answer),
+    }
+
+
+def _other_models(study: Study) -> Iterator[Row]:
+    """Yield error and coverage of each of `MODELS` for each target."""
+    for model in MODELS:
+        request = replace(study.request, models=(model,), train_rows=MODEL_ROWS)
+        surrogate, seconds = _fitted(request)
+        questions = surrogate.of_numbers(study.solved.numbers)
+        answer = surrogate.predict_rows(questions, level=LEVEL)
+        for target, learnt in surrogate.learnt.items():
+            truth = study.solved.results[learnt.column]
+            yield {
+                "scene": study.name,
+                "target": target,
+                "model": model,
+                "fit_seconds": seconds,
+                "nmae": _Errors(truth).of(answer.values[target]),
+                "inside": _share_inside(answer.low[target], answer.high[target], truth),
+            }
+
+
+def _smaller_trainings(study: Study) -> Iterator[Row]:
+    """Yield errors of means by surrogates that were trained on fewer rows, averaged over draws."""
+    for size in SIZES:
+        if size >= study.rows:
+            continue
+        draws = []
+        for draw in range(DRAWS):
+            request = replace(study.request, train_rows=size, seed=draw)
+            surrogate = _fitted(request).surrogate
+            draws.append(list(_means(surrogate, study.solved)))
+        for rows_of_target in zip(*draws, strict=True):
+            row: Row = {
+                "scene": study.name,
+                "target": rows_of_target[0]["target"],
+                "rows": size,
+            }
+            for name in SCORES_OF_MEANS:
+                row[name] = float(np.mean([of_draw[name] for of_draw in rows_of_target]))
+            yield row
+
+
+def _means(surrogate: Surrogate, truth: Solved) -> Iterator[Row]:
+    """Yield the errors of a surrogate's means over surfaces for each target.
+
+    `mean_inside` is the share of true means inside their interval, which is widened by the error
+    that the true mean itself has.
+    """
+    questions = surrogate.of_numbers(truth.numbers)
+    answer = surrogate.predict_rows(questions, level=LEVEL, mean=True)
+    for target, learnt in surrogate.learnt.items():
+        results = truth.results[learnt.column]
+        errors = _Errors(results)
+        half = (answer.high[target] - answer.low[target]) / 2
+        distance = np.abs(answer.values[target] - results.mean(axis=1))
         yield {
-            **mean,
-            "nmae_of_few": _Errors(true[:, :FEW]).of(new.values[target]),
-            "floor_of_few": _Errors(true[:, :FEW]).floor,
-            "inside": _inside(low, high, true),
-            "width": float((high - low).mean() / true.mean()),
-            "answer_seconds": seconds,
-            "process_nmae": error.of(middle),
-            "process_inside": _inside(middle - deviation, middle + deviation, true),
-            "process_fit_seconds": fit_seconds,
-            "process_answer_seconds": median_seconds(
-                partial(process.predict, every, return_std=True)
-            ),
+            "target": target,
+            "nmae": errors.of(answer.values[target]),
+            "floor": errors.floor,
+            "mean_inside": float(np.mean(distance <= np.hypot(half, errors.half))),
+            "mean_width": float(2 * half.mean() / results.mean()),
         }
 
 
 class _Errors:
-    """Errors of means over all surfaces, by results of some of them, (p, s)."""
+    """Errors of predicted means, by the results at p points on s surfaces, shape (p, s)."""
 
-    def __init__(self, true: Values) -> None:
-        self._mean = true.mean(axis=1)
-        self._error = true.std(axis=1, ddof=1) / np.sqrt(true.shape[1])
+    def __init__(self, results: Values) -> None:
+        self._mean = results.mean(axis=1)
+        self._error = results.std(axis=1, ddof=1) / np.sqrt(results.shape[1])
 
     @property
     def half(self) -> Values:
-        """Half the width of the intervals of the true means, (p,)."""
+        """Half the width of the intervals of the true means, shape (p,)."""
         return np.asarray(norm.ppf((1 + LEVEL) / 2) * self._error)
 
     @property
     def floor(self) -> float:
-        """Error that the true means would have, by the scatter of so few surfaces [%]."""
+        """Error that the true means would have, because they are of few surfaces [%]."""
         return float(100 * np.sqrt(2 / np.pi) * self._error.mean() / self._mean.mean())
 
     def of(self, predicted: Values) -> float:
-        """Return the mean absolute error over the mean [%]."""
+        """Return the mean absolute error of predicted means, (p,), over the mean [%]."""
         return float(100 * np.abs(predicted - self._mean).mean() / self._mean.mean())

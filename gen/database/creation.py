@@ -1,12 +1,12 @@
-"""Make databases: create, extend and merge them, and give new files their names when whole."""
+"""Create, extend and merge databases.
 
-import json
-import re
+Each of these makes a new file under a temporary name, and gives it its final name when it is whole.
+"""
+
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Literal
@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Indices
+from gen.database.disk import HeldFile, disk_trouble
+from gen.database.layout import LAYOUT, Attributes, lay_out, new_attributes
 from gen.database.opening import (
-    PART_NUMBERS,
     SIGNATURE,
     has_checksums,
     open_file,
@@ -27,26 +28,15 @@ from gen.database.opening import (
     rows_of,
     stored_path,
 )
-from gen.database.reader import FLAGS, Counts, Reader, chunks
-from gen.database.writer import HeldFile, disk_trouble, write_rows
+from gen.database.reader import Counts, Reader, chunks
+from gen.database.writer import write_rows
 from gen.runtime.errors import InputError
 from gen.runtime.files import Present, lock, place_of, unfinished
-from gen.runtime.installation import git_commit, versions
 from gen.runtime.memory import format_bytes
 from gen.runtime.terminal import command_to_type
 from gen.scene import Scene, differences, stored_columns
 from gen.scene.faults import shown
-from gen.schema import CHECKSUM, PART, PHYSICS, RUNTIME, SCHEMA, STATUS, Column, Status
-
-LAYOUT: dict[str, Any] = {"libver": ("v108", "v110"), "track_order": True}
-"""Settings of new HDF5 files.
-
-Version 2 of the superblock: later ones mark a file as open, and a killed writer would leave the
-mark. Creation order is tracked so that readers list columns in the schema's order.
-"""
-
-Attributes = Mapping[str, str | int]
-"""Attributes of a file by their names, as `gen.database.opening.read_attributes` returns them."""
+from gen.schema import CHECKSUM, PHYSICS, STATUS, Column, Status
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,33 +45,56 @@ class Source:
 
     path: Path
     file: h5py.File
-    scene: Scene
-    rows: range  # numbers of the rows that it holds
+    scene: Scene  # the scene that the database has recorded
+    rows: range  # numbers of the rows that the file holds
 
     @classmethod
     def of(cls, path: Path, file: h5py.File) -> "Source":
-        """Check an open database, and read its scene and its rows."""
-        return cls(path, file, read_scene(file, path), rows_of(read_attributes(file)))
+        """Check an open database, and read its scene and its rows.
+
+        Parameters
+        ----------
+        path : Path
+            Path of the database.
+        file : h5py.File
+            The open file, which the caller closes.
+
+        Returns
+        -------
+        Source
+            The source.
+
+        Raises
+        ------
+        InputError
+            If the file is no database of this layout.
+        """
+        return cls(
+            path=path,
+            file=file,
+            scene=read_scene(file, path),
+            rows=rows_of(read_attributes(file)),
+        )
 
     @property
     def physics(self) -> int:
-        """Number of its results."""
+        """Physics number of the database, see `gen.schema.PHYSICS`."""
         return int(self.file.attrs["physics"])
 
     def read(self, column: Column, rows: range) -> NDArray[Any]:
-        """Read rows of a column, some of which the source holds; fill values stand for the others.
+        """Read the values of a column in some rows.
 
         Parameters
         ----------
         column : Column
             A column of the source.
         rows : range
-            Numbers of the rows.
+            Numbers of the rows, at least one of which the source holds.
 
         Returns
         -------
         ndarray, shape (rows,) or (rows, nx, ny)
-            Values of the rows.
+            Values of the rows. Rows that the source does not hold have the column's fill value.
         """
         values = _unwritten(column, len(rows), self.scene)
         first = max(rows.start, self.rows.start)
@@ -94,27 +107,30 @@ class Source:
 
 @dataclass(frozen=True, eq=False)
 class _Claims:
-    """Which of the sources have finished which rows of a chunk, and whose values are taken."""
+    """The sources of a chunk of rows: which rows they have finished, and whose values are taken."""
 
-    sources: Sequence[Source]  # those that hold some of the rows
+    sources: Sequence[Source]  # the sources that hold at least one row of the chunk
     rows: range  # numbers of the rows of the chunk
-    done: NDArray[np.bool_]  # (sources, rows), whether a source has solved a row
-    finished: NDArray[np.bool_]  # (sources, rows), solved or failed
-    owner: Indices  # (rows,), index of the source whose values are taken
+    done: NDArray[np.bool_]  # whether a row is done in a source, shape (sources, rows)
+    # Whether a row is done or failed in a source, shape (sources, rows).
+    finished: NDArray[np.bool_]
+    # Index of the source whose values of a row are taken, shape (rows,). It has no meaning for rows
+    # that no source has finished.
+    owner: Indices
 
 
 def create(path: Path, scene: Scene, rows: range | None = None) -> None:
-    """Create a database whose rows are pending.
+    """Create a database whose rows are all pending.
 
     Parameters
     ----------
     path : Path
-        The new file, whose `gen.database.lock` the caller holds.
+        The new file. The caller holds its `gen.database.lock`.
     scene : Scene
         The completed scene.
     rows : range, optional
-        Numbers of the rows that the file holds, all rows of the scene by default; fewer rows make
-        a part.
+        Numbers of the rows that the file holds; all rows of the scene by default. A file with fewer
+        rows is a part.
 
     Raises
     ------
@@ -123,26 +139,14 @@ def create(path: Path, scene: Scene, rows: range | None = None) -> None:
     """
     if rows is None:
         rows = range(scene.samples)
-    _assemble(path, scene, rows, stored_columns(scene), _new_attributes())
-
-
-def _new_attributes() -> dict[str, str | int]:
-    """Return the attributes of a new file: numbers of its layout and results, versions, time."""
-    numerics = versions(("asperity", "numpy", "scipy", "pyfftw", "h5py"))
-    return {
-        "schema": SCHEMA,
-        "physics": PHYSICS,
-        "physics_forced": 0,
-        "versions": json.dumps(numerics | {"hdf5": h5py.version.hdf5_version}),
-        "git_commit": git_commit(),
-        "created": datetime.now(UTC).isoformat(timespec="seconds"),
-    }
+    _assemble(path, scene, rows, stored_columns(scene), new_attributes())
 
 
 def file_bytes(scene: Scene, rows: int) -> int:
-    """Return the size of a database's file before anything of it is written.
+    """Compute the size that the file of a new database is going to have.
 
-    A temporary file of one row is laid out, for the size of names, units and the scene.
+    A temporary file with one row is written to measure the size of everything else, such as names,
+    units and the scene.
 
     Parameters
     ----------
@@ -154,26 +158,26 @@ def file_bytes(scene: Scene, rows: int) -> int:
     Returns
     -------
     int
-        Size of the file [bytes]. Further rows may need a few bytes more for alignment.
+        Size [bytes]. The real file may be a few bytes larger, because HDF5 aligns columns.
     """
     columns = stored_columns(scene)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "one-row.h5"
         with h5py.File(path, "w", locking=False, **LAYOUT) as file:
-            _lay_out(file, scene, range(1), columns, _new_attributes())
-        of_one_row = path.stat().st_size
+            lay_out(file, scene, range(1), columns, new_attributes())
+        size_with_one_row = path.stat().st_size
     row_bytes = sum(column.row_bytes(scene.grid.shape) for column in columns)
-    return of_one_row + (rows - 1) * row_bytes
+    return size_with_one_row + (rows - 1) * row_bytes
 
 
 def open_or_create(
     path: Path, scene: Scene, rows: range | None = None, *, force: bool = False
 ) -> Literal["created", "resumed", "extended"]:
-    """Create, resume or extend a database, so that a run can write some rows.
+    """Create a database, or extend it if it lacks some of the wanted rows.
 
-    A file with more rows keeps them; rows between those of a part and the wanted rows become
-    pending. A file is extended by a copy of its rows in a new file, as contiguous datasets cannot
-    grow: a kill leaves the old file or the new one, whole.
+    An extended file has its old rows, the wanted rows, and all rows between them; the new rows are
+    pending. Contiguous datasets cannot grow, so that the old rows are copied into a new file, which
+    replaces the old one. A kill leaves either the old file or the new one.
 
     Parameters
     ----------
@@ -182,15 +186,17 @@ def open_or_create(
     scene : Scene
         The completed scene.
     rows : range, optional
-        Numbers of the rows that the run wants, all rows of the scene by default.
+        Numbers of the rows that the file has to hold; all rows of the scene by default. A file with
+        further rows keeps them.
     force : bool
-        Whether the file may have another physics number. It records then that rows of this
-        version's number are among its rows.
+        Whether the file may have another physics number. Its attribute "physics_forced" is then set
+        to the number of this version, whose rows are going to be among its rows.
 
     Returns
     -------
     str
-        What was done: "created", "resumed" or "extended".
+        "created" for a new file, "extended" for a file with new rows, or "resumed" if the file has
+        all rows already.
 
     Raises
     ------
@@ -206,7 +212,7 @@ def open_or_create(
         source = Source.of(path, file)
         require_scene(file, path, source.scene, scene, force=force)
         attributes = read_attributes(file)
-        if attributes["physics"] != PHYSICS:
+        if attributes["physics"] != PHYSICS:  # only with `force`
             file.attrs.modify("physics_forced", PHYSICS)
             attributes["physics_forced"] = PHYSICS
         extended = range(
@@ -214,6 +220,8 @@ def open_or_create(
         )
         if extended == source.rows:
             return "resumed"
+        # The new file records the scene with more samples. Powers of outputs were measured when the
+        # old file was made.
         recorded = source.scene
         if scene.samples > recorded.samples:
             recorded = scene.with_powers_of(recorded)
@@ -226,17 +234,19 @@ def open_or_create(
 def merge(target: Path, sources: Sequence[Path]) -> Counts:
     """Merge databases of one scene whose rows were computed in different places.
 
-    A row is done if it is done in any source, otherwise failed if it failed in any; rows that are
-    done twice have to agree. Attributes are those of the first source with the most samples.
-    Checksums are copied, never computed anew, as they would then vouch for damaged rows: the merged
-    database has them if all sources do.
+    A row is done if it is done in a source, otherwise failed if it failed in a source, otherwise
+    pending. A row that is done in several sources must have equal values in them, apart from times,
+    ranks and hosts. The scene and the attributes are taken from the source with the largest number
+    of samples, or from the first such source; "physics_forced" is the largest one of all sources.
+    The merged database has checksums if all sources have them. They are copied, because new ones
+    would hide damage of the sources.
 
     Parameters
     ----------
     target : Path
         The new database. Its lock is held during the call.
     sources : sequence of Path
-        Databases, at least one; parts may overlap and leave gaps.
+        Databases, at least one. Parts of a database may overlap, and rows may be missing.
 
     Returns
     -------
@@ -246,8 +256,8 @@ def merge(target: Path, sources: Sequence[Path]) -> Counts:
     Raises
     ------
     InputError
-        If the sources are of different scenes or results, or differ in a row that is done; if the
-        target exists, or the disk has no room for it.
+        If the sources have different scenes or physics numbers, if they differ in a row that is
+        done in several of them, if the target exists, or if the disk has no room for it.
     """
     if not sources:
         raise InputError(f"{target}: nothing to merge; give at least one database")
@@ -257,6 +267,7 @@ def merge(target: Path, sources: Sequence[Path]) -> Counts:
         opened = [Source.of(path, file) for path, file in files.items()]
         for source in opened[1:]:
             _require_mergeable(opened[0], source)
+        # `max` returns the first of several.
         largest = max(opened, key=lambda source: source.scene.samples)
         scene = largest.scene
         attributes = read_attributes(largest.file)
@@ -271,9 +282,9 @@ def merge(target: Path, sources: Sequence[Path]) -> Counts:
 
 
 def _require_mergeable(first: Source, second: Source) -> None:
-    """Refuse two databases whose scenes, measured powers or physics numbers differ."""
-    words = f"in {first.path}", f"in {second.path}"
-    different = differences(first.scene, second.scene, words)
+    """Raise InputError if scenes, measured powers or physics numbers of two databases differ."""
+    places = (f"in {first.path}", f"in {second.path}")
+    different = differences(first.scene, second.scene, places)
     if not different:
         different = _differing_powers(first.scene, second.scene)
     if not different and first.physics != second.physics:
@@ -288,7 +299,11 @@ def _require_mergeable(first: Source, second: Source) -> None:
 
 
 def _differing_powers(first: Scene, second: Scene) -> list[str]:
-    """Name the first output of a user's function that was measured to scale differently, if any."""
+    """Return a line about the first output whose measured powers differ in two scenes.
+
+    Outputs are those of a user's function, in the order of their names. The list is empty if all
+    powers are equal.
+    """
     powers_of_first = first.store.powers or {}
     powers_of_second = second.store.powers or {}
     for name in sorted({*powers_of_first, *powers_of_second}):
@@ -307,13 +322,15 @@ def _merge_rows(
     columns: Sequence[Column],
     scene: Scene,
 ) -> None:
-    """Write rows of a new file whose first row is `first`, in all columns.
+    """Write all columns of some rows of a new file, with the values of the sources.
 
-    The values of a row are those of the first source in which it is done, or else of the first one
-    in which it failed; a row that no source has finished gets fill values.
+    `first` is the number of the first row of the file. The values of a row are those of the first
+    source in which it is done, otherwise those of the first source in which it failed, otherwise
+    fill values. Raises InputError if a row is done in two sources with different values.
     """
     claims = _claims_on(rows, sources)
-    # A difference in a column also changes the checksum: the column is to be named, and is first.
+    # Different values in a column also give different checksums. The checksum comes last, so that
+    # an error names the column with the different values.
     for column in sorted(columns, key=lambda column: column == CHECKSUM):
         values = _merged(column, claims, scene)
         write_rows(file[column.path], rows.start - first, values)
@@ -333,12 +350,21 @@ def _claims_on(rows: range, sources: Sequence[Source]) -> _Claims:
     failed = status == Status.FAILED
     owner = np.zeros(len(rows), dtype=np.int64)
     if overlapping:
-        owner = (2 * done + failed).argmax(axis=0)  # the first one with the best status
-    return _Claims(overlapping, rows, done, done | failed, owner)
+        # A done row has the rank 2, a failed one 1, and a pending one 0.
+        rank = 2 * done + failed
+        owner = rank.argmax(axis=0)  # the first source with the highest rank
+    return _Claims(
+        sources=overlapping, rows=rows, done=done, finished=done | failed, owner=owner
+    )
 
 
 def _merged(column: Column, claims: _Claims, scene: Scene) -> NDArray[Any]:
-    """Return the merged values of a column; refuse rows that are done twice and differ."""
+    """Return the values of a column in the rows of `claims`, each from the row's owner.
+
+    The shape is (rows,), or (rows, nx, ny) for a field. Rows that no source has finished have the
+    fill value. Raises InputError if a row is done in two sources with different values, unless the
+    column differs from run to run.
+    """
     merged = _unwritten(column, len(claims.rows), scene)
     for index, source in enumerate(claims.sources):
         if not claims.finished[index].any():
@@ -347,7 +373,8 @@ def _merged(column: Column, claims: _Claims, scene: Scene) -> NDArray[Any]:
         is_owner = claims.owner == index
         owned = np.flatnonzero(claims.finished[index] & is_owner)
         merged[owned] = values[owned]
-        # The owner of a row precedes all other sources in which the row is done.
+        # Rows that are done here and in an earlier source, which owns them: `merged` already has
+        # its values.
         repeated = np.flatnonzero(claims.done[index] & ~is_owner)
         if not column.deterministic or not repeated.size:
             continue
@@ -361,12 +388,19 @@ def _merged(column: Column, claims: _Claims, scene: Scene) -> NDArray[Any]:
 
 
 def _unwritten(column: Column, rows: int, scene: Scene) -> NDArray[Any]:
-    """Return an array of rows of a column that have not been written: fill values."""
+    """Return the values of a column in a number of rows that have not been written: fill values.
+
+    The shape is (rows,), or (rows, nx, ny) for a field.
+    """
     return np.full(column.shape(rows, scene.grid.shape), column.fill, dtype=column.dtype)
 
 
 def _differ(first: NDArray[Any], second: NDArray[Any]) -> NDArray[np.bool_]:
-    """Tell of each row whether two arrays differ in any bit; NaNs of the same bits are equal."""
+    """Tell for each row whether two arrays have different bytes in it; shape (rows,).
+
+    The arrays have the same type and shape, (rows,) or (rows, nx, ny). Two NaN with the same bytes
+    are equal.
+    """
     rows = len(first)
     bytes_of_first = first.view("u1").reshape(rows, -1)
     bytes_of_second = second.view("u1").reshape(rows, -1)
@@ -375,7 +409,10 @@ def _differ(first: NDArray[Any], second: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def _conflict(row: int, column: Column, first: Path, second: Path) -> InputError:
-    """Return the error for two databases that have different values of a finished row."""
+    """Return the error for a row that has different values of a column in two databases.
+
+    If the checksum of the row is wrong in one of them, the message says so, and how to repair it.
+    """
     differs = f"row {row}: {column.name} differs between {first} and {second}"
     for path in (first, second):
         with Reader(path) as reader:
@@ -399,10 +436,12 @@ def _assemble(
     *,
     replaced: HeldFile | None = None,
 ) -> None:
-    """Make a file of some rows, and give it its name when it is whole.
+    """Make a file that holds some rows of a scene, and give it its name when it is whole.
 
-    Rows that no source has finished are pending. The file replaces the one that is held, if there
-    is one, and is refused if a file has the name otherwise.
+    The values of the rows come from the sources; rows that no source has finished are pending. The
+    new file replaces the file `replaced`, which has this path and is held open. Without it, the
+    path must be free. Raises InputError if the path is not free, the disk has no room, the file
+    cannot be written, or sources differ in a done row. An old file is unchanged then.
     """
     target = place_of(path)
     present: Present = "refuse"
@@ -417,18 +456,23 @@ def _assemble(
         if replaced is not None:
             _require_owner(path, target, temporary)
         with h5py.File(temporary, "w", locking=False, **LAYOUT) as file:
-            _lay_out(file, scene, rows, columns, attributes)
-        with open_file(temporary, True) as file:
-            for start, stop in chunks(rows, max(row_bytes)):
-                chunk = range(start, stop)
+            lay_out(file, scene, rows, columns, attributes)
+        # `lay_out` does not write values. Every row is written here, if only with fill values.
+        with open_file(temporary, writing=True) as file:
+            for start, stop in chunks(rows, row_bytes=max(row_bytes)):
+                chunk = range(start, stop)  # numbers of rows
                 _merge_rows(file, rows.start, chunk, sources, columns, scene)
         if replaced is not None:
-            replaced.check()
+            replaced.check()  # the path must still lead to the file that is to be replaced
 
 
 def _require_room(path: Path, folder: Path, rows: int, row_bytes: int) -> None:
-    """Refuse a file of some rows that the disk of a folder has no room for; quotas show later."""
-    needed = rows * row_bytes
+    """Raise InputError if the disk of a folder has no room for a number of rows.
+
+    `row_bytes` is the size of a row [bytes]. `path` is that of the new file, for messages. A quota
+    is noticed only when the file is written.
+    """
+    needed = rows * row_bytes  # [bytes]
     free = shutil.disk_usage(folder).free
     if needed > free:
         raise InputError(
@@ -438,7 +482,11 @@ def _require_room(path: Path, folder: Path, rows: int, row_bytes: int) -> None:
 
 
 def _require_owner(path: Path, target: Path, temporary: Path) -> None:
-    """Refuse to replace a file whose owner and group a new file cannot have."""
+    """Raise InputError if a new file could not get the owner and the group of the file it replaces.
+
+    `target` is the old file, and `temporary` the new one, which has got the owner and the group as
+    far as this user may give them. `path` is the path of the old file for messages.
+    """
     old = target.stat()
     new = temporary.stat()
     if (new.st_uid, new.st_gid) != (old.st_uid, old.st_gid):
@@ -446,107 +494,3 @@ def _require_owner(path: Path, target: Path, temporary: Path) -> None:
             f"{path} belongs to user {old.st_uid} and group {old.st_gid}: to extend it"
             " would make it yours; let its owner do that, or copy it"
         )
-
-
-def _lay_out(
-    file: h5py.File,
-    scene: Scene,
-    rows: range,
-    columns: Sequence[Column],
-    attributes: Attributes,
-) -> None:
-    """Write the attributes, dimensions and columns of a new file, whose rows are not filled."""
-    for name, value in _attributes_of(scene, rows, attributes).items():
-        _set(file, name, value)
-    axes = {"sample": len(rows)}
-    if any(column.shape_of for column in columns):
-        axes["x"], axes["y"] = scene.grid.shape
-    scales = [_add_dimension(file, name, length) for name, length in axes.items()]
-    file.create_group(RUNTIME, track_order=True)
-    for column in columns:
-        shape = column.shape(len(rows), scene.grid.shape)
-        dataset = _add_column(file, column, shape)
-        for axis, scale in enumerate(scales[: len(shape)]):
-            dataset.dims[axis].attach_scale(scale)
-        _describe(dataset, column)
-
-
-def _attributes_of(scene: Scene, rows: range, attributes: Attributes) -> Attributes:
-    """Return the attributes of a file that holds some rows of a scene, in the order of the file.
-
-    Those given (versions, numbers, time) yield to what the scene and the rows decide.
-    """
-    is_part = rows != range(scene.samples)
-    decided: dict[str, str | int] = {
-        "Conventions": "CF-1.11",
-        "title": scene.title or "Contact of rough surfaces",
-    }
-    # The names of the Attribute Convention for Data Discovery (ACDD).
-    if scene.creator:
-        decided["creator_name"] = scene.creator
-    if scene.licence:
-        decided["license"] = scene.licence
-    decided["scene"] = scene.text()
-    decided["scene_hash"] = scene.fingerprint()
-    decided["samples"] = scene.samples
-    for name, value in attributes.items():
-        if name not in decided and name not in PART_NUMBERS:
-            decided[name] = value
-    decided["schema"] = PART if is_part else SCHEMA
-    if is_part:
-        decided |= dict(zip(PART_NUMBERS, (rows.start, len(rows)), strict=True))
-    return decided
-
-
-def _add_dimension(file: h5py.File, name: str, length: int) -> h5py.Dataset:
-    """Add a dimension of netCDF-4, a scale without values or disk space, and return the scale."""
-    scale = file.create_dataset(name, shape=(length,), dtype=">f4")
-    scale.make_scale(f"This is a netCDF dimension but not a netCDF variable.{length:10d}")
-    return scale
-
-
-def _add_column(file: h5py.File, column: Column, shape: tuple[int, ...]) -> h5py.Dataset:
-    """Add the dataset of a column, with disk space for all rows, and return it."""
-    properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
-    properties.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
-    # HDF5 itself would crash on a full disk while it fills the dataset.
-    properties.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
-    return file.create_dataset(
-        column.path,
-        shape=shape,
-        dtype=column.dtype,
-        fillvalue=column.fill,
-        dcpl=properties,
-    )
-
-
-def _describe(dataset: h5py.Dataset, column: Column) -> None:
-    """Add the attributes of a column: its meaning and unit, measured powers, meanings of codes."""
-    _set(dataset, "long_name", column.long_name)
-    if column.unit:
-        _set(dataset, "units", column.unit)
-    if column.measured and column.powers is not None:
-        # of heights, lengths and E*
-        dataset.attrs["powers"] = np.array(column.powers, dtype="i1")
-    flags = FLAGS.get(column)
-    if flags:
-        dataset.attrs["flag_values"] = np.array(list(flags), dtype=column.dtype)
-        # CF's list of meanings is separated by blanks: each text has to be one word.
-        words = [_one_word(text) for text in flags.values()]
-        _set(dataset, "flag_meanings", " ".join(words))
-
-
-def _one_word(text: str) -> str:
-    """Return a text as one word of letters, digits and underscores; "none" if it has no letter."""
-    return re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_") or "none"
-
-
-def _set(node: h5py.Dataset | h5py.File, name: str, value: str | int) -> None:
-    """Add an attribute to a file or a column; a text has a fixed length."""
-    # HDF5 keeps texts of variable length in a heap, and may read for ever if that is damaged.
-    if isinstance(value, str):
-        text = value.encode()
-        kind = h5py.string_dtype("utf-8", max(1, len(text)))
-        node.attrs.create(name, text, dtype=kind)
-    else:
-        node.attrs[name] = value

@@ -1,9 +1,9 @@
-"""Open HDF5 files, and refuse those that are no databases, or none that `gen` can have made.
+"""Open HDF5 files, and refuse files that are not databases or that `gen` cannot have made.
 
-Databases come from anywhere. HDF5 lets data lie in other files, behind filters, or on top of the
-data of another dataset: a run could write into a file that nobody named, or need memory without
-bound. Columns therefore have to be hard links to contiguous datasets of the schema's type and
-shape.
+A database may come from a stranger. In HDF5, the data of a dataset can be in another file, can be
+compressed, or can share bytes with another dataset. A run could then write into a file that the
+user has not named, or need any amount of memory. Each column therefore has to be a hard link to a
+contiguous dataset with the type and the shape of the schema.
 """
 
 import errno
@@ -27,28 +27,29 @@ from gen.schema import CHECKSUM, DRAWN_NAMES, PART, PHYSICS, SCHEMA, Column
 SIGNATURE = b"\x89HDF\r\n\x1a\n"  # first bytes of HDF5 files
 
 TEXTS = ("title", "scene", "scene_hash", "versions", "git_commit", "created")
-"""Attributes of every database that are texts."""
+"""Names of the attributes with a text that every database has."""
 
 NUMBERS = ("samples", "schema", "physics", "physics_forced")
-"""Attributes of every database that are integers."""
+"""Names of the attributes with an integer that every database has."""
 
 LARGEST_ATTRIBUTE = 2**22
-"""Most bytes of an attribute: more than the text of any scene has."""
+"""Largest size of an attribute that is read [bytes]; the text of a scene is smaller."""
 
 PART_NUMBERS = ("first_row", "rows")
-"""Attributes of a part: number of its first row, and how many rows it holds."""
+"""Names of the attributes that only a part has: the number of its first row, and the number of its
+rows."""
 
 
 class _Extent(NamedTuple):
-    """The bytes of a file that a column takes."""
+    """The bytes of a file that a column occupies. Extents are sorted by their first byte."""
 
     start: int  # offset of the first byte
-    stop: int  # offset behind the last byte
-    name: str  # of the column in the file
+    stop: int  # offset of the byte behind the last one
+    name: str  # name of the column in the file
 
 
 def rows_of(attributes: Mapping[str, str | int]) -> range:
-    """Return the rows of a file, by their numbers in the plan of its scene.
+    """Return the numbers of the rows that a file holds.
 
     Parameters
     ----------
@@ -58,7 +59,8 @@ def rows_of(attributes: Mapping[str, str | int]) -> range:
     Returns
     -------
     range
-        Numbers of the rows: all rows of the scene, or consecutive ones in a part.
+        Numbers of the rows in the plan of the scene: all rows of the scene, or consecutive ones if
+        the file is a part.
 
     Raises
     ------
@@ -77,7 +79,7 @@ def rows_of(attributes: Mapping[str, str | int]) -> range:
 
 
 def stored_path(file: h5py.File, column: Column) -> str:
-    """Find the path of a column inside a file, which may be older than the column's name.
+    """Return the path of a column inside a file, which may have been made before 1.0.0.
 
     Parameters
     ----------
@@ -89,50 +91,50 @@ def stored_path(file: h5py.File, column: Column) -> str:
     Returns
     -------
     str
-        `column.path`; in files made before 1.0.0, columns of drawn parameters have the names of the
-        parameters.
+        `column.path`, or the old name of the column in a file made before 1.0.0: the columns of
+        `DRAWN_NAMES` then had the names of their parameters.
     """
     parameters = {name: parameter for parameter, name in DRAWN_NAMES.items()}
-    parameter = parameters.get(column.name)
-    if parameter is None or column.path in file:
+    old_name = parameters.get(column.name)
+    if old_name is None or column.path in file:
         return column.path
-    return parameter
+    return old_name
 
 
 def has_checksums(file: h5py.File, scene: Scene) -> bool:
-    """Tell whether a database has a checksum for each row; older databases have none.
+    """Tell whether a database has a checksum for each row, as all but old databases do.
 
     Parameters
     ----------
     file : h5py.File
         An open database.
     scene : Scene
-        Its scene. An output of a user's function may be called "checksum" in an older database, and
-        is none.
+        Scene of the database.
 
     Returns
     -------
     bool
-        Whether the file has the column `CHECKSUM`.
+        True if the file has the column `CHECKSUM`. False also if its column "checksum" is an output
+        of a user's function, as it may be in an old database.
     """
-    names = [column.name for column in columns_for(scene)]
-    return CHECKSUM.name in file and CHECKSUM.name not in names
+    names_of_results = [column.name for column in columns_for(scene)]
+    return CHECKSUM.name in file and CHECKSUM.name not in names_of_results
 
 
 def open_file(path: Path, writing: bool = False, communicator: Any = None) -> h5py.File:
-    """Open an existing HDF5 file; its content is not checked, which is what `read_scene` does.
+    """Open an existing HDF5 file without checking its content, which `read_scene` does.
 
-    HDF5 takes no lock, and its buffer for small writes is off, so that a failed write leaves
-    nothing behind that would fail again as the file closes.
+    HDF5 does not lock the file. Its buffer for small writes is off: if a write failed, the data
+    would stay in the buffer, and closing the file would fail too.
 
     Parameters
     ----------
     path : Path
         File.
     writing : bool
-        Whether rows are going to be written.
+        Whether the file is opened for writing too, and not only for reading.
     communicator : mpi4py.MPI.Comm, optional
-        Processes that open the file together, by MPI-IO; the call is collective then.
+        Processes that open the file together by MPI-IO. The call is then collective.
 
     Returns
     -------
@@ -144,14 +146,15 @@ def open_file(path: Path, writing: bool = False, communicator: Any = None) -> h5
     InputError
         If the file is missing, empty, cannot be read, or is no HDF5 file.
     """
-    # HDF5 would take an empty file for a new one.
+    # HDF5 could take an empty file for a new one.
     if require_file(path).is_file() and not path.stat().st_size:
         raise InputError(
             f"{path} is empty, not a database; give another name or remove it"
         )
     access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
+    # Closing the file closes all its datasets too.
     access.set_fclose_degree(h5py.h5f.CLOSE_STRONG)
-    # No locks, and no error if the environment disables them.
+    # No lock is taken; the second argument ignores an environment that forbids locks.
     access.set_file_locking(False, True)
     access.set_sieve_buf_size(0)
     if communicator is not None:
@@ -166,7 +169,8 @@ def open_file(path: Path, writing: bool = False, communicator: Any = None) -> h5
 
 
 def _not_opened(path: Path, error: OSError) -> InputError:
-    """Return the error of one line for a file that HDF5 does not open."""
+    """Return the InputError for a file that HDF5 has failed to open with an `error`."""
+    # The number is 0 if the system has opened the file, and HDF5 refuses its content.
     number = errno_of(error)
     if number == errno.ENOENT:
         return InputError(f"{path} does not exist; check the name")
@@ -187,7 +191,7 @@ def first_line(error: Exception) -> str:
     Parameters
     ----------
     error : Exception
-        Any error; those of HDF5 have many lines.
+        Any error. The texts of HDF5's errors have many lines.
 
     Returns
     -------
@@ -198,9 +202,10 @@ def first_line(error: Exception) -> str:
 
 
 def _not_read(path: Path, number: int) -> InputError:
-    """Return the error for a file that the system cannot read, by the number of the system's error.
+    """Return the InputError for a file that the system cannot read.
 
-    The file itself may be sound.
+    `number` is that of the system's error, from the module `errno`. The message does not call the
+    file damaged, because the disk or the file server may be at fault.
     """
     return InputError(
         f"{path} cannot be read: {os.strerror(number)}; nothing was changed"
@@ -209,10 +214,14 @@ def _not_read(path: Path, number: int) -> InputError:
 
 @contextmanager
 def _damage(path: Path) -> Iterator[None]:
-    """Turn the errors that a damaged file causes, in h5py and here, into an InputError."""
+    """Turn the errors that a damaged file causes in the block into an InputError.
+
+    h5py raises errors of many types, and this module raises ValueError. If the system could not
+    read the file, the message does not call it damaged.
+    """
     try:
         yield
-    except InputError:
+    except InputError:  # a ValueError that is already in words for the user
         raise
     except (
         OSError,
@@ -223,7 +232,7 @@ def _damage(path: Path) -> Iterator[None]:
         ValueError,
     ) as error:
         number = errno_of(error)
-        # A damaged address inside the file is an invalid argument (EINVAL) to the system.
+        # Reading at a damaged address also is an error of the system: EINVAL, invalid argument.
         if number not in {0, errno.EINVAL}:
             raise _not_read(path, number) from None
         raise InputError(
@@ -233,7 +242,7 @@ def _damage(path: Path) -> Iterator[None]:
 
 
 def read_attributes(file: h5py.File) -> dict[str, str | int]:
-    """Read the attributes of a file.
+    """Read all attributes of a file.
 
     Parameters
     ----------
@@ -248,8 +257,9 @@ def read_attributes(file: h5py.File) -> dict[str, str | int]:
     Raises
     ------
     ValueError
-        If an attribute is anything else than one text of fixed length or one integer, is not of the
-        type that its name asks for, or is larger than `LARGEST_ATTRIBUTE`.
+        If an attribute is neither one text of fixed length nor one integer, if an attribute of
+        `TEXTS` is not a text, if one of `NUMBERS` is not an integer, or if an attribute is larger
+        than `LARGEST_ATTRIBUTE`.
     """
     for name in file.attrs:
         if not _is_readable(file, name):
@@ -257,12 +267,18 @@ def read_attributes(file: h5py.File) -> dict[str, str | int]:
             raise ValueError(f"attribute {name!r} is not one {kind}")
     attributes: dict[str, str | int] = {}
     for name, value in file.attrs.items():
-        attributes[name] = value.decode() if isinstance(value, bytes) else int(value)
+        if isinstance(value, bytes):
+            attributes[name] = value.decode()
+        else:
+            attributes[name] = int(value)
     return attributes
 
 
 def _is_readable(file: h5py.File, name: str) -> bool:
-    """Tell whether an attribute is one text of fixed length or one integer, as it has to be."""
+    """Tell whether an attribute meets the conditions of `read_attributes`.
+
+    Only its description is read, not its value, which could need any amount of memory.
+    """
     attribute = h5py.h5a.open(file.id, name.encode("utf-8", "surrogateescape"))
     kind = attribute.get_type()
     is_text = isinstance(kind, h5py.h5t.TypeStringID) and not kind.is_variable_str()
@@ -274,39 +290,54 @@ def _is_readable(file: h5py.File, name: str) -> bool:
     else:
         has_type = is_text or is_number
     is_single = attribute.get_space().get_simple_extent_type() == h5py.h5s.SCALAR
-    return has_type and is_single and attribute.get_storage_size() <= LARGEST_ATTRIBUTE
+    is_small = attribute.get_storage_size() <= LARGEST_ATTRIBUTE
+    return has_type and is_single and is_small
 
 
 def _check_columns(file: h5py.File, path: Path, scene: Scene, rows: int) -> None:
-    """Raise ValueError for a column that `gen` cannot have laid out in a file of so many rows.
+    """Check that a file has all columns of a scene as `gen` lays them out, each with its own bytes.
 
-    Only headers are read, so that no size that a file declares costs time or memory.
+    `rows` is the number of rows of the file. Raises ValueError for a column that is missing, has
+    another form, does not fit into the file, or shares bytes with another column. No values are
+    read, because a file can claim any number of them.
     """
     grid = scene.grid.shape
-    file_bytes = path.stat().st_size
     extents = []
     for column in stored_columns(scene, checksums=has_checksums(file, scene)):
         name = stored_path(file, column)
         _require_hard_links(file, column, name)
         dataset = file[name]
         _require_contiguous(dataset, column, name, column.shape(rows, grid))
-        # None if the column has no bytes of its own in the file.
-        start = dataset.id.get_offset()
-        length = rows * column.row_bytes(grid)
-        if start is None or start + length > file_bytes:
+        size = rows * column.row_bytes(grid)  # [bytes]
+        extents.append(_extent_of(dataset, name, size, path))
+    # Neighbours in the order of their first bytes: if any two columns overlap, two neighbours do.
+    for lower, upper in pairwise(sorted(extents)):
+        if upper.start < lower.stop:
             raise ValueError(
-                f"{rows} rows of column {name!r} do not fit into the file's {file_bytes} bytes"
+                f"column {upper.name!r} lies on top of column {lower.name!r}"
             )
-        extents.append(_Extent(start, start + length, name))
-    for before, after in pairwise(sorted(extents)):
-        if after.start < before.stop:
-            raise ValueError(
-                f"column {after.name!r} lies on top of column {before.name!r}"
-            )
+
+
+def _extent_of(dataset: h5py.Dataset, name: str, size: int, path: Path) -> _Extent:
+    """Return the bytes of the file that a column of a certain size [bytes] occupies.
+
+    Raises ValueError if the column has no bytes in the file, or reaches beyond the end of the file.
+    """
+    file_bytes = path.stat().st_size
+    start = dataset.id.get_offset()  # None if no bytes are allocated for the column
+    if start is None or start + size > file_bytes:
+        rows = len(dataset)
+        raise ValueError(
+            f"{rows} rows of column {name!r} do not fit into the file's {file_bytes} bytes"
+        )
+    return _Extent(start=start, stop=start + size, name=name)
 
 
 def _require_hard_links(file: h5py.File, column: Column, name: str) -> None:
-    """Raise ValueError if a column or its group is missing, or is a link to somewhere else."""
+    """Raise ValueError if a column, or the group that it is in, is missing or not a hard link.
+
+    `name` is the path of the column inside the file. Other kinds of link can lead to another file.
+    """
     paths = [column.group, name] if column.group else [name]
     for path in paths:
         link = file.get(path, getclass=True, getlink=True)
@@ -317,41 +348,49 @@ def _require_hard_links(file: h5py.File, column: Column, name: str) -> None:
 
 
 def _require_contiguous(
-    dataset: Any, column: Column, name: str, shape: tuple[int, ...]
+    node: Any, column: Column, name: str, shape: tuple[int, ...]
 ) -> None:
-    """Raise ValueError unless a dataset lies in the file in one piece of the column's type."""
+    """Raise ValueError unless a node of a file is a contiguous dataset of a type and a shape.
+
+    The type is that of the column. `name` is the path of the node inside the file, for messages.
+    """
+    # A committed type is stored elsewhere in the file under a name of its own.
     if (
-        not isinstance(dataset, h5py.Dataset)
-        or dataset.shape != shape
-        or dataset.dtype != np.dtype(column.dtype)
-        or dataset.id.get_type().committed()
+        not isinstance(node, h5py.Dataset)
+        or node.shape != shape
+        or node.dtype != np.dtype(column.dtype)
+        or node.id.get_type().committed()
     ):
         raise ValueError(
             f"column {name!r} is not of type {column.dtype} and shape {shape}"
         )
-    if dataset.external or dataset.is_virtual or dataset.chunks is not None:
+    # Only datasets in chunks can be compressed.
+    if node.external or node.is_virtual or node.chunks is not None:
         raise ValueError(f"column {name!r} is in another file, virtual, or in chunks")
 
 
 def read_scene(file: h5py.File, path: Path) -> Scene:
-    """Check that an open file is a database that `gen` can have made, and read its scene.
+    """Check that an open file is a database that `gen` can have made, and return its scene.
+
+    The attributes and the form of all columns are checked, but not the values in the columns.
 
     Parameters
     ----------
     file : h5py.File
         An open HDF5 file.
     path : Path
-        Its path, for messages.
+        Path of the file, for its size and for messages.
 
     Returns
     -------
     Scene
-        The scene that the database was made with.
+        The scene that the database has recorded.
 
     Raises
     ------
     InputError
-        If the file is no database, has another layout, or is damaged.
+        If the file is no database, has another layout, has a scene that this version does not know,
+        is damaged, or cannot be read.
     """
     with _damage(path):
         attributes = _checked_attributes(file, path)
@@ -365,13 +404,20 @@ def read_scene(file: h5py.File, path: Path) -> Scene:
         recorded = (attributes["scene_hash"], attributes["samples"])
         if recorded != (scene.fingerprint(), scene.samples):
             raise ValueError("its scene is not the one that it was made with")
-        json.loads(str(attributes["versions"])).items()  # raises unless it is a table
-        _check_columns(file, path, scene, len(rows_of(attributes)))
+        # Raises ValueError or AttributeError, which `_damage` turns into an InputError, unless the
+        # versions are a table.
+        json.loads(str(attributes["versions"])).items()
+        _check_columns(file, path, scene, rows=len(rows_of(attributes)))
     return scene
 
 
 def _checked_attributes(file: h5py.File, path: Path) -> dict[str, str | int]:
-    """Return the attributes of a file that has all of them, and this version's layout."""
+    """Check and return the attributes of a database, by their names.
+
+    Raises InputError if the file is no database or has another layout, and ValueError if an
+    attribute is missing or of a wrong type.
+    """
+    # HDF5 files of other programs lack these four; a database that lacks others is damaged.
     for name in ("schema", "physics", "scene", "samples"):
         if name not in file.attrs:
             raise InputError(
@@ -393,25 +439,26 @@ def _checked_attributes(file: h5py.File, path: Path) -> dict[str, str | int]:
 def require_scene(
     file: h5py.File, path: Path, stored: Scene, scene: Scene, *, force: bool = False
 ) -> None:
-    """Refuse to write rows of a scene into a database of another scene or of other results.
+    """Refuse to write rows of a scene into a database of another scene or another physics number.
 
     Parameters
     ----------
     file : h5py.File
         An open database.
     path : Path
-        Its path, for messages.
+        Path of the database, for messages.
     stored : Scene
         The scene of the database, from `read_scene`.
     scene : Scene
-        The scene whose rows are going to be written. Its number of samples does not count.
+        The scene whose rows are going to be written. It may have another number of samples.
     force : bool
         Whether the database may have another physics number.
 
     Raises
     ------
     InputError
-        If the scenes differ, key by key, or the physics numbers do without `force`.
+        If the scenes differ in a key that changes results; the message lists these keys. Also if
+        the database has not this version's physics number, unless `force` is True.
     """
     attributes = read_attributes(file)
     if attributes["scene_hash"] != scene.fingerprint():

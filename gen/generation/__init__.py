@@ -1,1 +1,1 @@
-"""How a database comes to be: its plan, its samples, the run, and the check afterwards."""
+"""Generate databases: plan their rows, compute them on all processes, and check the files."""

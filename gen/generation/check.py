@@ -1,7 +1,7 @@
 """Checks of a database, and its repair.
 
-Every finished row is compared with its checksum, the plan and limits, and some rows are computed
-again and compared bit for bit.
+Every finished row, which is a done or a failed one, is compared with its checksum, with the plan
+and with physical limits. Some of these rows are computed again and compared bit for bit.
 """
 
 import math
@@ -32,66 +32,79 @@ from gen.schema import (
     made_by_other_solver,
 )
 
-Mask = NDArray[np.bool_]  # one truth value for each row of a chunk
-CHUNK_ROWS = 65_536  # rows that are read and checked together
-ROUNDING = 1e-9  # relative error that rounding can cause in a sum of pressures
+Mask = NDArray[np.bool_]
+"""One truth value for each row of a chunk, shape (rows,)."""
+
+CHUNK_ROWS = 65_536
+"""Number of rows that are read and checked together."""
+
+ROUNDING = 1e-9
+"""Largest relative error of a force or a displacement that rounding can explain."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fault:
-    """Something wrong with rows of a database, in words."""
+    """Rows of a database with the same fault, and the fault in words."""
 
-    rows: Indices  # (k,), numbers of the rows
-    words: str
-    # False if the file has the bytes that were written, and this machine computes other last bits.
+    rows: Indices  # numbers of the rows in ascending order, at least one; shape (k,)
+    words: str  # the fault, without the rows
+    # Whether the content of the file is wrong. It is False if checksums show that the file is as it
+    # was written, and only this machine or these versions compute other bits.
     damaged: bool = True
 
     def __str__(self) -> str:
-        """Return one line for all rows."""
+        """Return one line with the first row, the number of further rows and the fault."""
         if self.rows.size == 1:
             return f"row {self.rows[0]}: {self.words}"
         return f"row {self.rows[0]} and {self.rows.size - 1} more rows: {self.words}"
 
 
 class Repair(NamedTuple):
-    """What a repair has done with the rows that have faults."""
+    """Rows that a repair has changed, and rows that it has left."""
 
-    pending: Indices  # (k,), rows that were damaged and are pending now
-    left_faulty: Indices  # (m,), rows that still have faults
+    pending: (
+        Indices  # numbers of the rows that were damaged and are pending now, shape (k,)
+    )
+    left_faulty: Indices  # numbers of the rows that still have faults, shape (m,)
 
 
 class _Violation(NamedTuple):
-    """Rows of a chunk that break a rule, and the words for it."""
+    """A rule for the rows of a chunk that some rows may break."""
 
-    rows: Mask
-    words: str
+    rows: Mask  # whether each row breaks the rule; all False if no row does
+    words: str  # what is wrong with a row that breaks it
 
 
 @dataclass(frozen=True, eq=False)
 class _Chunk:
-    """Consecutive rows of a database, as far as checks read them."""
+    """Consecutive rows of a database, with everything that the rules compare."""
 
     scene: Scene
-    plan: Plan
-    columns: Columns  # all deterministic columns but fields
-    numbers: list[str]  # names of those of them that hold floats
+    plan: Plan  # of these rows, drawn anew
+    columns: Columns  # the deterministic columns of one value a row, by their names
+    numbers: list[str]  # names of the columns among them that hold floating-point numbers
 
     @classmethod
     def read(
         cls, reader: Reader, start: int, stop: int, status: NDArray[np.uint8]
     ) -> "_Chunk":
-        """Read the rows start to stop - 1, whose status is known, and draw their plan again."""
+        """Read the rows start to stop - 1, and draw their plan again.
+
+        `status` are the statuses of these rows, shape (rows,), which the caller has read before.
+        """
         columns: Columns = {}
         numbers = []
         for column in reader.columns():
-            if column.deterministic and not column.shape_of:
+            is_field = column.shape_of != ""
+            if column.deterministic and not is_field:
                 columns[column.name] = reader.column(column.name, start, stop)
                 if column.dtype[0] == "f":
                     numbers.append(column.name)
-        # A run that goes on writing may have finished rows since the status was read.
+        # A run that still writes the file may have finished rows since the caller read the status.
+        # The earlier status keeps these rows out of the checks.
         columns[STATUS.name] = status
         plan = parameters(reader.scene, start, stop)
-        return cls(reader.scene, plan, columns, numbers)
+        return cls(scene=reader.scene, plan=plan, columns=columns, numbers=numbers)
 
 
 def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[Fault]:
@@ -102,37 +115,43 @@ def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[Fault]:
     path : Path
         Database.
     recompute : int
-        Number of finished rows that are computed again.
+        Number of finished rows that are chosen at random and computed again. Rows with a wrong
+        checksum are left out after the choice, so that fewer rows may be computed.
     seed : int
-        Seed of the choice of these rows.
+        Seed of this choice.
 
     Yields
     ------
     Fault
-        Each fault with its rows, as soon as it is known.
+        Each fault with its rows, as soon as it is known. A row can have several faults.
 
     Raises
     ------
     InputError
-        If the file is no database, or rows are to be computed again and what their surfaces need is
-        missing. SourceError, an InputError, if they need a user's function that fails or is not
-        trusted.
+        If the file is no database, or if rows are to be computed again and a file that their
+        surfaces need is missing.
+    SourceError
+        If rows are to be computed again and a user's function, which they need, fails or is not
+        trusted. It is a kind of InputError.
     """
-    finished = []
-    damaged = []
+    finished = []  # numbers of the finished rows, one array for each chunk
+    damaged = []  # numbers of the rows with a wrong checksum, one array for each chunk
     with Reader(path) as reader:
         for start in reader.rows[::CHUNK_ROWS]:
             stop = min(start + CHUNK_ROWS, reader.rows.stop)
             status = reader.column("status", start, stop)
-            unknown = _Violation(status > Status.FAILED, "status is not a known one")
+            unknown = _Violation(
+                rows=status > Status.FAILED, words="status is not a known one"
+            )
             yield from _faults_of(unknown, start)
             positions = np.flatnonzero(np.isin(status, (Status.DONE, Status.FAILED)))
             if not positions.size:
-                continue
+                continue  # no row of this chunk is finished
             rows = reader.damaged_rows(start, stop)
             if rows.size:
-                yield Fault(rows, "checksum is not that of the row's bytes")
-            for violation in _violations(_Chunk.read(reader, start, stop, status)):
+                yield Fault(rows=rows, words="checksum is not that of the row's bytes")
+            chunk = _Chunk.read(reader, start, stop, status)
+            for violation in _violations(chunk):
                 yield from _faults_of(violation, start)
             finished.append(start + positions)
             damaged.append(rows)
@@ -148,21 +167,23 @@ def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[Fault]:
 
 
 def repair(path: Path, faults: Sequence[Fault]) -> Repair:
-    """Make damaged rows pending, so that the next run computes them again.
+    """Make the damaged rows of a database pending, so that the next run computes them again.
 
-    Rows that another physics number computed stay as they are: this version cannot compute them.
+    No row is changed if another physics number computed the database, because this version cannot
+    compute such rows. Rows whose faults are not damage are not changed either.
 
     Parameters
     ----------
     path : Path
-        Database, whose `gen.database.lock` the caller has held since it found the faults.
+        Database. The caller holds its `gen.database.lock`, and has held it since before it looked
+        for the faults.
     faults : sequence of Fault
         Faults of the database, from the function `faults`.
 
     Returns
     -------
     Repair
-        Rows that were made pending, and rows that stay as they were.
+        Rows that are pending now, and rows that still have faults.
 
     Raises
     ------
@@ -173,68 +194,91 @@ def repair(path: Path, faults: Sequence[Fault]) -> Repair:
         scene = reader.scene
         other_physics = made_by_other_solver(int(reader.attributes["physics"]))
     faulty = _union([fault.rows for fault in faults])
-    pending = _union([])
+    damaged = []
     if not other_physics:
-        pending = _union([fault.rows for fault in faults if fault.damaged])
+        damaged = [fault.rows for fault in faults if fault.damaged]
+    pending = _union(damaged)
     if pending.size:
         with Writer(path, scene) as writer:
             writer.make_pending(pending)
-    return Repair(pending, np.setdiff1d(faulty, pending))
+    return Repair(pending=pending, left_faulty=np.setdiff1d(faulty, pending))
 
 
-def _union(rows: Sequence[Indices]) -> Indices:
-    """Return the row numbers that are in one of several arrays or more, in ascending order."""
-    return np.unique(np.concatenate([np.empty(0, dtype=np.int64), *rows]))
+def _union(arrays: Sequence[Indices]) -> Indices:
+    """Join arrays of row numbers into one, in ascending order and each number once.
+
+    The result is empty if there are no arrays.
+    """
+    return np.unique(np.concatenate([np.empty(0, dtype=np.int64), *arrays]))
 
 
 def _faults_of(violation: _Violation, start: int) -> Iterator[Fault]:
-    """Yield one fault for all rows of a violation, if there are any, in a chunk from `start` on."""
+    """Yield one fault with all rows that break a rule, or nothing if no row does.
+
+    `start` is the number of the first row of the chunk.
+    """
     rows = start + np.flatnonzero(violation.rows)
     if rows.size:
-        yield Fault(rows, violation.words)
+        yield Fault(rows=rows, words=violation.words)
 
 
 def _violations(chunk: _Chunk) -> Iterator[_Violation]:
-    """Yield the rules that finished rows of a chunk have to keep, with the rows that break them."""
+    """Yield every rule for finished rows, with the rows of a chunk that break it.
+
+    Pending rows break no rule. Rules about reasons and the plan hold for done and failed rows, and
+    rules about results only for done rows.
+    """
     done = chunk.columns["status"] == Status.DONE
     failed = chunk.columns["status"] == Status.FAILED
     reason = chunk.columns["reason"]
-    has_done_reason = np.isin(reason, DONE_REASONS)
-    has_reason = np.isin(reason, [code for code in REASONS if code != Reason.NONE])
-    yield _Violation(done & ~has_done_reason, "done, but has a reason to fail")
-    yield _Violation(failed & ~has_reason, "failed without a known reason")
-    for name, values in planned_columns(chunk.scene, chunk.plan).items():
-        unequal = chunk.columns[name] != values
-        yield _Violation((done | failed) & unequal, f"{name} is not the plan's")
-    for rules in (_not_finite, _contact_rules, _load_rules, _hardness_rules):
+    may_be_done = np.isin(reason, DONE_REASONS)
+    may_have_failed = np.isin(reason, [code for code in REASONS if code != Reason.NONE])
+    yield _Violation(rows=done & ~may_be_done, words="done, but has a reason to fail")
+    yield _Violation(
+        rows=failed & ~may_have_failed, words="failed without a known reason"
+    )
+    for name, planned in planned_columns(chunk.scene, chunk.plan).items():
+        unequal = chunk.columns[name] != planned
+        yield _Violation(
+            rows=(done | failed) & unequal, words=f"{name} is not the plan's"
+        )
+    for rules in (_rules_of_finite_numbers, _contact_rules, _load_rules, _hardness_rules):
         for violation in rules(chunk):
-            yield _Violation(done & violation.rows, violation.words)
+            yield _Violation(rows=done & violation.rows, words=violation.words)
 
 
-def _not_finite(chunk: _Chunk) -> Iterator[_Violation]:
-    """Yield columns with numbers that are not finite though they have to be.
+def _rules_of_finite_numbers(chunk: _Chunk) -> Iterator[_Violation]:
+    """Yield, for each column of floating-point numbers, the rows whose number is not finite.
 
-    Statistics may be undefined, with their reason; some results are infinite at full contact.
+    Two kinds of numbers are allowed: NaN in a statistic if the row's reason says that statistics
+    are undefined, and infinity in a quantity that is infinite at full contact. The last rule is
+    about rows with this reason that have all statistics. The rules hold for done rows; the caller
+    removes the other ones.
     """
     undefined = chunk.columns["reason"] == Reason.NO_STATISTICS
     statistics = {column.name for column in TABLE_1}
     may_be_infinite = _infinite_at_full_contact(chunk.scene)
     for name in chunk.numbers:
         values = chunk.columns[name]
-        excused = (values == np.inf) & (name in may_be_infinite)
+        allowed = np.isfinite(values)
+        if name in may_be_infinite:
+            allowed |= values == np.inf
         if name in statistics:
-            excused |= undefined & np.isnan(values)
-        yield _Violation(~np.isfinite(values) & ~excused, f"{name} is not finite")
+            allowed |= undefined & np.isnan(values)
+        yield _Violation(rows=~allowed, words=f"{name} is not finite")
+    # One array for each statistic; together of shape (statistics, rows).
     columns = [chunk.columns[name] for name in sorted(statistics)]
-    missing = np.isnan(columns).any(axis=0)
+    has_undefined_statistic = np.isnan(columns).any(axis=0)
     yield _Violation(
-        undefined & ~missing, "statistics are said to be undefined, but are not"
+        rows=undefined & ~has_undefined_statistic,
+        words="statistics are said to be undefined, but are not",
     )
 
 
 def _infinite_at_full_contact(scene: Scene) -> set[str]:
-    """Return the columns that are infinite at full contact of a scene's patches."""
+    """Return the names of the quantities that are infinite at full contact of a scene's patches."""
     contact = scene.contact
+    # Only grid, boundary, kernel and far field decide: a flat surface without load is enough.
     problem = pose(
         np.zeros(scene.grid.shape),
         scene.grid.sides,
@@ -253,68 +297,85 @@ def _infinite_at_full_contact(scene: Scene) -> set[str]:
 
 
 def _contact_rules(chunk: _Chunk) -> Iterator[_Violation]:
-    """Yield the bounds of area, force and nodes, how they belong together, and the residual."""
+    """Yield the rules for area, force, number of contact nodes and residual of a solved contact.
+
+    The caller removes rows that are not done.
+    """
     area = chunk.columns["area_percent"]
     force = chunk.columns["force"]
     nodes = chunk.columns["contact_nodes"]
-    share = 100.0 * nodes / math.prod(chunk.scene.grid.shape)
+    share = 100.0 * nodes / math.prod(chunk.scene.grid.shape)  # [%]
     rtol = chunk.scene.contact.rtol
-    yield _Violation(~((area >= 0) & (area <= 100)), "area outside 0 to 100 %")
-    yield _Violation(~(force >= 0), "force is negative")
-    yield _Violation(area != share, "area is not the share of contact nodes")
+    # `~(... >= 0)` is also true for NaN.
+    yield _Violation(rows=~((area >= 0) & (area <= 100)), words="area outside 0 to 100 %")
+    yield _Violation(rows=~(force >= 0), words="force is negative")
+    yield _Violation(rows=area != share, words="area is not the share of contact nodes")
     yield _Violation(
-        (force > 0) != (nodes > 0), "force without contact, or contact without force"
+        rows=(force > 0) != (nodes > 0),
+        words="force without contact, or contact without force",
     )
-    yield _Violation(chunk.columns["residual"] > rtol, f"residual above {rtol}")
+    yield _Violation(
+        rows=chunk.columns["residual"] > rtol, words=f"residual above {rtol}"
+    )
 
 
 def _load_rules(chunk: _Chunk) -> Iterator[_Violation]:
-    """Yield rows whose force or Delta does not belong to the planned load in the column `load`.
+    """Yield the rule that the force or Delta of a contact is its planned load.
 
-    A planned Delta has been compared itself; a load over the slope is not checked here.
+    Two quantities of the load have no rule here. A planned Delta is itself a column that has been
+    compared with the plan. A pressure over the rms slope is not checked. The caller removes rows
+    that are not done.
     """
-    load = chunk.plan.load
+    load = chunk.plan.load  # in the scene's quantity
     grid = chunk.scene.grid
     match chunk.scene.quantity:
         case "force":
-            yield _not_of_the_load(chunk, "force", load)
+            yield _not_of_the_load(chunk, "force", expected=load)
         case "pressure":
             area = math.prod(grid.shape) * math.prod(grid.spacing)  # [um2]
-            yield _not_of_the_load(chunk, "force", load * area)
+            yield _not_of_the_load(chunk, "force", expected=load * area)
         case "delta/height_rms":
-            delta = load * chunk.columns["height_rms"]
-            yield _not_of_the_load(chunk, "delta", delta)
+            delta = load * chunk.columns["height_rms"]  # [um]
+            yield _not_of_the_load(chunk, "delta", expected=delta)
 
 
 def _not_of_the_load(chunk: _Chunk, name: str, expected: Values) -> _Violation:
-    """Return the rows whose value of a column differs from the load by more than rounding."""
+    """Return the rule that a column has the values expected from the loads, but for rounding.
+
+    `expected` are the values in the unit of the column `name`, shape (rows,).
+    """
     equal = np.isclose(chunk.columns[name], expected, rtol=ROUNDING, atol=0.0)
-    return _Violation(~equal, f"{name} is not that of the load")
+    return _Violation(rows=~equal, words=f"{name} is not that of the load")
 
 
 def _hardness_rules(chunk: _Chunk) -> Iterator[_Violation]:
-    """Yield the bounds of yielded nodes and of the force, where bodies have a hardness."""
+    """Yield the rules for yielded nodes and for the force of bodies with a hardness.
+
+    Elastic bodies have none of these rules. The caller removes rows that are not done.
+    """
     hardness = chunk.plan.hardness
     if hardness is None:
         return
     yielded = chunk.columns["yielded_percent"]
     area = chunk.columns["area_percent"]
     nodes = chunk.columns["contact_nodes"]
-    largest_force = hardness * math.prod(chunk.scene.grid.spacing) * nodes
+    area_of_node = math.prod(chunk.scene.grid.spacing)  # [um2]
+    largest_force = hardness * area_of_node * nodes  # [uN]
     yield _Violation(
-        ~((yielded >= 0) & (yielded <= area)),
-        "more nodes have yielded than are in contact",
+        rows=~((yielded >= 0) & (yielded <= area)),
+        words="more nodes have yielded than are in contact",
     )
     yield _Violation(
-        chunk.columns["force"] > largest_force * (1 + ROUNDING),
-        "force above what the hardness bears",
+        rows=chunk.columns["force"] > largest_force * (1 + ROUNDING),
+        words="force above what the hardness bears",
     )
 
 
 def _compared_columns(reader: Reader) -> list[Column]:
-    """Return the columns that computing a row again has to give with the same bits.
+    """Return the columns whose bits have to be equal if a row is computed again.
 
-    If another solver made the database, these are the columns of the surfaces alone.
+    These are all deterministic columns but the checksum. If another solver made the database, they
+    are the columns of the surfaces alone.
     """
     columns = [
         column
@@ -330,25 +391,29 @@ def _compared_columns(reader: Reader) -> list[Column]:
 def _recomputed_faults(
     reader: Reader, columns: Sequence[Column], row: int
 ) -> Iterator[Fault]:
-    """Compute a row again, with the other rows of its surface, and compare the bits.
+    """Compute a row again, and yield a fault for each of `columns` whose bits differ.
 
-    Where checksums vouch for the bytes, other bits are those of another machine or other versions.
+    `row` is its number. All rows of its surface are computed with it. If the file has checksums,
+    the row's checksum is right, so that a difference is no damage: another machine or other
+    versions have computed the row.
     """
-    m = reader.scene.samples_per_surface
-    first = row // m * m
-    computed = compute_rows(reader.scene, first, min(first + m, reader.scene.samples))
+    scene = reader.scene
+    m = scene.samples_per_surface
+    first = row // m * m  # first row of the surface
+    computed = compute_rows(scene, first, min(first + m, scene.samples))
     position = row - first
     for column in columns:
         stored = reader.column(column.name, row, row + 1)
         fresh = computed[column.name][position : position + 1]
-        # Rows with undefined statistics were failed rows once.
+        # Older versions called rows with undefined statistics failed, this one calls them done.
         if column is STATUS and computed["reason"][position] == Reason.NO_STATISTICS:
             continue
-        if stored.tobytes() != fresh.tobytes():
-            words = f"{column.name} is not what this machine and these versions compute"
-            if not column.shape_of:
-                # Python's own numbers, which print without their type.
-                old = stored[0].tolist()
-                new = fresh[0].tolist()
-                words += f": {old!r} in the file, {new!r} now"
-            yield Fault(np.array([row]), words, damaged=not reader.has_checksums)
+        if stored.tobytes() == fresh.tobytes():
+            continue
+        words = f"{column.name} is not what this machine and these versions compute"
+        if not column.shape_of:  # a field has too many numbers for a message
+            # Python's own numbers print without the name of their type.
+            old = stored[0].tolist()
+            new = fresh[0].tolist()
+            words += f": {old!r} in the file, {new!r} now"
+        yield Fault(rows=np.array([row]), words=words, damaged=not reader.has_checksums)

@@ -1,14 +1,14 @@
 """Completion of a scene before a run: the sources, outputs and powers that databases record.
 
-The outputs of a user's function are tried on contacts of the scene before the first row is written.
-These contacts are solved again at twice the heights, twice the lengths and twice E*: where the
-outputs change by whole powers of two, surrogates know how they scale.
+Before the first row is written, a user's function is called for contacts of the scene, which shows
+its outputs. These contacts are solved again with twice the heights, twice the lengths and twice E*.
+If an output changes by whole powers of two, the powers are recorded, and surrogates scale it so.
 """
 
 import json
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +27,7 @@ from gen.runtime.user_code import load_function, source_hash
 from gen.scene import Scene, require_distinct_names
 
 TRIED_ROWS = 16
-"""Rows, of which the first one with a solution shows the outputs of a function."""
+"""Number of first rows among which a row with a solution is looked for, to try a function on it."""
 
 UNSOLVED = (
     ArithmeticError,
@@ -36,14 +36,30 @@ UNSOLVED = (
     bem.NoSolution,
     bem.NotConverged,
 )
-"""Exceptions of samples that have no solution."""
+"""Exceptions for a sample whose surface cannot be made or whose contact has no solution.
 
-DOUBLED = (Powers(1, 0, 0), Powers(0, 1, 0), Powers(0, 0, 1))
-"""What is doubled to measure powers: heights, lengths, E*."""
+A SourceError is an InputError too. Where it has to end the run, it is caught before these.
+"""
 
-WHOLE = 1e-6  # largest distance of a measured power from a whole number
-HALVINGS = 8  # loads that are tried, each half of the last one, until one has a solution
-LEAST_LOAD = 0.01  # load that stands for an end at 0, over the largest load
+DOUBLED = (
+    Powers(heights=1, lengths=0, modulus=0),
+    Powers(heights=0, lengths=1, modulus=0),
+    Powers(heights=0, lengths=0, modulus=1),
+)
+"""Sizes that are doubled to measure powers, one at a time in this order: heights, lengths, E*.
+
+A size with the number 1 is doubled, a size with 0 keeps its value.
+"""
+
+WHOLE = 1e-6
+"""Largest difference between a measured power and a whole number that rounding can explain."""
+
+HALVINGS = 8
+"""Number of loads that are tried until one has a solution, each of them half of the last one."""
+
+LEAST_LOAD = 0.01
+"""Load at which powers are measured if the smallest load of a scene is 0, as a share of the largest
+load."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,22 +68,26 @@ class SampleProblem:
 
     scene: Scene
     row: int  # number of the sample
-    heights: Heights  # [um], (nx, ny)
-    load: float  # in the scene's quantity
-    hardness: float | None  # of the sample, where the scene draws it [MPa]
+    heights: Heights  # heights of its surface [um], shape (nx, ny)
+    load: float  # load in the scene's quantity, which need not be the planned one
+    hardness: float | None  # hardness of the softer body [MPa]; None for elastic bodies
 
     def solve(self, doubled: Powers = PURE) -> bem.Contact:
         """Solve the contact, with heights, lengths or E* at twice their size.
 
+        The load and the hardness change with them by their own powers, so that the contact is a
+        scaled copy of the original one: the same nodes touch.
+
         Parameters
         ----------
         doubled : Powers
-            1 for what is doubled, 0 for what stays.
+            1 for each size that is doubled, 0 for each size that keeps its value. By default no
+            size is doubled.
 
         Returns
         -------
         bem.Contact
-            The contact; load and hardness are scaled so that it is the same but for its units.
+            The solved contact.
 
         Raises
         ------
@@ -80,19 +100,22 @@ class SampleProblem:
         if settings["hardness"] is not None:
             settings["hardness"] *= _doubling(PRESSURE.powers, doubled)
         settings["modulus"] *= 2.0**doubled.modulus
-        longer = 2.0**doubled.lengths
-        settings["spacing"] = tuple(longer * step for step in settings["spacing"])
+        stretch = 2.0**doubled.lengths  # factor of all lengths along the surface
+        settings["spacing"] = tuple(stretch * step for step in settings["spacing"])
         load = absolute_load(self.scene, self.heights, self.load)
-        settings["delta"] = None
         settings[load.kind] = load.value * _doubling(LOADS[load.kind].powers, doubled)
-        along_x, along_y = self.scene.grid.sides
-        sides = (longer * along_x, longer * along_y)
+        side_x, side_y = self.scene.grid.sides  # [um]
+        sides = (stretch * side_x, stretch * side_y)
         return bem.solve(self.heights * 2.0**doubled.heights, sides, **settings)
 
 
 def _doubling(powers: Powers | None, doubled: Powers) -> float:
-    """Return the factor of a quantity with these powers when some sizes are doubled."""
-    assert powers is not None  # every load has them
+    """Return the factor by which a quantity changes if some sizes are doubled.
+
+    The quantity scales with `powers` of these sizes. `doubled` has 1 for a doubled size, else 0.
+    """
+    # Loads and pressures have powers; other quantities may have None.
+    assert powers is not None
     exponent = (
         powers.heights * doubled.heights
         + powers.lengths * doubled.lengths
@@ -108,22 +131,26 @@ def completed(
     rehearsed: bool = False,
     limit: float | None = None,
 ) -> Scene:
-    """Complete a scene by what its database records, and load the user's functions.
+    """Complete a scene with everything that its database records, and load the user's functions.
 
-    The outputs that a scene does not list are those of its first row that has a solution, which is
-    solved here. The result depends on the scene and the functions' sources only.
+    The hashes of the files and functions that the scene names are added. If the scene has a
+    function but no list of outputs, the function is called for the first row that has a solution,
+    and the outputs that it returns are added. The result depends on the scene and the sources of
+    its functions only.
 
     Parameters
     ----------
     scene : Scene
         The scene as it was read.
     home : Path, optional
-        Folder of the database, for what is prepared once for all processes.
+        Folder of the database, in which prepared maps are kept for all processes. Without it they
+        are kept in a temporary folder.
     rehearsed : bool
-        True before a file is made: the first row is solved anyway, so that a function that fails
-        does so now, and the powers of the outputs are measured.
+        Whether the user's functions are tried even if the outputs are listed, as before a new file
+        is made. A function that fails then raises its error before the run, and the powers of the
+        outputs are measured and added to the scene.
     limit : float, optional
-        Largest time of each call of the user's function, with its contact [s].
+        Largest time of a trial: making surfaces, solving contacts and calling the function [s].
 
     Returns
     -------
@@ -133,14 +160,17 @@ def completed(
     Raises
     ------
     InputError
-        If the scene names what is missing, or its outputs cannot be known. SourceError, an
-        InputError, if a function of the user's fails or is not trusted.
+        If the scene names a file that is missing, if one name means two things, or if the outputs
+        stay unknown.
+    SourceError
+        If a function of the user's fails or is not trusted. It is a kind of InputError.
     """
     require_distinct_names(scene)
     scene = scene.resolved(home)
     function = scene.store.function
     if isinstance(scene.surface, PythonSurface):
         load_function(scene.surface.function, scene.surface.source)
+        # With a function for outputs, the trial of that function below tries the surfaces too.
         if rehearsed and function is None:
             _rehearse_surface(scene, limit)
     if function is None:
@@ -152,16 +182,21 @@ def completed(
     if scene.store.outputs is not None and not rehearsed:
         return scene
     scene = _with_outputs(scene, limit)
-    require_distinct_names(scene)
+    require_distinct_names(scene)  # now with the names of the outputs
     if rehearsed:
-        scene = _storing(scene, powers=measured_powers(scene, limit) or None)
+        powers = measured_powers(scene, limit)
+        scene = _storing(scene, powers=powers or None)  # an empty table is left out
     return scene
 
 
 def _with_outputs(scene: Scene, limit: float | None) -> Scene:
-    """Try the function on the first row that has a solution; take its outputs if none are listed.
+    """Try the function on the first row that has a solution, and return the scene with its outputs.
 
-    A SourceError says what is wrong with the outputs; InputError is raised if they stay unknown.
+    If the scene lists its outputs, they are compared with those of the function, and the scene is
+    returned unchanged. Otherwise the names and units that the function returns are added to it.
+    `limit` is the largest time of the trial [s]. Raises SourceError if the function fails or its
+    outputs are not the listed ones, and InputError if outputs are not listed and the trial finds
+    none.
     """
     store = scene.store
     problem: SampleProblem | None = None
@@ -171,17 +206,19 @@ def _with_outputs(scene: Scene, limit: float | None) -> Scene:
             if problem is None:
                 fault = f"none of the first {TRIED_ROWS} rows has a solution"
             elif store.outputs is not None:
+                # Called only for the errors that it raises.
                 outputs_for_row(store, problem.solve(), problem.row)
             else:
                 outputs = call_function(store, problem.solve(), problem.row)
                 units = {name: output.unit or "1" for name, output in outputs.items()}
                 return _storing(scene, outputs=units)
     except ArithmeticError as error:
-        fault = f"row {problem.row if problem else 0}: {type(error).__name__}"
+        row = 0 if problem is None else problem.row
+        fault = f"row {row}: {type(error).__name__}"
     except Overtime:
         fault = f"its trial on one row takes longer than --sample-limit {limit:g} s"
     if store.outputs is not None:
-        return scene
+        return scene  # the outputs are known, also if the trial had no result
     raise InputError(
         f"{store.function}, {fault}, so its outputs are unknown; give store.outputs ="
         " { name = 'unit' }"
@@ -189,12 +226,16 @@ def _with_outputs(scene: Scene, limit: float | None) -> Scene:
 
 
 def _rehearse_surface(scene: Scene, limit: float | None) -> None:
-    """Make and solve the first row, so that a generator that fails does so before a run."""
+    """Make and solve the first rows, so that a generator that fails does so before a run.
+
+    Raises SourceError if the user's generator fails. The trial ends without an error as soon as a
+    row has a solution, after `TRIED_ROWS` rows, or after the largest time `limit` [s].
+    """
     try:
         with time_limit(limit):
             first_problem(scene)
     except Overtime:
-        return  # the run leaves such rows pending, and tells the user
+        return  # the run leaves slow rows pending, and tells the user
 
 
 def first_problem(scene: Scene) -> SampleProblem | None:
@@ -203,13 +244,14 @@ def first_problem(scene: Scene) -> SampleProblem | None:
     Parameters
     ----------
     scene : Scene
-        A scene that knows its sources. A larger database has the same outputs, so that rows
-        beyond its samples count too.
+        A scene with the hashes of its sources. If it has fewer samples than `TRIED_ROWS`, rows
+        beyond its samples are tried too, so that a larger database of the scene has the same
+        outputs.
 
     Returns
     -------
     SampleProblem or None
-        The contact problem of the row, which has been solved once; None if no row has a solution.
+        The contact problem of the row at its planned load; None if no row has a solution.
 
     Raises
     ------
@@ -226,9 +268,9 @@ def first_problem(scene: Scene) -> SampleProblem | None:
                 load=float(plan.load[row]),
                 hardness=plan.hardness_of(row),
             )
-            problem.solve()
+            problem.solve()  # to see whether there is a solution
         except SourceError:
-            raise
+            raise  # the user's function is wrong, not this row
         except UNSOLVED:
             continue
         return problem
@@ -238,28 +280,30 @@ def first_problem(scene: Scene) -> SampleProblem | None:
 def measured_powers(scene: Scene, limit: float | None = None) -> dict[str, Powers]:
     """Measure with which powers of heights, lengths and E* the outputs of a function scale.
 
-    Each output is compared on three contacts, at both ends and the middle of the scene's loads,
-    with those at twice the heights, twice the lengths and twice E*.
+    One surface is solved at three loads: the smallest one of the scene, the largest one and their
+    mean. At each load, the outputs are compared with the outputs at twice the heights, at twice the
+    lengths and at twice E*.
 
     Parameters
     ----------
     scene : Scene
         A scene with a function and its outputs.
     limit : float, optional
-        Largest time of each contact and its call [s].
+        Largest time of each contact with its call of the function [s].
 
     Returns
     -------
     dict of str to Powers
-        The powers of outputs by their names. Outputs are left out whose powers are not whole, or
-        not the same in all three contacts, or that are 0 in one of them. The result is empty if a
-        contact has no solution, the function fails, or the time is not enough.
+        The powers by the names of the outputs. An output is left out if it is 0 or not finite at a
+        load, or if its powers are not whole numbers or differ between the loads. The result is
+        empty if no row has a solution, no contact is found at one of the loads, the function fails,
+        or a contact takes too long.
     """
     try:
         problems = _problems_over_the_loads(scene, limit)
         measured = [_powers_at(problem, limit) for problem in problems]
     except (Overtime, *UNSOLVED):
-        # Of these, a SourceError is met again by the run itself, which tells the user.
+        # This includes a SourceError: the run itself meets it again, and tells the user.
         return {}
     if not measured:
         return {}
@@ -276,30 +320,35 @@ def measured_powers(scene: Scene, limit: float | None = None) -> dict[str, Power
 def _problems_over_the_loads(
     scene: Scene, limit: float | None
 ) -> Iterator[SampleProblem]:
-    """Yield three problems on the surface of the first row that has a solution.
+    """Yield three problems on the surface of the first row that has a solution, or none.
 
-    Their loads are the smallest, the middle and the largest one of the scene. A load without a
-    solution, as beyond full contact, is halved until it has one; NoSolution is raised if that is
-    not enough. None is yielded if no row has a solution. `limit` is the largest time for finding
-    the first problem, and for each trial after it [s]; Overtime is raised beyond it.
+    Their loads are the smallest load of the scene, the mean of the smallest and the largest one,
+    and the largest one. Each load is halved until it has a solution, see `_solvable`. Nothing is
+    yielded if none of the first rows has a solution. `limit` is the largest time for finding the
+    first problem, and for each trial of a load [s]; Overtime is raised beyond it.
     """
     with time_limit(limit):
         first = first_problem(scene)
     if first is None:
         return
-    ends = [limits(piece.range) for piece in scene.pieces]
-    largest = max(high for _, high in ends)
-    smallest = min(low for low, _ in ends) or LEAST_LOAD * largest
+    ranges = [limits(piece.range) for piece in scene.pieces]
+    largest = max(ends.largest for ends in ranges)
+    smallest = min(ends.smallest for ends in ranges)
+    if smallest == 0.0:  # outputs of bodies without a load are 0, or say nothing
+        smallest = LEAST_LOAD * largest
     for load in (smallest, (smallest + largest) / 2, largest):
         yield _solvable(first, load, limit)
 
 
 def _solvable(first: SampleProblem, load: float, limit: float | None) -> SampleProblem:
-    """Return the problem on the surface of `first` at a load, halved until there is a solution."""
-    for halving in range(HALVINGS):
-        problem = SampleProblem(
-            first.scene, first.row, first.heights, load / 2**halving, first.hardness
-        )
+    """Return the problem `first` with another load, which is halved until there is a solution.
+
+    A load beyond full contact, for example, has none. `limit` is the largest time for each of the
+    `HALVINGS` loads [s]; Overtime is raised beyond it. Raises bem.NoSolution if no load has a
+    solution.
+    """
+    for halvings in range(HALVINGS):
+        problem = replace(first, load=load / 2**halvings)
         try:
             with time_limit(limit):
                 problem.solve()
@@ -310,14 +359,18 @@ def _solvable(first: SampleProblem, load: float, limit: float | None) -> SampleP
 
 
 def _powers_at(problem: SampleProblem, limit: float | None) -> dict[str, Powers]:
-    """Measure the powers of all outputs on one contact; leave out those that have none."""
+    """Measure the powers of the outputs on one contact; return them by the outputs' names.
+
+    An output without a whole power of heights, of lengths or of E* is left out. `limit` is the
+    largest time for each of the four contacts [s]; Overtime is raised beyond it.
+    """
     outputs = _outputs_at(problem, PURE, limit)
     outputs_doubled = [_outputs_at(problem, doubled, limit) for doubled in DOUBLED]
     powers = {}
     for name, output in outputs.items():
-        measured = []
-        for doubled in outputs_doubled:
-            power = _power(output, doubled.get(name))
+        measured = []  # the powers of heights, lengths and E*, as far as they are whole
+        for outputs_of_copy in outputs_doubled:
+            power = _power(output, outputs_of_copy.get(name))
             if power is not None:
                 measured.append(power)
         if len(measured) == len(DOUBLED):
@@ -328,29 +381,41 @@ def _powers_at(problem: SampleProblem, limit: float | None) -> dict[str, Powers]
 def _outputs_at(
     problem: SampleProblem, doubled: Powers, limit: float | None
 ) -> dict[str, FunctionOutput]:
-    """Call the user's function for a contact some of whose sizes are doubled."""
+    """Solve a contact with some sizes doubled, and return the function's outputs by their names.
+
+    `doubled` has 1 for each size that is doubled, else 0. Overtime is raised if this takes longer
+    than `limit` [s].
+    """
     with time_limit(limit):
         return call_function(problem.scene.store, problem.solve(doubled), problem.row)
 
 
 def _power(before: FunctionOutput, after: FunctionOutput | None) -> int | None:
-    """Return the whole power of two by which doubling a size changes an output, or None."""
+    """Return the whole power of two by which doubling a size has changed an output.
+
+    Return None if the output is missing after it, if one of the two values is 0 or not finite, if
+    the sign has changed, or if the power is not a whole number.
+    """
     if after is None:
         return None
-    if not (before.value and after.value):
+    if before.value == 0.0 or after.value == 0.0:
         return None
     if not (math.isfinite(before.value) and math.isfinite(after.value)):
         return None
     ratio = after.value / before.value
-    if not 0 < ratio < math.inf:
+    if (
+        not 0 < ratio < math.inf
+    ):  # the sign has changed, or the ratio is beyond all floats
         return None
     power = math.log2(ratio)
     nearest = round(power)
-    return nearest if abs(power - nearest) <= WHOLE else None
+    if abs(power - nearest) > WHOLE:
+        return None
+    return nearest
 
 
 def _storing(scene: Scene, **keys: object) -> Scene:
-    """Return a scene with further keys of the table [store]."""
+    """Return a copy of a scene with some keys of its table [store] added or replaced."""
     content = json.loads(scene.text())
     content["store"] |= keys
     return Scene.from_text(json.dumps(content), "the scene with its outputs")

@@ -1,4 +1,4 @@
-"""Forecasts of a run: the loads that are planned, and the time that its samples take here."""
+"""Forecasts of a run: its planned loads, and the time that its samples take on this machine."""
 
 import time
 from typing import NamedTuple
@@ -9,13 +9,18 @@ from gen.generation.plan import parameters
 from gen.generation.sample import compute_rows
 from gen.scene import Scene
 
-COUNTED_ROWS = 1_000_000  # most planned rows whose loads are summarised
-MEASURED_SURFACES = 16  # surfaces of an estimate of time
-MEASURED_LOADS = 4  # most samples of an estimate on each of these surfaces
+COUNTED_ROWS = 1_000_000
+"""Largest number of rows whose planned loads are summarised."""
+
+MEASURED_SURFACES = 16
+"""Largest number of surfaces that are made to measure the time of samples."""
+
+MEASURED_LOADS = 4
+"""Largest number of samples that are computed on each of these surfaces."""
 
 
 class PlannedLoads(NamedTuple):
-    """Smallest, mean and largest load of planned rows, in the scene's quantity."""
+    """Smallest, mean and largest load of planned rows, each in the scene's quantity."""
 
     smallest: float
     mean: float
@@ -25,12 +30,12 @@ class PlannedLoads(NamedTuple):
 class MeasuredTime(NamedTuple):
     """Time that samples have taken on this machine."""
 
-    mean: float  # of a sample, with its share of the time for the surface [s]
-    samples: int  # number of samples that were computed
+    mean: float  # mean time of a sample, with its share of the time for its surface [s]
+    samples: int  # number of samples of which it is the mean
 
 
 def planned_loads(scene: Scene) -> PlannedLoads:
-    """Summarise the loads of the first planned rows; nothing is computed for it.
+    """Summarise the loads of the first rows of the plan, without making a surface.
 
     Parameters
     ----------
@@ -40,36 +45,44 @@ def planned_loads(scene: Scene) -> PlannedLoads:
     Returns
     -------
     PlannedLoads
-        Smallest, mean and largest load of the first `COUNTED_ROWS` rows.
+        Smallest, mean and largest load of all rows, or of the first `COUNTED_ROWS` rows if there
+        are more.
     """
     loads = parameters(scene, 0, min(scene.samples, COUNTED_ROWS)).load
-    return PlannedLoads(float(loads.min()), float(loads.mean()), float(loads.max()))
+    return PlannedLoads(
+        smallest=float(loads.min()),
+        mean=float(loads.mean()),
+        largest=float(loads.max()),
+    )
 
 
 def measured_time(scene: Scene) -> MeasuredTime:
     """Measure the time of samples of a scene on this machine, by computing some of them.
 
-    The samples are the first ones on surfaces that lie evenly in the plan.
+    The surfaces are chosen at equal distances from the first to the last one of the plan. On each
+    of them, the first samples are computed.
 
     Parameters
     ----------
     scene : Scene
-        A completed scene.
+        A completed scene, whose surfaces are ready (`make_ready`).
 
     Returns
     -------
     MeasuredTime
-        Mean time of a sample, and the number of samples that were computed.
+        Mean time of a sample, and the number of samples of which it is the mean.
     """
     m = scene.samples_per_surface
     surfaces = np.linspace(0, scene.surfaces - 1, MEASURED_SURFACES).astype(int)
-    compute_rows(scene, 0, 1)  # plans are made once a run, not once a sample
+    # The first sample of a process also takes the time to prepare Fourier transforms, which a run
+    # needs only once. It is computed before the clock starts.
+    compute_rows(scene, 0, 1)
     measured = 0
     began = time.perf_counter()
-    for surface in np.unique(surfaces).tolist():
+    for surface in np.unique(surfaces).tolist():  # a short scene has fewer surfaces
         start = surface * m
         stop = min(start + min(m, MEASURED_LOADS), scene.samples)
         compute_rows(scene, start, stop)
         measured += stop - start
     elapsed = time.perf_counter() - began
-    return MeasuredTime(elapsed / measured, measured)
+    return MeasuredTime(mean=elapsed / measured, samples=measured)

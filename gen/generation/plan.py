@@ -1,19 +1,22 @@
 """The plan: the parameters of each row of a database, a pure function of the scene and the row.
 
-With m samples per surface, row i belongs to surface i // m. The Hurst exponent, sigma0 and the
-loads come from one random stream per chunk of 65,536 surfaces, laid out as
+With m samples per surface, row i belongs to surface i // m. Surfaces are counted in chunks of
+65,536. The random numbers of a plan come from these streams:
 
-    hurst (65536), sigma0 (65536), load (65536, m, 2: which piece, where in its range)
+- For each chunk one stream with the Hurst exponents and sigma0 of the generators by displacement
+  and with the loads of every generator. Its numbers are laid out in this order and shape:
 
-the hardness from a second stream per chunk, one number for each sample,
+      hurst (65536), sigma0 (65536), load (65536, m, 2: which piece, place in its range)
 
-    hardness (65536, m)
+- For each chunk a second stream with the hardnesses, one for each sample: hardness (65536, m).
+- For each chunk and each parameter of any other generator one stream, with one number for each
+  surface.
+- For each surface one stream with the random numbers of its heights. The surface of a second rough
+  body has a stream of its own.
 
-the parameters of every other generator from a stream for each chunk and name, one number for each
-surface, and the random numbers of surface s itself from a stream of its own, as do those of the
-second rough body that it is pressed against, if the scene has one. None of them depends on the
-number of samples, on ranks, on order or on restarts. This layout is part of a database's physics:
-another layout gives other surfaces and loads for the same scene.
+No number depends on the number of samples, on ranks, on the order of computation or on restarts.
+This layout is part of a database's physics: another layout gives other surfaces and loads for the
+same scene.
 """
 
 import zlib
@@ -28,30 +31,36 @@ from gen.scene import Scene
 from gen.schema import DRAWN_NAMES
 
 SURFACES_PER_STREAM = 65_536
-"""Surfaces that share a random stream: one stream a row would take minutes for millions of rows."""
+"""Number of surfaces of a chunk, which share a stream: with a stream for each row, the plan of
+millions of rows would take minutes."""
 
-OPPOSITE = 4
-"""Second word of the key of a second rough body, which the keys of shared streams never have."""
-
-# Second word of the keys of shared streams; behind OF_PARAMETER stands a number for the name.
+# The key of a stream is a tuple of whole numbers. It is (s,) for the heights of surface s,
+# (s, OPPOSITE) for the heights of its second body, and (c, kind) for a stream of chunk c. The kind
+# is one of the following three; after OF_PARAMETER the key has a third number, which is computed
+# from the name of the parameter.
 OF_FRACTAL_AND_LOAD = 1
 OF_HARDNESS = 2
 OF_PARAMETER = 3
 
+OPPOSITE = 4
+"""Second number in the key of the stream of a second rough body; it differs from the three kinds of
+shared streams."""
+
 FRACTAL = ("hurst", "sigma0")
-"""Parameters of the diamond-square generator, which have the first numbers of the load's stream."""
+"""Parameters of the generators by displacement; their numbers precede the loads in a stream."""
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """The planned parameters of consecutive rows: arrays of shape (rows,)."""
+    """The planned parameters of consecutive rows of a scene; each array has the shape (rows,)."""
 
-    surface: NDArray[np.int64]  # index of the row's surface
-    drawn: dict[str, Values]  # parameters of that surface by their names, as "hurst"
+    surface: NDArray[np.int64]  # index of the surface of each row
+    drawn: dict[str, Values]  # parameters of this surface by their names, such as "hurst"
     load: Values  # in the scene's quantity, one of `gen.scene.tables.UNITS`
     hardness: Values | None = None  # of the softer body [MPa]; None for elastic bodies
     first: int = 0  # number of the first row
-    # Where that surface was cut out of measured maps, by the names of the columns that store it.
+    # Places where the surface was cut out of measured maps, by the names of their columns. Empty
+    # for generators that do not cut surfaces out.
     places: dict[str, NDArray[np.int32]] = field(default_factory=dict)
 
     def parameters_of(self, row: int) -> dict[str, float]:
@@ -60,7 +69,7 @@ class Plan:
         Parameters
         ----------
         row : int
-            Position of the row, counted from the first one of these rows.
+            Position of the row in this plan; 0 is the first row.
 
         Returns
         -------
@@ -75,41 +84,42 @@ class Plan:
         Parameters
         ----------
         row : int
-            Position of the row, counted from the first one of these rows.
+            Position of the row in this plan; 0 is the first row.
 
         Returns
         -------
         float or None
             Hardness of the softer body [MPa]; None for elastic bodies.
         """
-        return None if self.hardness is None else float(self.hardness[row])
+        if self.hardness is None:
+            return None
+        return float(self.hardness[row])
 
 
 @dataclass(frozen=True)
 class _Stream:
-    """Random numbers of items in their order, surfaces or rows: one stream for each chunk of items.
+    """The random numbers of one purpose for all items, which are surfaces or rows.
 
-    The stream of chunk c has the key (c, *key).
+    Each chunk of consecutive items has a stream with the key (index of the chunk, *key). In this
+    stream the items follow each other, each with `per_item` numbers.
     """
 
-    seed: int  # of the scene
-    key: tuple[int, ...]
-    chunk: int  # number of items that share a stream
-    per_item: int = 1  # numbers of each item
-    before: int = (
-        0  # numbers at the beginning of each stream that are not for these items
-    )
+    seed: int  # seed of the scene
+    key: tuple[int, ...]  # key without its first number, the index of the chunk
+    chunk: int  # number of items in a chunk
+    per_item: int = 1  # number of random numbers for each item
+    before: int = 0  # count of the numbers that precede the first item in each stream
 
     def uniform(self, start: int, stop: int) -> Values:
-        """Draw the numbers of the items start to stop - 1, shape (items, per_item), in [0, 1)."""
+        """Return the numbers of the items start to stop - 1, shape (items, per_item), in [0, 1)."""
         numbers = np.empty((stop - start, self.per_item))
-        begin = start
+        begin = start  # first item whose numbers are not drawn yet
         while begin < stop:
             chunk, offset = divmod(begin, self.chunk)
             end = min(stop, (chunk + 1) * self.chunk)
             key = np.random.SeedSequence(self.seed, spawn_key=(chunk, *self.key))
             stream = np.random.PCG64(key)
-            # Each number takes one step of PCG64: leap over those that belong to other items.
+            # Skip the numbers of earlier items. Each number takes one step of PCG64.
             stream.advance(self.before + offset * self.per_item)
             out = numbers[begin - start : end - start]
             np.random.Generator(stream).random(out=out)
@@ -118,7 +128,9 @@ class _Stream:
 
 
 def parameters(scene: Scene, start: int, stop: int) -> Plan:
-    """Draw the parameters of consecutive rows.
+    """Draw the planned parameters of consecutive rows.
+
+    The result depends only on the scene and the numbers of the rows, and is equal on every machine.
 
     Parameters
     ----------
@@ -130,40 +142,50 @@ def parameters(scene: Scene, start: int, stop: int) -> Plan:
     Returns
     -------
     Plan
-        Surfaces, loads and hardnesses of these rows; the same call returns the same numbers on
-        every machine.
+        Surfaces, parameters, loads, hardnesses and places of these rows.
     """
     m = scene.samples_per_surface
     surface = np.arange(start, stop, dtype=np.int64) // m
-    first = start // m
-    last = -(-stop // m)  # behind the surface of the last row
+    first = start // m  # first surface
+    last = -(-stop // m)  # the surface behind the last one; the quotient is rounded up
     drawn = _drawn_parameters(scene, first, last)
     places = {}
     if scene.surface.PLACES:
         randoms = (surface_random(scene, number) for number in range(first, last))
         places = scene.surface.places(randoms)
+    hardness = None
+    if scene.contact.hardness_limits is not None:
+        hardness = _hardness(scene, start, stop)
+    # Parameters and places were drawn for each surface; its rows repeat them.
+    index = surface - first
     return Plan(
         surface=surface,
-        drawn={name: values[surface - first] for name, values in drawn.items()},
+        drawn={name: values[index] for name, values in drawn.items()},
         load=_loads(scene, start, stop),
-        hardness=_hardness(scene, start, stop) if scene.contact.hardness_limits else None,
+        hardness=hardness,
         first=start,
-        places={name: values[surface - first] for name, values in places.items()},
+        places={name: values[index] for name, values in places.items()},
     )
 
 
 def _drawn_parameters(scene: Scene, first: int, last: int) -> dict[str, Values]:
-    """Draw the parameters of the surfaces first to last - 1: arrays (surfaces,) by their names."""
+    """Draw the parameters of the surfaces first to last - 1.
+
+    Return an array of shape (surfaces,) for each parameter, by its name.
+    """
     distributions = scene.surface.drawn()
     is_fractal = distributions.keys() == set(FRACTAL)
     drawn = {}
     for name, distribution in distributions.items():
+        # A number for the name, so that further parameters leave the numbers of this one unchanged.
         key: tuple[int, ...] = (OF_PARAMETER, zlib.crc32(name.encode()))
         before = 0
         if is_fractal:
             key = (OF_FRACTAL_AND_LOAD,)
             before = SURFACES_PER_STREAM * FRACTAL.index(name)
-        stream = _Stream(scene.seed, key, SURFACES_PER_STREAM, before=before)
+        stream = _Stream(
+            seed=scene.seed, key=key, chunk=SURFACES_PER_STREAM, before=before
+        )
         uniform = stream.uniform(first, last)[:, 0]
         drawn[name] = quantiles(distribution, uniform)
     return drawn
@@ -172,18 +194,21 @@ def _drawn_parameters(scene: Scene, first: int, last: int) -> dict[str, Values]:
 def _loads(scene: Scene, start: int, stop: int) -> Values:
     """Draw the loads of the rows start to stop - 1 in the scene's quantity, shape (rows,)."""
     m = scene.samples_per_surface
+    # Two numbers for each row; the items of the stream are surfaces with m rows.
     stream = _Stream(
-        scene.seed,
-        (OF_FRACTAL_AND_LOAD,),
-        SURFACES_PER_STREAM,
+        seed=scene.seed,
+        key=(OF_FRACTAL_AND_LOAD,),
+        chunk=SURFACES_PER_STREAM,
         per_item=2 * m,
         before=len(FRACTAL) * SURFACES_PER_STREAM,
     )
-    first = start // m
-    pairs = stream.uniform(first, -(-stop // m)).reshape(-1, 2)
+    first = start // m  # first surface
+    last = -(-stop // m)  # the surface behind the last one; the quotient is rounded up
+    # The numbers of all rows of these surfaces, shape (rows, 2), then of the wanted rows.
+    pairs = stream.uniform(first, last).reshape(-1, 2)
     pairs = pairs[start - first * m : stop - first * m]
-    # The first number of a pair chooses the piece, the second the place in its range. The last
-    # piece takes all numbers above its border: rounded shares cannot leave a gap below 1.
+    # The first number of a pair chooses the piece, the second one the place in its range. The last
+    # piece has no upper border, because the rounded sum of the shares may be below 1.
     borders = np.cumsum([piece.share for piece in scene.pieces])[:-1]
     chosen = np.searchsorted(borders, pairs[:, 0], side="right")
     load = np.empty(len(pairs))
@@ -194,7 +219,7 @@ def _loads(scene: Scene, start: int, stop: int) -> Values:
 
 
 def planned_columns(scene: Scene, plan: Plan) -> Columns:
-    """Return the columns of a database that the plan decides.
+    """Return the columns of a database that hold the plan.
 
     Parameters
     ----------
@@ -206,13 +231,18 @@ def planned_columns(scene: Scene, plan: Plan) -> Columns:
     Returns
     -------
     dict of str to ndarray, shape (rows,)
-        Surface, drawn parameters, places, load and hardness by the names of their columns.
+        Surface, drawn parameters, places, load and hardness of these rows by the names of their
+        columns. The load is the column "delta" if the scene gives Delta, otherwise "load". A
+        hardness that all rows share has no column.
     """
     columns: Columns = {"surface": plan.surface}
     for name, values in plan.drawn.items():
         columns[DRAWN_NAMES.get(name, name)] = values
     columns |= plan.places
-    columns["delta" if scene.quantity == "delta" else "load"] = plan.load
+    if scene.quantity == "delta":
+        columns["delta"] = plan.load
+    else:
+        columns["load"] = plan.load
     if plan.hardness is not None and scene.contact.draws_hardness:
         columns["hardness"] = plan.hardness
     return columns
@@ -221,32 +251,33 @@ def planned_columns(scene: Scene, plan: Plan) -> Columns:
 def surface_random(
     scene: Scene, surface: int | np.int64, *body: int
 ) -> np.random.Generator:
-    """Make the random generator of a surface.
+    """Make the generator of the random numbers of one surface.
 
     Parameters
     ----------
     scene : Scene
-        The scene, whose seed counts.
+        The scene, of which only the seed is used.
     surface : int
         Index of the surface, below 2^32.
     *body : int
-        Nothing for the first body, `OPPOSITE` for the body that it is pressed against.
+        No argument for the surface itself; `OPPOSITE` for the surface of the second rough body that
+        it is pressed against.
 
     Returns
     -------
     numpy.random.Generator
-        A new generator, at the beginning of its stream.
+        A new generator in its first state.
     """
     key = np.random.SeedSequence(scene.seed, spawn_key=(int(surface), *body))
-    # PCG64 is the kind that `default_rng` takes today.
+    # `default_rng` takes PCG64 today, and may take another kind in future versions of NumPy.
     return np.random.Generator(np.random.PCG64(key))
 
 
 def _hardness(scene: Scene, start: int, stop: int) -> Values:
-    """Return the hardness of the rows start to stop - 1 [MPa], shape (rows,).
+    """Return the hardnesses of the rows start to stop - 1 [MPa], shape (rows,).
 
-    The scene gives a hardness or its ratio to E*: a number for all rows, a pair of limits between
-    which it is log-uniform, or a distribution.
+    The scene must have a hardness, in MPa or as a ratio to E*. It is a number, which all rows
+    share, a pair of limits, between which hardnesses are log-uniform, or a distribution.
     """
     contact = scene.contact
     limits = contact.hardness_limits
@@ -256,8 +287,9 @@ def _hardness(scene: Scene, start: int, stop: int) -> Values:
     if not contact.draws_hardness:
         return np.full(stop - start, limits[0])
     rows_per_stream = SURFACES_PER_STREAM * scene.samples_per_surface
-    stream = _Stream(scene.seed, (OF_HARDNESS,), rows_per_stream)
+    stream = _Stream(seed=scene.seed, key=(OF_HARDNESS,), chunk=rows_per_stream)
     uniform = stream.uniform(start, stop)[:, 0]
     if isinstance(distribution, tuple):
         return log_within(*limits, uniform)
+    # Rounding in the change of the unit must not lead beyond the limits.
     return np.clip(quantiles(distribution, uniform) * contact.hardness_unit, *limits)

@@ -1,4 +1,9 @@
-"""The run: generate the rows that a database lacks, by one process or many."""
+"""The run: compute the rows that a database lacks, by one process or many, and write them.
+
+The rows are cut into blocks. The master hands out blocks to the workers, which compute them; a sink
+(`gen.generation.sinks`) brings the results into the file. Without MPI one process is the master and
+its only worker.
+"""
 
 from __future__ import annotations
 
@@ -29,69 +34,86 @@ if TYPE_CHECKING:  # a worker that writes nothing needs no HDF5
     from gen.database import Counts
 
 BLOCK_ROWS = 64
-"""Most rows of a block: they are written together, and a stop of the run waits for them."""
+"""Usual largest number of rows of a block: they are written together, and a run that is stopped
+finishes them first. Blocks of small grids with many workers may have more, see `_block_sizes`."""
 
-BLOCK_NODES = 64 * 129**2  # most nodes of a block, unless one row has more
-ANSWER_NODES = 129**2 / 10  # nodes solved while the master hands out and writes a block
+BLOCK_NODES = 64 * 129**2
+"""Usual largest number of nodes of the surfaces of all rows of a block; a row with more nodes is a
+block of its own."""
+
+ANSWER_NODES = 129**2 / 10
+"""Number of nodes that a worker solves in the time that the master takes to hand out a block and to
+write its rows."""
 
 MASTER_SHARE = 1.5
-"""Least ratio of the time of a block to the master's time to serve every worker once."""
+"""Smallest ratio of the time in which a worker computes a block to the time in which the master
+serves every worker once."""
 
 BLOCK_BYTES = 8 * 2**20
-"""Most bytes of a block, unless one row has more: fields make it small."""
+"""Largest size of a block [bytes]; a larger row is a block of its own. Fields make rows large."""
 
-PATIENCE = 2.0  # time after which a trial of a user's function is announced [s]
+PATIENCE = 2.0
+"""Time after which the user is told that a function is still being tried [s]."""
 
 
 class RunResult(NamedTuple):
-    """State in which a run left its database, the same on every process."""
+    """State of the database at the end of a run; every process gets the same result."""
 
-    counts: Counts
-    signal: int  # number of the signal that interrupted the run; 0 if none did
-    overdue: int = 0  # rows left pending because they took longer than the limit
+    counts: Counts  # numbers of pending, done and failed rows of the whole file
+    signal: int  # number of the signal that stopped the run; 0 if none did
+    overdue: int = 0  # number of rows that stay pending: they took longer than the limit
 
 
 @dataclass(frozen=True)
 class _Request:
-    """What a run is to do, the same on every process."""
+    """The arguments of a run, equal on all processes."""
 
-    path: Path  # of the database
-    rows: range | None  # numbers of the rows; None for all rows of the scene
-    retry_failed: bool  # whether failed rows are computed again
+    path: Path  # path of the database
+    rows: range | None  # numbers of the wanted rows; None for all rows of the scene
+    retry_failed: bool  # whether failed rows among these are computed again
     force: bool  # whether the database may have another physics number
-    limit: float | None  # largest time for a surface, and for each contact [s]
-    writer: WriterOption
+    # Largest time for a surface, and for each contact [s]; None for no limit.
+    limit: float | None
+    writer: WriterOption  # which processes write rows, as the user asks for it
 
 
 @dataclass(frozen=True)
 class _Job:
-    """What a process has to know to compute rows of a run; the master sends it to all workers."""
+    """Facts that workers need in addition to the request; the master sends them to all workers."""
 
-    scene: Scene  # as the database records it
+    scene: Scene  # the scene that the database has recorded
     parallel: bool  # whether every process writes its own rows
 
 
 @dataclass(frozen=True)
 class _Preparation:
-    """What the master knows of a run before the first block: its job, its rows, its remarks."""
+    """Facts that the master knows before it hands out the first block."""
 
     job: _Job
-    pending: list[range]  # numbers of the rows that are to be computed
-    remarks: list[str]  # lines for the user
+    # Numbers of the rows that are to be computed, in ascending order.
+    pending: list[range]
+    remarks: list[str]  # lines for the user, printed when the run begins
 
 
 @dataclass(frozen=True, eq=False)
 class _Worker:
-    """A process that computes blocks of rows; without MPI it is the master too."""
+    """A process that computes blocks of rows. Without MPI it is the master too."""
 
-    scene: Scene
-    folder: Path  # of the database, with what is prepared once for all processes
+    scene: Scene  # the scene that the database has recorded
+    folder: Path  # folder of the database, with prepared maps that all processes share
     sink: Sink
-    rank: int
-    limit: float | None  # largest time for a surface, and for each contact [s]
+    rank: int  # MPI rank of this process
+    # Largest time for a surface, and for each contact [s]; None for no limit.
+    limit: float | None
 
     def compute(self, block: range) -> Columns:
-        """Compute a block of rows, and return the columns of them that the master needs."""
+        """Compute a block of rows, give it to the sink, and return the columns for the master.
+
+        `block` has the numbers of the rows. The result has all columns of the rows by their names
+        if the master writes the rows, or the column "status" alone if this process has written
+        them.
+        """
+        # The master has checked the prepared maps for damage.
         self.scene.surface.make_ready(self.folder, verify=False)
         rows = compute_rows(
             self.scene, block.start, block.stop, rank=self.rank, limit=self.limit
@@ -100,19 +122,19 @@ class _Worker:
 
 
 class _Receiver:
-    """What the master does with the blocks that workers have computed.
+    """Take blocks of computed rows on the master, and count overdue rows.
 
     Parameters
     ----------
     sink : Sink
         The master's sink.
     progress : RunProgress
-        Shows the number of rows.
+        Display of the number of rows.
 
     Attributes
     ----------
     overdue : int
-        Number of rows so far that took longer than the limit.
+        Number of rows until now that took longer than the limit and stay pending.
     """
 
     def __init__(self, sink: Sink, progress: RunProgress) -> None:
@@ -121,8 +143,13 @@ class _Receiver:
         self.overdue = 0
 
     def take(self, block: range, rows: Columns) -> None:
-        """Write a block of rows if its worker has not, count its rows, and show the progress."""
+        """Pass a block of rows to the sink, count its overdue rows, and show the progress.
+
+        `block` has the numbers of the rows, and `rows` are the columns that `_Worker.compute` has
+        returned. The sink writes them unless the worker has done so.
+        """
         self._sink.receive(block, rows)
+        # A computed row is pending only if it took longer than the limit.
         pending = int(np.count_nonzero(rows["status"] == Status.PENDING))
         failed = int(np.count_nonzero(rows["status"] == Status.FAILED))
         self.overdue += pending
@@ -140,74 +167,87 @@ def generate_database(
     limit: float | None = None,
     writer: WriterOption = "auto",
 ) -> RunResult:
-    """Create or continue a database; a collective call, with the same arguments on all processes.
+    """Create or continue a database; a collective call, with equal arguments on all processes.
 
     The master holds the lock of the database during the run, and prints remarks and progress on
-    standard error. Signals stop the run between two blocks, and a second signal at once.
+    standard error. After the first signal, the blocks that are being computed are finished and
+    written, and the run ends. The second signal ends the process at once.
 
     Parameters
     ----------
     scene : str
-        Name of a shipped scene, or path of a scene.
+        Name of a preset, or path of a scene's file.
     path : Path
-        Database, which need not exist.
+        Database. It is created if it does not exist, and extended if it lacks some of the rows.
     world : World
         The processes of the run.
     rows : range, optional
-        Numbers of the rows that are wanted, all rows of the scene by default. A new database holds
-        these rows only.
+        Numbers of the rows that are to be computed unless they are finished; all rows of the scene
+        by default. A new database holds these rows only.
     retry_failed : bool
         Whether failed rows among these are computed again.
     force : bool
         Whether the database may have another physics number.
     limit : float, optional
-        Largest time for a surface, and for each contact [s]. Rows that take longer stay pending.
+        Largest time for a surface, and for each contact [s]; no limit by default. Rows that take
+        longer stay pending.
     writer : {"auto", "single", "parallel"}
-        Which processes write rows: "single" the master for all, "parallel" each process its own.
+        Which processes write rows: with "single" the master writes all rows, with "parallel" each
+        process its own ones. "auto" decides by `gen.generation.sinks.in_parallel`.
 
     Returns
     -------
     RunResult
-        Counts of the database, and what kept the run from finishing it.
+        Counts of the database, the signal that stopped the run, and the number of overdue rows.
 
     Raises
     ------
     InputError
-        On the master, if scene, rows or database are refused, or the disk fails.
+        On the master, if the scene, the rows or the database are refused, the user's function
+        fails, or the disk fails.
     MasterLeft
-        On the workers, once the master has ended the command instead.
+        On a worker, if the master has ended the command, as after an InputError.
     """
-    request = _Request(path, rows, retry_failed, force, limit, writer)
+    request = _Request(
+        path=path,
+        rows=rows,
+        retry_failed=retry_failed,
+        force=force,
+        limit=limit,
+        writer=writer,
+    )
     if not world.is_master:
         return _serve(request, world)
-    # A user's function is tried before signals are noted, so that the first one ends the trial.
+    # Signals are not recorded yet while a user's function is tried: the first one ends the trial.
     complete = _completed(scene, request)
-    # From here on a signal is noted. It takes effect between two blocks, never in a broadcast.
+    # Signals are recorded now. They take effect between two blocks, never in a broadcast.
     with (
         Interruption(listening=True) as interruption,
         _prepared(complete, request, world) as preparation,
     ):
         world.broadcast(preparation.job)
         overdue = _farm_out(preparation, request, world, interruption)
-        # Every writer has closed the file: its rows can be counted now.
+        # Every writer has closed the file, so that its rows can be counted.
         from gen.database import Reader
 
         with Reader(path) as reader:
             counts = reader.counts()
-        result = RunResult(counts, interruption.signal, overdue)
+        result = RunResult(counts=counts, signal=interruption.signal, overdue=overdue)
         world.broadcast(result)
         return result
 
 
 def _serve(request: _Request, world: farm.World) -> RunResult:
-    """Compute blocks of rows for the master until the run ends, and return the master's result."""
+    """Compute blocks of rows on a worker until the run ends, and return the master's result.
+
+    The calls of `broadcast` and `farm.run` meet those of the master in `generate_database`. Raises
+    MasterLeft if the master has ended the command.
+    """
     with Interruption(listening=False):
         job: _Job = world.broadcast(None)
         with _sink_of(job, request, world) as sink:
-            worker = _Worker(
-                job.scene, request.path.parent, sink, world.rank, request.limit
-            )
-            farm.run(worker.compute, iter(()), sink.receive, world)
+            worker = _worker_of(job, request, sink, world)
+            farm.run(worker.compute, tasks=iter(()), on_result=sink.receive, world=world)
         result: RunResult = world.broadcast(None)
         return result
 
@@ -218,50 +258,66 @@ def _farm_out(
     world: farm.World,
     interruption: Interruption,
 ) -> int:
-    """Have the pending rows computed and written; return the number of overdue rows.
+    """Let the workers compute the pending rows and the sinks write them, on the master.
 
-    With the parallel writer all processes open and close the file together. An error of the master
-    between opening its sink and `farm.run` would leave the workers waiting: nothing there may fail.
+    Return the number of overdue rows. With the parallel writer, all processes open and close the
+    file together. Nothing may fail between the opening of the master's sink and `farm.run`, because
+    the workers would then wait for the master in `farm.run`.
     """
     job = preparation.job
     todo = sum(map(len, preparation.pending))
     with _sink_of(job, request, world) as sink, RunProgress(todo) as progress:
         for remark in preparation.remarks:
             progress.say(remark)
-        worker = _Worker(job.scene, request.path.parent, sink, world.rank, request.limit)
+        worker = _worker_of(job, request, sink, world)
         receiver = _Receiver(sink, progress)
         farm.run(
             worker.compute,
-            blocks_of(job.scene, preparation.pending, world.workers),
-            receiver.take,
-            world,
+            tasks=blocks_of(job.scene, preparation.pending, world.workers),
+            on_result=receiver.take,
+            world=world,
             stopping=interruption.requested,
             when_quiet=sink.sync_when_due,
         )
-        sink.confirm()  # refuses a file that was replaced meanwhile
+        sink.confirm()  # raises InputError if the file was replaced during the run
     return receiver.overdue
 
 
 def _sink_of(
     job: _Job, request: _Request, world: farm.World
 ) -> AbstractContextManager[Sink]:
-    """Return the sink of this process in a run, a context manager that is not open yet."""
+    """Return a context manager that opens the sink of this process when it is entered."""
     return open_sink(
         request.path, job.scene, world, parallel=job.parallel, force=request.force
     )
 
 
+def _worker_of(job: _Job, request: _Request, sink: Sink, world: farm.World) -> _Worker:
+    """Return the worker of this process, which gives its rows to the open sink."""
+    return _Worker(
+        scene=job.scene,
+        folder=request.path.parent,
+        sink=sink,
+        rank=world.rank,
+        limit=request.limit,
+    )
+
+
 def _completed(name: str, request: _Request) -> Scene:
-    """Read and complete a scene; announce the trial of a user's function if it takes long."""
+    """Read the scene of a name or path, and complete it as its database records it.
+
+    If a user's function is tried for longer than `PATIENCE`, a line on standard error says so.
+    """
     path = request.path
     scene = load(name)
     line = f"{path}: tries {scene.store.function} on contacts of the scene first"
-    announcement = threading.Timer(PATIENCE, echo, [line], {"err": True})
+    announcement = threading.Timer(PATIENCE, echo, args=[line], kwargs={"err": True})
     announcement.daemon = True
     is_new = not path.exists()
     if scene.store.function is not None:
         announcement.start()
     try:
+        # The functions are tried before a new file is made. For an old file this was done then.
         return completed(scene, path.parent, rehearsed=is_new, limit=request.limit)
     finally:
         announcement.cancel()
@@ -271,9 +327,10 @@ def _completed(name: str, request: _Request) -> Scene:
 def _prepared(
     complete: Scene, request: _Request, world: farm.World
 ) -> Iterator[_Preparation]:
-    """Create or check the database on the master, and hold its lock during the block.
+    """Create, extend or check the database on the master, and yield the first facts of the run.
 
-    Failed rows are made pending if the request says so.
+    The lock of the database is held until this context manager ends. Failed rows are made pending
+    if the request says so. A few rows are tried for the warnings, but not written.
     """
     from gen import database
 
@@ -285,26 +342,30 @@ def _prepared(
         retried = 0
         with database.Writer(path, complete, force=request.force) as writer:
             scene = writer.scene
-            held = len(writer.rows)
+            rows_in_file = len(writer.rows)
             damage = writer.damage()
             if request.retry_failed:
                 retried = writer.retry_failed(rows.start, rows.stop)
             pending = writer.pending(rows.start, rows.stop)
         scene.surface.make_ready(path.parent)
         todo = sum(map(len, pending))
-        with database.Reader(path) as reader:
-            doubts = doubts_before(scene, todo) if todo else doubts_after(reader)
-        begun = f"{path}: {origin}, {held} rows, {todo} to do"
+        if todo:
+            warnings = doubts_before(scene, todo)
+        else:
+            with database.Reader(path) as reader:
+                warnings = doubts_after(reader)
+        if damage:
+            warnings = [*warnings, damage]
+        beginning = f"{path}: {origin}, {rows_in_file} rows, {todo} to do"
         if retried:
-            begun += f", {retried} failed ones among them"
+            beginning += f", {retried} failed ones among them"
         workers = "1 worker" if world.workers == 1 else f"{world.workers} workers"
-        kind = "parallel" if parallel else "single"
-        warnings = [*doubts, damage] if damage else doubts
+        writer_kind = "parallel" if parallel else "single"
         yield _Preparation(
-            job=_Job(scene, parallel),
+            job=_Job(scene=scene, parallel=parallel),
             pending=pending,
             remarks=[
-                f"{begun}; {workers}, {kind} writer",
+                f"{beginning}; {workers}, {writer_kind} writer",
                 *_remarks_on_functions(scene),
                 *(f"  warning: {warning}" for warning in warnings),
                 *(f"  {remark}" for remark in _remarks_on_maps(scene)),
@@ -313,7 +374,10 @@ def _prepared(
 
 
 def _rows_of(request: _Request, scene: Scene) -> range:
-    """Return the rows that a run is to make; refuse rows that the scene does not have."""
+    """Return the numbers of the rows that a run is asked for: by default all rows of the scene.
+
+    Raises InputError if the scene does not have these rows.
+    """
     rows = request.rows
     if rows is None:
         return range(scene.samples)
@@ -326,23 +390,31 @@ def _rows_of(request: _Request, scene: Scene) -> range:
 
 
 def _remarks_on_functions(scene: Scene) -> list[str]:
-    """Return one line for each function of the user's that a run calls, with its file."""
-    functions = {getattr(scene.surface, "function", None), scene.store.function}
+    """Return a line for each user's function that a run calls: its name and its source file.
+
+    The list is empty if the scene names no function.
+    """
+    generator = getattr(scene.surface, "function", None)  # only a user's generator has it
+    functions = {generator, scene.store.function}
     names = sorted(str(function) for function in functions if function is not None)
     return [f"runs {name} of {source_of(name)}" for name in names]
 
 
 def _remarks_on_maps(scene: Scene) -> list[str]:
-    """Return what a generator that cuts windows out of maps tells of them before a run."""
-    return scene.surface.remarks() if scene.surface.PLACES else []
+    """Return the generator's lines about its maps, or an empty list if it uses no maps."""
+    cuts_windows = bool(scene.surface.PLACES)
+    if not cuts_windows:
+        return []
+    return scene.surface.remarks()
 
 
 def blocks_of(scene: Scene, pending: Sequence[range], workers: int) -> Iterator[range]:
     """Cut pending rows into blocks, the tasks of workers, which become smaller towards the end.
 
-    Guided self-scheduling (Polychronopoulos and Kuck, 1987): a block has a third of the share of
-    one worker in the remaining rows, within the bounds of `_block_sizes`. It ends with a surface if
-    possible.
+    This is guided self-scheduling (Polychronopoulos and Kuck, 1987): a block gets the remaining
+    rows divided by three times the number of workers, within the bounds of `_block_sizes`. If
+    possible, it ends where the rows of a surface end, so that no other block makes this surface
+    again.
 
     Parameters
     ----------
@@ -356,7 +428,7 @@ def blocks_of(scene: Scene, pending: Sequence[range], workers: int) -> Iterator[
     Yields
     ------
     range
-        Numbers of the rows of a block; every pending row is in one block.
+        Numbers of the rows of a block. Every pending row is in one block, and no other row is.
     """
     remaining = sum(map(len, pending))
     sizes = _block_sizes(scene, remaining, workers)
@@ -365,44 +437,57 @@ def blocks_of(scene: Scene, pending: Sequence[range], workers: int) -> Iterator[
         while start < rows.stop:
             share = remaining // (3 * workers)
             count = min(max(sizes.smallest, share), sizes.largest)
-            border = _border_of_surface(scene, start, count, sizes.largest)
-            block = range(start, min(border, rows.stop))
+            end = _end_of_block(scene, start, count, sizes.largest)
+            block = range(start, min(end, rows.stop))
             yield block
             remaining -= len(block)
             start = block.stop
 
 
 class _BlockSizes(NamedTuple):
-    """Smallest and largest number of rows of a block, where borders of surfaces allow it."""
+    """Bounds of the number of rows that a block is planned to have.
 
-    smallest: int
-    largest: int
+    A block can still be smaller, if it ends with a surface or with a range of pending rows.
+    """
+
+    smallest: int  # number of rows
+    largest: int  # number of rows
 
 
 def _block_sizes(scene: Scene, rows: int, workers: int) -> _BlockSizes:
-    """Bound the size of blocks, by the size of a row and by the time that one master needs.
+    """Bound the number of rows of a block by the size of rows and by the time of the master.
 
-    In the time of a block the master has to be able to answer all workers. With few rows it is
-    enough that it deals with all blocks in that time.
+    While a worker computes a block, the master needs time to serve all workers. If there are only a
+    few pending `rows`, it is enough that the master can serve all blocks in this time.
     """
     nodes = math.prod(scene.grid.shape)
-    answer = ANSWER_NODES / nodes  # the master's time for a block, in solves
-    answered = int(min(MASTER_SHARE * workers * answer, math.sqrt(rows * answer)))
+    answer = ANSWER_NODES / nodes  # the master's time for one block, in times of one row
+    for_all_workers = MASTER_SHARE * workers * answer
+    # A block of b rows takes the time b. There are rows / b blocks, and serving all of them takes
+    # rows / b * answer. Both times are equal for this b:
+    for_all_blocks = math.sqrt(rows * answer)
+    needed = int(min(for_all_workers, for_all_blocks))
     fitting = max(1, BLOCK_BYTES // row_bytes(scene))
-    smallest = max(1, min(fitting, answered))
+    smallest = max(1, min(fitting, needed))
     usual = max(1, min(BLOCK_ROWS, BLOCK_NODES // nodes))
-    return _BlockSizes(smallest, min(fitting, max(usual, 2 * smallest - 1)))
+    # A surface with more than `largest` rows is cut. With 2 `smallest` - 1 or more, a piece of
+    # `smallest` rows leaves a rest of at least `smallest` rows.
+    largest = min(fitting, max(usual, 2 * smallest - 1))
+    return _BlockSizes(smallest=smallest, largest=largest)
 
 
-def _border_of_surface(scene: Scene, start: int, count: int, largest: int) -> int:
-    """Return the row behind a block that begins at `start` and is to have `count` rows.
+def _end_of_block(scene: Scene, start: int, count: int, largest: int) -> int:
+    """Return the number of the row behind a block that begins with row `start`.
 
-    The block ends with the last surface that fits into `count` rows. If none does, it takes the
-    rest of the surface at `start`, or `count` of its rows if the rest has more than `largest`.
+    The block has `count` rows or fewer, and ends with the last row of a surface. If the surface of
+    row `start` has more rows than that, the block has the rest of this surface, or `count` of its
+    rows if the rest has more than `largest` rows.
     """
     per_surface = scene.samples_per_surface
-    border = (start + count) // per_surface * per_surface
+    border = (start + count) // per_surface * per_surface  # first row of a surface
     if border > start:
         return border
     end_of_surface = border + per_surface
-    return end_of_surface if end_of_surface - start <= largest else start + count
+    if end_of_surface - start <= largest:
+        return end_of_surface
+    return start + count

@@ -1,4 +1,4 @@
-"""Computation of the rows of a database: surface, statistics and contact, one after another."""
+"""Computation of the rows of a database: the surface, its statistics, and the contact."""
 
 import itertools
 import socket
@@ -26,10 +26,15 @@ from gen.scene import Scene, columns_for
 from gen.schema import DONE_REASONS, Reason, Status
 from gen.statistics import describe, rms_slope
 
-Load = TypeVar("Load", float, Values)  # one load, or an array of loads
+Load = TypeVar("Load", float, Values)
+"""One load, or an array of loads of shape (loads,)."""
 
-EFFORT = ("iterations", "convolutions", "residual")  # of a solve, converged or not
-HOST_BYTES = 64  # most bytes of a machine's name in the column `host`
+EFFORT = ("iterations", "convolutions", "residual")
+"""Columns about the solver's work. They have the names of the attributes of `bem.Contact` that fill
+them in, whether or not the solver has converged."""
+
+HOST_BYTES = 64
+"""Largest number of bytes of a machine's name in the column "host"; a longer name is cut."""
 
 SETTINGS = (
     "modulus",
@@ -40,17 +45,17 @@ SETTINGS = (
     "rtol",
     "max_iterations",
 )
-"""Keys of a scene's table [contact] that `bem.solve` takes as they are."""
+"""Keys of a scene's table [contact] whose values `bem.solve` takes unchanged, by the same names."""
 
 
 def compute_rows(
     scene: Scene, start: int, stop: int, rank: int = 0, limit: float | None = None
 ) -> Columns:
-    """Generate, describe and solve consecutive samples of a scene.
+    """Make, describe and solve consecutive samples of a scene, and return their rows.
 
-    A sample without a solution becomes a failed row with a reason. A statistic that the surface
-    does not define is NaN; the row is done and has a reason too. A surface or a contact that takes
-    too long leaves its rows pending. Every other exception is a bug.
+    A row is done if its contact is solved. A statistic that is not defined on its surface is then
+    NaN, and the row's reason says so. A row fails, with a reason, if its surface cannot be made or
+    its contact has no solution. A row stays pending if its surface or contact takes too long.
 
     Parameters
     ----------
@@ -59,27 +64,30 @@ def compute_rows(
     start, stop : int
         Numbers of the first row and of the row behind the last one.
     rank : int
-        MPI rank of this process, for the column `rank`.
+        MPI rank of this process, for the column "rank".
     limit : float, optional
-        Largest time for a surface, and for each contact [s].
+        Largest time for a surface, and for each contact [s]; no limit by default.
 
     Returns
     -------
     dict of str to ndarray, shape (stop - start,) or (stop - start, nx, ny)
-        All columns of `gen.scene.columns_for` by name; fill values where nothing was computed.
+        All columns of `gen.scene.columns_for` by their names. Values that were not computed are the
+        columns' fill values.
 
     Raises
     ------
     InputError
-        If a contact does not fit into memory. A SourceError, which is one, if a function of the
-        user's fails.
+        If a contact does not fit into memory.
+    SourceError
+        If a function of the user's fails, or a map is missing. It is a kind of InputError.
     """
     plan = parameters(scene, start, stop)
     columns = _empty_columns(scene, stop - start) | planned_columns(scene, plan)
     columns["rank"][:] = rank
     columns["host"][:] = socket.gethostname().encode()[:HOST_BYTES]
-    samples = _Samples(scene, plan, columns, limit)
-    # Positions of the first row of each surface, and the position behind the last row.
+    samples = _Samples(scene=scene, plan=plan, columns=columns, limit=limit)
+    # Positions of the first row of each surface, and the position behind the last row. No surface
+    # has the index -1.
     edges = np.flatnonzero(np.diff(plan.surface, prepend=-1, append=-1))
     try:
         for first, last in itertools.pairwise(edges.tolist()):
@@ -90,7 +98,7 @@ def compute_rows(
 
 
 def _empty_columns(scene: Scene, rows: int) -> Columns:
-    """Return the columns of some rows of a scene, full of fill values."""
+    """Return all columns of a scene by their names, with fill values for a number of rows."""
     return {
         column.name: np.full(
             column.shape(rows, scene.grid.shape), column.fill, column.dtype
@@ -101,12 +109,16 @@ def _empty_columns(scene: Scene, rows: int) -> Columns:
 
 @dataclass(frozen=True, eq=False)
 class _Samples:
-    """Consecutive samples that are being computed; rows are counted from the first of them."""
+    """Consecutive samples whose columns are filled in.
+
+    A row is given by its position in the plan and in the columns; 0 is the first sample.
+    """
 
     scene: Scene
-    plan: Plan
-    columns: Columns  # filled in row by row
-    limit: float | None  # largest time for a surface, and for each contact [s]
+    plan: Plan  # planned parameters of the samples
+    columns: Columns  # all columns by their names; the methods fill them in
+    # Largest time for a surface, and for each contact [s]; None for no limit.
+    limit: float | None
 
     def compute(self, first: int, last: int) -> None:
         """Compute the rows first to last - 1, which share a surface, and fill in their columns."""
@@ -119,18 +131,21 @@ class _Samples:
                 with time_limit(self.limit):
                     reason = self._solve(heights, row)
             except Overtime:
-                continue
+                continue  # the row stays pending
             self.columns["solve_seconds"][row] = time.perf_counter() - began
-            # A missing statistic, the reason of all rows of the surface, replaces no other reason.
+            # The column has the surface's reason already, which is NONE or NO_STATISTICS. A
+            # contact that has failed replaces it; a contact that is solved does not.
             if reason is not Reason.NONE:
                 self.columns["reason"][row] = reason
             done = self.columns["reason"][row] in DONE_REASONS
             self.columns["status"][row] = Status.DONE if done else Status.FAILED
 
     def _make_surface(self, first: int, last: int) -> Heights | None:
-        """Make the surface of the rows first to last - 1, and fill in its columns.
+        """Make the surface of the rows first to last - 1, and return its heights [um].
 
-        Return its heights [um]; None if it takes too long, or its numbers are beyond all floats.
+        The columns of its statistics and its time are filled in, and the reason NO_STATISTICS if a
+        statistic is undefined. The result is None in two cases: if the surface takes too long, its
+        rows stay pending; if it cannot be made or described, its rows become failed ones.
         """
         rows = slice(first, last)
         began = time.perf_counter()
@@ -141,8 +156,8 @@ class _Samples:
         except Overtime:
             return None
         except SourceError:
-            raise
-        except (ArithmeticError, InputError):  # beyond the range of numbers
+            raise  # the user's function or a map is wrong, which ends the run
+        except (ArithmeticError, InputError):  # numbers are beyond the range of floats
             self.columns["reason"][rows] = Reason.ARITHMETIC
             self.columns["status"][rows] = Status.FAILED
             return None
@@ -152,12 +167,17 @@ class _Samples:
             self.columns["reason"][rows] = Reason.NO_STATISTICS
         if self.scene.store.wants("heights"):
             self.columns["heights"][rows] = heights
+        # The rows share the time of their surface equally.
         elapsed = time.perf_counter() - began
         self.columns["surface_seconds"][rows] = elapsed / (last - first)
         return heights
 
     def _solve(self, heights: Heights, row: int) -> Reason:
-        """Solve the contact of a row, and fill in its columns; return why it failed, or NONE."""
+        """Solve the contact of a row on a surface with these heights [um], and fill in its columns.
+
+        Return the reason for which the row fails, or NONE if it is done. A SourceError of the
+        user's function for outputs is raised.
+        """
         scene = self.scene
         try:
             settings = settings_of(scene, self.plan.hardness_of(row))
@@ -177,34 +197,37 @@ class _Samples:
             return Reason.ARITHMETIC
 
     def _fill_effort(self, contact: bem.Contact, row: int) -> None:
-        """Fill in how much work the solver did for a contact, converged or not."""
+        """Fill in the columns of `EFFORT` for a contact, whether or not it has converged."""
         for name in EFFORT:
             self.columns[name][row] = getattr(contact, name)
 
     def _fill_results(self, contact: bem.Contact, row: int) -> Reason:
-        """Fill in the quantities of a solved contact, and what a user's function returns for it.
+        """Fill in the quantities of a solved contact, and the outputs of the user's function.
 
-        Return NOT_FINITE if an output is infinite or NaN, otherwise NONE. Errors of the function
-        and of quantities that need a solve of their own (ArithmeticError) are raised.
+        Return NOT_FINITE if an output is infinite or NaN, otherwise NONE. Raises a SourceError or
+        an ArithmeticError of the function, and an ArithmeticError of a quantity that needs another
+        solve.
         """
         store = self.scene.store
         outputs = {}
         if store.function:
+            # Before any column is filled in, so that a row of an error has no results.
             outputs = outputs_for_row(store, contact, self.plan.first + row)
-        filled = {"heights"}  # by the surface
+        filled = {"heights"}  # filled in with the surface
         if self.scene.quantity == "delta":
-            filled.add("delta")  # by the plan
+            filled.add("delta")  # filled in with the plan
         for quantity in stored_quantities():
             if quantity.name in self.columns and quantity.name not in filled:
                 self.columns[quantity.name][row] = quantity.of(contact)
         for name, value in outputs.items():
             self.columns[name][row] = value
-        finite = np.isfinite(list(outputs.values())).all()
-        return Reason.NONE if finite else Reason.NOT_FINITE
+        if np.isfinite(list(outputs.values())).all():
+            return Reason.NONE
+        return Reason.NOT_FINITE
 
 
 def _reason_without_solution(scene: Scene) -> Reason:
-    """Return why a contact of a scene has no solution."""
+    """Return the reason of a row for whose contact `bem.solve` has raised NoSolution."""
     if scene.contact.hardness_limits is not None:
         return Reason.BEYOND_HARDNESS
     if scene.contact.boundary == "free":
@@ -215,8 +238,8 @@ def _reason_without_solution(scene: Scene) -> Reason:
 def surface_of(scene: Scene, plan: Plan, row: int) -> Heights:
     """Make the surface of one row of a plan.
 
-    If the scene has two rough bodies, it is the sum of both heights. The second body is drawn as it
-    faces the first, so neither is turned over.
+    If the scene has two rough bodies, the heights of both are added. The second body is generated
+    as it faces the first one, so that neither of them is turned over.
 
     Parameters
     ----------
@@ -225,7 +248,7 @@ def surface_of(scene: Scene, plan: Plan, row: int) -> Heights:
     plan : Plan
         Parameters of some of its rows.
     row : int
-        Position of the row in the plan.
+        Position of the row in the plan; 0 is its first row.
 
     Returns
     -------
@@ -235,22 +258,25 @@ def surface_of(scene: Scene, plan: Plan, row: int) -> Heights:
     Raises
     ------
     InputError
-        If the numbers are beyond all floats, or a map is missing. A SourceError, which is one, if
-        the user's generator fails.
+        If the surface cannot be made in double precision.
+    SourceError
+        If a map is missing, or the user's generator fails. It is a kind of InputError.
     """
-    number = int(plan.surface[row])
+    number = int(plan.surface[row])  # index of the surface
     drawn = plan.parameters_of(row)
     table = scene.surface
     try:
         heights = table.heights(scene.grid, number, drawn, surface_random(scene, number))
         if table.against is None:
             return heights
+        # The second surface may depend on the first one, whose generator it gets in its first
+        # state.
         heights = heights + table.opposite_heights(
             scene.grid,
             number,
             drawn,
-            surface_random(scene, number),
-            surface_random(scene, number, OPPOSITE),
+            first=surface_random(scene, number),
+            random=surface_random(scene, number, OPPOSITE),
         )
     except ArithmeticError as error:
         raise InputError(
@@ -262,14 +288,14 @@ def surface_of(scene: Scene, plan: Plan, row: int) -> Heights:
 
 
 def surface_numbered(scene: Scene, number: int) -> Heights:
-    """Make the surface of an index, as the rows of a database have it.
+    """Make the surface with an index, which is the one that a database of the scene has.
 
     Parameters
     ----------
     scene : Scene
         A completed scene, whose surfaces are ready (`make_ready`).
     number : int
-        Index of the surface, which may be beyond the scene's samples.
+        Index of the surface. It may be beyond the surfaces of the scene's samples.
 
     Returns
     -------
@@ -279,10 +305,13 @@ def surface_numbered(scene: Scene, number: int) -> Heights:
     Raises
     ------
     InputError
-        As `surface_of`.
+        If the surface cannot be made in double precision.
+    SourceError
+        If a map is missing, or the user's generator fails. It is a kind of InputError.
     """
-    row = number * scene.samples_per_surface
-    return surface_of(scene, parameters(scene, row, row + 1), 0)
+    first_row = number * scene.samples_per_surface
+    plan = parameters(scene, first_row, first_row + 1)
+    return surface_of(scene, plan, row=0)
 
 
 def solve_contact(
@@ -303,9 +332,11 @@ def solve_contact(
     heights : ndarray, shape (nx, ny)
         Heights of the surface [um].
     delta, pressure, force : float, optional
-        The load: far-field displacement [um], nominal pressure [MPa] or force [uN]; one of them.
+        The load: far-field displacement [um], nominal pressure [MPa] or force [uN]. Exactly one of
+        them is given.
     hardness : float, optional
-        Hardness of the sample [MPa]; needed if every sample has its own, and the scene's otherwise.
+        Hardness of the softer body [MPa]. By default it is that of the scene, or the bodies are
+        elastic if the scene has none. It is required if the scene draws a hardness for each sample.
 
     Returns
     -------
@@ -319,7 +350,7 @@ def solve_contact(
     bem.NotConverged
         If the solver needs more iterations than the scene allows.
     ValueError
-        If the hardness is needed, or the loads are not one.
+        If a required hardness is missing, or not exactly one load is given.
     """
     settings = settings_of(scene, hardness)
     return bem.solve(
@@ -328,25 +359,25 @@ def solve_contact(
 
 
 def settings_of(scene: Scene, hardness: float | None) -> dict[str, Any]:
-    """Return the arguments of `bem.solve` that are not the surface, its sides and the load.
+    """Return all arguments of `bem.solve` but the heights, the sides and the load.
 
     Parameters
     ----------
     scene : Scene
         The scene.
     hardness : float or None
-        Hardness of the sample [MPa]; None for elastic bodies, and for the hardness that all samples
-        of the scene have.
+        Hardness of the softer body [MPa]. If it is None, the hardness is that of the scene, or the
+        bodies are elastic if the scene has none.
 
     Returns
     -------
-    dict of str
-        Keyword arguments.
+    dict of str to object
+        Values of the keyword arguments by their names.
 
     Raises
     ------
     ValueError
-        If every sample has a hardness of its own, and none is given.
+        If `hardness` is None, but the scene draws a hardness for each sample.
     """
     contact = scene.contact
     if hardness is None and contact.hardness_limits is not None:
@@ -358,19 +389,22 @@ def settings_of(scene: Scene, hardness: float | None) -> dict[str, Any]:
     settings = {name: getattr(contact, name) for name in SETTINGS}
     settings["spacing"] = scene.grid.spacing
     settings["hardness"] = hardness
-    settings["threads"] = 1  # the ranks of a run share the processor already
+    settings["threads"] = 1  # more threads would compete with the other ranks of a run
     return settings
 
 
 class AbsoluteLoad(NamedTuple, Generic[Load]):
-    """A load, or an array of loads, as `solve_contact` takes it."""
+    """A load, or an array of loads, in one of the quantities that `solve_contact` takes."""
 
-    kind: Literal["delta", "pressure", "force"]  # name of the argument
+    kind: Literal["delta", "pressure", "force"]  # name of the argument of `solve_contact`
     value: Load  # far-field displacement [um], nominal pressure [MPa] or force [uN]
 
 
 def absolute_load(scene: Scene, heights: Heights, load: Load) -> AbsoluteLoad[Load]:
-    """Turn a load in the scene's quantity, perhaps relative to the surface, into an absolute load.
+    """Turn a load in the scene's quantity into a displacement, a pressure or a force.
+
+    A scene can give its loads relative to the roughness of each surface. Such a load is multiplied
+    by the rms height, or by E* and the rms slope.
 
     Parameters
     ----------
@@ -379,12 +413,12 @@ def absolute_load(scene: Scene, heights: Heights, load: Load) -> AbsoluteLoad[Lo
     heights : ndarray, shape (nx, ny)
         Heights of the surface [um].
     load : float or ndarray, shape (loads,)
-        Load in the scene's quantity, one of `gen.scene.tables.UNITS`.
+        Load in the scene's quantity, whose unit is in `gen.scene.tables.UNITS`.
 
     Returns
     -------
     AbsoluteLoad
-        The load with the name of the argument of `solve_contact`.
+        The load, in the form of `load`, with the name of the argument that it is.
     """
     match scene.quantity:
         case "delta/height_rms":

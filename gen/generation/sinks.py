@@ -1,8 +1,8 @@
-"""Sinks: the way of a run's rows from the process that has computed them into the database.
+"""Sinks, which bring the rows of a run from the process that computed them into the database.
 
-A run has one of two writers. With a single writer the workers send their rows to the master, which
-writes them. With the parallel writer every process has opened the file and writes the rows that it
-has computed; the master gets to know their statuses.
+A run has one of two writers. With the single writer, the workers send their rows to the master,
+which writes them. With the parallel writer, every process opens the file and writes the rows that
+it has computed, and the master gets only their statuses.
 """
 
 from __future__ import annotations
@@ -21,75 +21,94 @@ if TYPE_CHECKING:  # a worker that writes nothing needs no HDF5
     from gen.database import Writer
 
 WriterOption = Literal["auto", "single", "parallel"]
-"""Writers that a user can ask for."""
+"""Writers that a user can ask for; "auto" lets `in_parallel` choose one of the other two."""
 
 
 class Sink:
-    """The sink of a process without the file: its rows are sent to the master."""
+    """The sink of a process that does not open the file, and the interface of all sinks.
+
+    It writes nothing: its process sends all columns of its rows to the master.
+    """
 
     def deliver(self, block: range, rows: Columns) -> Columns:
-        """Pass on rows on the process that has computed them.
+        """Take the rows of a block on the process that has computed them.
+
+        The process writes the rows if it is to write its own ones.
 
         Parameters
         ----------
         block : range
             Numbers of the rows.
         rows : dict of str to ndarray, shape (rows,) or (rows, nx, ny)
-            All columns of these rows by name.
+            All columns of these rows by their names.
 
         Returns
         -------
         dict of str to ndarray
-            The columns that the master needs: all of them if it writes the rows, otherwise the
-            status alone.
+            The columns that are sent to the master: all columns if it writes the rows, otherwise
+            the column "status" alone.
 
         Raises
         ------
         InputError
-            If this process writes the rows and cannot.
+            If this process is to write the rows and cannot.
         """
         return rows
 
     def receive(self, block: range, rows: Columns) -> None:
-        """Take rows on the master, and write them if no other process has written them.
+        """Take the rows of a block on the master.
+
+        The master writes the rows if it is to write those of all processes.
 
         Parameters
         ----------
         block : range
             Numbers of the rows.
-        rows : dict of str to ndarray
-            Result of `deliver`, on the process that has computed the rows.
+        rows : dict of str to ndarray, shape (rows,) or (rows, nx, ny)
+            The columns that `deliver` has returned on the process that has computed the rows.
 
         Raises
         ------
         InputError
-            If the rows cannot be written.
+            If the master is to write the rows and cannot.
         """
 
     def sync_when_due(self) -> None:
-        """Finish the rows that this process has written, if its last sync is long enough ago."""
+        """Finish the rows that this process has written, unless its last sync was just before.
+
+        Without an open file nothing is done.
+        """
 
     def confirm(self) -> None:
-        """Raise InputError if the file that this process writes has been replaced."""
+        """Raise InputError if the file that this process has opened has been replaced.
+
+        Without an open file nothing is done.
+        """
 
 
 class _FileSink(Sink):
-    """A sink that has opened the file; what it shares with others of its kind."""
+    """The common part of the sinks of processes that have opened the file.
+
+    Parameters
+    ----------
+    writer : Writer
+        The open file.
+    """
 
     def __init__(self, writer: Writer) -> None:
         self._writer = writer
 
     def sync_when_due(self) -> None:
-        """Finish the rows that this process has written, if its last sync is long enough ago."""
+        """Finish the rows that this process has written, unless its last sync was just before."""
         self._writer.sync_when_due()
 
     def confirm(self) -> None:
-        """Raise InputError if the file that this process writes has been replaced."""
+        """Raise InputError if the open file has been replaced."""
         self._writer.confirm()
 
 
 class SingleSink(_FileSink):
-    """The sink of a master that writes the rows of all processes.
+    """The master's sink with the single writer: it writes the rows of all processes.
 
     Parameters
     ----------
@@ -98,12 +117,12 @@ class SingleSink(_FileSink):
     """
 
     def receive(self, block: range, rows: Columns) -> None:
-        """Write the rows of a block."""
+        """Write the rows of a block, of which `rows` are all columns."""
         self._writer.write_block(block.start, block.stop, rows)
 
 
 class ParallelSink(_FileSink):
-    """The sink of a process that writes the rows that it has computed itself.
+    """The sink of each process with the parallel writer: it writes the rows of its own process.
 
     Parameters
     ----------
@@ -112,7 +131,7 @@ class ParallelSink(_FileSink):
     """
 
     def deliver(self, block: range, rows: Columns) -> Columns:
-        """Write the rows of a block, and return their statuses for the master."""
+        """Write the rows of a block, and return the column "status" alone, for the master."""
         self._writer.write_block(block.start, block.stop, rows)
         return {"status": rows["status"]}
 
@@ -121,9 +140,9 @@ class ParallelSink(_FileSink):
 def open_sink(
     path: Path, scene: Scene, world: farm.World, *, parallel: bool, force: bool = False
 ) -> Iterator[Sink]:
-    """Open the sink of this process for the duration of the block.
+    """Open the sink of this process, and close it when this context manager ends.
 
-    With the parallel writer the call and the end of the block are collective.
+    With the parallel writer, opening and closing are collective.
 
     Parameters
     ----------
@@ -148,10 +167,11 @@ def open_sink(
     InputError
         If the file cannot be opened for writing.
     """
-    if not (parallel or world.is_master):
+    writes = parallel or world.is_master
+    if not writes:
         yield Sink()
         return
-    from gen.database import Writer
+    from gen.database import Writer  # a worker that writes nothing needs no HDF5
 
     communicator = world.communicator if parallel else None
     with Writer(path, scene, communicator, force=force) as writer:
@@ -164,9 +184,10 @@ def in_parallel(option: WriterOption, path: Path, world: farm.World) -> bool:
     Parameters
     ----------
     option : {"auto", "single", "parallel"}
-        What the user asks for; "auto" means the parallel writer wherever it works and is safe.
+        The writer that the user asks for. "auto" is the parallel writer if there are several
+        processes, HDF5 is built with MPI, and the file system allows it, otherwise the single one.
     path : Path
-        The database, whose file system counts; it need not exist.
+        The database, which need not exist. Only its file system matters, and only for "auto".
     world : World
         The processes of the run.
 
@@ -178,7 +199,7 @@ def in_parallel(option: WriterOption, path: Path, world: farm.World) -> bool:
     Raises
     ------
     InputError
-        If the user asks for the parallel writer, and it does not work here.
+        If the user asks for the parallel writer, but there is one process or an HDF5 without MPI.
     """
     from gen import database
 

@@ -1,8 +1,8 @@
-"""Doubts about a scene: from a trial of few rows before a run, from its rows afterwards.
+"""Doubts about the results of a scene, from a trial before a run or from its rows after it.
 
-A trial solves the rows with the smallest, the middle and the largest load among the first ones of
-the plan. It writes nothing. Of the user's functions it calls the one that makes surfaces, and only
-in a completed scene, which needs trust.
+A trial computes up to three of the first rows of the plan: those with the middle, the largest and
+the smallest load. It writes nothing. It does not call the user's function for outputs. A user's
+generator is called, which the user has trusted when the scene was completed.
 """
 
 from __future__ import annotations
@@ -27,48 +27,65 @@ if TYPE_CHECKING:
     from gen.database import Reader
     from gen.scene import Scene
 
-PLANNED_ROWS = 1000  # first rows of the plan, whose loads are looked at
-ALWAYS_NODES = 129**2  # most nodes at which a trial is cheap, however short the run is
-MOST_NODES = (
-    513**2
-)  # most nodes of a trial: with more, a contact takes too long to be tried
-SHARE = 20  # rows of a run for each row of its trial, where a trial is not cheap
-LONGEST = 5.0  # largest time for a surface of a trial, and for a contact [s]
-CHUNK_ROWS = 65_536  # rows of a database that are read together
+PLANNED_ROWS = 1000
+"""Number of first rows of the plan among which the rows of a trial are chosen by their loads."""
 
-RESULTS = (DELTA.name, FORCE.name, CONTACT_NODES.name)
-STATISTICS = ("height_max", "height_rms", "peak_density", "bandwidth_x", "bandwidth_y")
-USED = (*RESULTS, *STATISTICS)
-"""Columns by which a row is doubted."""
+ALWAYS_NODES = 129**2
+"""Largest number of nodes of a grid on which a trial is cheap, even before a short run."""
+
+MOST_NODES = 513**2
+"""Largest number of nodes of a grid on which rows are tried; on larger grids a contact takes too
+long."""
+
+SHARE = 20
+"""Smallest number of rows of a run for each row of its trial, if a trial is not cheap."""
+
+LONGEST = 5.0
+"""Largest time for a surface of a trial, and for each of its contacts [s]."""
+
+CHUNK_ROWS = 65_536
+"""Number of rows of a database that are read together."""
+
+USED = (
+    DELTA.name,
+    FORCE.name,
+    CONTACT_NODES.name,
+    "height_max",
+    "height_rms",
+    "peak_density",
+    "bandwidth_x",
+    "bandwidth_y",
+)
+"""Columns from which the doubts about rows follow: results, then statistics of the surface."""
 
 
 def doubts_before(scene: Scene, rows: int) -> list[str]:
-    """Doubt a scene before rows of it are computed, by a trial.
+    """Return doubts about a scene before its rows are computed, from a trial of a few rows.
 
     Parameters
     ----------
     scene : Scene
         A completed scene.
     rows : int
-        Number of rows that the run is to compute; a trial costs a small share of it.
+        Number of rows that the run is going to compute. A short run has a shorter trial or none.
 
     Returns
     -------
     list of str
-        One line for each doubt. Rows that cannot be tried, because they take too long, have no
-        solution or fail, cause none.
+        One line for each doubt. Rows that take too long, have no solution or fail in the trial
+        cause no doubt.
     """
     tally = Tally()
     if math.prod(scene.grid.shape) <= MOST_NODES:
         tally = _tally_of_trial(scene, _tried_rows(scene, rows))
     if scene.quantity in {"pressure", "force"}:
-        # Loads of all rows are known, also where none was tried.
+        # The plan has the loads of all rows, of which the trial had only a few.
         tally = replace(tally, pressure=_largest_planned_pressure(scene))
-    return _doubts(scene, tally, "tried rows")
+    return _doubts(scene, tally, noun="tried rows")
 
 
 def doubts_after(reader: Reader) -> list[str]:
-    """Doubt a database by the rows that are done.
+    """Return doubts about a database from its done rows.
 
     Parameters
     ----------
@@ -85,41 +102,51 @@ def doubts_after(reader: Reader) -> list[str]:
         stop = min(start + CHUNK_ROWS, reader.rows.stop)
         columns = {name: reader.column(name, start, stop) for name in ("status", *USED)}
         tally += _tally(reader.scene, columns)
-    return _doubts(reader.scene, tally, "rows")
+    return _doubts(reader.scene, tally, noun="rows")
 
 
 def _doubts(scene: Scene, tally: Tally, noun: str) -> list[str]:
-    """Return the doubts about the material of a scene, or else those about rows, called `noun`."""
+    """Return one line for each doubt about the material of a scene, or else about counted rows.
+
+    The lines call the rows of the tally by the `noun`.
+    """
     contact = scene.contact
     if contact.doubts:
-        return contact.doubts  # the rows would repeat what the material does to them
-    bodies = Bodies(contact.e_star, has_modulus=contact.has_modulus)
+        return contact.doubts  # a wrong material causes the doubts about rows too
+    bodies = Bodies(e_star=contact.e_star, has_modulus=contact.has_modulus)
     return rows_doubts(tally, bodies, scene.quantity, max(scene.grid.spacing), noun)
 
 
 def _tally_of_trial(scene: Scene, rows: list[int]) -> Tally:
-    """Compute rows of a scene, by their numbers, and count those that have a solution in time."""
-    # Here, as commands that read a database do without the solver.
+    """Compute the rows with these numbers, and return a tally of the solved ones.
+
+    Rows that fail, or take longer than `LONGEST`, are left out.
+    """
+    # Imported here because commands that only read a database need no solver.
     from gen.generation.sample import compute_rows
     from gen.scene import Store
 
-    # Without further columns: neither their cost, nor a function of the user's.
+    # Optional columns would cost time, and the user's function is not to be called.
     bare = scene.model_copy(update={"store": Store()})
     tally = Tally()
     for row in rows:
-        with suppress(InputError):  # a run tells the user what is wrong with a row
+        with suppress(InputError):  # the run itself tells the user what is wrong
             columns = compute_rows(bare, row, row + 1, limit=LONGEST)
             tally += _tally(bare, columns)
     return tally
 
 
 def _tally(scene: Scene, columns: Columns) -> Tally:
-    """Count the rows that are done, from their columns status and `USED`."""
+    """Return a tally of the done rows among some rows of a scene.
+
+    `columns` has the column "status" and those in `USED`, each of shape (rows,).
+    """
     done = columns["status"] == Status.DONE
     values = {name: columns[name][done] for name in USED}
     grid = scene.grid
+    area = math.prod((*grid.shape, *grid.spacing))  # of the patch [um2]
     with np.errstate(over="ignore"):  # files may hold any numbers
-        pressure = values["force"] / math.prod((*grid.shape, *grid.spacing))
+        pressure = values["force"] / area  # nominal [MPa]
     solved = SolvedRows(
         delta=values["delta"],
         span=values["height_max"],
@@ -131,22 +158,28 @@ def _tally(scene: Scene, columns: Columns) -> Tally:
 
 
 def _largest_planned_pressure(scene: Scene) -> float:
-    """Return the largest nominal pressure [MPa] of the first rows, by their pressures or forces."""
+    """Return the largest nominal pressure that is planned for the first `PLANNED_ROWS` rows [MPa].
+
+    The loads of the scene must be pressures or forces.
+    """
     loads = parameters(scene, 0, min(scene.samples, PLANNED_ROWS)).load
     largest = float(loads.max())
     if scene.quantity == "force":
-        largest /= math.prod((*scene.grid.shape, *scene.grid.spacing))
+        area = math.prod((*scene.grid.shape, *scene.grid.spacing))  # of the patch [um2]
+        largest /= area
     return largest
 
 
 def _tried_rows(scene: Scene, rows: int) -> list[int]:
-    """Choose rows with the middle, the largest and the smallest load, fewer if they are expensive.
+    """Choose the rows of a trial among the first rows of the plan, and return their numbers.
 
-    `rows` is the number of rows of the run.
+    These are the rows with the middle, the largest and the smallest load, in this order. If a trial
+    is not cheap, the list is cut to one row for each `SHARE` of the `rows` of the run.
     """
     loads = parameters(scene, 0, min(scene.samples, PLANNED_ROWS)).load
-    order = np.argsort(loads, kind="stable")
+    order = np.argsort(loads, kind="stable")  # numbers of the rows by rising load
     chosen = [int(order[order.size // 2]), int(order[-1]), int(order[0])]
     if math.prod(scene.grid.shape) > ALWAYS_NODES:
         chosen = chosen[: rows // SHARE]
-    return list(dict.fromkeys(chosen))  # a short plan has one row in two places
+    # In a plan of one or two rows, a row is chosen twice. Each row is kept once.
+    return list(dict.fromkeys(chosen))

@@ -20,7 +20,8 @@ from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 
-from gen.maps.scan import Channel, Scan, choose_channel
+from gen.maps.channels import Channel, choose_channel
+from gen.maps.scan import Scan
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 from gen.runtime.files import LARGEST

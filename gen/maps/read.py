@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Heights
+from gen.maps.channels import choose_matrix
 from gen.maps.scan import (
     MOST_COLUMNS,
     NAMED_UNITS,
@@ -26,7 +27,6 @@ from gen.maps.scan import (
     unit_of,
 )
 from gen.maps.settings import Reading, as_option
-from gen.maps.text import choose_matrix, read_matrices
 from gen.material import LARGEST, SMALLEST
 from gen.runtime.errors import InputError
 from gen.runtime.files import require_file
@@ -564,8 +564,9 @@ def _text_or_instruments_scan(path: Path, content: bytes, reading: Reading) -> S
 
     A file with a suffix of `PLAIN_SUFFIXES` is read as a text only, unless it is a .dat file.
     """
-    # .npy files, which are read most, need nothing of it.
+    # Most files are .npy files, which need neither of these modules.
     from gen.maps.instruments import instruments_scan
+    from gen.maps.text import read_matrices
 
     suffix = path.suffix.lower()
     is_plain = suffix in PLAIN_SUFFIXES

@@ -1,4 +1,4 @@
-"""Turn the numbers of a file into a map: choose a channel, and tell heights from points.
+"""Turn the numbers of a file into a map: tell heights from points.
 
 `arrange` takes a table of numbers from any file. The table holds heights, heights with coordinates
 in the first row and column, or a list of points. A list of points on a grid becomes a map with
@@ -9,7 +9,6 @@ here, too.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
-from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 
 # length of each metric unit by its symbol [um]
@@ -128,100 +126,6 @@ class Scan:
     names: tuple[str, ...] = ()
     # unit of the length along y, which is across the lines of a text; "" if it is `length_unit`
     y_unit: str = ""
-
-
-@dataclass(frozen=True)
-class Channel:
-    """One map of a file."""
-
-    index: int  # index of the map in the file
-    name: str  # name of the map
-    heights: bool  # whether the map holds heights
-    unit: str  # unit of its values, "" if unknown
-
-    @property
-    def label(self) -> str:
-        """Index and name of the map; without heights also its unit, in brackets."""
-        name = f"{self.index} {self.name!r}"
-        if self.heights:
-            return name
-        return f"{name} (in {self.unit or 'no length'}, no heights)"
-
-
-@dataclass(frozen=True)
-class ChosenChannel:
-    """The map that is to be read from a file."""
-
-    index: int  # index of the map in the file
-    # the choice in words, as " of channel 1 'Topo' (not 0 'Phase')"; "" if the file has one map
-    origin: str
-
-
-def choose_channel(
-    path: Path, channels: Sequence[Channel], reading: Reading
-) -> ChosenChannel:
-    """Choose the channel that the reading names; if it names none, the first one with heights.
-
-    Parameters
-    ----------
-    path : Path
-        The file, for messages.
-    channels : sequence of Channel
-        The maps of the file.
-    reading : Reading
-        The settings. Only `channel` is used: the name or index of a map, or "".
-
-    Returns
-    -------
-    ChosenChannel
-        The map to read, which holds heights.
-
-    Raises
-    ------
-    InputError
-        If no map or several maps have this name, or the map holds no heights. Without a name, if no
-        map holds heights.
-    """
-    if reading.channel:
-        chosen = _named_channel(path, channels, reading.channel)
-    else:
-        with_heights = [channel for channel in channels if channel.heights]
-        if not with_heights:
-            labels = _labels(channels)
-            raise InputError(f"{path}: holds no heights; its channels are {labels}")
-        chosen = with_heights[0]
-    left_out = [channel for channel in channels if channel is not chosen]
-    origin = ""
-    if left_out:
-        origin = f" of channel {chosen.index} {chosen.name!r} (not {_labels(left_out)})"
-    return ChosenChannel(index=chosen.index, origin=origin)
-
-
-def _named_channel(path: Path, channels: Sequence[Channel], name: str) -> Channel:
-    """Return the channel with a name; if no channel has this name, the channel with this index.
-
-    Raises InputError if there is no such channel, if several have the name, or if the channel holds
-    no heights.
-    """
-    matches = [channel for channel in channels if channel.name == name]
-    if not matches:
-        matches = [channel for channel in channels if str(channel.index) == name]
-    option = f"--channel {name!r}"
-    holds = f"{path} holds {_labels(channels)}"
-    if not matches:
-        raise InputError(f"{option}: no such channel; {holds}")
-    if len(matches) > 1:
-        raise InputError(
-            f"{option}: several channels have this name; give an index; {holds}"
-        )
-    if not matches[0].heights:
-        raise InputError(f"{option}: holds no heights; {holds}")
-    return matches[0]
-
-
-def _labels(channels: Sequence[Channel]) -> str:
-    """Return the labels of channels as "0 'Topo', 1 'Phase' (in deg, no heights)"."""
-    return ", ".join(channel.label for channel in channels)
 
 
 # largest number of columns of a list of points: three coordinates and three further numbers

@@ -11,22 +11,13 @@ import codecs
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from gen.maps.scan import (
-    UNITS,
-    Channel,
-    ChosenChannel,
-    Scan,
-    choose_channel,
-    factor_of,
-    unit_of,
-)
-from gen.maps.settings import Reading
+from gen.maps.scan import UNITS, Scan, unit_of
 from gen.runtime.errors import InputError
 
 # labels in headers, in lower case and separated by |, by the quantity that they label
@@ -201,77 +192,6 @@ def read_matrices(content: bytes, path: Path) -> list[Scan]:
     if block.rows or not scans:
         scans.append(_matrix(path, block))
     return scans
-
-
-def choose_matrix(path: Path, matrices: list[Scan], reading: Reading) -> Scan:
-    """Choose the matrix of a channel, and transpose it if its header states lengths.
-
-    In texts with such a header, x runs along the lines. In maps, x is axis 0.
-
-    Parameters
-    ----------
-    path : Path
-        The file, for messages.
-    matrices : list of Scan
-        The matrices of the file, at least one.
-    reading : Reading
-        The settings. `channel` names the matrix; if it is "", the first one with heights is chosen.
-        If `override_scale` and `unit` are set, the matrices hold heights in that unit, whatever
-        their own unit is.
-
-    Returns
-    -------
-    Scan
-        The matrix. Both of its lengths, if it has them, are in the unit of the length along x.
-
-    Raises
-    ------
-    InputError
-        If no matrix has heights, or the channel is unknown. If x and y have different units, and
-        there are no lengths to convert, or one of the units is unknown.
-    """
-    overruled = reading.override_scale and bool(reading.unit)
-    channels = [
-        _channel(index, scan, overruled=overruled) for index, scan in enumerate(matrices)
-    ]
-    # A single matrix of heights need not be chosen.
-    chosen = ChosenChannel(index=0, origin="")
-    if reading.channel or len(matrices) > 1 or not channels[0].heights:
-        chosen = choose_channel(path, channels, reading)
-    scan = matrices[chosen.index]
-    x_unit = scan.length_unit or ""
-    y_unit = scan.y_unit or x_unit
-    same_unit = unit_of(y_unit) == unit_of(x_unit)
-    if scan.widths is None:
-        if not same_unit:
-            raise InputError(
-                f"{path}: has x in {x_unit} and y in {y_unit}; give both in one unit"
-            )
-        return replace(scan, origin=chosen.origin)
-    width, length = scan.widths
-    if not same_unit:
-        y_in_um = factor_of(y_unit, f"{path}: unit")
-        x_in_um = factor_of(x_unit, f"{path}: unit")
-        length *= y_in_um / x_in_um
-    return replace(
-        scan,
-        heights=np.ascontiguousarray(scan.heights.T),
-        widths=(width, length),
-        origin=f"{chosen.origin} under a header, x along its lines",
-    )
-
-
-def _channel(index: int, scan: Scan, *, overruled: bool) -> Channel:
-    """Describe a matrix as a channel.
-
-    It holds heights if its unit is one of length, or missing, or `overruled` by the user.
-    """
-    return Channel(
-        index=index,
-        name=scan.channel or f"matrix {index}",
-        heights=not scan.unit or overruled or unit_of(scan.unit) in UNITS,
-        unit=scan.unit or "",
-    )
 
 
 def _decoded(content: bytes) -> str | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
@@ -39,22 +39,23 @@ Output = Annotated[
 
 
 class Selection(NamedTuple):
-    """Models, and the rows and features that a comparison rests on; see the help of the options."""
+    """The options about models, rows and features of a comparison; see their help."""
 
     model: Annotated[
         list[str] | None,
         typer.Option(
             metavar="NAME",
             help="decision-tree, random-forest, adaboost, xgboost, gradient-boost, svm,"
-            " gaussian-process, kernel-ridge or mlp, and population for scene features; may be"
-            " repeated; if left out, all (importance: kernel-ridge).",
+            " gaussian-process, kernel-ridge or mlp, and population for scene features;"
+            " may be repeated; if left out, all (importance: kernel-ridge).",
         ),
     ] = None
     target: Annotated[
         str,
         typer.Option(
             metavar="NAME",
-            help="area, force, both, or the column of another result that is stored, as mean_gap.",
+            help="area, force, both, or the column of another result that is stored, as"
+            " mean_gap.",
         ),
     ] = "area"
     area_max: AreaMax = None
@@ -66,7 +67,7 @@ class Selection(NamedTuple):
     ] = 0
     train_rows: TrainRows = None
     again: Annotated[
-        bool, typer.Option("--again", help="Measure again, also where a result is there.")
+        bool, typer.Option("--again", help="Measure again where the folder has a result.")
     ] = False
     trust: Trust = False
 
@@ -75,13 +76,13 @@ class Selection(NamedTuple):
 def compare(file: Database, output: Output, *, selection: Selection) -> int:
     """Fit the models with their libraries' settings: errors and times beside the paper's Table 4.
 
-    The Gaussian process has the paper's kernel, whose length is fixed; beside it stands its
-    library's own, fitted to 1,000 rows at most.
+    The Gaussian process has the paper's kernel, whose length is fixed. A second one has the default
+    kernel of its library, and is fitted to 1,000 rows at most.
     The fits run one after the other, so that their times are those of a process that works alone.
     """
     from learn.comparison import jobs
 
-    return _led(jobs.compare, selection, file, output)
+    return _run_jobs(jobs.compare, selection, file, output)
 
 
 @grouped
@@ -92,8 +93,8 @@ def tune(
         str,
         typer.Option(
             metavar="TIME",
-            help="Time of this call, as 2h or 30min: successive halving where a grid is too large"
-            " for it, then five folds of all rows. Without it, whole grids.",
+            help="Time of this call, as 2h or 30min: successive halving where a grid is"
+            " too large for it, then five folds of all rows. Without it, whole grids.",
         ),
     ] = "",
     *,
@@ -108,10 +109,18 @@ def tune(
     `mpiexec -n 65 python -m mpi4py -m learn tune ...` rank 0 hands out the fits, the others do
     them.
     """
-    began = time.time()
+    began = time.time()  # before slow imports, which are part of the budget
     from learn.comparison import jobs
 
-    return _led(jobs.tune, selection, file, output, budget, began)
+    return _run_jobs(
+        jobs.tune,
+        selection,
+        file,
+        output,
+        budget=budget,
+        began=began,
+        must_beat_constant=True,
+    )
 
 
 def show(
@@ -126,74 +135,99 @@ def show(
     """
     from learn.comparison.folder import targets
 
-    targets(
-        folder
-    )  # refuses a folder that is none of ours, before anything is written into it
+    # Refuses a folder that is no comparison, before anything is written into it.
+    targets(folder)
     with lock_folder(folder):
         _write_and_print(folder, pictures=pictures)
 
 
-def _led(
-    work: Callable[[Request, Executor], int],
+def _run_jobs(
+    jobs: Callable[[Request, Executor], int],
     selection: Selection,
     file: Path,
     output: Path,
+    *,
     budget: str = "",
     began: float = 0.0,
+    must_beat_constant: bool = False,
 ) -> int:
-    """Do the work of a request on all processes, and print the tables; return the exit code.
+    """Run the jobs of a comparison on all processes of the run, and print its tables.
 
-    InputError is raised if a constant does as well as a tuned model. Of baselines the tables say
-    so: they are what the libraries' settings give, whatever that is.
+    Return the exit code: 0, or 128 plus the number of the signal that stopped the jobs, which
+    `jobs` returns. `budget` is the time that the command may take, "" for any; it starts at the
+    time `began` [s]. With `must_beat_constant`, InputError is raised at the end if a constant
+    predicts as well as a tuned model. Baselines may be no better: the libraries' settings decide
+    about them, and the tables say so.
     """
-    from learn.comparison import jobs, tables
     from learn.executor import led, seconds
-    from learn.models import MODELS
 
     with led() as executor:
         check_folder(output)
-        until = began + seconds(budget) if budget else inf
+        until = inf
+        if budget:
+            until = began + seconds(budget)
         request = request_of(selection, [file], output, selection.features, until=until)
         with lock_folder(output):
-            if number := work(request, executor):
-                name = signal.Signals(number).name
+            signal_number = jobs(request, executor)
+            if signal_number:
+                name = signal.Signals(signal_number).name
                 echo(f"stopped by {name}; the same command goes on with what is left")
-                return 128 + number
-            shown = _write_and_print(output, pictures=False)
+                return 128 + signal_number
+            tables_of_targets = _write_and_print(output, pictures=False)
             echo(f"pictures: {command_to_type(f'learn show {output}')}")
-            for each in shown if work is jobs.tune else ():
-                for useless in tables.no_better_than_constant(each):
-                    is_tuned = useless.row.kind == "tuned"
-                    if is_tuned and useless.row.model in (request.models or MODELS):
-                        raise InputError(
-                            f"{each.folder.path}: {useless.message}; the tables are still written"
-                        )
+            if must_beat_constant:
+                _require_better_than_constant(tables_of_targets, request)
     return 0
 
 
+def _require_better_than_constant(
+    tables_of_targets: Sequence[Tables], request: Request
+) -> None:
+    """Refuse tuned models of a request that are no better than a constant; name the first one."""
+    from learn.comparison import tables
+    from learn.models import MODELS
+
+    models = request.models or MODELS
+    for tables_of_target in tables_of_targets:
+        for useless in tables.no_better_than_constant(tables_of_target):
+            if useless.row.kind == "tuned" and useless.row.model in models:
+                raise InputError(
+                    f"{tables_of_target.folder.path}: {useless.message}; the tables are"
+                    " still written"
+                )
+
+
 def _write_and_print(folder: Path, *, pictures: bool) -> list[Tables]:
+    """Write the tables of a comparison into its folder and print them; return those of each target.
+
+    With `pictures`, also draw the pictures into the folder.
+    """
     from learn.comparison import plots, printing, tables
     from learn.comparison.folder import targets
 
-    shown = [tables.read(part) for part in targets(folder)]
-    for found in shown:
-        tables.write(found)
-        printing.show(found)
-        for path in plots.draw(found) if pictures else ():
-            echo(f"wrote {path}")
-    return shown
+    tables_of_targets = [
+        tables.read(folder_of_target) for folder_of_target in targets(folder)
+    ]
+    for tables_of_target in tables_of_targets:
+        tables.write(tables_of_target)
+        printing.show(tables_of_target)
+        if pictures:
+            for path in plots.draw(tables_of_target):
+                echo(f"wrote {path}")
+    return tables_of_targets
 
 
 @grouped
 def importance(file: Database, output: Output, *, selection: Selection) -> None:
     """Rank the inputs by what shuffling each does to the error, and drop the weakest.
 
-    With the settings that `tune` has found, if the folder holds them, else with the paper's
-    optimum: DIR/TARGET/importance.csv, selection.csv and importance.png.
+    Models have the settings that `tune` has found, if the folder holds them, else the paper's
+    optimum. Written are DIR/TARGET/importance.csv, selection.csv and importance.png.
     """
-    one = selection._replace(model=(selection.model or ["kernel-ridge"])[-1:])
+    models = selection.model or ["kernel-ridge"]
+    selection_of_one = selection._replace(model=models[-1:])
     check_folder(output)
-    request = request_of(one, [file], output, one.features)
+    request = request_of(selection_of_one, [file], output, selection.features)
     from learn.comparison.importance import write_report
 
     with lock_folder(output):

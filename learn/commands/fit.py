@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
@@ -17,7 +16,8 @@ from gen.runtime.terminal import command_to_type, echo
 if TYPE_CHECKING:
     from learn.dataset import Request
 
-SEEDS = 2**32 - 1  # the largest seed that all libraries of models take
+SEEDS = 2**32 - 1
+"""Largest seed that all libraries of models accept."""
 
 AreaMax = Annotated[
     float | None,
@@ -29,25 +29,26 @@ Features = Annotated[
     str,
     typer.Option(
         metavar="SET",
-        help="paper (Delta and the 22 statistics), dimensionless (the same without units: any scan"
-        " length), hybrid (with a coarse contact solve of each surface, which it needs: most"
-        " exact), or scene (what the scene draws, and its load).",
+        help="paper (Delta and the 22 statistics), dimensionless (the same without"
+        " units: any scan length), hybrid (with a coarse contact solve of each surface,"
+        " which it needs: most exact), or scene (the numbers that the scene draws, and its"
+        " load).",
     ),
 ]
 Blocks = Annotated[
     int | None,
     typer.Option(
         metavar="N",
-        help="Blocks along a side of the hybrid features' coarse solve: 33, or 65: more exact, and"
-        " slower [33].",
+        help="Blocks along a side of the hybrid features' coarse solve: 33, or 65: more"
+        " exact, and slower [33].",
     ),
 ]
 Normalise = Annotated[
     Literal["", "l2", "standard", "min-max", "none"],
     typer.Option(
         metavar="HOW",
-        help="l2 (each row to unit length, the paper's), standard, min-max or none; l2 for paper"
-        " features and standard for others if left out.",
+        help="l2 (each row to unit length, the paper's), standard, min-max or none. If"
+        " left out: l2 for paper features, and standard for the other ones.",
     ),
 ]
 TrainRows = Annotated[
@@ -65,21 +66,21 @@ Load = Annotated[
     Literal["", "delta", "pressure", "force", "relative_delta", "relative_pressure"],
     typer.Option(
         metavar="NAME",
-        help="The load: delta or pressure; of scene features also force, or a relative one that the"
-        " scene draws. What it draws for these if left out, else delta.",
+        help="The load: delta or pressure; of scene features also force, or a relative"
+        " one that the scene draws. If left out: delta, or the load that the scene draws.",
     ),
 ]
 
 
 class Choice(NamedTuple):
-    """Model, features, targets and rows of a surrogate; see the help of the options."""
+    """The options about model, features, targets and rows of a surrogate; see their help."""
 
     model: Annotated[
         str,
         typer.Option(
             metavar="NAME",
-            help="One of the nine models, as in learn compare, or population, for scene features;"
-            " population there if left out, else kernel-ridge.",
+            help="One of the nine models, as in learn compare, or population, for scene"
+            " features. If left out: population for scene features, else kernel-ridge.",
         ),
     ] = ""
     features: Features = ""
@@ -89,9 +90,9 @@ class Choice(NamedTuple):
         str,
         typer.Option(
             metavar="NAME",
-            help="area, force, both, or the column of another result that is stored, as mean_gap"
-            " or an output of your own; several with commas. At a pressure, both are area and"
-            " delta.",
+            help="area, force, both, or the column of another result that is stored, as"
+            " mean_gap or an output of your own; several with commas. At a pressure,"
+            " both are area and delta.",
         ),
     ] = "both"
     source: Annotated[
@@ -111,7 +112,8 @@ class Choice(NamedTuple):
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="A database whose rows calibrate the intervals; rows of the first if left out.",
+            help="A database whose rows calibrate the intervals; rows of the first if"
+            " left out.",
         ),
     ] = None
 
@@ -136,15 +138,21 @@ def fit(
     from learn.surrogate import fitting
 
     with led() as executor:
-        wanted = Output(output, "--output", "surrogate")
-        given = (*files, choice.source, choice.calibrate_on)
-        check_outputs([wanted], [each for each in given if each is not None])
-        # The settings of a comparison were tuned without what surrogates see besides.
-        own = {"roots": choice.source is None, "calibrate_on": choice.calibrate_on}
+        further_inputs = [choice.source, choice.calibrate_on]
+        input_files = [*files, *(path for path in further_inputs if path is not None)]
+        check_outputs([Output(output, "--output", "surrogate")], input_files)
         features = choice.features or "dimensionless"
-        asked = choice._replace(model=choice.model or default_model(features))
-        request = request_of(asked, files, output, features, **own)
-        models_named(list(request.models), features)
+        model = choice.model or default_model(features)
+        request = request_of(
+            choice._replace(model=model),
+            files,
+            output,
+            features,
+            # Comparisons tune models without the square roots that other surrogates see.
+            roots=choice.source is None,
+            calibrate_on=choice.calibrate_on,
+        )
+        models_named(list(request.models), features)  # refuses unknown names
         if choice.source is not None:
             request = fitting.with_conditions(request, choice)
         with Interruption(listening=True) as interruption:
@@ -158,42 +166,93 @@ def fit(
 
 
 def request_of(
-    options: Any, files: Sequence[Path], output: Path, features: str, **own: Any
+    options: Any, files: Sequence[Path], output: Path, features: str, **fields: Any
 ) -> Request:
-    """Return the request of a command's options, a named tuple, and of what is its own.
+    """Make the request of a command from its options.
 
-    Both targets are area and force; at some loads area and Delta. InputError is raised if an option
-    has no meaning.
+    Parameters
+    ----------
+    options : NamedTuple
+        Options of the command, with the fields `model`, `target` and `seed`. Further fields of
+        `Choice` and of `learn.commands.comparison.Selection` are used if it has them; a field
+        that is missing has the default of `Request`.
+    files : sequence of Path
+        Databases. A scene's load is read from the first one if `features` is "scene" and no load is
+        given.
+    output : Path
+        A comparison folder, or the file of a surrogate.
+    features : str
+        Name of the feature set.
+    **fields
+        Fields of `Request` that are no options of the command.
+
+    Returns
+    -------
+    Request
+        The request. If `target` is "both", its targets are area and force, or area and Delta at a
+        load at which Delta is a result.
+
+    Raises
+    ------
+    InputError
+        If the value of an option is not allowed, or an option has no meaning for the features.
     """
     from learn.dataset import Request, load_drawn
     from learn.features import chosen
-    from learn.features.scene import BY_FORCE, SCENE
+    from learn.features.scene import SCENE
 
-    given, text = options._asdict(), options.target
-    blocks, load = given.get("blocks"), given.get("load", "")
-    wanted = chosen(features, roots=True, blocks=blocks, load=load)
-    load = load or (load_drawn(files[0]) if features == SCENE else "")
-    both = "area", "delta" if load in BY_FORCE else "force"
-    targets = both if text == "both" else tuple(text.split(","))
-    if len(set(targets)) < len(targets) or not all(targets):
-        raise InputError(f"--target {text!r}: give each once, as area,force")
+    values = options._asdict()
+    blocks = values.get("blocks")
+    load = values.get("load", "")
+    feature_set = chosen(features, roots=True, blocks=blocks, load=load)
+    if not load and features == SCENE:
+        load = load_drawn(files[0])
     return Request(
         databases=tuple(files),
         output=output,
-        targets=targets,
-        models=tuple(
-            [given["model"]] if isinstance(given["model"], str) else given["model"] or ()
-        ),
-        area_max=given.get("area_max"),
-        normalisation=given.get("normalise") or wanted.normalisation,
+        targets=_targets(options.target, load),
+        models=_models(options.model),
+        area_max=values.get("area_max"),
+        normalisation=values.get("normalise") or feature_set.normalisation,
         features=features,
         seed=options.seed or 0,
-        train_rows=given.get("train_rows"),
-        again=given.get("again", False),
+        train_rows=values.get("train_rows"),
+        again=values.get("again", False),
         blocks=blocks,
         load=load,
-        **own,
+        **fields,
     )
 
 
-note = partial(echo, err=True)  # print a line for the user on standard error
+def _targets(text: str, load: str) -> tuple[str, ...]:
+    """Return the targets that --target names; for "both", those at a load.
+
+    `load` is the name of the load, "" for Delta. Raises InputError if a name is empty or is given
+    twice.
+    """
+    from learn.features.scene import BY_FORCE
+
+    if text == "both":
+        return ("area", "delta" if load in BY_FORCE else "force")
+    targets = tuple(text.split(","))
+    if len(set(targets)) < len(targets) or "" in targets:
+        raise InputError(f"--target {text!r}: give each once, as area,force")
+    return targets
+
+
+def _models(names: str | Sequence[str] | None) -> tuple[str, ...]:
+    """Return the names of models as a tuple: of one name, of a list, or () if there is none."""
+    if isinstance(names, str):
+        return (names,)
+    return tuple(names or ())
+
+
+def note(line: str) -> None:
+    """Print a line for the user on standard error.
+
+    Parameters
+    ----------
+    line : str
+        The line, without its end.
+    """
+    echo(line, err=True)

@@ -28,17 +28,17 @@ SurrogateFile = Annotated[
         "--output",
         "-o",
         metavar="FILE",
-        help="The surrogate to write; database and picture stand beside it.",
+        help="The surrogate to write; the database and a picture are written beside it.",
     ),
 ]
 
-LARGEST_NMAE = (
-    1000.0  # largest error to grow to [%]; a surrogate that always answers 0 has 100 %
-)
+LARGEST_NMAE = 1000.0
+"""Largest error that a growth may have as its goal [%]. A surrogate that always answers 0 has an
+error of 100 %."""
 
 
 class Goal(NamedTuple):
-    """Options of the surrogate, and the largest cost of its growth; see their help."""
+    """The options about the surrogate and about the largest cost of its growth; see their help."""
 
     nmae: Annotated[
         float,
@@ -79,9 +79,9 @@ def grow(
 
     A fifth of the surfaces (of maps: of their tiles) is held out for tests. Each round says how
     many rows the learning curve asks for. Interrupted or killed, the same command goes on. Started
-    as `mpiexec -n 9 python -m mpi4py -m learn grow ...`, the workers compute the rows. Beside the
-    surrogate stand an ordinary database (.h5) and a picture of the learning curve and the
-    predictions (.png).
+    as `mpiexec -n 9 python -m mpi4py -m learn grow ...`, the workers compute the rows. An ordinary
+    database (.h5) and a picture of the learning curve and the predictions (.png) are written beside
+    the surrogate.
     """
     from learn.executor import led, seconds
 
@@ -92,73 +92,92 @@ def grow(
         from learn.grow.rounds import Growth, draw, show
         from learn.surrogate.fitting import require_better
 
-        until = time.time() + seconds(goal.budget) if goal.budget else inf
-        database, drawing = (_beside(output, suffix) for suffix in (".h5", ".png"))
-        check_outputs(
-            [
-                Output(output, "--output", "surrogate"),
-                Output(drawing, "--output", "picture"),
-            ],
-            [scene] if Path(scene).is_file() else [],
-        )
-        _require_own(database, output, drawing)
+        until = inf
+        if goal.budget:
+            until = time.time() + seconds(goal.budget)
+        database = _beside(output, ".h5")
+        picture = _beside(output, ".png")
+        outputs = [
+            Output(output, "--output", "surrogate"),
+            Output(picture, "--output", "picture"),
+        ]
+        scene_is_file = Path(scene).is_file()  # otherwise it is a shipped one
+        check_outputs(outputs, [scene] if scene_is_file else [])
+        _require_own(database, output, picture)
         figure = new_figure(10.0, 4.6, dpi=110)
         with Interruption(listening=True) as interruption:
-            wanted = load(scene)
-            request = _request(output, goal, wanted)
-            how = executor, note, interruption.requested, until
-            growth = Growth(request, goal.nmae, goal.rows, wanted, *how)
+            scene_to_grow = load(scene)
+            request = _request(output, goal, scene_to_grow)
+            growth = Growth(
+                request,
+                goal.nmae,
+                goal.rows,
+                scene_to_grow,
+                executor,
+                say=note,
+                stopping=interruption.requested,
+                until=until,
+            )
             ending, last = growth.grow()
         if ending == "interrupted" or last is None:
             note(f"stopped; {database} is kept, the same command goes on")
             return 128 + interruption.signal
         show(growth, ending, last)
         draw(figure, last)
-        echo(f"wrote {output}, {database} and {save(figure, drawing)}")
+        echo(f"wrote {output}, {database} and {save(figure, picture)}")
         require_better(last.surrogate, str(output))
         return 0
 
 
-def _require_own(database: Path, surrogate: Path, drawing: Path) -> None:
-    """Refuse files that no growth to this surrogate can have written; say which rows are there.
+def _require_own(database: Path, surrogate: Path, picture: Path) -> None:
+    """Refuse files that no growth to this surrogate can have written.
 
-    Its database is the first file that a growth writes, and its picture the last.
+    A growth writes its database first, then the surrogate, and its picture last. If there is a
+    database without a surrogate, say on standard error that its rows are used.
     """
-    for before, after in ((database, surrogate), (surrogate, drawing)):
-        if after.exists() and not before.exists():
+    for earlier, later in ((database, surrogate), (surrogate, picture)):
+        if later.exists() and not earlier.exists():
             raise InputError(
-                f"--output {surrogate}: {after} is there already, but not {before}, which would"
-                " have been written before it: give another name"
+                f"--output {surrogate}: {later} is there already, but not {earlier},"
+                " which would have been written before it: give another name"
             )
     if database.exists() and not surrogate.exists():
         note(f"{database}: is there already; its rows count, and more are added to it")
 
 
 def _request(output: Path, goal: Goal, scene: Scene) -> Request:
-    """Check the options, and return the request for a surrogate that they describe."""
+    """Return the request for the surrogate of a growth, whose database is beside `output`.
+
+    Raises InputError for an error, a model or another option that a growth does not allow.
+    """
     from learn.features.scene import SCENE, load_of
     from learn.models import POPULATION, default_model, models_named
 
     if not 0 < goal.nmae <= LARGEST_NMAE:
         raise InputError(
-            f"--nmae {goal.nmae:g}: give an error above 0 % and up to {LARGEST_NMAE:g} %, as 2"
+            f"--nmae {goal.nmae:g}: give an error above 0 % and up to {LARGEST_NMAE:g}"
+            " %, as 2"
         )
     of_scene = goal.features == SCENE
     (model,) = models_named([goal.model or default_model(goal.features)], goal.features)
     if of_scene and model.name != POPULATION.name:
         raise InputError(
-            f"--model {goal.model}: of {SCENE} features, {POPULATION.name} alone knows the error of"
-            " its mean: leave that out"
+            f"--model {goal.model}: of {SCENE} features, {POPULATION.name} alone knows"
+            " the error of its mean: leave that out"
         )
-    drawn: Any = load_of(scene) if of_scene else ""
-    options = goal._replace(model=model.name, load=goal.load or drawn)
-    return request_of(
-        options, [_beside(output, ".h5")], output, goal.features, roots=True
-    )
+    load: Any = goal.load
+    if of_scene and not load:
+        load = load_of(scene)
+    options = goal._replace(model=model.name, load=load)
+    database = _beside(output, ".h5")
+    return request_of(options, [database], output, goal.features, roots=True)
 
 
 def _beside(output: Path, suffix: str) -> Path:
-    """Return the file of this suffix that stands beside a surrogate, which may not have it."""
+    """Return the path of a surrogate with this suffix.
+
+    Raises InputError for a path without a name, and for one with a suffix of the other files.
+    """
     if not output.name or output.suffix in {".h5", ".png", ".toml"}:
         raise InputError(
             f"--output {output}: give the name of a surrogate, as my.surrogate"

@@ -1,10 +1,13 @@
 """`learn predict`, `law` and `card`: ask a surrogate about surfaces, or about itself."""
 
+from __future__ import annotations
+
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 
@@ -28,9 +31,25 @@ from gen.runtime.terminal import (
     quoted,
 )
 
-REASONS = 12  # reasons that are printed at most
-VALUE = re.compile(r" \S+ outside")  # the part of a reason that differs between rows
-SHOWN = 40  # rows that are printed at most; a file gets all of them
+if TYPE_CHECKING:
+    from bem.problem import Boundary
+    from gen.arrays import Values
+    from gen.law import Law, Order
+    from learn.surrogate import Surrogate
+
+MOST_ROWS = 40
+"""Largest number of rows that are printed; a file gets all rows."""
+
+MOST_REASONS = 12
+"""Largest number of kinds of reasons that are printed."""
+
+VALUE = re.compile(r" \S+ outside")
+"""Part of a reason that differs between rows: the value in "delta/h 3.1 outside 0.1 to 2"."""
+
+HIDDEN = ("_low", "_high", "warnings")
+"""Endings of the titles of columns that are not printed: ends of intervals stand beside the values,
+and warnings are printed while surfaces are read."""
+
 
 File = Annotated[
     Path, typer.Argument(metavar="FILE", help="A surrogate made by learn fit.")
@@ -39,15 +58,17 @@ Inputs = Annotated[
     list[Path] | None,
     typer.Argument(
         metavar="[INPUT]...",
-        help="Surfaces (.npy, text, instruments' files), folders of them, or tables of statistics"
-        " as gen describe --csv writes them; for a scene's surrogate, tables of its numbers.",
+        help="Surfaces (.npy, text, instruments' files), folders of them, or tables of"
+        " statistics as gen describe --csv writes them; for a scene's surrogate, tables"
+        " of its numbers.",
     ),
 ]
 At = Annotated[
     str,
     typer.Option(
         metavar="NAME=NUMBER,...",
-        help="Parameters of a surrogate made with --features scene: hurst=0.7,rms_height=1.2.",
+        help="Parameters of a surrogate made with --features scene:"
+        " hurst=0.7,rms_height=1.2.",
     ),
 ]
 Mean = Annotated[
@@ -58,7 +79,8 @@ Coverage = Annotated[
     float | None,
     typer.Option(
         metavar="SHARE",
-        help="Coverage of the intervals [0.9, or the largest below that the surrogate reaches].",
+        help="Coverage of the intervals [0.9, or the largest below that the surrogate"
+        " reaches].",
     ),
 ]
 TableFile = Annotated[
@@ -68,8 +90,8 @@ SurrogateAndInputs = Annotated[
     list[str],
     typer.Argument(
         metavar="[SURROGATE] INPUT...",
-        help="A surrogate made by learn fit, or --solver instead of it; then one surface, or"
-        " folders of them, databases or scenes: a population.",
+        help="A surrogate made by learn fit, or --solver instead of it; then one"
+        " surface, or folders of them, databases or scenes: a population.",
     ),
 ]
 Solver = Annotated[
@@ -81,10 +103,24 @@ Solver = Annotated[
 LawBoundary = Annotated[
     Literal["free", "periodic", "mirror"] | None,
     typer.Option(
-        help="Boundary of the patches, see gen contact; that of the training or the scene if left"
-        " out, else mirror."
+        help="Boundary of the patches, see gen contact; that of the training or the"
+        " scene if left out, else mirror."
     ),
 ]
+
+
+class LawQuestion(NamedTuple):
+    """The options about the content of a law; see their help."""
+
+    delta: options.Delta = ""
+    pressure: options.Pressure = ""
+    conductivity: options.Conductivity = None
+    also: options.Also = None
+    at: At = ""
+    solver: Solver = False
+    surfaces: options.Population = 50
+    boundary: LawBoundary = None
+    interval: Coverage = None
 
 
 @grouped
@@ -106,111 +142,163 @@ def predict(
     A surrogate made with --features scene takes the scene's parameters and its load instead of
     surfaces: --at and --delta or --pressure, or tables with a column for each.
     """
-    import numpy as np
-
     from gen.doubts import material_doubts
     from gen.runtime.documents import Row, write_csv
     from learn.surrogate import Surrogate
-    from learn.surrogate.answers import answers, answers_of_parameters
+    from learn.surrogate.answers import (
+        SurfaceQuestion,
+        answers,
+        answers_of_parameters,
+    )
     from learn.surrogate.level import level_note, level_of
 
     inputs = inputs or []
     check_outputs([Output(output, "--output")], [file, *inputs])
     surrogate = Surrogate.load(file)
     level = level_of(surrogate, interval, mean=mean)
-    texts = {"delta": delta, "pressure": pressure}
-    given = {
-        name: np.array(loads_from(name, text)) for name, text in texts.items() if text
-    }
+    loads = _loads(delta, pressure)
     rows: list[Row] = []
+    doubts: list[str] = []
     if surrogate.features.of_scene:
-        numbers: dict[str, Any] = {**_parameters(at, reading, material), **given}
+        numbers: dict[str, Any] = {**_parameters(at, reading, material), **loads}
         rows += answers_of_parameters(surrogate, inputs, numbers, level, mean=mean)
-        of = "means over surfaces" if mean else "new surfaces"
-        _show(rows, f"Predictions of {of} with {100 * level:g} % intervals")
-    elif at or mean or not inputs or given.keys() != {surrogate.features.load}:
-        raise InputError(
-            f"{file}: predicts for surfaces: give some, and --{surrogate.features.load}; --at and"
-            " --mean are for surrogates that learn fit --features scene makes, --pressure for those"
-            " of --load pressure"
-        )
+        predicted = "means over surfaces" if mean else "new surfaces"
+        title = f"Predictions of {predicted} with {100 * level:g} % intervals"
     else:
-        bodies = surrogate.bodies(combined_modulus(*material[:3]), material.hardness)
+        load = surrogate.features.load
+        if at or mean or not inputs or loads.keys() != {load}:
+            raise InputError(
+                f"{file}: predicts for surfaces: give some, and --{load}; --at and"
+                " --mean are for surrogates that learn fit --features scene makes,"
+                " --pressure for those of --load pressure"
+            )
+        bodies = surrogate.bodies(_modulus(material), material.hardness)
+        question = SurfaceQuestion(
+            loads=loads[load], bodies=bodies, level=level, reading=reading
+        )
         for path in inputs:
-            loads = given[surrogate.features.load]
-            rows += answers(surrogate, path, loads, bodies, level, reading)
+            rows += answers(surrogate, path, question)
         title = f"Predictions with {100 * level:g} % intervals, {bodies.text}"
-        _show(rows, title, material_doubts(bodies))
-    if note := level_note(surrogate, level, interval):
+        doubts = material_doubts(bodies)
+    _print_predictions(rows, title, doubts)
+    note = level_note(surrogate, level, interval)
+    if note:
         echo(note)
     if output is not None:
         write_csv(output, rows)
         echo(f"wrote {output}")
 
 
-def _show(rows: Sequence[dict[str, Any]], title: str, doubts: Sequence[str] = ()) -> None:
-    """Print the first rows of the table, and the reasons of those outside the training."""
-    hidden = ("_low", "_high", "warnings")  # warnings were said with the surface
-    names = [name for name in rows[0] if not name.endswith(hidden)]
-    lines = []
-    for row in rows[:SHOWN]:
-        flagged, cells = row["flag"] == "outside", list[str]()
-        for name in names:
-            value = row[name]
-            text = f"{value:.4g}" if isinstance(value, float) else str(value)
-            if f"{name}_low" in row:  # `-` for an interval that is withheld
-                low, high = row[f"{name}_low"], row[f"{name}_high"]
-                text += " (-)" if flagged else f" ({low:.4g} to {high:.4g})"
-            cells.append(first_reason(text) if name == "reason" else text)
-        lines.append(cells)
+def _loads(delta: str, pressure: str) -> dict[str, Values]:
+    """Parse --delta [um] and --pressure [MPa]; return the loads by name, (k,), that are given.
+
+    Raises InputError if a text is no list of loads.
+    """
+    import numpy as np
+
+    loads: dict[str, Values] = {}
+    for name, text in {"delta": delta, "pressure": pressure}.items():
+        if text:
+            loads[name] = np.array(loads_from(name, text))
+    return loads
+
+
+def _modulus(material: options.Material) -> float | None:
+    """Return E* of the options [MPa]; None if they give no modulus and no ratio."""
+    return combined_modulus(material.young, material.poisson, material.e_star)
+
+
+def _print_predictions(
+    rows: Sequence[Mapping[str, Any]], title: str, doubts: Sequence[str]
+) -> None:
+    """Print the first rows of predictions, the doubts about the bodies, and all reasons."""
+    columns = [name for name in rows[0] if not name.endswith(HIDDEN)]
+    lines = [[_cell(row, column) for column in columns] for row in rows[:MOST_ROWS]]
     echo(f"{title}:")
-    print_columns(lines, names, right={*names} - {"input", "flag", "reason"})
-    if len(rows) > SHOWN:
-        echo(f"... and {len(rows) - SHOWN} more: -o writes all of them")
+    print_columns(lines, columns, right={*columns} - {"input", "flag", "reason"})
+    if len(rows) > MOST_ROWS:
+        echo(f"... and {len(rows) - MOST_ROWS} more: -o writes all of them")
     for doubt in doubts:
         echo(f"warning: {doubt}")
+    _print_reasons(rows)
+
+
+def _cell(row: Mapping[str, Any], column: str) -> str:
+    """Return the text of a cell, with the interval of its value, or "(-)" outside the training."""
+    value = row[column]
+    if column == "reason":
+        return first_reason(str(value))
+    text = f"{value:.4g}" if isinstance(value, float) else str(value)
+    if f"{column}_low" not in row:  # not a target
+        return text
+    if row["flag"] == "outside":
+        return f"{text} (-)"
+    low = row[f"{column}_low"]
+    high = row[f"{column}_high"]
+    return f"{text} ({low:.4g} to {high:.4g})"
+
+
+def _print_reasons(rows: Sequence[Mapping[str, Any]]) -> None:
+    """Print how many rows are outside the training, and the most frequent kinds of reasons.
+
+    Reasons are of one kind if only the value in them differs; the first of each kind is printed.
+    """
     outside = [row for row in rows if row["flag"] == "outside"]
-    if outside:
-        echo(
-            f"{len(outside)} of {len(rows)} rows lie outside what the surrogate was trained on: no"
-            " interval holds there, and none is given (-)"
-        )
+    if not outside:
+        return
+    echo(
+        f"{len(outside)} of {len(rows)} rows lie outside what the surrogate was trained"
+        " on: no interval holds there, and none is given (-)"
+    )
     kinds: dict[str, list[str]] = {}
-    for reason in (each for row in outside for each in str(row["reason"]).split("; ")):
-        kinds.setdefault(VALUE.sub(" outside", reason), []).append(reason)
-    for alike in sorted(kinds.values(), key=len, reverse=True)[:REASONS]:
-        echo(f"  {len(alike)} of {len(rows)}: {alike[0]}")
-    if len(kinds) > REASONS:
-        echo(f"  and {len(kinds) - REASONS} more: -o writes all of them")
+    for row in outside:
+        for reason in str(row["reason"]).split("; "):
+            kind = VALUE.sub(" outside", reason)
+            kinds.setdefault(kind, []).append(reason)
+    most_frequent = sorted(kinds.values(), key=len, reverse=True)
+    for reasons in most_frequent[:MOST_REASONS]:
+        echo(f"  {len(reasons)} of {len(rows)}: {reasons[0]}")
+    if len(kinds) > MOST_REASONS:
+        echo(f"  and {len(kinds) - MOST_REASONS} more: -o writes all of them")
 
 
 def _parameters(
-    text: str, reading: Reading, material: options.Material
+    at: str, reading: Reading, material: options.Material
 ) -> dict[str, float]:
-    """Parse --at, as "hurst=0.7,rms_height=1.2", add a hardness, and refuse options of surfaces."""
-    if combined_modulus(*material[:3]) is not None:
+    """Parse --at, as "hurst=0.7,rms_height=1.2"; return its numbers and the hardness, by name.
+
+    Raises InputError for options of surfaces and moduli, for a part that is no NAME=NUMBER, and for
+    a name that is given twice.
+    """
+    if _modulus(material) is not None:
         raise InputError(
-            "the surrogate's E* is that of its scene, which learn card tells: leave out --young,"
-            " --poisson and --e-star, and give elastic pressures as they are at that E*"
+            "the surrogate's E* is that of its scene, which learn card tells: leave out"
+            " --young, --poisson and --e-star, and give elastic pressures as they are at"
+            " that E*"
         )
     if reading != Reading():
         raise InputError(
             "the surrogate reads no surfaces: leave out the options that prepare them"
         )
-    found = {} if material.hardness is None else {"hardness": material.hardness}
-    for part in filter(None, text.split(",")):
-        name, _, number = part.partition("=")
+    numbers: dict[str, float] = {}
+    if material.hardness is not None:
+        numbers["hardness"] = material.hardness
+    for part in at.split(","):
+        if not part:
+            continue
+        name, _, text = part.partition("=")
+        name = name.strip()
         try:
-            value = float(number)
+            number = float(text)
         except ValueError:
-            value = math.nan
-        if math.isnan(value) or name.strip() in found:
+            number = math.nan
+        if math.isnan(number) or name in numbers:
             raise InputError(
-                f"--at {quoted(text)}: give NAME=NUMBER once a name, with commas between, as"
-                " hurst=0.7"
+                f"--at {quoted(at)}: give NAME=NUMBER once a name, with commas between,"
+                " as hurst=0.7"
             )
-        found[name.strip()] = value
-    return found
+        numbers[name] = number
+    return numbers
 
 
 def card(file: File) -> None:
@@ -226,93 +314,140 @@ def card(file: File) -> None:
 def law(
     context: typer.Context,
     inputs: SurrogateAndInputs,
-    delta: options.Delta = "",
-    pressure: options.Pressure = "",
-    conductivity: options.Conductivity = None,
-    also: options.Also = None,
-    at: At = "",
-    solver: Solver = False,
-    surfaces: options.Population = 50,
-    boundary: LawBoundary = None,
-    interval: Coverage = None,
+    *,
+    question: LawQuestion,
     output: options.LawFiles = None,
     trust: Trust = False,
-    *,
     files: options.LawOutputs,
     reading: Reading,
     material: options.Material,
 ) -> None:
     """Tabulate area, force, gap and closure against Delta and pressure, monotone, with slopes.
 
-    Bands are the surrogate's intervals for one surface, and for a population where a further
-    surface lies. There is none for one surface that is solved, or outside the training.
-    With --solver it is what gen law makes, with the boundary of the first scene. A surrogate made
-    with --features scene takes --at, and no surface. With
-    --conductivity there is the conductance too. Surrogates that have not learnt the stiffness take
-    it from the slope of the force, for elastic bodies only.
+    The band of one surface is the surrogate's interval; in that of a population a further surface
+    lies. One surface has no band if it is solved, or outside the training.
+    With --solver the law is that of gen law, with the boundary of the first scene. A surrogate made
+    with --features scene takes --at, and no surface. With --conductivity the law has the
+    conductance too. A stiffness that the surrogate has not learnt is the slope of the force, for
+    elastic bodies only.
     """
-    from gen.law import Order, by_solver
     from gen.law.files import show, write_files
-    from gen.law.order import require_also
-    from gen.law.surfaces import files_read, scene_of
-    from gen.maps.contacts import require_conductivities
-    from learn.surrogate import Surrogate
-    from learn.surrogate.law import make, of_parameters
+    from gen.law.surfaces import files_read
+    from learn.surrogate.law import law_of_parameters, law_of_surfaces
 
     files = files.resolved(output, files_read(inputs))
-    figure = figure_for(files.picture, 12.0, 7.0)
-    first, *others = inputs
-    known = Path(first).is_file() and kind_of(Path(first)) == "surrogate"
-    if solver and known:
-        raise InputError(
-            f"{first}: --solver solves the law without a surrogate: leave it out"
-        )
-    surrogate = Surrogate.load(Path(first)) if known else None
-    of_scene = surrogate is not None and surrogate.features.of_scene
-    if of_scene and (others or boundary):
-        raise InputError(
-            f"{first}: a law at given parameters: leave out surfaces and --boundary"
-        )
-    if at and not of_scene:
-        raise InputError("--at: is for surrogates that learn fit --features scene makes")
-    if not (solver or others or of_scene):
-        raise InputError(
-            f"{first}: nothing else given: give a surrogate and then surfaces, or surfaces and"
-            " --solver"
-        )
-    if interval is not None and not 0 < interval < 1:
-        raise InputError(
-            f"--interval {interval:g}: give a coverage between 0 and 1, as 0.9"
-        )
-    if solver and boundary is None:
-        scene = next(filter(None, map(scene_of, inputs)), None)
-        boundary = None if scene is None else scene.contact.boundary
-    order = Order(
-        inputs=tuple(inputs if solver or of_scene else others),
-        delta=delta,
-        pressure=pressure,
-        surfaces=surfaces,
-        level=interval,
-        e_star=combined_modulus(*material[:3]),
-        hardness=material.hardness,
-        boundary=boundary,
-        conductivities=require_conductivities(conductivity) if conductivity else None,
-        also=require_also(also or []),
+    figure = figure_for(files.picture, width=12.0, height=7.0)
+    surrogate = _surrogate_of_law(inputs, question)
+    order = replace(
+        _order(inputs, surrogate, question, material),
         reading=reading,
         between=files.refined_tables,
         straight=files.straight_lines,
         command=recorded_command_line(context, "learn"),
     )
-    if solver:
-        made = by_solver(order)
-        instead = f"use {command_to_type('gen law')}, for a scene with its --boundary"
-        warn_deprecated("--solver", instead)
+    if surrogate is None:
+        contact_law = _solved_law(order)
+    elif surrogate.features.of_scene:
+        numbers = _parameters(question.at, reading, material)
+        contact_law = law_of_parameters(surrogate, order, numbers)
     else:
-        surrogate = surrogate or Surrogate.load(Path(first))
-        if of_scene:
-            made = of_parameters(surrogate, order, _parameters(at, reading, material))
-        else:
-            made = make(surrogate, order)
-    show(made)
-    for written in write_files(made, files, figure):
-        echo(f"wrote {written}")
+        contact_law = law_of_surfaces(surrogate, order)
+    show(contact_law)
+    for path in write_files(contact_law, files, figure):
+        echo(f"wrote {path}")
+
+
+def _order(
+    inputs: Sequence[str],
+    surrogate: Surrogate | None,
+    question: LawQuestion,
+    material: options.Material,
+) -> Order:
+    """Return the order of a law with its surfaces, loads and material.
+
+    `surrogate` is the one that predicts the law; None if it is solved. Raises InputError for an
+    option whose value is not allowed.
+    """
+    from gen.law import Order
+    from gen.law.order import require_also
+    from gen.maps.contacts import require_conductivities
+
+    interval = question.interval
+    if interval is not None and not 0 < interval < 1:
+        raise InputError(
+            f"--interval {interval:g}: give a coverage between 0 and 1, as 0.9"
+        )
+    boundary = question.boundary
+    if surrogate is None and boundary is None:
+        boundary = _boundary_of_scene(inputs)
+    surfaces = inputs
+    if surrogate is not None and not surrogate.features.of_scene:
+        surfaces = inputs[1:]  # the first input is the surrogate
+    conductivities: tuple[float, float] | None = None
+    if question.conductivity:
+        conductivities = require_conductivities(question.conductivity)
+    return Order(
+        inputs=tuple(surfaces),
+        delta=question.delta,
+        pressure=question.pressure,
+        surfaces=question.surfaces,
+        level=interval,
+        e_star=_modulus(material),
+        hardness=material.hardness,
+        boundary=boundary,
+        conductivities=conductivities,
+        also=require_also(question.also or []),
+    )
+
+
+def _surrogate_of_law(inputs: Sequence[str], question: LawQuestion) -> Surrogate | None:
+    """Read the surrogate that predicts a law, which is the first input; None with --solver.
+
+    Raises InputError if it is no surrogate, or if the inputs and options do not belong together.
+    """
+    from learn.surrogate import Surrogate
+
+    first, *surfaces = inputs
+    path = Path(first)
+    is_surrogate = path.is_file() and kind_of(path) == "surrogate"
+    if question.solver and is_surrogate:
+        raise InputError(
+            f"{first}: --solver solves the law without a surrogate: leave it out"
+        )
+    surrogate = Surrogate.load(path) if is_surrogate else None
+    of_scene = surrogate is not None and surrogate.features.of_scene
+    if of_scene and (surfaces or question.boundary):
+        raise InputError(
+            f"{first}: a law at given parameters: leave out surfaces and --boundary"
+        )
+    if question.at and not of_scene:
+        raise InputError("--at: is for surrogates that learn fit --features scene makes")
+    if not (question.solver or surfaces or of_scene):
+        raise InputError(
+            f"{first}: nothing else given: give a surrogate and then surfaces, or"
+            " surfaces and --solver"
+        )
+    if surrogate is None and not question.solver:
+        return Surrogate.load(path)  # raises InputError, which says what the file is
+    return surrogate
+
+
+def _boundary_of_scene(inputs: Sequence[str]) -> Boundary | None:
+    """Return the boundary of the first input that is a scene; None if no input is one."""
+    from gen.law.surfaces import scene_of
+
+    for text in inputs:
+        scene = scene_of(text)
+        if scene is not None:
+            return scene.contact.boundary
+    return None
+
+
+def _solved_law(order: Order) -> Law:
+    """Solve a law without a surrogate, and warn that the option for this leaves."""
+    from gen.law import by_solver
+
+    contact_law = by_solver(order)
+    gen_law = command_to_type("gen law")
+    warn_deprecated("--solver", f"use {gen_law}, for a scene with its --boundary")
+    return contact_law

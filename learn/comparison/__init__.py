@@ -5,4 +5,7 @@ baselines and winners. `paper` has the paper's numbers, and `grid` the candidate
 that differ. `search` has these candidates fitted on the workers, by the fits of `fits`. `folder`
 keeps the results as files. `tables` collects them beside the paper's Tables 3 and 4, `printing`
 prints them, and `plots` draws them. `importance` ranks the inputs.
+
+`docs/results/models.md` leads from each table and figure of the paper to its command and to the
+function that makes its numbers. `bench.paper` sets the results of a folder beside the paper's.
 """

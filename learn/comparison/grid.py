@@ -11,6 +11,9 @@ distances are 2 at most. Between rows of d standardised features distances are a
 which is 7 for 23 features, so that gamma is some thousandths, and a length about 10. Kernel methods
 therefore have other grids (`SCALED`) for features without units. Targets of these features have
 mean 0 and deviation 1 over the training rows, too. Tables name the grid that was searched.
+
+In the story of the paper's tables this is the step from the values of Table 2
+(`learn.comparison.paper`) to the candidates that `learn.comparison.search` fits.
 """
 
 from collections.abc import Iterable, Mapping

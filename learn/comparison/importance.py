@@ -4,6 +4,9 @@ The worth of an input is the loss of R2 if its values are shuffled over the test
 22 statistics are almost equal to another one, and either of the two can be shuffled without a loss.
 Models are therefore also fitted to fewer and fewer inputs, down to a single one; or down to two if
 rows are scaled to unit length, because a single input is then 1 in all rows.
+
+The command `learn importance` calls `write_report`. It uses the winner of a search, if the folder
+has one, and writes into the folder of `compare` and `tune`.
 """
 
 from collections.abc import Callable, Iterator

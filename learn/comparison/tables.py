@@ -229,7 +229,7 @@ def _row(folder: Folder, comparison: Comparison, stored: StoredResult) -> TableR
         predictions = folder.prediction(stored.kind, stored.model)
         groups = folder.numbers("rows.csv", "group", part="test")[:, 0]
         path = folder.path / stored.kind / f"{stored.model}.csv"
-        _require_truth_of(groups, predictions.truth, path)
+        _require_matching_truth(groups, predictions.truth, path)
         variance_over_mean = spread(predictions.truth)
         intervals = _intervals(comparison, predictions, groups)
     return TableRow(
@@ -242,10 +242,11 @@ def _row(folder: Folder, comparison: Comparison, stored: StoredResult) -> TableR
     )
 
 
-def _require_truth_of(groups: Values, truth: Values, path: Path) -> None:
-    """Raise InputError if the true targets of the test rows have the wrong number, or are constant.
+def _require_matching_truth(groups: Values, truth: Values, path: Path) -> None:
+    """Raise InputError unless there is a true target for each test row, and they are not constant.
 
-    `groups` are the groups of the m test rows in rows.csv; `path` is the file with the truth.
+    `groups` are the groups of the m test rows in rows.csv, (m,). `truth` are the true targets in
+    the table of predictions, which is the file `path`.
     """
     if truth.size != groups.size:
         raise InputError(

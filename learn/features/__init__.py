@@ -1,13 +1,14 @@
-"""Four feature sets, computed from the rows of a database; three also from a surface's heights.
+"""Four feature sets, computed from the rows of a database or from the heights of a surface.
 
-- `paper`: Delta and the 22 statistics, in um, without a change.
-- `dimensionless`: the same without units. Scaling heights and Delta together, or the scan length L,
-  changes neither the contact area nor these features.
-- `hybrid`: in addition, bearing area and interference, and a loose contact solve on 33 x 33 blocks.
-- `scene`: the numbers that the scene draws for a row, and its load (`learn.features.scene`).
+- `paper`: Delta and the 22 statistics of the surface, without a change of their units.
+- `dimensionless`: Delta and the statistics made free of units. They do not change if heights and
+  Delta are scaled together, or if the scan length L is scaled; nor does the contact area.
+- `hybrid`: the dimensionless features, bearing area and bearing interference, and the results of a
+  loose contact solve on 33 x 33 blocks. They need the heights of the surface.
+- `scene`: the parameters that the scene draws for a row, and its load (`learn.features.scene`).
 
-Surrogates see more: square roots with both sets without units, and more of the coarse solve with
-`hybrid` (`learn.features.sets.chosen`).
+Surrogates see further features: square roots with both sets without units, and further results of
+the coarse solve with `hybrid` (see `learn.features.sets.chosen`).
 """
 
 from learn.features.sets import OF_SURFACES, SETS, FeatureSet, chosen

@@ -1,48 +1,58 @@
 """Names of the feature columns, and the constants of the columns that a coarse solve gives.
 
-Names say what a column is, and how it is made free of units: `delta/h` is Delta over the height h
-of `learn.features.rows.Rows.height_unit`, `log(density.L2/h)` a logarithm, `sqrt(delta/h)` a root.
+A name says how the column is made free of units: `delta/h` is Delta over the height unit h (see
+`learn.features.rows.Rows.height_unit`), `log(density.L2/h)` is the logarithm of density L^2 / h,
+`sqrt(delta/h)` is a square root.
 """
 
 from collections.abc import Mapping
 
 from gen.schema import TABLE_1
 
-# the 22 statistics, in the order of the paper's Table 1
+# The 22 statistics, in the order of the paper's Table 1.
 STATISTICS: tuple[str, ...] = tuple(column.name for column in TABLE_1)
-# units of Delta and the statistics, by name
+# Units of Delta and of the statistics, by name.
 UNITS: Mapping[str, str] = {
     "delta": "um",
     **{column.name: column.unit for column in TABLE_1},
 }
+# Statistics that are heights [um]. Sets without units divide them by h.
 HEIGHTS = tuple(name for name in STATISTICS if UNITS[name] == "um")
+# Statistics that are curvatures [1/um]. Sets without units multiply them by L^2 / h.
 CURVATURES = tuple(name for name in STATISTICS if UNITS[name] == "um-1")
+# Statistics that are pure numbers over decades. Sets without units take their logarithms.
 BANDWIDTHS = ("bandwidth_x", "bandwidth_y")
-# statistics that are pure numbers as they are
+# Statistics that are pure numbers, and that sets without units do not change.
 PURE = tuple(
     name for name in STATISTICS if name not in {*HEIGHTS, *CURVATURES, *BANDWIDTHS}
 )
 
-ROOT = "sqrt(delta/h)"  # further input of surrogates without units, beside the root of the area
-HARDNESS = "hardness/E*"  # the hardness as a feature of sets with units
-# the hardness as a feature of sets without units
+# Root of Delta over h, which surrogates without units see in addition.
+ROOT = "sqrt(delta/h)"
+# Hardness over E*, the hardness as a feature of sets with units.
+HARDNESS = "hardness/E*"
+# Logarithm of the hardness over E* h / L, the hardness as a feature of sets without units.
 SCALED_HARDNESS = "log(hardness.L/(E*.h))"
-# Square root of the share of the patch that carries the coarse solve's force at the hardness. No
-# contact of bodies that yield has a smaller area. It is 0 for elastic bodies.
+# Square root of the share of the patch that would carry the force of the coarse solve if the
+# pressure were the hardness everywhere. No contact of bodies that yield has a smaller area. The
+# feature is 0 for elastic bodies.
 PLASTIC = "sqrt(coarse_force/(hardness.L2))"
-# Nodes along a side, where grids differ; the geometric mean of both axes. A coarser grid leaves out
-# short waves, and counts a contact in larger cells.
+# Logarithm of the nodes along a side (the geometric mean of both axes), a feature if grids differ.
+# A coarser grid leaves out short waves, and counts a contact in larger cells.
 NODES = "log2(nodes)"
 
-BLOCKS = 33  # blocks per side; on a surface with fewer nodes every node is a block
-# Numbers of blocks that a user can choose from. A patch without edges has one block less per side:
-# blocks of 2^k nodes a side are then equal, and transforms of their number fast.
+# Number of blocks per side in the coarse solve. If a side has fewer nodes, each node is a block.
+BLOCKS = 33
+# Numbers of blocks from which a user can choose. A patch without edges has one block less per side,
+# 32 or 64: these are of equal size on grids of 2^k nodes, and their Fourier transforms are fast.
 BLOCK_COUNTS = (BLOCKS, 65)
 
+# Force of the coarse solve, made free of units.
 FORCE = "coarse_force/(E*.L.delta)"
-# share of the nodes above the displacement of the coarse solve, and their mean interference
+# Share of the nodes that are above the displacement of the coarse solve, and the mean height by
+# which they are above it (0 for all other nodes).
 REFINED = ("refined_share", "refined_interference/delta")
-# columns that comparisons of models add to those without units; all are pure numbers, too
+# Columns of the coarse solve that the hybrid set has; all are free of units.
 COARSE = (
     "bearing_share",
     "bearing_interference/delta",
@@ -52,36 +62,36 @@ COARSE = (
     *REFINED,
 )
 
-# Multiples of the coarse pressures from which the area inside the blocks is estimated. Real local
-# contacts lie on other curves than Persson's, and models find them between these.
+# Multiples of the coarse pressures for which the area inside the blocks is computed by Persson's
+# theory. Real contacts differ from his theory; models interpolate between these multiples.
 FACTORS = (0.5, 1.0, 2.0)
-# shifts of the displacement above which nodes are counted, over the rms s of the heights that the
-# blocks do not resolve
+# Shifts of the displacement above which nodes are counted, over the rms s of the heights that the
+# blocks do not resolve.
 SHIFTS = (-1.0, -0.5, 0.5, 1.0)
-# powers of the mean interference of the nodes that stand above the displacement
+# Powers p of the norms (mean of interference^p)^(1/p) of the nodes above the displacement.
 POWERS = (2, 3)
-# Skewness of the heights that the blocks do not resolve, 0 where every node is a block. Self-affine
-# surfaces have such heights as high as deep; those with scratches, pits and worn peaks have not.
+# Skewness of the heights that the blocks do not resolve, 0 if each node is a block. It is about 0
+# for self-affine surfaces, and not for surfaces with scratches, pits or worn peaks.
 SKEWNESS = "unresolved_skewness"
-# columns of `LOCAL` whose square roots surrogates see too
+# Columns of `LOCAL` whose square roots surrogates see, too.
 ROOTED_LOCAL = (
     *(f"local_area({factor:g}p)" for factor in FACTORS),
     *(f"refined_share({shift:+g}s)" for shift in SHIFTS),
 )
-# columns of the same coarse solve that surrogates see too
+# Columns of the coarse solve that surrogates see in addition to `COARSE`.
 LOCAL = (
     *ROOTED_LOCAL,
     *(f"refined_interference_{power}/delta" for power in POWERS),
     "coarse_perimeter/L",
     SKEWNESS,
 )
-# all 18 columns of a coarse solve, in the order of `SurfaceFeatures.hybrid`
+# All 18 columns of a coarse solve, in the order of `SurfaceFeatures.hybrid`.
 HYBRID = (*COARSE, *LOCAL)
-# Columns of `COARSE` whose square roots surrogates see too. Like the area they begin at first touch
-# and span decades, and the roots tell small values apart.
+# Columns of `COARSE` whose square roots surrogates see, too. Like the area they are 0 at first
+# touch and span decades; the roots tell small values apart.
 ROOTED = ("bearing_share", "coarse_area_percent", FORCE, *REFINED)
 
-# columns of the set without units
+# Columns of the dimensionless set, with Delta first.
 WITHOUT_UNITS = (
     *(f"{name}/h" for name in ("delta", *HEIGHTS)),
     *(f"log({name}.L2/h)" for name in CURVATURES),

@@ -1,8 +1,7 @@
-"""The numbers of rows that features, and the scales of targets, are computed from.
+"""The numbers of rows from which features, and the scales of targets, are computed.
 
-The scan length L of an oblong patch is the geometric mean of both sides, so that a square of the
-same area has the same L. Models learn the shape of the patch from no feature, because all rows of a
-database share it.
+The scan length L of an oblong patch is the geometric mean of both sides, as that of a square of
+equal area. No feature tells the shape of the patch, because all rows of a database have one shape.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,10 +15,10 @@ from gen.arrays import Values
 from gen.runtime.errors import InputError
 from learn.features.columns import HEIGHTS, STATISTICS
 
-# places of the statistics in um
+# Positions in `STATISTICS` of the statistics that are heights.
 HEIGHT_PLACES = [STATISTICS.index(name) for name in HEIGHTS]
 
-Remark = TypeVar("Remark")
+Remark = TypeVar("Remark")  # a note or a grid
 
 
 class Grid(NamedTuple):
@@ -31,29 +30,29 @@ class Grid(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """The numbers of n rows that features, and the scales of targets, are computed from."""
+    """The numbers of n rows from which features, and the scales of targets, are computed."""
 
     # (n, 22), in the order and units of `STATISTICS`
     statistics: Values
-    # (n,), far-field displacement, or what stands for it (`by_pressure`) [um]
+    # (n,), far-field displacement Delta, or the length that replaces it (`by_pressure`) [um]
     delta: Values
     # scan length L, the geometric mean of both sides, one number or (n,) [um]
     length: Values | float
     # hardness over E*, one number or (n,); infinite or None for elastic bodies
     hardness_ratio: Values | float | None = None
-    # nodes along a side, the geometric mean of both axes, one number or (n,)
+    # nodes along a side, the geometric mean of both axes, one number or (n,); None if unknown
     nodes: Values | float | None = None
-    # (n, 18), columns of `HYBRID`
+    # (n, 18), columns of `HYBRID`; None if the coarse solve was not computed
     hybrid: Values | None = None
-    # why rows have no answer: none, one for all rows, or n
+    # reasons why rows have no answer, "" for rows with one: empty, one for all rows, or n
     notes: tuple[str, ...] = ()
-    # (n,) each, numbers of the scene by name: parameters that it draws, hardnesses and loads
+    # numbers of the scene by name, (n,) each: parameters that it draws, hardnesses and loads
     scene_numbers: Mapping[str, Values] = field(default_factory=dict)
-    # one for all rows, or n; none if unknown
+    # one grid for all rows, or n; empty if unknown
     grids: tuple[Grid, ...] = ()
 
     def under(self, pressure: Values, e_star: float) -> "Rows":
-        """Return the rows under pressures, which stand for Delta; see `by_pressure`.
+        """Return the rows with Delta replaced by a length for pressures; see `by_pressure`.
 
         Parameters
         ----------
@@ -65,7 +64,7 @@ class Rows:
         Returns
         -------
         Rows
-            The rows, with the pressures among the numbers of the scene.
+            The rows, with the pressures also as "pressure" in `scene_numbers`.
         """
         numbers = {**self.scene_numbers, "pressure": pressure}
         delta = by_pressure(pressure, self.length, e_star)
@@ -73,7 +72,7 @@ class Rows:
 
     @property
     def coarse(self) -> Values:
-        """The columns of the coarse solve, (n, 18); InputError if they were not computed."""
+        """Columns of the coarse solve, (n, 18); raises InputError if they were not computed."""
         if self.hybrid is None:
             raise InputError(
                 "hybrid features need the surface, not its statistics alone: give its heights, or"
@@ -83,10 +82,9 @@ class Rows:
 
     @cached_property
     def height_unit(self) -> Values:
-        """The height h, the root of the sum of squares of Delta and the statistics in um, (n,).
+        """Height h: root of the sum of the squares of Delta and of the `HEIGHTS`, (n,) [um].
 
-        The sum is taken of numbers near 1, after division by a power of two, so that no square
-        overflows or underflows.
+        The heights are divided by a power of two first, so that no square overflows or underflows.
         """
         columns = [self.delta]
         columns += [self.statistics[:, place] for place in HEIGHT_PLACES]
@@ -99,7 +97,7 @@ class Rows:
 
     @property
     def nodes_per_side(self) -> Values:
-        """Nodes along a side, (n,); InputError if they are unknown."""
+        """Nodes along a side, (n,); raises InputError if they are unknown."""
         if self.nodes is None or not np.greater(self.nodes, 0).all():
             raise InputError(
                 "names no nodes_x and nodes_y, which the surrogate was trained with as a feature"
@@ -108,19 +106,19 @@ class Rows:
 
     @property
     def hardness_ratios(self) -> Values:
-        """The hardness over E*, (n,), infinite for elastic bodies."""
+        """Hardness over E*, (n,), infinite for elastic bodies."""
         ratio = self.hardness_ratio
         if ratio is None:
             ratio = np.inf
         return np.ones(len(self.delta)) * ratio
 
     def capped(self) -> "Rows":
-        """Return the rows with a hardness that no elastic contact reaches instead of larger ones.
+        """Return the rows with hardnesses limited to a ceiling that no elastic contact reaches.
 
-        All pressures push a node down, so its own is at most the interference over its own
-        influence coefficient: p <= E* Delta / (1.12 spacing) in square cells, less than E* Delta n
-        / L. Harder bodies are elastic: with this ceiling, rows with the same contact have the same
-        feature.
+        The ceiling is E* Delta n / L with n nodes along a side: pressures on all nodes push a node
+        down, so its own pressure is at most its interference over its own influence coefficient,
+        p <= E* Delta / (1.12 spacing) in square cells. Harder bodies stay elastic. With the ceiling
+        their hardness makes no difference to the features, as it makes none to the contact.
         """
         ceiling = self.delta * self.nodes_per_side / self.length
         ratios = np.minimum(self.hardness_ratios, ceiling)
@@ -128,10 +126,11 @@ class Rows:
 
 
 def by_pressure(pressure: Values, length: Values | float, modulus: float) -> Values:
-    """Return p L / E*, which stands for Delta in features of surfaces under a pressure.
+    """Return the length p L / E*, which replaces Delta in features of surfaces under a pressure.
 
-    Like Delta, it grows with heights and does not change with L. Hybrid features have the Delta of
-    their coarse solve instead.
+    If heights are scaled by a and sides by b, the pressures of equal contacts are a / b times as
+    large. This length is then a times as large, as Delta is. Hybrid features use the Delta of their
+    coarse solve instead.
 
     Parameters
     ----------
@@ -151,35 +150,40 @@ def by_pressure(pressure: Values, length: Values | float, modulus: float) -> Val
 
 
 def joined(parts: Sequence[Rows]) -> Rows:
-    """Join rows of several surfaces, of one feature set, in their order.
+    """Join the rows of several surfaces, surface by surface.
 
     Parameters
     ----------
     parts : sequence of Rows
-        Rows of each surface, one part or more, with the same numbers of the scene.
+        Rows of each surface, one part or more, for one feature set. All parts have numbers of the
+        scene of equal names.
 
     Returns
     -------
     Rows
-        All rows. A number that one part does not know is unknown for all rows.
+        All rows. A hardness, a number of nodes or a grid that one part lacks is left out for all.
     """
     if len(parts) == 1:
         return parts[0]
     sizes = [len(part.delta) for part in parts]
+    lengths = [np.ones(len(part.delta)) * part.length for part in parts]
     notes: tuple[str, ...] = ()
     if any(part.notes for part in parts):
         notes = _repeated([part.notes or ("",) for part in parts], sizes)
     grids: tuple[Grid, ...] = ()
     if all(part.grids for part in parts):
         grids = _repeated([part.grids for part in parts], sizes)
-    hybrid = [part.hybrid for part in parts if part.hybrid is not None]
+    hybrid: Values | None = None
+    coarse = [part.hybrid for part in parts if part.hybrid is not None]
+    if coarse:  # all parts have it, or none
+        hybrid = np.concatenate(coarse)
     return Rows(
         statistics=np.concatenate([part.statistics for part in parts]),
         delta=np.concatenate([part.delta for part in parts]),
-        length=np.concatenate([np.ones(len(part.delta)) * part.length for part in parts]),
+        length=np.concatenate(lengths),
         hardness_ratio=_joined_numbers([part.hardness_ratio for part in parts], sizes),
         nodes=_joined_numbers([part.nodes for part in parts], sizes),
-        hybrid=np.concatenate(hybrid) if hybrid else None,
+        hybrid=hybrid,
         notes=notes,
         scene_numbers=_joined_scene_numbers(parts),
         grids=grids,
@@ -187,7 +191,7 @@ def joined(parts: Sequence[Rows]) -> Rows:
 
 
 def _joined_scene_numbers(parts: Sequence[Rows]) -> dict[str, Values]:
-    """Join the numbers of the scene, by name, that all parts have."""
+    """Return the joined numbers of the scene by name, for the names of the first part."""
     return {
         name: np.concatenate([part.scene_numbers[name] for part in parts])
         for name in parts[0].scene_numbers
@@ -197,7 +201,10 @@ def _joined_scene_numbers(parts: Sequence[Rows]) -> dict[str, Values]:
 def _joined_numbers(
     numbers: Sequence[Values | float | None], sizes: Sequence[int]
 ) -> Values | None:
-    """Join numbers of parts, one for all rows of a part or one for each row; None if one lacks."""
+    """Join one entry for each part: one number for all its rows, or an array of its rows.
+
+    Returns one number for each row of all parts; None if the entry of a part is None.
+    """
     arrays = []
     for number, size in zip(numbers, sizes, strict=True):
         if number is None:
@@ -209,8 +216,14 @@ def _joined_numbers(
 def _repeated(
     remarks: Sequence[tuple[Remark, ...]], sizes: Sequence[int]
 ) -> tuple[Remark, ...]:
-    """Join remarks of parts, one for all rows of a part or one for each row."""
+    """Join one tuple for each part: one remark for all its rows, or one for each of its rows.
+
+    Takes the number of rows of each part; returns one remark for each row of all parts.
+    """
     joint: list[Remark] = []
     for of_part, size in zip(remarks, sizes, strict=True):
-        joint += of_part * size if len(of_part) == 1 else of_part
+        if len(of_part) == 1:
+            joint += of_part * size
+        else:
+            joint += of_part
     return tuple(joint)

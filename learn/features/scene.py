@@ -1,8 +1,9 @@
-"""The features of a scene: the numbers that it draws for a row, and the load as it is given.
+"""The features of a scene: the parameters that it draws for a row, and the load.
 
-A surrogate of these answers for all surfaces of a population: it needs parameters, and no surface.
-Numbers that span a ratio of `SPAN` or more, as loads do, are learnt as logarithms: the feature of
-the number `pressure` is then the column `log(pressure)`, otherwise `pressure`.
+A surrogate of these features answers for all surfaces of a population. It is asked with parameters,
+not with a surface. If the largest value of a number is at least `SPAN` times the smallest, the
+feature is the logarithm: the column `log(pressure)` for the number `pressure`. Otherwise the
+feature is the number, and the column is called `pressure`.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -18,11 +19,13 @@ from gen.generators import GENERATORS
 from gen.runtime.errors import InputError, input_errors
 from gen.scene import Scene, parameter_columns
 
-SCENE = "scene"  # name of the feature set
-SPAN = 3.0  # largest over smallest value from which on a number is learnt as a logarithm
+# Name of the feature set.
+SCENE = "scene"
+# Smallest ratio of the largest to the smallest value of a number whose feature is its logarithm.
+SPAN = 3.0
 
-# Loads with their units. Every database gives the first three; relative ones are over the rms
-# height, or over E* times the rms slope, and only scenes that draw them give them.
+# Units of the loads by name. Every database has the first three. The relative ones are over the rms
+# height, or over E* times the rms slope; a database has one only if its scene draws it.
 LOADS: Mapping[str, str] = {
     "delta": "um",
     "pressure": "MPa",
@@ -30,14 +33,14 @@ LOADS: Mapping[str, str] = {
     "relative_delta": "1",
     "relative_pressure": "1",
 }
-# relative loads by the names of the quantities of scenes
+# Names of the relative loads here, by their names in the `quantity` of scenes.
 RELATIVE: Mapping[str, str] = {
     "delta/height_rms": "relative_delta",
     "pressure/(E* slope_rms)": "relative_pressure",
 }
-# loads at which Delta is a result
+# Loads under which Delta is a result.
 BY_FORCE = frozenset({"pressure", "force", "relative_pressure"})
-# both ways in which a scene gives the hardness; the ratio is over E*
+# Units of the two numbers for the hardness of a scene; the ratio is over E*.
 HARDNESSES: Mapping[str, str] = {"hardness": "MPa", "hardness_ratio": "1"}
 
 
@@ -51,10 +54,10 @@ class Ranges:
 
 @dataclass(frozen=True)
 class Limits:
-    """The smallest and the largest value of a number, in its unit."""
+    """The limits of a number, in its unit."""
 
-    low: float
-    high: float
+    low: float  # smallest value
+    high: float  # largest value
 
 
 def load_of(scene: Scene) -> str:
@@ -79,7 +82,7 @@ def unit_of(column: str) -> str:
     Parameters
     ----------
     column : str
-        Name of the number, or of its feature.
+        Name of the number, or of its feature: the logarithm has the unit of its number.
 
     Returns
     -------
@@ -96,17 +99,17 @@ def unit_of(column: str) -> str:
 
 
 def plain(column: str) -> str:
-    """Return the name of the number whose feature a column is.
+    """Return the name of the number behind a feature.
 
     Parameters
     ----------
     column : str
-        Name of a feature, as `log(pressure)` or `hurst`.
+        Name of a feature, such as `log(pressure)` or `hurst`.
 
     Returns
     -------
     str
-        The name without the logarithm.
+        Name of the number, `pressure` or `hurst`.
     """
     if not column.startswith("log("):
         return column
@@ -119,30 +122,31 @@ def _is_logarithm(column: str) -> bool:
 
 
 def numbers_of_rows(scene: Scene, column: Callable[[str], Values]) -> dict[str, Values]:
-    """Return the numbers of all rows of a database that may be features of its scene.
+    """Return the numbers from which the features of a scene are chosen, for all rows.
 
     Parameters
     ----------
     scene : Scene
         The scene of the database.
     column : callable
-        Reads a column of the database by its name, (n,).
+        Function that reads a column of the database, (n,), by its name.
 
     Returns
     -------
-    dict
-        By name, (n,) each: the parameters that the scene draws, Delta [um], force [uN] and pressure
-        [MPa], the load that the scene draws, and both hardnesses of bodies that yield.
+    dict of str to ndarray, shape (n,)
+        Numbers by name: the parameters that the scene draws, Delta [um], force [uN], pressure
+        [MPa], the load that the scene draws and, for bodies that yield, both `HARDNESSES`.
     """
-    patch = float(np.prod(scene.grid.shape) * np.prod(scene.grid.spacing))
+    patch = float(np.prod(scene.grid.shape) * np.prod(scene.grid.spacing))  # area [um2]
     numbers = {}
     for name, stored_name in parameter_columns(scene).items():
         numbers[name] = column(stored_name)
     contact = scene.contact
     if contact.hardness_limits is not None:
-        hardness = contact.hardness_limits[0] + 0 * column("delta")
         if contact.draws_hardness:
             hardness = column("hardness")
+        else:
+            hardness = np.full_like(column("delta"), contact.hardness_limits[0])
         numbers["hardness"] = hardness
         numbers["hardness_ratio"] = hardness / contact.e_star
     force = column("force")
@@ -157,25 +161,25 @@ def numbers_of_rows(scene: Scene, column: Callable[[str], Values]) -> dict[str, 
 def checked_numbers(
     columns: Sequence[str], numbers: Mapping[str, ArrayLike]
 ) -> dict[str, Values]:
-    """Return copies of the numbers that features need, all of one length.
+    """Check a user's numbers for features, and return copies of one length.
 
     Parameters
     ----------
     columns : sequence of str
         Names of the features.
-    numbers : mapping
-        Numbers by name, each one number or (n,).
+    numbers : mapping of str to array_like
+        Numbers by name. Each is one number or has the shape (n,).
 
     Returns
     -------
-    dict
-        Numbers by name in the order of the features, (n,) each.
+    dict of str to ndarray, shape (n,)
+        Numbers by name, in the order of the features.
 
     Raises
     ------
     InputError
-        If a name is missing or unknown, lengths differ, or a number is masked, not finite, or not
-        above 0 where its logarithm is learnt.
+        If a name is missing or unknown, lengths differ, or a number is masked or not finite, or not
+        above 0 although its feature is the logarithm.
     """
     names = tuple(map(plain, columns))
     _require_names(names, numbers)
@@ -200,14 +204,18 @@ def checked_numbers(
 
 
 def _require_names(names: Sequence[str], numbers: Mapping[str, ArrayLike]) -> None:
-    """Refuse numbers of which a name is missing, and then those with an unknown name."""
+    """Refuse numbers whose names are not exactly those of a surrogate.
+
+    The message lists missing names; if none is missing, it lists unknown ones.
+    """
     missing = set(names) - set(numbers)
     unknown = set(numbers) - set(names)
     if not missing and not unknown:
         return
-    fault = f"{', '.join(sorted(unknown))}: unknown"
     if missing:
         fault = f"{', '.join(sorted(missing))} not given"
+    else:
+        fault = f"{', '.join(sorted(unknown))}: unknown"
     fault += f": the surrogate asks for {', '.join(names)}"
     for quantity, name in RELATIVE.items():
         if name in names:
@@ -216,7 +224,7 @@ def _require_names(names: Sequence[str], numbers: Mapping[str, ArrayLike]) -> No
 
 
 def _require_finite(column: str, values: Values) -> None:
-    """Refuse numbers that are not finite, or not above 0 where the feature is their logarithm."""
+    """Refuse numbers, (n,), that are not finite, or not above 0 if the feature is a logarithm."""
     wrong = ~np.isfinite(values)
     advice = "give finite numbers"
     if _is_logarithm(column):
@@ -227,14 +235,14 @@ def _require_finite(column: str, values: Values) -> None:
 
 
 def columns_of(scenes: Sequence[Scene], load: str) -> tuple[str, ...]:
-    """Return the features of scenes: numbers that vary in or between them, and then the load.
+    """Choose the features of scenes: the numbers that vary over all rows, and then the load.
 
     Parameters
     ----------
     scenes : sequence of Scene
         One scene or more.
     load : str
-        One of `LOADS`; the load of the first scene if it is "".
+        One of `LOADS`, or "" for the load of the first scene.
 
     Returns
     -------
@@ -244,12 +252,13 @@ def columns_of(scenes: Sequence[Scene], load: str) -> tuple[str, ...]:
     Raises
     ------
     InputError
-        If some of the scenes alone give a number, or draw a relative load.
+        If a number, or the relative load, is defined in some of the scenes only.
     """
     columns = []
     for name in _numbers_of(scenes):
         ends = _joint_limits(scenes, name)
-        if ends is None and any(_limits(scene, name) is not None for scene in scenes):
+        in_some = any(_limits(scene, name) is not None for scene in scenes)
+        if ends is None and in_some:
             raise InputError(
                 f"--features {SCENE}: {name} is a number of some of the databases only: they cannot"
                 " be learnt together"
@@ -261,13 +270,16 @@ def columns_of(scenes: Sequence[Scene], load: str) -> tuple[str, ...]:
         raise InputError(
             f"--load {load}: not all databases draw it: give --load pressure"
         )
-    # Loads that result from another one have no limits, and span decades.
-    ends = _joint_limits(scenes, load) or Limits(1.0, SPAN)
+    # A load that is a result has no limits. It spans decades: its feature is the logarithm.
+    ends = _joint_limits(scenes, load) or Limits(low=1.0, high=SPAN)
     return (*columns, _column(load, ends))
 
 
 def _numbers_of(scenes: Sequence[Scene]) -> list[str]:
-    """Return the names of parameters that a scene draws, once each, and of the hardness."""
+    """Return the names of the parameters that any scene draws, and then that of the hardness.
+
+    The hardness is "hardness" if a scene gives it in MPa, otherwise "hardness_ratio".
+    """
     names: list[str] = []
     for scene in scenes:
         names += [name for name in scene.drawn_parameters if name not in names]
@@ -277,14 +289,14 @@ def _numbers_of(scenes: Sequence[Scene]) -> list[str]:
 
 
 def _column(name: str, ends: Limits) -> str:
-    """Return the feature of a number between these limits."""
+    """Return the column of a number between two limits: its logarithm, or the number itself."""
     if ends.low > 0 and ends.high >= SPAN * ends.low:
         return f"log({name})"
     return name
 
 
 def _joint_limits(scenes: Sequence[Scene], name: str) -> Limits | None:
-    """Return the limits of a number over all scenes; None if one does not give it."""
+    """Return the limits of a number over all scenes; None if one scene does not define them."""
     ends = []
     for scene in scenes:
         of_scene = _limits(scene, name)
@@ -295,7 +307,10 @@ def _joint_limits(scenes: Sequence[Scene], name: str) -> Limits | None:
 
 
 def _limits(scene: Scene, name: str) -> Limits | None:
-    """Return the limits that a scene gives a number; None if it does not."""
+    """Return the limits of a parameter, hardness or load in a scene.
+
+    They are None if the scene does not draw the parameter or load, or if its bodies are elastic.
+    """
     if name in scene.drawn_parameters:
         return Limits(*limits(scene.drawn_parameters[name]))
     contact = scene.contact
@@ -308,19 +323,21 @@ def _limits(scene: Scene, name: str) -> Limits | None:
         return Limits(low / contact.e_star, high / contact.e_star)
     if name != load_of(scene):
         return None
-    ranges = [Limits(*limits(piece.range)) for piece in scene.pieces]
-    return Limits(min(piece.low for piece in ranges), max(piece.high for piece in ranges))
+    pieces = [Limits(*limits(piece.range)) for piece in scene.pieces]
+    lowest = min(piece.low for piece in pieces)
+    highest = max(piece.high for piece in pieces)
+    return Limits(lowest, highest)
 
 
 def inputs(columns: Sequence[str], numbers: Mapping[str, Values]) -> Values:
-    """Return features from the numbers of a scene.
+    """Compute the features of a scene from its numbers.
 
     Parameters
     ----------
     columns : sequence of str
         Names of d features.
-    numbers : mapping
-        Their numbers by name, (n,) each.
+    numbers : mapping of str to ndarray, shape (n,)
+        Numbers by name, with those of all features.
 
     Returns
     -------
@@ -330,12 +347,14 @@ def inputs(columns: Sequence[str], numbers: Mapping[str, Values]) -> Values:
     features = []
     for column in columns:
         values = numbers[plain(column)]
-        features.append(np.log(values) if _is_logarithm(column) else values)
+        if _is_logarithm(column):
+            values = np.log(values)
+        features.append(values)
     return np.column_stack(features)
 
 
 def shown(columns: Sequence[str], values: Values) -> Values:
-    """Return features of a scene as its numbers.
+    """Turn features of a scene back into its numbers.
 
     Parameters
     ----------
@@ -350,7 +369,7 @@ def shown(columns: Sequence[str], values: Values) -> Values:
         Numbers of the scene in their units.
     """
     logarithms = np.array([_is_logarithm(column) for column in columns])
-    # Features that are no logarithms may be too large for an exponential.
+    # `np.exp` computes all columns: numbers that are no logarithms could overflow.
     exponents = np.where(logarithms, values, 0.0)
     return np.where(logarithms, np.exp(exponents), values)
 
@@ -358,7 +377,7 @@ def shown(columns: Sequence[str], values: Values) -> Values:
 def training_ranges(
     scenes: Sequence[Scene], columns: Sequence[str], seen: Values
 ) -> Ranges:
-    """Return the ranges of a scene's features in a training.
+    """Return the ranges of a scene's features that a training covers.
 
     Parameters
     ----------
@@ -372,15 +391,16 @@ def training_ranges(
     Returns
     -------
     Ranges
-        Limits that all scenes give a number, otherwise the ends of the rows' features.
+        Ranges of the features. If all scenes define the limits of a number, these are its range;
+        otherwise the range is that of the training rows.
     """
     low = seen.min(axis=0)
     high = seen.max(axis=0)
     for place, column in enumerate(columns):
-        ends = _joint_limits(scenes, plain(column))
+        name = plain(column)
+        ends = _joint_limits(scenes, name)
         if ends is not None:
-            limits_of_number = np.array([ends.low, ends.high])
-            low[place], high[place] = inputs([column], {plain(column): limits_of_number})[
-                :, 0
-            ]
+            limits_of_feature = inputs([column], {name: np.array([ends.low, ends.high])})
+            low[place] = limits_of_feature[0, 0]
+            high[place] = limits_of_feature[1, 0]
     return Ranges(low, high)

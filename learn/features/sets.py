@@ -1,19 +1,20 @@
-"""The feature sets: named columns, each of which has one formula from the numbers of a row.
+"""The feature sets: named columns, each computed by one formula from the numbers of a row.
 
-By dimensional analysis the contact area depends on heights and Delta only through their ratios, and
-not on L: the equations of the half-space are linear in displacements, and pressures scale with E* /
-L. Heights and Delta are therefore divided by h, the root of the sum of their squares. This is like
-the paper's scaling of rows to unit length, but exact under a change of units. (Divided by the rms
-height, which is small for some surfaces, the error of kernel ridge is half as large again.)
-Curvatures are multiplied by L^2 / h and, like the bandwidths, taken as logarithms, because they
-span decades. Densities are per node; the other features are pure numbers.
+The equations of the half-space are linear in displacements, and pressures scale with E* / L. By
+dimensional analysis the contact area therefore depends only on ratios of heights and Delta, and not
+on L. Sets without units divide heights and Delta by h, the root of the sum of their squares. The
+paper's scaling of rows to unit length is similar, but changes with the units. (With heights over
+the rms height, which is small for some surfaces, the error of kernel ridge is 1.5 times as large.)
+Curvatures are multiplied by L^2 / h. Curvatures and bandwidths are taken as logarithms, because
+they span decades. Densities are per node, and the other features are pure numbers.
 
-The hardness adds one number: pressures scale with E* h / L, so the feature is the logarithm of the
-hardness over this pressure. (With the number itself, or the hardness over E*, errors are larger.)
+Bodies that yield have one feature more. Pressures scale with E* h / L, and the feature is the
+logarithm of the hardness over this pressure. (With this ratio itself, or the hardness over E*,
+errors are larger.)
 
-The hybrid set adds columns from the heights themselves and from a coarse contact solve. On 2,540
-training rows of the paper preset those of `COARSE` have an nMSE of the area of 0.28 %, with roots
-0.26 %, with `LOCAL` 0.14 %.
+The hybrid set adds columns from the heights and from a coarse contact solve. With 2,540 training
+rows of the paper preset, the nMSE of the area is 0.28 % with the columns `COARSE`, 0.26 % with
+their roots, and 0.14 % with the columns `LOCAL`.
 """
 
 import math
@@ -55,38 +56,39 @@ from learn.features.columns import (
 from learn.features.rows import Rows
 from learn.features.scene import SCENE
 
+# Function of n rows, which returns one feature of them, (n,).
 Formula = Callable[[Rows], Values]
 
 
-def _statistic(place: int, rows: Rows) -> Values:
-    """Return the statistic at a place, (n,), in its unit."""
-    return rows.statistics[:, place]
+def _statistic(number: int, rows: Rows) -> Values:
+    """Return one of `STATISTICS`, by its number there, (n,), in its unit."""
+    return rows.statistics[:, number]
 
 
-def _over_height(place: int, rows: Rows) -> Values:
-    """Return the height at a place of the statistics over h, (n,)."""
-    return rows.statistics[:, place] / rows.height_unit
+def _over_height(number: int, rows: Rows) -> Values:
+    """Return one of `STATISTICS` that is a height, by its number there, over h, (n,)."""
+    return rows.statistics[:, number] / rows.height_unit
 
 
-def _logarithm_of_curvature(place: int, rows: Rows) -> Values:
-    """Return the logarithm of the curvature at a place of the statistics, over h / L^2, (n,)."""
-    curvature = rows.statistics[:, place]
+def _logarithm_of_curvature(number: int, rows: Rows) -> Values:
+    """Return the logarithm of a curvature over h / L^2, by its number in `STATISTICS`, (n,)."""
+    curvature = rows.statistics[:, number]
     return np.log(curvature * rows.length * rows.length / rows.height_unit)
 
 
-def _logarithm(place: int, rows: Rows) -> Values:
-    """Return the logarithm of the statistic at a place, (n,)."""
-    return np.log(rows.statistics[:, place])
+def _logarithm(number: int, rows: Rows) -> Values:
+    """Return the logarithm of one of `STATISTICS`, by its number there, (n,)."""
+    return np.log(rows.statistics[:, number])
 
 
-def _coarse(place: int, rows: Rows) -> Values:
-    """Return the column of the coarse solve at a place, (n,)."""
-    return rows.coarse[:, place]
+def _coarse(number: int, rows: Rows) -> Values:
+    """Return one of the columns `HYBRID` of the coarse solve, by its number there, (n,)."""
+    return rows.coarse[:, number]
 
 
-def _root_of_coarse(place: int, rows: Rows) -> Values:
-    """Return the square root of the column of the coarse solve at a place, (n,)."""
-    return np.sqrt(rows.coarse[:, place])
+def _root_of_coarse(number: int, rows: Rows) -> Values:
+    """Return the square root of one of the columns `HYBRID`, by its number there, (n,)."""
+    return np.sqrt(rows.coarse[:, number])
 
 
 def _scaled_hardness(rows: Rows) -> Values:
@@ -95,13 +97,17 @@ def _scaled_hardness(rows: Rows) -> Values:
 
 
 def _plastic(rows: Rows) -> Values:
-    """Return the root of the share of the patch that carries the coarse force yielded, (n,)."""
-    force = rows.coarse[:, HYBRID.index(FORCE)]
-    return np.sqrt(force * rows.delta / (rows.length * rows.hardness_ratios))
+    """Return the root of the share of the patch at the hardness under the coarse force, (n,).
+
+    See `learn.features.columns.PLASTIC`.
+    """
+    scaled_force = rows.coarse[:, HYBRID.index(FORCE)]  # over E* L Delta
+    share = scaled_force * rows.delta / (rows.length * rows.hardness_ratios)
+    return np.sqrt(share)
 
 
 def _formulas() -> dict[str, Formula]:
-    """Return the formula of every feature of a surface by its column."""
+    """Return the formula of every feature of a surface by the name of its column."""
     formulas: dict[str, Formula] = {
         "delta": lambda rows: rows.delta,
         "delta/h": lambda rows: rows.delta / rows.height_unit,
@@ -111,39 +117,42 @@ def _formulas() -> dict[str, Formula]:
         PLASTIC: _plastic,
         NODES: lambda rows: np.log2(rows.nodes_per_side),
     }
-    for place, name in enumerate(STATISTICS):
-        formulas[name] = partial(_statistic, place)
+    for number, name in enumerate(STATISTICS):
+        formulas[name] = partial(_statistic, number)
         if name in HEIGHTS:
-            formulas[f"{name}/h"] = partial(_over_height, place)
+            formulas[f"{name}/h"] = partial(_over_height, number)
         if name in CURVATURES:
-            formulas[f"log({name}.L2/h)"] = partial(_logarithm_of_curvature, place)
+            formulas[f"log({name}.L2/h)"] = partial(_logarithm_of_curvature, number)
         if name in BANDWIDTHS:
-            formulas[f"log({name})"] = partial(_logarithm, place)
-    for place, name in enumerate(HYBRID):
-        formulas[name] = partial(_coarse, place)
+            formulas[f"log({name})"] = partial(_logarithm, number)
+    for number, name in enumerate(HYBRID):
+        formulas[name] = partial(_coarse, number)
         if name in {*ROOTED, *ROOTED_LOCAL}:
-            formulas[f"sqrt({name})"] = partial(_root_of_coarse, place)
+            formulas[f"sqrt({name})"] = partial(_root_of_coarse, number)
     return formulas
 
 
 FORMULAS: Mapping[str, Formula] = _formulas()
-"""The formula of every feature of a surface by its column; each returns (n,)."""
+"""The formula of every feature of a surface by the name of its column."""
 
 
 @dataclass(frozen=True)
 class FeatureSet(ABC):
     """A named set of features: `OfSurface` or `OfScene`."""
 
-    name: str  # on the command line and in files
-    columns: tuple[str, ...]  # names of the features, in order
-    normalisation: str  # the default of `learn.models.pipeline`
-    # "delta" or "pressure" for a surface, one of `learn.features.scene.LOADS` for a scene;
-    # "" for a scene's set without scenes
+    name: str  # name on the command line and in files
+    columns: tuple[str, ...]  # names of the d features in their order
+    normalisation: str  # default of the `normalisation` of `learn.models.pipeline`
+    # "delta" or "pressure" for features of a surface; one of `learn.features.scene.LOADS` for those
+    # of a scene, or "" before scenes are known
     load: str = "delta"
-    scaled: bool = False  # True if features and targets have no units (`scale`)
+    # True if features have no units, and targets are divided by `scale`
+    scaled: bool = False
     needs_surface: bool = False  # True if the features need the heights of the surface
-    blocks: int = 0  # per side of the coarse solve, if `LOCAL` is among the features
-    elastic: bool = False  # True if elastic bodies are among those that yield
+    # blocks per side of the coarse solve; 0 unless `LOCAL` is among the features
+    blocks: int = 0
+    # True if some rows are of elastic bodies and others of bodies that yield
+    elastic: bool = False
 
     of_scene: ClassVar[bool]
     """True if the features are numbers of a scene, False if they are those of a surface."""
@@ -151,12 +160,12 @@ class FeatureSet(ABC):
     @property
     @abstractmethod
     def units(self) -> tuple[str, ...]:
-        """Units of the numbers in `names`, one each."""
+        """Units of the numbers in `names`, in their order."""
 
     @property
     @abstractmethod
     def names(self) -> tuple[str, ...]:
-        """Names of the features of a surface, or of the numbers whose features a scene has."""
+        """Names of the d features of a surface, or of the d numbers behind those of a scene."""
 
     @property
     @abstractmethod
@@ -165,12 +174,12 @@ class FeatureSet(ABC):
 
     @property
     def rooted(self) -> bool:
-        """True if square roots of some columns are among the features."""
+        """True if square roots of columns are among the features, as for surrogates."""
         return ROOT in self.columns or f"sqrt({ROOTED[0]})" in self.columns
 
     @abstractmethod
     def of(self, rows: Rows) -> Values:
-        """Return the features of rows.
+        """Compute the features of rows.
 
         Parameters
         ----------
@@ -180,18 +189,18 @@ class FeatureSet(ABC):
         Returns
         -------
         ndarray, shape (n, d)
-            Features in the order of `columns`, NaN or infinite where they are undefined.
+            Features in the order of `columns`. Undefined features are NaN or infinite.
 
         Raises
         ------
         InputError
-            If the rows lack the numbers of the scene, the coarse solve or the nodes that a feature
-            needs.
+            If a feature needs a number of the scene, the coarse solve or the number of nodes, and
+            the rows do not have it.
         """
 
     @abstractmethod
     def shown(self, features: Values) -> Values:
-        """Return features as the numbers in `names`, without the logarithms of a scene.
+        """Turn features into the numbers in `names`: those of a scene have no logarithms.
 
         Parameters
         ----------
@@ -218,19 +227,21 @@ class FeatureSet(ABC):
         Returns
         -------
         Ranges
-            Ends of the rows' features, or those of what the scenes give.
+            Smallest and largest features of the rows; for a number of a scene whose limits all
+            scenes define, these limits.
         """
 
     def scale(self, powers: Powers | None, rows: Rows, modulus: float) -> Values:
-        """Return the divisor of a target before it is learnt, so that it has no unit.
+        """Return the numbers by which a target is divided before it is learnt.
 
-        What scales with E* vanishes with the load, so that its heights are counted in Delta; other
-        heights are counted in h, as those of the features.
+        The quotient has no unit. A target that is proportional to E* vanishes with the load: its
+        power of heights is taken of Delta. That of other targets is taken of h, as in the features.
 
         Parameters
         ----------
         powers : Powers or None
-            Powers of heights, lengths and E* that the target scales with; None if it has none.
+            Powers of heights, lengths and E* to which the target is proportional; None if it is not
+            proportional to any.
         rows : Rows
             n rows.
         modulus : float
@@ -244,7 +255,9 @@ class FeatureSet(ABC):
         ones = np.ones(len(rows.delta))
         if not self.scaled or powers is None:
             return ones
-        heights = rows.delta if powers.modulus else rows.height_unit
+        heights = rows.height_unit
+        if powers.modulus:
+            heights = rows.delta
         length = np.asarray(rows.length, dtype=np.float64)
         scale = modulus**powers.modulus * length ** float(powers.lengths)
         scale = scale * heights ** float(powers.heights) * ones
@@ -263,7 +276,7 @@ class OfSurface(FeatureSet):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the features: their columns, with the pressure where it stands for Delta."""
+        """Names of the features: their columns, with "pressure.L/E*" if it replaces Delta."""
         if self.needs_surface or not self.by_pressure:
             return self.columns
         return tuple(
@@ -276,14 +289,19 @@ class OfSurface(FeatureSet):
         return self.load == "pressure"
 
     def of(self, rows: Rows) -> Values:
-        """Return the features of n rows, (n, d), NaN or infinite where they are undefined."""
-        capped = rows.capped() if self.elastic else rows
+        """Compute the features of n rows, (n, d); undefined features are NaN or infinite."""
+        capped = rows
+        if self.elastic:
+            capped = rows.capped()
         features = []
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             for column in self.columns:
-                # The plastic area of elastic bodies is 0, which the ceiling would change.
-                arguments = rows if column == PLASTIC else capped
-                features.append(FORMULAS[column](arguments))
+                formula = FORMULAS[column]
+                if column == PLASTIC:
+                    # It is 0 for elastic bodies; with a ceiling of the hardness it would not be.
+                    features.append(formula(rows))
+                else:
+                    features.append(formula(capped))
         return np.column_stack(features)
 
     def shown(self, features: Values) -> Values:
@@ -291,7 +309,7 @@ class OfSurface(FeatureSet):
         return features
 
     def ranges(self, scenes: Sequence[Scene], inputs: Values) -> scenic.Ranges:
-        """Return the ends of the rows' features."""
+        """Return the smallest and the largest features of the rows."""
         return scenic.Ranges(inputs.min(axis=0), inputs.max(axis=0))
 
 
@@ -307,7 +325,7 @@ class OfScene(FeatureSet):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the scene's numbers, without logarithms."""
+        """Names of the scene's numbers, without "log()"."""
         return tuple(scenic.plain(column) for column in self.columns)
 
     @property
@@ -316,7 +334,10 @@ class OfScene(FeatureSet):
         return False
 
     def of(self, rows: Rows) -> Values:
-        """Return the features of n rows, (n, d), NaN or infinite where they are undefined."""
+        """Compute the features of n rows, (n, d); undefined features are NaN or infinite.
+
+        Raises InputError if the rows lack a number of the scene.
+        """
         if not rows.scene_numbers.keys() >= set(self.names):
             raise InputError(
                 f"a surrogate of a scene asks for {', '.join(self.names)} instead"
@@ -329,26 +350,27 @@ class OfScene(FeatureSet):
         return scenic.shown(self.columns, features)
 
     def ranges(self, scenes: Sequence[Scene], inputs: Values) -> scenic.Ranges:
-        """Return the limits that all scenes give, and the rows' ends of other features."""
+        """Return the limits that all scenes define; for other features those of the rows."""
         return scenic.training_ranges(scenes, self.columns, inputs)
 
 
 @dataclass(frozen=True)
 class Scaling:
-    """A map of the target: models are trained on (target - mean) / deviation, or on its root's.
+    """A change of scale of the target: models learn (target - mean) / deviation.
 
-    Where the features are free of units, and for Gaussian processes of surrogates, mean and
-    deviation are those of the training rows. Elsewhere they are 0 and 1, as the paper trains, or a
-    power of two for targets of another size than an area's: splits of trees, tubes of support
-    vectors and steps of perceptrons have absolute thresholds.
+    If `root` is set, the square root of the target takes its place. For features without units, and
+    for Gaussian processes of surrogates, mean and deviation are those of the training rows. For
+    other features they are 0 and 1, as in the paper, unless the target is far larger or smaller
+    than an area in percent: then the deviation is a power of two, because splits of trees, tubes of
+    support vectors and steps of perceptrons have absolute thresholds.
     """
 
-    mean: float = 0.0
-    deviation: float = 1.0
-    root: bool = False  # True if it is the square root that is learnt
+    mean: float = 0.0  # in the unit of the target, or of its root
+    deviation: float = 1.0  # in the unit of the target, or of its root
+    root: bool = False  # True if models learn the square root of the target
 
     def scaled(self, target: Values) -> Values:
-        """Return the values that a model is trained on.
+        """Return the values on which a model is trained.
 
         Parameters
         ----------
@@ -360,7 +382,9 @@ class Scaling:
         ndarray, shape (n,)
             Targets, or their roots, on the scale of the training.
         """
-        values = np.sqrt(target) if self.root else target
+        values = target
+        if self.root:
+            values = np.sqrt(target)
         return (values - self.mean) / self.deviation
 
     def restored(self, predicted: Values) -> Values:
@@ -374,7 +398,7 @@ class Scaling:
         Returns
         -------
         ndarray, shape (n,)
-            Targets; 0 where a predicted root is negative.
+            Targets; a negative predicted root gives 0.
         """
         values = self.mean + self.deviation * np.asarray(predicted, dtype=np.float64)
         if self.root:
@@ -382,19 +406,28 @@ class Scaling:
         return values
 
 
-PAPER = OfSurface("paper", ("delta", *STATISTICS), "l2")
-DIMENSIONLESS = OfSurface("dimensionless", WITHOUT_UNITS, "standard", scaled=True)
-HYBRID_SET = OfSurface(
-    "hybrid", (*WITHOUT_UNITS, *COARSE), "standard", scaled=True, needs_surface=True
+PAPER = OfSurface(name="paper", columns=("delta", *STATISTICS), normalisation="l2")
+DIMENSIONLESS = OfSurface(
+    name="dimensionless",
+    columns=WITHOUT_UNITS,
+    normalisation="standard",
+    scaled=True,
 )
-SCENE_SET = OfScene(SCENE, (), "standard")
+HYBRID_SET = OfSurface(
+    name="hybrid",
+    columns=(*WITHOUT_UNITS, *COARSE),
+    normalisation="standard",
+    scaled=True,
+    needs_surface=True,
+)
+SCENE_SET = OfScene(name=SCENE, columns=(), normalisation="standard")
 
 SETS: Mapping[str, FeatureSet] = {
     features.name: features for features in (PAPER, DIMENSIONLESS, HYBRID_SET, SCENE_SET)
 }
-"""The feature sets by name, as they are without a hardness, roots or unequal grids."""
+"""The feature sets by name, for elastic bodies on equal grids and without roots."""
 
-# names of the sets whose features a surface has
+# Names of the sets whose features are those of a surface.
 OF_SURFACES = tuple(name for name, features in SETS.items() if not features.of_scene)
 
 
@@ -406,27 +439,28 @@ def chosen(
     blocks: int | None = None,
     load: str = "",
 ) -> FeatureSet:
-    """Return the feature set of a name for the rows of scenes.
+    """Return the feature set of a name, with the columns that the rows of some scenes need.
 
-    Bodies that yield add the hardness: to a set with units if it varies; to one without always,
-    because its other features lack the scale of the heights, and with it the pressure. Patches that
-    differ in their nodes add the number of these. A scene's own set has the numbers that the scenes
-    draw, or differ in, and the load.
+    If bodies yield, a set without units has a column of the hardness; a set with units has it if
+    the hardness varies. (Without units, a constant hardness differs between surfaces, because the
+    pressure over which it is taken depends on the heights.) If the scenes differ in their number of
+    nodes, this is a column. The set `scene` consists of the numbers that vary over the rows, and
+    the load.
 
     Parameters
     ----------
     name : str
         One of `SETS`.
     scenes : sequence of Scene
-        Scenes of the rows; without any, the set is that of elastic bodies on one grid, and a
-        scene's own set has no columns.
+        Scenes of the rows. Without scenes, bodies are elastic and grids equal, and the set `scene`
+        has no columns.
     roots : bool
-        True for the set that surrogates see: with square roots, and all of the coarse solve.
+        True for the columns that surrogates see: with square roots, and all of the coarse solve.
     blocks : int, optional
         Blocks per side of the coarse solve, one of `BLOCK_COUNTS`; `BLOCKS` if left out.
     load : str
-        "delta" or "pressure" for features of a surface, Delta if left out; for a scene's own set
-        one of `learn.features.scene.LOADS`, the scene's if left out.
+        "delta" or "pressure" for features of a surface, and "delta" if left out. For the set
+        `scene` one of `learn.features.scene.LOADS`, and the load of the first scene if left out.
 
     Returns
     -------
@@ -436,8 +470,8 @@ def chosen(
     Raises
     ------
     InputError
-        If no set has this name, the set does not take this load or these blocks, or a number is
-        given by some of the scenes only.
+        If no set has this name, the set does not take this load or these blocks, or only some of
+        the scenes define a number.
     """
     if name not in SETS:
         raise InputError(f"--features {name!r}: give one of {', '.join(SETS)}")
@@ -449,18 +483,29 @@ def chosen(
         raise InputError(f"--load {load}: --features {name} take delta or pressure")
     hardness = _hardness_columns(features, scenes)
     added = [*_root_columns(features, roots=roots), *hardness, *_node_columns(scenes)]
-    elastic_bodies = any(scene.contact.hardness_limits is None for scene in scenes)
+    has_local_columns = roots and features.needs_surface
+    blocks_per_side = 0
+    if has_local_columns:
+        blocks_per_side = blocks or BLOCKS
     return replace(
         features,
         columns=(*features.columns, *added),
-        blocks=(blocks or BLOCKS) if roots and features.needs_surface else 0,
-        elastic=bool(hardness) and elastic_bodies,
+        blocks=blocks_per_side,
+        elastic=bool(hardness) and _some_are_elastic(scenes),
         load=load or "delta",
     )
 
 
+def _some_are_elastic(scenes: Sequence[Scene]) -> bool:
+    """Tell whether the bodies of at least one scene are elastic."""
+    return any(scene.contact.hardness_limits is None for scene in scenes)
+
+
 def _require_blocks(features: FeatureSet, blocks: int | None) -> None:
-    """Refuse blocks for a set without a coarse solve, and a number of them that is not offered."""
+    """Refuse blocks for a set without a coarse solve, and numbers not in `BLOCK_COUNTS`.
+
+    None, for the default, is never refused.
+    """
     if blocks is None:
         return
     if not features.needs_surface:
@@ -475,7 +520,7 @@ def _require_blocks(features: FeatureSet, blocks: int | None) -> None:
 def _chosen_of_scene(
     features: FeatureSet, scenes: Sequence[Scene], load: str
 ) -> FeatureSet:
-    """Return a scene's own set with the numbers of scenes; without scenes, with the load alone."""
+    """Return the set `scene` with the columns of scenes; without scenes it has no columns."""
     if not scenes:
         return replace(features, load=load)
     columns = scenic.columns_of(scenes, load)
@@ -483,7 +528,10 @@ def _chosen_of_scene(
 
 
 def _root_columns(features: FeatureSet, *, roots: bool) -> list[str]:
-    """Return the columns that surrogates see in addition: roots, and more of the coarse solve."""
+    """Return the columns that surrogates see in addition, if `roots` is set.
+
+    These are square roots and, for a set with a coarse solve, the columns `LOCAL`.
+    """
     if not roots:
         return []
     if features.needs_surface:
@@ -496,40 +544,44 @@ def _root_columns(features: FeatureSet, *, roots: bool) -> list[str]:
 
 
 def _hardness_columns(features: FeatureSet, scenes: Sequence[Scene]) -> list[str]:
-    """Return the columns of the hardness, if some bodies yield and it tells rows apart.
+    """Return the columns of the hardness that a set needs for some scenes.
 
-    Where some bodies are elastic, hybrid features have the plastic area too.
+    There are none if all bodies are elastic, and none for a set with units if the hardness is
+    constant. If some bodies are elastic, hybrid features have the plastic area in addition.
     """
     limits = limits_of(scenes)
     if limits is None:
         return []
-    if not features.scaled:
-        smallest, largest = limits
-        return [HARDNESS] if smallest < largest else []
-    elastic_bodies = any(scene.contact.hardness_limits is None for scene in scenes)
-    if elastic_bodies and features.needs_surface:
-        return [SCALED_HARDNESS, PLASTIC]
-    return [SCALED_HARDNESS]
+    smallest, largest = limits
+    if features.scaled:
+        if features.needs_surface and _some_are_elastic(scenes):
+            return [SCALED_HARDNESS, PLASTIC]
+        return [SCALED_HARDNESS]
+    if smallest < largest:
+        return [HARDNESS]
+    return []
 
 
 def _node_columns(scenes: Sequence[Scene]) -> list[str]:
-    """Return the column of the number of nodes, if scenes differ in it."""
+    """Return the column of the number of nodes if scenes differ in it, otherwise no column."""
     sizes = {math.prod(scene.grid.shape) for scene in scenes}
-    return [NODES] if len(sizes) > 1 else []
+    if len(sizes) > 1:
+        return [NODES]
+    return []
 
 
 def limits_of(scenes: Sequence[Scene]) -> tuple[float, float] | None:
-    """Return the limits of the hardness over E* in scenes.
+    """Return the smallest and the largest hardness over E* of some scenes.
 
     Parameters
     ----------
     scenes : sequence of Scene
-        Scenes of elastic bodies, and of bodies that yield.
+        Scenes of elastic bodies or of bodies that yield.
 
     Returns
     -------
     (float, float) or None
-        Smallest and largest hardness over E* of those that yield; None if all are elastic.
+        Smallest and largest ratio for the bodies that yield; None if all bodies are elastic.
     """
     ratios: list[float] = []
     for scene in scenes:

@@ -1,17 +1,17 @@
 """Features of the hybrid set, from the heights of a surface and a coarse contact solve.
 
-Bearing area and bearing interference are those of a surface that does not deform. A contact solve
-on 33 x 33 blocks (or 65 x 65), each with the mean height of its nodes, gives area, force and a
-smooth displacement. The displacement is interpolated to the nodes; the `refined` features count the
-nodes that stand above it, so that the highest nodes are not lost in the means of their blocks.
-No node stands above it where every node is a block. Delta is measured from the highest node
-throughout.
+Bearing area and bearing interference are the share and the mean interference of the nodes that a
+rigid plane would cut at Delta, if the surface did not deform. The coarse solve is a contact of 33 x
+33 blocks (or 65 x 65), each a smooth body at the mean height of its nodes. It gives area, force and
+a smooth displacement, which is interpolated to the nodes. The `refined` features count the nodes
+above this displacement, because the highest nodes are lost in the means of their blocks. There are
+none if each node is a block. Delta is measured from the highest node throughout.
 
-Surrogates see more of the same solve (`learn.features.columns.LOCAL`): the area in contact inside
-the blocks by Persson's theory, the share of the nodes above shifted displacements, and their
-interference. The blocks are pressed as if each were smooth. The heights that their means do not
-resolve are described by their rms and, for each block, by their rms slope inside it; this slope and
-the pressure on a block decide the share of it that is in contact.
+Surrogates see further results of the coarse solve (`learn.features.columns.LOCAL`): the area in
+contact inside the blocks by Persson's theory, the share of the nodes above shifted displacements,
+and norms of their interference. The heights that the means of the blocks do not resolve have one
+rms for the surface and one rms slope for each block. This slope and the pressure on the block
+decide which share of the block is in contact.
 """
 
 import math
@@ -31,18 +31,20 @@ from learn.features.columns import BLOCKS, FACTORS, HYBRID, POWERS, SHIFTS
 from learn.features.rows import Grid, Rows, by_pressure
 from learn.features.sets import FeatureSet
 
-Sides = tuple[float, float]
+Sides = tuple[float, float]  # lengths along x and y [um]
 
-# Largest displacement of a coarse solve without edges, over that of full contact. Elastic bodies
-# have no equilibrium from full contact on, and blocks of unequal sizes reach it early.
+# Largest depth of a coarse solve of elastic bodies without edges, over the depth of full contact.
+# There is no equilibrium beyond full contact, which blocks may reach before the surface does.
 NEARLY_FULL = 0.999
-# residual of the coarse solve, over Delta: features need be reproducible, not exact
+# Residual at which the coarse solve ends, over Delta. Features must be reproducible, not exact.
 LOOSE = 1e-3
-# smallest rms of the heights that the blocks do not resolve, over the range of all heights
+# Smallest rms of unresolved heights, over the range of all heights; a smaller one is only rounding.
 ROUNDING = 1e-12
-# Persson's share of the area in contact is erf(sqrt(2) p / (E* h')), with the pressure p and the
-# rms slope h'
+# Factor in Persson's share of the area in contact, erf(sqrt(2) p / (E* h')), with the pressure p
+# and the rms slope h'.
 PERSSON = math.sqrt(2.0)
+# Smallest depth of a coarse solve for `SurfaceFeatures.means`, over Delta.
+SMALLEST_DEPTH = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +55,7 @@ class BlockEdges:
     sizes: NDArray[np.int64]  # (b,), nodes of each block
 
     def weights(self) -> Values:
-        """Return the weights that interpolate from the blocks' centres to the nodes, (n, b)."""
+        """Return the weights that interpolate linearly from b block centres to n nodes, (n, b)."""
         nodes = np.arange(self.sizes.sum())
         centres = self.first + (self.sizes - 1) / 2
         columns = [np.interp(nodes, centres, unit) for unit in np.eye(centres.size)]
@@ -65,9 +67,8 @@ class Blocks:
     """The blocks of a surface, each with the mean height of its nodes."""
 
     heights: Values  # (nx, ny) [um]
-    steps: tuple[float, float]  # spacing of the nodes along x and y [um]
-    # largest number of blocks per side; with fewer nodes every node is a block
-    limit: int
+    steps: Sides  # spacing of the nodes along x and y [um]
+    limit: int  # largest number of blocks per side; if a side has fewer nodes, each is a block
 
     @cached_property
     def means(self) -> Values:
@@ -76,12 +77,12 @@ class Blocks:
 
     @cached_property
     def roughness(self) -> float:
-        """Rms of the heights that the means, interpolated to the nodes, do not resolve [um]."""
+        """Rms of the unresolved heights: heights less the interpolated means of the blocks [um]."""
         return float(self._unresolved.std())
 
     @cached_property
     def skewness(self) -> float:
-        """Skewness of the heights that the means do not resolve; 0 if there are none [1]."""
+        """Skewness of the unresolved heights [1]; 0 if these are zero but for rounding."""
         if self.roughness <= ROUNDING * float(np.ptp(self.heights)):
             return 0.0
         from_mean = self._unresolved - self._unresolved.mean()
@@ -91,7 +92,7 @@ class Blocks:
     def slopes(self) -> Values:
         """Rms slope of the unresolved heights inside each block, (bx, by) [1].
 
-        It is 0 where a block is one node.
+        It is 0 if each node is a block.
         """
         step_x, step_y = self.steps
         along_x = _squared_slopes(self._unresolved, step_x)
@@ -99,7 +100,9 @@ class Blocks:
         return np.asarray(np.sqrt(self._over_blocks(along_x + along_y)))
 
     def interpolated(self, values: Values) -> Values:
-        """Interpolate from the blocks' centres to the nodes, constant outside the outer centres.
+        """Interpolate from the blocks' centres to the nodes.
+
+        Values are constant from the outermost centres to the borders.
 
         Parameters
         ----------
@@ -115,17 +118,18 @@ class Blocks:
         return np.asarray(weights_x @ values @ weights_y.T)
 
     def local_area(self, pressure: Values, factor: float) -> float:
-        """Return the share of the nodes in contact by Persson's theory, inside each block.
+        """Return the share of the nodes in contact, with Persson's theory inside each block.
 
-        Pressed blocks without slopes count in full. Source: B. N. J. Persson (2001), J. Chem. Phys.
-        115, 3840.
+        A pressed block without slopes is in full contact.
+
+        Source: B. N. J. Persson (2001), J. Chem. Phys. 115, 3840.
 
         Parameters
         ----------
         pressure : ndarray, shape (bx, by)
             Mean pressure on each block over E*.
         factor : float
-            Factor on the pressures.
+            Factor by which the pressures are multiplied, one of `FACTORS`.
 
         Returns
         -------
@@ -135,7 +139,7 @@ class Blocks:
         from scipy.special import erf
 
         pressed = pressure > 0
-        with np.errstate(divide="ignore", over="ignore"):
+        with np.errstate(divide="ignore", over="ignore"):  # slopes of 0 have a share of 1
             shares = erf(factor * PERSSON * pressure[pressed] / self.slopes[pressed])
         touching = (self._sizes[pressed] * shares).sum()
         return float(touching) / self.heights.size
@@ -146,7 +150,7 @@ class Blocks:
         return np.asarray(self.heights - self.interpolated(self.means))
 
     def _over_blocks(self, values: Values) -> Values:
-        """Return means of nodes, (nx, ny), over each block, (bx, by)."""
+        """Return the means over each block, (bx, by), of values at the nodes, (nx, ny)."""
         along_x, along_y = self._edges
         sums_x = np.add.reduceat(values, along_x.first, axis=0)
         sums = np.add.reduceat(sums_x, along_y.first, axis=1)
@@ -154,13 +158,13 @@ class Blocks:
 
     @cached_property
     def _sizes(self) -> NDArray[np.int64]:
-        """Nodes of each block, (bx, by)."""
+        """Number of nodes of each block, (bx, by)."""
         along_x, along_y = self._edges
         return np.outer(along_x.sizes, along_y.sizes)
 
     @cached_property
     def _edges(self) -> list[BlockEdges]:
-        """The blocks along x and along y."""
+        """Blocks along x and along y, of sizes that differ by at most one node."""
         edges = []
         for nodes in self.heights.shape:
             number = min(nodes, self.limit)
@@ -175,9 +179,12 @@ class Blocks:
 
 
 def _squared_slopes(heights: Values, step: float) -> Values:
-    """Return the squared slope along the first axis at each node, the mean of both its sides."""
+    """Return the squared slope along the first axis at each node, (nx, ny) [1].
+
+    It is the mean over the two intervals beside the node. Heights, (nx, ny), and step are in um.
+    """
     between = (np.diff(heights, axis=0) / step) ** 2
-    # At the ends both sides of a node are the same one.
+    # An outermost node has one interval, which counts twice.
     extended = np.concatenate([between[:1], between, between[-1:]])
     before = extended[:-1]
     after = extended[1:]
@@ -185,26 +192,28 @@ def _squared_slopes(heights: Values, step: float) -> Values:
 
 
 class Undefined(InputError):
-    """Features that need statistics which the surface does not define."""
+    """Raised if features need a statistic that is undefined for the surface."""
 
 
 class CoarseMeans(NamedTuple):
     """Means over the patch of a coarse contact."""
 
-    compliance: float  # mean displacement over F / (E* L), 0 without edges [1]
-    # mean depth by which nodes have yielded, 0 for elastic bodies [um]
+    # mean displacement over F / (E* L), 0 for a patch without edges [1]
+    compliance: float
+    # mean depth by which blocks have yielded, 0 for elastic bodies [um]
     yielded_depth: float
 
 
 @dataclass(frozen=True, eq=False)
 class SurfaceFeatures:
-    """A surface whose features can be computed at any Delta."""
+    """A surface, with methods that compute its features at any load."""
 
     heights: Values  # (nx, ny), 2 x 2 or more, finite [um]
     sides: Sides  # scan lengths along x and y [um]
-    spacing: Sides  # of the nodes along x and y [um]
-    name: str = "the surface"  # in messages
-    boundary: Boundary = "free"  # of the patch, also in the coarse solve
+    spacing: Sides  # distances of neighbouring nodes along x and y [um]
+    name: str = "the surface"  # name in messages
+    boundary: Boundary = "free"  # of the patch; the coarse solve has it, too
+    # Blocks of the surface by their number per side, kept for further calls.
     _in_blocks: dict[int, Blocks] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
@@ -214,7 +223,7 @@ class SurfaceFeatures:
 
     @cached_property
     def description(self) -> Description:
-        """The 22 statistics by name, and why some of them are undefined."""
+        """The 22 statistics by name, and the reason if some are undefined, "" if none is."""
         return describe(self.heights, self.spacing)
 
     def rows(
@@ -224,23 +233,24 @@ class SurfaceFeatures:
         hardness_ratio: Values | float | None = None,
         e_star: float = 1.0,
     ) -> Rows:
-        """Return the numbers that features of a set are computed from, one row a load.
+        """Return the numbers from which features of a set are computed, one row for each load.
 
         Parameters
         ----------
         features : FeatureSet
             A set of features of surfaces.
         loads : ndarray, shape (k,)
-            Displacements Delta [um]; nominal pressures [MPa] if the set is for these.
+            Displacements Delta [um], or nominal pressures [MPa] for a set by pressure.
         hardness_ratio : float or ndarray, shape (k,), optional
-            Hardness over E*; elastic bodies if left out.
+            Hardness over E*; bodies are elastic if left out.
         e_star : float
-            E* of pressures [MPa].
+            E* [MPa], used for pressures only.
 
         Returns
         -------
         Rows
-            k rows, with the columns of the coarse solve if the set needs them.
+            k rows, with the columns of the coarse solve if the set needs them. A row with a Delta
+            at which no equilibrium exists has a note.
 
         Raises
         ------
@@ -250,8 +260,10 @@ class SurfaceFeatures:
             If a load is not finite and above 0, or a coarse solve fails.
         """
         deltas = loads
+        scene_numbers: dict[str, Values] = {}
         if features.by_pressure:
             deltas = by_pressure(loads, self.length, e_star)
+            scene_numbers["pressure"] = loads
         self._require_usable(deltas)
         notes: tuple[str, ...] = ()
         if not features.by_pressure and hardness_ratio is None:
@@ -262,6 +274,7 @@ class SurfaceFeatures:
             if hardness_ratio is not None:
                 ratios = np.broadcast_to(hardness_ratio, deltas.shape).tolist()
             if features.by_pressure:
+                # The features are those at the Delta that the coarse solve reaches.
                 deltas = self._reached_deltas(deltas, ratios, features)
             hybrid = self._hybrid_rows(deltas, ratios, features)
         statistics = list(self.description.values.values())
@@ -273,13 +286,14 @@ class SurfaceFeatures:
             nodes=math.sqrt(self.heights.size),
             hybrid=hybrid,
             notes=notes,
-            scene_numbers={"pressure": loads} if features.by_pressure else {},
-            grids=(Grid(self.heights.shape, self.sides),),
+            scene_numbers=scene_numbers,
+            grids=(Grid(shape=self.heights.shape, sides=self.sides),),
         )
 
     def _require_usable(self, deltas: Values) -> None:
-        """Refuse displacements that are not finite and above 0, and undefined statistics."""
-        wrong = deltas[~((deltas > 0) & (deltas < np.inf))]
+        """Refuse Deltas, (k,) [um], that are not finite and above 0, and undefined statistics."""
+        usable = (deltas > 0) & (deltas < np.inf)
+        wrong = deltas[~usable]
         if wrong.size:
             raise InputError(
                 f"{self.name}: Delta {wrong[0]:g} um: give finite numbers above 0"
@@ -290,20 +304,24 @@ class SurfaceFeatures:
             )
 
     def _notes_on_full_contact(self, deltas: Values) -> tuple[str, ...]:
-        """Return a note for each Delta at which elastic bodies without edges touch everywhere.
+        """Return a note for each Delta, (k,) [um], of elastic bodies without edges.
 
-        The other notes are empty. There are no notes for a patch with edges.
+        The note says that the contact is full; it is "" below full contact. For a patch with edges
+        the tuple is empty.
         """
         if self.boundary == "free":
             return ()
         limit = float((self.heights.max() - self.heights).mean())
         full = f"no equilibrium: the contact is full at delta = {limit:.6g} um"
-        return tuple(full if delta >= limit else "" for delta in deltas)
+        return tuple(np.where(deltas >= limit, full, "").tolist())
 
     def _reached_deltas(
         self, loads: Values, ratios: list[float | None], features: FeatureSet
     ) -> Values:
-        """Return the Deltas, (k,) [um], at which coarse solves carry pressures times L / E*."""
+        """Return the Deltas, (k,) [um], at which coarse solves carry given pressures.
+
+        `loads`, (k,), are the pressures times L / E* [um]; `ratios` are hardnesses over E*.
+        """
         blocks = features.blocks or BLOCKS
         pairs = zip(loads, ratios, strict=True)
         return np.array([self.reached(load, ratio, blocks) for load, ratio in pairs])
@@ -311,7 +329,10 @@ class SurfaceFeatures:
     def _hybrid_rows(
         self, deltas: Values, ratios: list[float | None], features: FeatureSet
     ) -> Values:
-        """Return the columns of `HYBRID` at each Delta, (k, 18)."""
+        """Return the columns of `HYBRID`, (k, 18), at each Delta, (k,) [um].
+
+        `ratios` are k hardnesses over E*, None for elastic bodies.
+        """
         blocks = features.blocks or BLOCKS
         pairs = zip(deltas.tolist(), ratios, strict=True)
         rows = [self.hybrid(delta, ratio, blocks) for delta, ratio in pairs]
@@ -346,7 +367,7 @@ class SurfaceFeatures:
     def hybrid(
         self, delta: float, hardness_ratio: float | None = None, blocks: int = BLOCKS
     ) -> tuple[float, ...]:
-        """Return the columns that the hybrid set adds, at one Delta.
+        """Return the columns of the coarse solve at one Delta.
 
         Parameters
         ----------
@@ -371,7 +392,9 @@ class SurfaceFeatures:
         bearing = _above(interference, delta)
         coarse = self._blocks(blocks)
         depth = self._depth(coarse, delta)
-        if depth <= 0:  # Delta does not reach the mean of any block
+        if depth <= 0:
+            # Delta does not reach the mean of any block: all results of the coarse solve are 0, and
+            # nodes are above its displacement as they are above that of the rigid plane.
             area = force = mean_displacement = perimeter = 0.0
             return (
                 *bearing,
@@ -385,17 +408,17 @@ class SurfaceFeatures:
                 coarse.skewness,
             )
         contact = self._pressed(coarse, depth, hardness_ratio)
-        # Only nodes count that stand above the displacement by more than the solve's residual.
         displacement = coarse.interpolated(contact.displacement)
-        standing = interference - displacement - LOOSE * delta
+        # The residual of the solve is subtracted: nodes within it are in contact, not above.
+        above = interference - displacement - LOOSE * delta
         return (
             *bearing,
             contact.area_percent,
             contact.force / (self.length * delta),
             self._mean_displacement(contact) / delta,
-            *_above(standing, delta),
+            *_above(above, delta),
             *(coarse.local_area(contact.pressure, factor) for factor in FACTORS),
-            *_above_shifted(standing, delta, coarse.roughness),
+            *_above_shifted(above, delta, coarse.roughness),
             contact.perimeter / self.length,
             coarse.skewness,
         )
@@ -407,14 +430,16 @@ class SurfaceFeatures:
         hardness_ratio: float | None,
         pressure: float | None = None,
     ) -> bem.Contact:
-        """Solve the contact of the block means with E* = 1 MPa.
+        """Solve the contact of the blocks with E* = 1 MPa; raises InputError if that fails.
 
-        The load is either a depth below the highest block [um] or a nominal pressure [MPa].
+        The load is a depth below the highest block [um] or, with depth None, a nominal pressure
+        [MPa]. Elastic bodies without edges are not pressed beyond `NEARLY_FULL`.
         """
         means = coarse.means
         step_x, step_y = self.spacing
         nodes_x, nodes_y = self.heights.shape
         blocks_x, blocks_y = means.shape
+        # Mean distances of neighbouring blocks, whose sizes may differ by one node.
         steps = (step_x * nodes_x / blocks_x, step_y * nodes_y / blocks_y)
         if self.boundary != "free" and hardness_ratio is None and depth is not None:
             full = float(means.max()) - float(means.mean())
@@ -434,11 +459,11 @@ class SurfaceFeatures:
             raise InputError(f"{self.name}: coarse contact: {error}") from None
 
     def means(self, delta: float, hardness_ratio: float | None = None) -> CoarseMeans:
-        """Return means of the coarse solve that belong to the patch as a whole.
+        """Return the compliance and the mean yielded depth of the coarse solve at one Delta.
 
-        The compliance times F / (E* L), with the force of a finer solve, gives the mean
-        displacement of that solve: it depends on the distribution of the load over the patch, and
-        hardly on its distribution over single nodes.
+        The mean displacement of a solve on all nodes is about the compliance times F / (E* L) with
+        its force F, because it depends on the distribution of the load over the patch, and little
+        on the distribution over single nodes.
 
         Parameters
         ----------
@@ -450,7 +475,7 @@ class SurfaceFeatures:
         Returns
         -------
         CoarseMeans
-            Both means; they are 0 for elastic bodies without edges.
+            Both means, 0 for elastic bodies without edges.
 
         Raises
         ------
@@ -460,7 +485,8 @@ class SurfaceFeatures:
         if self.boundary != "free" and hardness_ratio is None:
             return CoarseMeans(0.0, 0.0)
         coarse = self._blocks(BLOCKS)
-        depth = max(self._depth(coarse, delta), 1e-3 * delta)
+        # A Delta that reaches no block has the means of a very light contact.
+        depth = max(self._depth(coarse, delta), SMALLEST_DEPTH * delta)
         contact = self._pressed(coarse, depth, hardness_ratio)
         compliance = self._mean_displacement(contact) * self.length / contact.force
         if hardness_ratio is None:
@@ -468,30 +494,38 @@ class SurfaceFeatures:
         return CoarseMeans(compliance, float(contact.yielded_depth.mean()))
 
     def _mean_displacement(self, contact: bem.Contact) -> float:
-        """Return the mean displacement of a coarse contact, which is 0 without edges [um]."""
+        """Return the mean displacement of a coarse contact [um]; 0 for a patch without edges."""
         if self.boundary != "free":
             return 0.0
         return float(contact.displacement.mean())
 
     def _depth(self, coarse: Blocks, delta: float) -> float:
-        """Return how far Delta reaches below the highest block [um]."""
+        """Return the depth of the rigid plane below the highest block [um].
+
+        It is negative if Delta, measured from the highest node, reaches no block.
+        """
         highest_node = float(self.heights.max())
         highest_block = float(coarse.means.max())
         return delta - (highest_node - highest_block)
 
     def _blocks(self, number: int) -> Blocks:
-        """Return the surface in a number of blocks per side, one less without edges.
+        """Return the surface in blocks; with `number` blocks per side, or one less without edges.
 
-        The blocks are kept for the next call.
+        The blocks are kept for further calls.
         """
         if number not in self._in_blocks:
-            limit = number if self.boundary == "free" else number - 1
+            limit = number
+            if self.boundary != "free":
+                limit -= 1
             self._in_blocks[number] = Blocks(self.heights, self.spacing, limit)
         return self._in_blocks[number]
 
 
 def _above(interference: Values, delta: float) -> tuple[float, float]:
-    """Return the share of nodes above 0, and the mean of the positive part over Delta."""
+    """Return the share of the nodes above 0, and the mean of the positive part over Delta.
+
+    The interference, (nx, ny), and Delta are in um.
+    """
     above = np.maximum(interference, 0.0)
     share = np.count_nonzero(above) / above.size
     return share, float(above.mean()) / delta
@@ -500,15 +534,18 @@ def _above(interference: Values, delta: float) -> tuple[float, float]:
 def _above_shifted(
     interference: Values, delta: float, roughness: float
 ) -> tuple[float, ...]:
-    """Return the shares of nodes above shifted displacements, and norms of the positive part.
+    """Return the share of nodes above each of `SHIFTS`, and norms of the positive part over Delta.
 
-    The interference is that of the heights above the displacement [um], the roughness the rms of
-    the heights that the blocks do not resolve [um]; the norms are over Delta.
+    The interference, (nx, ny) [um], is that of the nodes with the displacement. The shifts are
+    multiples of the roughness, the rms of the unresolved heights [um]; the norms are of `POWERS`.
     """
     shares = []
     for shift in SHIFTS:
         number = np.count_nonzero(interference > shift * roughness)
         shares.append(number / interference.size)
     above = np.maximum(interference, 0.0) / delta
-    norms = [float((above**power).mean()) ** (1 / power) for power in POWERS]
+    norms = []
+    for power in POWERS:
+        moment = float((above**power).mean())
+        norms.append(moment ** (1 / power))
     return (*shares, *norms)

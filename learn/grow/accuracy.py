@@ -1,10 +1,10 @@
-"""How accurate a surrogate of a growing database is, and how sure that is.
+"""The error of a surrogate of a growing database, and bounds of this error.
 
-Looking often makes it likely that one look is lucky. The sizes of the database at which it is
-looked at are therefore fixed in advance, and the look at size number k may be wrong with a
-probability of only `RISK` / ((k + 1) (k + 2)). These probabilities add up to `RISK`, so that it
-bounds the probability that a surrogate worse than its mark is accepted at any of the sizes, however
-many of them are looked at.
+Somebody who looks often is likely to see a lucky result. A surrogate is therefore judged at sizes
+of the database that are fixed in advance. The look at size number k may accept a surrogate wrongly
+with a probability of only `RISK` / ((k + 1) (k + 2)). The sum of these probabilities is `RISK`.
+However many looks there are, the probability that a surrogate is accepted although its error is
+above the mark is at most `RISK`.
 """
 
 import math
@@ -26,24 +26,32 @@ from learn.split import FOLDS, TILE, Split
 from learn.surrogate.learnt import Learnt
 from learn.surrogate.model import Surrogate
 
-RISK = 0.05  # largest probability that a surrogate is accepted although its error is above the mark
-SMALLEST_ROWS = 60  # rows of the smallest database, at least
-SMALLEST_SURFACES = 20  # surfaces of the smallest database, at least
-RATIO = math.sqrt(2)  # ratio of two successive sizes
-SHARE = 5  # one of this many surfaces, or tiles, is in the holdout
+# Largest probability that a surrogate is accepted although its error is above the mark.
+RISK = 0.05
+# Smallest number of rows of the first size, unless surfaces need more (`SMALLEST_SURFACES`).
+SMALLEST_ROWS = 60
+# Smallest number of surfaces of the first size.
+SMALLEST_SURFACES = 20
+# Ratio of two successive sizes of the database.
+RATIO = math.sqrt(2)
+# One of this many successive surfaces, or tiles of maps, is in the holdout.
+SHARE = 5
 
 KEY = 20_260
-"""Key of the draw's stream of random numbers, which belongs to no other part of a scene."""
+"""Key of the stream of random numbers that draws the holdout. No other part of a scene uses it."""
 
-FUNCTIONS = (
-    400  # functions that a process might be, by which errors of its mean are estimated
-)
-POINTS = 4  # looks of a learning curve, at least
-EXPONENTS = (0.1, 1.0)  # smallest and largest exponent of a curve
+# Number of functions drawn from a Gaussian process to estimate the error of its mean.
+FUNCTIONS = 400
+# Smallest number of looks from which a learning curve is computed.
+POINTS = 4
+# Smallest and largest exponent with which a learning curve may fall.
+EXPONENTS = (0.1, 1.0)
+# Logarithm beyond which the exponential of a bound would overflow.
+LARGEST_LOGARITHM = 700.0
 
 
 def size(number: int, per_surface: int) -> int:
-    """Return the number of rows of a size at which a database is looked at.
+    """Return the number of rows of one of the sizes at which a surrogate is judged.
 
     Parameters
     ----------
@@ -55,16 +63,17 @@ def size(number: int, per_surface: int) -> int:
     Returns
     -------
     int
-        Rows, with two digits and then rounded up to whole surfaces.
+        Rows, rounded down to two digits and then up to whole surfaces.
     """
     smallest = max(SMALLEST_ROWS, SMALLEST_SURFACES * per_surface)
-    rows = int(float(f"{smallest * RATIO**number:.2g}"))
+    exact = smallest * RATIO**number
+    rows = int(float(f"{exact:.2g}"))
     surfaces = math.ceil(rows / per_surface)
     return surfaces * per_surface
 
 
 def size_with(rows: int, per_surface: int) -> int:
-    """Return the number of the smallest size with at least some rows.
+    """Return the number of the smallest size that has at least the given rows.
 
     Parameters
     ----------
@@ -98,17 +107,18 @@ def risk(number: int) -> float:
 
 
 class Accuracy(NamedTuple):
-    """Estimated error of a surrogate."""
+    """Estimated error of a surrogate for one target."""
 
     nmae: float  # mean absolute error over the mean magnitude of the truth [%]
-    error: float  # its standard error, infinite if there is a single group [%]
-    groups: int  # surfaces, tiles of maps, or functions of a process that tell of it
+    standard_error: float  # of `nmae`; infinite if there is a single group [%]
+    groups: int  # number of independent errors: surfaces, tiles or functions of a process
 
     def bound(self, risk: float) -> float:
-        """Return a number that the surrogate's error exceeds with a probability of `risk` only [%].
+        """Return the bound that the surrogate's error exceeds only with a probability of `risk`.
 
-        It is nMAE exp(t SE / nMAE) with Student's t. On the logarithm's scale the skewness of
-        absolute errors matters little: nMAE + t SE fails several times as often as it may.
+        The bound, in percent, is nMAE exp(t SE / nMAE) with Student's t: the confidence interval of
+        the logarithm, on whose scale the skewness of absolute errors matters little. The sum
+        nMAE + t SE would be exceeded several times as often.
         """
         from scipy.stats import t
 
@@ -116,16 +126,17 @@ class Accuracy(NamedTuple):
             return 0.0
         if self.groups < 2:
             return math.inf
-        relative = float(t.ppf(1.0 - risk, self.groups - 1)) * self.error / self.nmae
-        return self.nmae * math.exp(min(relative, 700.0))
+        quantile = float(t.ppf(1.0 - risk, self.groups - 1))
+        relative = quantile * self.standard_error / self.nmae
+        return self.nmae * math.exp(min(relative, LARGEST_LOGARITHM))
 
 
 def accuracy(errors: Values, truth: Values, groups: Indices) -> Accuracy:
-    """Estimate the error of a surrogate by rows that it has not seen.
+    """Estimate the error of a surrogate from rows that it has not seen.
 
     The error is the ratio of the mean error to the mean magnitude of the truth. Its standard error
-    is linearised, and is that of whole groups, since rows of one surface or tile are not
-    independent.
+    is linearised, and computed from sums over whole groups, because rows of one surface or tile are
+    not independent.
 
     Source: W. G. Cochran (1977), Sampling Techniques, sections 2.11 and 9A.
 
@@ -134,9 +145,9 @@ def accuracy(errors: Values, truth: Values, groups: Indices) -> Accuracy:
     errors : ndarray, shape (n,)
         Absolute errors of the predictions.
     truth : ndarray, shape (n,)
-        Solved values, in the same unit; at least one is not 0.
+        Solved values in the unit of the errors, at least one of them not 0.
     groups : ndarray, shape (n,)
-        Surface or tile of each row.
+        Number of the surface or tile of each row.
 
     Returns
     -------
@@ -150,43 +161,51 @@ def accuracy(errors: Values, truth: Values, groups: Indices) -> Accuracy:
     ratio = float(error_sums.sum() / truth_sums.sum())
     number = error_sums.size
     if number < 2:
-        return Accuracy(100 * ratio, math.inf, number)
-    squares = float(np.sum((error_sums - ratio * truth_sums) ** 2))
+        return Accuracy(nmae=100 * ratio, standard_error=math.inf, groups=number)
+    residuals = error_sums - ratio * truth_sums
+    squares = float(np.sum(residuals**2))
     standard_error = math.sqrt(number / (number - 1) * squares) / total
-    return Accuracy(100 * ratio, 100 * standard_error, number)
+    return Accuracy(nmae=100 * ratio, standard_error=100 * standard_error, groups=number)
 
 
 def accuracy_of_mean(learnt: Learnt, rows: Dataset) -> Accuracy:
     """Estimate the error of the mean over surfaces.
 
-    Surfaces of the same parameters differ by much more than their mean is uncertain. The error is
-    the distance of the mean from other functions that the Gaussian process might be as well.
+    Single surfaces deviate from their mean by much more than the error of the mean. This error is
+    therefore the distance of the mean from other functions that the Gaussian process could be.
 
     Parameters
     ----------
     learnt : Learnt
         Fitted population mean of the target.
     rows : Dataset
-        Rows at whose parameters and loads the errors are taken.
+        Rows at whose parameters and loads the errors are computed.
 
     Returns
     -------
     Accuracy
-        Mean error over `FUNCTIONS` functions, and its deviation among them.
+        Mean error over `FUNCTIONS` functions; the standard error is its deviation among them.
     """
-    model = learnt.pipeline[-1]
-    scaled = learnt.pipeline[:-1].transform(rows.inputs)
-    distances = np.abs(model.drawn_errors(scaled, FUNCTIONS)).mean(axis=0)
-    distances = distances * learnt.scaling.deviation
-    errors = 100 * distances / np.abs(learnt.raw(rows.inputs)).mean()
-    return Accuracy(float(errors.mean()), float(errors.std()), FUNCTIONS)
+    process = learnt.pipeline[-1]
+    inputs = learnt.pipeline[:-1].transform(rows.inputs)
+    errors = np.abs(process.drawn_errors(inputs, FUNCTIONS))  # (n, FUNCTIONS)
+    mean_errors = errors.mean(axis=0) * learnt.scaling.deviation
+    magnitude = np.abs(learnt.raw(rows.inputs)).mean()
+    percentages = 100 * mean_errors / magnitude
+    return Accuracy(
+        nmae=float(percentages.mean()),
+        standard_error=float(percentages.std()),
+        groups=FUNCTIONS,
+    )
 
 
-def drawn(numbers: Indices, seed: int, among: int = SHARE) -> NDArray[np.bool_]:
-    """Draw the surfaces or tiles of the holdout: one of some successive numbers.
+def drawn_for_holdout(
+    numbers: Indices, seed: int, length: int = SHARE
+) -> NDArray[np.bool_]:
+    """Draw surfaces or tiles for the holdout: one of every `length` successive numbers.
 
-    Whether a surface is drawn depends on its number and the seed alone, whatever the size of the
-    database.
+    The draw depends on the number and the seed alone. A surface of the holdout therefore stays in
+    it as the database grows.
 
     Parameters
     ----------
@@ -194,28 +213,29 @@ def drawn(numbers: Indices, seed: int, among: int = SHARE) -> NDArray[np.bool_]:
         Numbers of surfaces or tiles.
     seed : int
         Seed of the scene.
-    among : int
-        Length of the intervals of numbers, of which one is drawn.
+    length : int
+        Length of the intervals of numbers, from each of which one number is drawn.
 
     Returns
     -------
     ndarray of bool, shape (n,)
-        Whether each surface or tile is in the holdout.
+        True for surfaces and tiles of the holdout.
     """
     chosen = []
     for number in map(int, numbers):
-        interval = number // among
+        interval = number // length
         sequence = np.random.SeedSequence(seed, spawn_key=(KEY, interval, KEY))
-        place = np.random.Generator(np.random.PCG64(sequence)).integers(among)
-        chosen.append(int(place) == number % among)
+        random = np.random.Generator(np.random.PCG64(sequence))
+        place = int(random.integers(length))
+        chosen.append(place == number % length)
     return np.array(chosen, dtype=bool)
 
 
 def holdout(rows: Dataset) -> NDArray[np.bool_]:
-    """Choose the rows that test; all other rows may train.
+    """Choose the rows that test a surrogate; all other rows may train it.
 
-    No group has rows in both parts: a surface that repeats an earlier one belongs to the same part,
-    and so do tiles of which two windows are equal to the last bit.
+    No group of rows is divided. The first row of a group decides for all its rows: those of a
+    surface that repeats an earlier one, and those of tiles that share a window.
 
     Parameters
     ----------
@@ -225,74 +245,85 @@ def holdout(rows: Dataset) -> NDArray[np.bool_]:
     Returns
     -------
     ndarray of bool, shape (n,)
-        Whether each row tests.
+        True for rows that test.
     """
     scene = rows.origins[0].scene
-    among = SHARE
+    length = SHARE
     numbers = rows.rows
-    if np.ptp(rows.groups) > 0:
+    has_surfaces = np.ptp(rows.groups) > 0
+    if has_surfaces:
         numbers = rows.rows // scene.samples_per_surface
     if rows.by_tile:
         assert isinstance(scene.surface, ScanSurface)
-        among = min(SHARE, scene.surface.tile_groups())
+        length = min(SHARE, scene.surface.tile_groups())
         with Reader(Path(rows.name)) as reader:
             numbers = np.asarray(reader.column(TILE)[rows.rows], dtype=np.int64)
-    _, first, place = np.unique(rows.surfaces, return_index=True, return_inverse=True)
-    return drawn(numbers[first], scene.seed, among)[place.ravel()]
+    _, first, group = np.unique(rows.surfaces, return_index=True, return_inverse=True)
+    return drawn_for_holdout(numbers[first], scene.seed, length)[group.ravel()]
 
 
-def parted(sets: list[Dataset], seed: int) -> Split:
-    """Divide rows into training rows, in random order with folds, and test rows.
+def split_by_holdout(sets: list[Dataset], seed: int) -> Split:
+    """Split rows into the test rows of `holdout` and training rows in random order with folds.
 
     Parameters
     ----------
     sets : list of Dataset
-        The same rows for each target.
+        One dataset for each target; all have equal rows.
     seed : int
         Seed of the order of the training rows.
 
     Returns
     -------
     Split
-        Training and test rows, the same for all targets. Groups stay together.
+        Training and test rows, for all targets. No group of rows is divided.
 
     Raises
     ------
     InputError
-        If a part has too few rows, or a target does not vary over it.
+        If training or test rows are fewer than two, or a target does not vary over them.
     """
     rows = sets[0]
     tests = holdout(rows)
     test = np.flatnonzero(tests)
     train = np.flatnonzero(~tests)
     for target in sets:
-        for name, part in (("training", train), ("test", test)):
-            if part.size < 2 or np.ptp(target.target[part]) == 0:
-                raise InputError(
-                    f"{rows.name}: {target.target_name} does not vary over the"
-                    f" {part.size} {name} rows of {rows.size}: more are needed"
-                )
+        _require_varying(target, "training", train)
+        _require_varying(target, "test", test)
     groups, labels = np.unique(rows.surfaces[train], return_inverse=True)
-    place = np.random.default_rng(seed).permutation(groups.size)[labels]
-    shuffled = np.argsort(place, kind="stable")
-    folds = (place[shuffled] * FOLDS // groups.size).astype(np.int8)
-    by_surface = rows.by_tile or bool(np.ptp(rows.groups) > 0)
-    return Split(train[shuffled], test, folds, seed, by_surface)
+    random = np.random.default_rng(seed)
+    place = random.permutation(groups.size)[labels]
+    order = np.argsort(place, kind="stable")
+    return Split(
+        train=train[order],
+        test=test,
+        folds=(place[order] * FOLDS // groups.size).astype(np.int8),
+        seed=seed,
+        by_surface=rows.by_tile or bool(np.ptp(rows.groups) > 0),
+    )
+
+
+def _require_varying(rows: Dataset, name: str, part: Indices) -> None:
+    """Refuse a part, "training" or "test", of fewer than two rows or with a constant target."""
+    if part.size < 2 or np.ptp(rows.target[part]) == 0:
+        raise InputError(
+            f"{rows.name}: {rows.target_name} does not vary over the"
+            f" {part.size} {name} rows of {rows.size}: more are needed"
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """Predictions of one target for n test rows, each (n,), in the target's unit."""
+    """Predictions of one target for n test rows, in the unit of the target."""
 
-    truth: Values
-    prediction: Values
-    low: Values  # ends of the intervals
-    high: Values
+    truth: Values  # (n,), solved values
+    prediction: Values  # (n,)
+    low: Values  # (n,), lower ends of the intervals
+    high: Values  # (n,), upper ends of the intervals
     accuracy: Accuracy
 
     @property
     def inside(self) -> NDArray[np.bool_]:
-        """Whether each row is inside its interval, shape (n,)."""
+        """True for rows whose solved value is inside the interval, (n,)."""
         return np.asarray((self.low <= self.truth) & (self.truth <= self.high))
 
 
@@ -309,7 +340,8 @@ def judge(learnt: Learnt, rows: Dataset) -> Judged:
     Returns
     -------
     Judged
-        Predictions with their intervals, and the estimated error.
+        Predictions with their intervals, and the estimated error. For features of a scene this is
+        the error of the mean over surfaces.
     """
     raw = learnt.raw(rows.inputs)
     ends = learnt.calibration.ends(raw, LEVEL, rows.inputs)
@@ -318,82 +350,92 @@ def judge(learnt: Learnt, rows: Dataset) -> Judged:
     truth = rows.target * rows.scale
     if rows.features.of_scene:
         estimate = accuracy_of_mean(learnt, rows)
-        return Judged(truth, predicted, low, high, estimate)
-    estimate = accuracy(np.abs(predicted - truth), truth, rows.groups)
-    return Judged(truth, predicted, low, high, estimate)
+    else:
+        estimate = accuracy(np.abs(predicted - truth), truth, rows.groups)
+    return Judged(
+        truth=truth, prediction=predicted, low=low, high=high, accuracy=estimate
+    )
 
 
 class Curve(NamedTuple):
-    """The learning curve of a target, a power of the rows through the last error."""
+    """The learning curve of a target: a power of the rows that meets the error of the last look."""
 
-    rows: Values  # of the looks, (k,)
-    nmae: Values  # (k,) [%]
+    rows: Values  # (k,), rows of the database at k looks
+    nmae: Values  # (k,), errors at these looks [%]
 
     @property
     def exponent(self) -> float:
-        """The power with which errors fall."""
-        slope = np.polyfit(np.log(self.rows), np.log(np.maximum(self.nmae, 1e-12)), 1)[0]
+        """Exponent c of the law nMAE ~ rows^-c, fitted to all looks, within `EXPONENTS`."""
+        logarithms = np.log(np.maximum(self.nmae, 1e-12))  # an error may be 0
+        slope = np.polyfit(np.log(self.rows), logarithms, 1)[0]
         return float(np.clip(-slope, *EXPONENTS))
 
     def at(self, rows: Values) -> Values:
-        """Return the errors, (n,), at numbers of rows [%]."""
-        return np.asarray(self.nmae[-1] * (rows / self.rows[-1]) ** -self.exponent)
+        """Return the errors, (n,) [%], at numbers of rows, (n,)."""
+        ratio = rows / self.rows[-1]
+        return np.asarray(self.nmae[-1] * ratio**-self.exponent)
 
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """A surrogate of the present rows, and its errors on the holdout."""
+    """A surrogate of the present rows of a database, judged on the holdout."""
 
-    rows: int  # finished ones of the database
-    number: int  # of the database's size
-    mark: float  # largest nMAE that is asked for [%]
+    rows: int  # number of finished rows of the database
+    number: int  # number of the smallest size with these rows, see `size`
+    mark: float  # largest nMAE that the user accepts [%]
     surrogate: Surrogate
     judged: dict[str, Judged]  # by target
-    parts: Split  # of its usable rows
-    curve: Curve | None = None  # None if there are too few looks for one
-    advice: float | None = None  # rows that meet the mark, infinite if none do
+    parts: Split  # training and test rows
+    curve: Curve | None = None  # of the worst target; None before `POINTS` looks
+    # Rows with which the mark is met by the curve, infinite if it is never met. None without a
+    # curve, or if the mark is met already.
+    advice: float | None = None
 
     def bound(self, target: str) -> float:
-        """Return the bound that a target's error exceeds with this size's probability only [%]."""
+        """Return the bound of a target's error [%], which the error exceeds with `risk` only."""
         return self.judged[target].accuracy.bound(risk(self.number))
 
     @property
     def worst(self) -> str:
-        """The target with the largest bound, on which the mark depends."""
+        """The target with the largest bound, which decides whether the mark is met."""
         return max(self.judged, key=self.bound)
 
     @property
     def met(self) -> bool:
-        """Whether the errors of all targets are below the mark, and no constant does as well."""
+        """True if all bounds are below the mark, and all predictions are better than a constant."""
         if self.bound(self.worst) > self.mark:
             return False
         targets = self.surrogate.card["targets"].values()
         return not any(no_better(target["scores"]["r2"]) for target in targets)
 
     def needed_rows(self) -> str:
-        """Return in words how many more rows the mark needs by the curve; "" without a curve."""
+        """Return in words how many further rows the curve asks for; "" without an advice."""
         if self.advice is None:
             return ""
         if math.isinf(self.advice):
             return "the learning curve does not come to it"
-        more = self.advice - self.rows
-        return f"the learning curve asks for {self.advice:,.0f} rows, {more:,.0f} more"
+        missing = self.advice - self.rows
+        return f"the learning curve asks for {self.advice:,.0f} rows, {missing:,.0f} more"
 
     def in_words(self) -> str:
-        """Return in words how accurate the surrogate is, and how many rows the mark needs."""
-        errors = ", ".join(
-            f"{name} {target.accuracy.nmae:.2f} +- {target.accuracy.error:.2f} %"
-            f" (at most {self.bound(name):.2f} %)"
-            for name, target in self.judged.items()
-        )
-        text = f"{self.rows} rows: nMAE of {errors}; asked: {self.mark:g} %"
+        """Return a line with the error of each target, and with the rows that the mark needs."""
+        errors = []
+        for name, judged in self.judged.items():
+            accuracy = judged.accuracy
+            errors.append(
+                f"{name} {accuracy.nmae:.2f} +- {accuracy.standard_error:.2f} %"
+                f" (at most {self.bound(name):.2f} %)"
+            )
+        text = f"{self.rows} rows: nMAE of {', '.join(errors)}; asked: {self.mark:g} %"
         if self.met:
             return f"{text}: met"
         needed = self.needed_rows()
-        return f"{text}; {needed}" if needed else text
+        if needed:
+            text += f"; {needed}"
+        return text
 
 
-def advise(look: Look, curve: Curve, most: int, rows: Dataset) -> float:
+def advise(look: Look, curve: Curve, row_limit: int, rows: Dataset) -> float:
     """Estimate how many rows the mark needs.
 
     Parameters
@@ -402,10 +444,11 @@ def advise(look: Look, curve: Curve, most: int, rows: Dataset) -> float:
         The last look, whose mark is not met.
     curve : Curve
         Learning curve of its worst target.
-    most : int
+    row_limit : int
         Largest number of rows that the database may have.
     rows : Dataset
-        Rows of the last look. More rows of maps have the same tiles, whose errors differ as before.
+        Rows of the last look. If they are windows of maps, the number of groups does not grow with
+        the database, because the maps have no further tiles.
 
     Returns
     -------
@@ -414,15 +457,18 @@ def advise(look: Look, curve: Curve, most: int, rows: Dataset) -> float:
         there is none.
     """
     per_surface = rows.origins[0].scene.samples_per_surface
-    error = look.judged[look.worst].accuracy
-    for number in range(look.number + 1, size_with(most, per_surface) + 1):
-        larger = min(size(number, per_surface), most)
+    present = look.judged[look.worst].accuracy
+    last_number = size_with(row_limit, per_surface)
+    for number in range(look.number + 1, last_number + 1):
+        larger = min(size(number, per_surface), row_limit)
         share = float(curve.at(np.array([larger]))[0]) / curve.nmae[-1]
-        growth = 1.0 if rows.by_tile else larger / look.rows
+        growth = larger / look.rows  # of the number of groups
+        if rows.by_tile:
+            growth = 1.0
         expected = Accuracy(
-            error.nmae * share,
-            error.error * share / math.sqrt(growth),
-            max(int(error.groups * growth), 2),
+            nmae=present.nmae * share,
+            standard_error=present.standard_error * share / math.sqrt(growth),
+            groups=max(int(present.groups * growth), 2),
         )
         if expected.bound(risk(number)) <= look.mark:
             return float(larger)

@@ -1,6 +1,8 @@
-"""The loop of a growth: look, generate the rows of the next size, and look again; then its report.
+"""The loop of a growth, and the report at its end.
 
-The processes of the run compute the rows, as many as the time allows, and the master writes them.
+A growth generates the rows of one size of the database, fits a surrogate to them and judges it (a
+"look"), and goes on with the next size until the surrogate is accurate enough. All processes of the
+run compute rows, and the master writes them to the database.
 """
 
 import math
@@ -41,29 +43,35 @@ from learn.grow.accuracy import (
     Look,
     advise,
     judge,
-    parted,
     size,
     size_with,
+    split_by_holdout,
 )
 from learn.metrics import LEVEL
 from learn.split import Split, require_tiles
 from learn.surrogate import fitting
 from learn.surrogate.model import Surrogate
 
-GROWTH = 2.0  # exponent with which the time of a look grows with the rows
+GROWTH = 2.0
+"""Exponent with which the time of a look is expected to grow with the number of rows."""
 
 WORTH = 0.05
-"""Rows of a round over those that there are, at least, if the budget is to be spent on them."""
+"""Smallest share of new rows for which a growth goes on. If the budget allows fewer, it ends."""
 
 EARLIEST = 7
-"""Number of the smallest size at which a growth gives up by its learning curve."""
+"""Number of the smallest size at which a growth gives up because of its learning curve alone."""
 
 PATIENT = 4
-"""Number of the size from which on rows that are too few for a fit are an error."""
+"""Number of the smallest size at which rows that are too few for a fit are an error."""
 
 Ending = Literal["met", "budget", "rows", "hopeless", "interrupted"]
+"""Reason for the end of a growth; "interrupted" is a signal, `WORDS` describes the other ones."""
 
-COLOUR, MARK = "tab:blue", "tab:red"
+INSIDE_COLOUR = "tab:blue"
+"""Colour of the learning curve, and of predictions whose interval contains the truth."""
+
+OUTSIDE_COLOUR = "tab:red"
+"""Colour of the mark, and of predictions whose interval does not contain the truth."""
 
 WORDS: dict[Ending, str] = {
     "met": "The mark is met",
@@ -71,35 +79,36 @@ WORDS: dict[Ending, str] = {
     "rows": "The allowed rows are used up before the mark is met",
     "hopeless": "The mark is out of reach of this model with these features",
 }
-"""Why a growth has ended, if no signal has come."""
+"""Words of the report for each reason, the first half of a sentence."""
 
 
 @dataclass(frozen=True)
 class Stock:
-    """Rows of a database."""
+    """The rows of a database."""
 
-    finished: int  # rows before the first one that is pending
-    rows: int  # all rows
-    seconds: float  # time that the finished ones took, surfaces included [s]
+    finished: int  # number of rows before the first pending one
+    rows: int  # number of all rows
+    # time in which all done and failed rows were computed, with surfaces [s]
+    seconds: float
 
 
 def stock(path: Path) -> Stock:
-    """Count the rows of a database.
+    """Count the rows of a database, and add up their times.
 
     Parameters
     ----------
     path : Path
-        The database; it may not exist yet.
+        The database, which may not exist yet.
 
     Returns
     -------
     Stock
-        Its rows, none if there is no such file.
+        Numbers and time of the rows; zeros if the file does not exist.
 
     Raises
     ------
     InputError
-        If the file is no whole database.
+        If the file is no database, or only a part of one.
     """
     if not path.exists():
         return Stock(0, 0, 0.0)
@@ -110,55 +119,99 @@ def stock(path: Path) -> Stock:
             )
         status = reader.column("status")
         seconds = reader.column("solve_seconds") + reader.column("surface_seconds")
-    pending = np.flatnonzero(status == Status.PENDING)
-    finished = int(pending[0]) if pending.size else len(status)
-    taken = float(np.nansum(seconds[status != Status.PENDING]))
-    return Stock(finished, len(status), taken)
+    is_pending = status == Status.PENDING
+    finished = len(status)
+    if is_pending.any():
+        finished = int(np.argmax(is_pending))
+    return Stock(
+        finished=finished,
+        rows=len(status),
+        seconds=float(np.nansum(seconds[~is_pending])),
+    )
 
 
 class End(NamedTuple):
     """The end of a growth."""
 
     reason: Ending
-    last: (
-        Look | None
-    )  # last surrogate with its errors; None after a stop before the first one
+    last: Look | None  # the last look; None if a stop came before the first look
 
 
 @dataclass(frozen=True)
 class LookTime:
-    """Rows and time of a look."""
+    """The time of a look."""
 
-    rows: int
-    seconds: float  # [s]
+    rows: int  # number of rows of the look
+    seconds: float  # duration of fit and judgement [s]
+
+
+NO_LOOK = LookTime(rows=1, seconds=0.0)
+"""Time of the last look before the first one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """A look, or the reason why there is none."""
+
+    look: Look | None
+    fault: str  # why there is no look; not read if there is one
+
+
+@dataclass(frozen=True, eq=False)
+class FitOrder:
+    """A fit that a process makes."""
+
+    request: Request
+    sets: list[Dataset]  # one dataset for each target, with equal rows
+    parts: Split  # training and test rows
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A fitted surrogate."""
+
+    surrogate: Surrogate
+    lines: list[str]  # for the user: scores and warnings of the fit
+
+
+@dataclass(frozen=True)
+class RowsOrder:
+    """The scene whose rows the processes of a run compute."""
+
+    scene: Scene
+    folder: Path  # of the database, where files that surfaces are made of are searched
+
+
+def _never() -> bool:
+    """Return False: without a signal, nothing stops a growth."""
+    return False
 
 
 @dataclass
 class Growth:
     """A growth of a database and of the surrogate of its rows.
 
-    The database is the whole state of a growth: another growth of the same request goes on with it.
+    The database is the whole state of a growth. After a stop or a kill, a second growth of an equal
+    request continues with the rows of the database.
     """
 
-    request: Request
-    mark: float  # largest nMAE of every target that is asked for [%]
-    most: int  # rows of the database at most
+    request: Request  # names one database, which need not exist yet
+    mark: float  # largest nMAE that the user accepts for every target [%]
+    row_limit: int  # largest number of rows of the database
     scene: Scene
     executor: Executor  # computes rows and features
-    say: Callable[[str], None]  # called with lines for the user
-    stopping: Callable[[], bool] = lambda: (
-        False
-    )  # called between rows; True ends the growth
+    say: Callable[[str], None]  # called with each line for the user
+    stopping: Callable[[], bool] = _never  # called between rows; True ends the growth
     until: float = math.inf  # time of `time.time` at which the budget ends [s]
-    # Time in which all workers together compute one row, 0 if it is not known yet [s].
+    # Time of a row if all workers compute rows at once, 0 before the first row [s].
     row_seconds: float = 0.0
-    last_look: LookTime = field(default_factory=lambda: LookTime(1, 0.0))
-    # Errors of all looks, by the rows of the database and the target.
+    last_look: LookTime = NO_LOOK
+    # Errors of all looks, by the number of rows and the name of the target.
     errors: dict[int, dict[str, Accuracy]] = field(default_factory=dict)
 
     @property
     def path(self) -> Path:
-        """The database."""
+        """Path of the database."""
         (path,) = self.request.databases
         return path
 
@@ -170,85 +223,105 @@ class Growth:
     def grow(self) -> End:
         """Grow until the surrogate is as accurate as requested, or the growth has to end.
 
-        The database is locked, and gets further rows; the surrogate is written after each look. The
-        same call goes on after a stop or a kill.
+        The database is locked, and extended by rows. Each look writes the surrogate, and lines for
+        the user by `say`. After a stop or a kill, the same call continues.
 
         Returns
         -------
         End
-            Why the growth ends, and the last surrogate with its errors.
+            Reason for the end, and the last look.
 
         Raises
         ------
         InputError
             If the input cannot be used, or the budget is too small for a first surrogate.
         """
-        whole = completed(self.scene, self.path.parent, rehearsed=True)
+        scene = completed(self.scene, self.path.parent, rehearsed=True)
         with database.lock(self.path):
-            _refuse_others(self.request, whole)
-            for doubt in doubts_before(whole, self.most):
+            _refuse_others(self.request, scene)
+            for doubt in doubts_before(scene, self.row_limit):
                 self.say(f"warning: {doubt}")
-            smallest = min(size(0, self.per_surface), self.most)
-            wanted = max(stock(self.path).rows, smallest)
-            last: Look | None = None
-            while True:
-                rows = self.generate(whole, wanted)
-                if last is not None and rows == last.rows and not self.stopping():
-                    return End("budget", last)  # it does not suffice for another row
-                look, fault = self._try_to_look(rows, required=last is not None)
-                last = look or last
-                ending = self._ending(rows, last)
-                if last is None and ending == "budget":
-                    raise InputError(
-                        f"the budget sufficed for {rows} rows, but for no surrogate ({fault}); the"
-                        " same command goes on"
-                    )
-                if ending is not None:
-                    return End(ending, last)
-                if last is None:
-                    self.say(f"{rows} rows are too few: {fault}")
-                following = size_with(rows + 1, self.per_surface)
-                wanted = min(size(following, self.per_surface), self.most)
+            smallest = min(size(0, self.per_surface), self.row_limit)
+            target = max(stock(self.path).rows, smallest)
+            return self._grow_from(scene, target)
 
-    def _try_to_look(self, rows: int, *, required: bool) -> tuple[Look | None, str]:
-        """Look at the first rows and keep the time; return the look, or None and why there is none.
+    def _grow_from(self, scene: Scene, target: int) -> End:
+        """Generate `target` rows and look, then go on with larger sizes until the growth ends."""
+        last: Look | None = None
+        while True:
+            rows = self.generate(scene, target)
+            no_new_row = last is not None and rows == last.rows
+            if no_new_row and not self.stopping():
+                # The budget does not suffice for another row.
+                return End("budget", last)
+            attempt = self._try_to_look(rows, required=last is not None)
+            last = attempt.look or last
+            ending = self._ending(rows, last)
+            if last is None and ending == "budget":
+                raise InputError(
+                    f"the budget sufficed for {rows} rows, but for no surrogate"
+                    f" ({attempt.fault}); the same command goes on"
+                )
+            if ending is not None:
+                return End(ending, last)
+            if last is None:
+                self.say(f"{rows} rows are too few: {attempt.fault}")
+            following = size_with(rows + 1, self.per_surface)
+            target = min(size(following, self.per_surface), self.row_limit)
 
-        Too few rows are an error if a look is required, or there are as many as a fit should need.
+    def _try_to_look(self, rows: int, *, required: bool) -> Attempt:
+        """Look at the first rows of the database, and set `last_look`.
+
+        Rows that are too few for a fit raise InputError if a look is `required`, or if the database
+        has the size of number `PATIENT`. Otherwise the attempt says why there is no look.
         """
-        began = time.time()
+        start = time.time()
         look = None
         fault = "no fit has ended"
         try:
             if not self.stopping():
                 look = self.look(rows)
         except InputError as error:
-            enough = min(self.most, size(PATIENT, self.per_surface))
+            enough = min(self.row_limit, size(PATIENT, self.per_surface))
             if required or rows >= enough:
                 raise
             fault = str(error)
-        self.last_look = LookTime(max(rows, 1), time.time() - began)
-        return look, fault
+        self.last_look = LookTime(rows=max(rows, 1), seconds=time.time() - start)
+        return Attempt(look, fault)
 
     def _ending(self, rows: int, last: Look | None) -> Ending | None:
-        """Return why a growth ends after a look, None if it goes on."""
+        """Return the reason why a growth ends at a number of rows; None if it goes on."""
         if self.stopping():
             return "interrupted"
         if last is not None and last.met:
             return "met"
-        if last is not None and rows >= self.most:
+        if last is not None and rows >= self.row_limit:
             return "rows"
-        if last is not None and last.advice is not None and math.isinf(last.advice):
-            # The mark is out of reach for the curve; at first only if it is for the steepest one.
-            error = last.judged[last.worst].accuracy.nmae
-            steepest = error * (rows / self.most) ** EXPONENTS[1]
-            if steepest > self.mark or last.number >= EARLIEST:
-                return "hopeless"
-        return None if self.suffices(rows, max(WORTH * rows, 1.0)) else "budget"
+        if last is not None and self._is_hopeless(rows, last):
+            return "hopeless"
+        if self.suffices(rows, max(WORTH * rows, 1.0)):
+            return None
+        return "budget"
+
+    def _is_hopeless(self, rows: int, last: Look) -> bool:
+        """Tell whether the learning curve does not reach the mark within the row limit.
+
+        Before the size of number `EARLIEST` the curve is uncertain. The mark is then out of reach
+        only if it is so for the steepest curve.
+        """
+        if last.advice is None or math.isfinite(last.advice):
+            return False
+        if last.number >= EARLIEST:
+            return True
+        nmae = last.judged[last.worst].accuracy.nmae
+        steepest = EXPONENTS[1]
+        smallest: float = nmae * (rows / self.row_limit) ** steepest
+        return smallest > self.mark
 
     def look(self, rows: int) -> Look | None:
         """Fit a surrogate to the first rows of the database, judge it and save it.
 
-        Its errors are added to those of the looks before, and printed.
+        Its errors are added to `errors`, and written for the user by `say`.
 
         Parameters
         ----------
@@ -258,7 +331,7 @@ class Growth:
         Returns
         -------
         Look or None
-            The surrogate with its errors; None after a stop, or at the end of the budget.
+            The judged surrogate; None after a stop, or at the end of the budget.
 
         Raises
         ------
@@ -271,155 +344,173 @@ class Growth:
             return None
         require_tiles(sets[0])
         sets = [target.at(np.flatnonzero(target.rows < rows)) for target in sets]
-        parts = parted(sets, request.seed)
-        fitted = within(_fitted, (request, sets, parts), None, self.until)
+        parts = split_by_holdout(sets, request.seed)
+        # The fit may take longer than the budget: it is a task that can be stopped.
+        fitted = within(_fit, FitOrder(request, sets, parts), None, self.until)
         if isinstance(fitted, Ended):
             return None
-        surrogate, lines = fitted
-        for line in lines:
+        for line in fitted.lines:
             self.say(line)
-        judged = {
-            name: judge(surrogate.learnt[name], target.at(parts.test))
-            for name, target in zip(request.targets, sets, strict=True)
-        }
-        number = size_with(rows, self.per_surface)
-        look = Look(rows, number, self.mark, surrogate, judged, parts)
+        judged = {}
+        for name, target in zip(request.targets, sets, strict=True):
+            learnt = fitted.surrogate.learnt[name]
+            judged[name] = judge(learnt, target.at(parts.test))
+        look = Look(
+            rows=rows,
+            number=size_with(rows, self.per_surface),
+            mark=self.mark,
+            surrogate=fitted.surrogate,
+            judged=judged,
+            parts=parts,
+        )
         self._save(look)
-        accuracies = {name: target.accuracy for name, target in judged.items()}
-        self.errors[rows] = accuracies
+        self.errors[rows] = {name: target.accuracy for name, target in judged.items()}
         if len(self.errors) >= POINTS:
             look = self._with_curve(look, sets[0])
         self.say(look.in_words())
         return look
 
     def _save(self, look: Look) -> None:
-        """Write the surrogate of a look; its card says how accurate the surrogate is."""
+        """Write the surrogate of a look, with the errors of the look in its card."""
+        errors = {}
+        bounds = {}
+        for name, judged in look.judged.items():
+            errors[name] = judged.accuracy.standard_error
+            bounds[name] = look.bound(name)
         look.surrogate.card["grown"] = {
             "mark": self.mark,
             "met": look.met,
             "rows": look.rows,
-            "errors": {
-                name: target.accuracy.error for name, target in look.judged.items()
-            },
-            "bounds": {name: look.bound(name) for name in look.judged},
+            "errors": errors,
+            "bounds": bounds,
         }
         look.surrogate.save(self.request.output)
 
     def _with_curve(self, look: Look, rows: Dataset) -> Look:
-        """Return a look with the learning curve of its worst target, and its advice."""
-        sizes = np.array([*self.errors], dtype=float)
-        nmae = np.array([targets[look.worst].nmae for targets in self.errors.values()])
-        curve = Curve(sizes, nmae)
-        advice = None if look.met else advise(look, curve, self.most, rows)
+        """Return a look with the learning curve of its worst target, and its advice.
+
+        Takes the rows of the look for one of its targets.
+        """
+        curve = Curve(
+            rows=np.array([*self.errors], dtype=float),
+            nmae=np.array([errors[look.worst].nmae for errors in self.errors.values()]),
+        )
+        advice = None
+        if not look.met:
+            advice = advise(look, curve, self.row_limit, rows)
         return replace(look, curve=curve, advice=advice)
 
-    def suffices(self, rows: int, more: float) -> bool:
-        """Return whether the budget suffices for further rows, and for the look after them.
+    def suffices(self, rows: int, added: float) -> bool:
+        """Estimate whether the budget suffices for further rows, and for the look after them.
 
         Parameters
         ----------
         rows : int
-            Number of rows that are finished.
-        more : float
+            Number of finished rows.
+        added : float
             Number of further rows.
 
         Returns
         -------
         bool
-            An estimate by the times of the last look and of the rows of this call.
+            True if it suffices, by the times of the last look and of the rows of this growth.
         """
-        ratio = max((rows + more) / self.last_look.rows, 1.0)
-        look = self.last_look.seconds * math.pow(ratio, GROWTH)
-        return self.until - time.time() - look >= more * self.row_seconds
+        ratio = max((rows + added) / self.last_look.rows, 1.0)
+        look_seconds = self.last_look.seconds * math.pow(ratio, GROWTH)
+        remaining = self.until - time.time()
+        return remaining - look_seconds >= added * self.row_seconds
 
     def generate(self, scene: Scene, rows: int) -> int:
-        """Give the database a number of rows at least, or make it.
+        """Compute rows until the database has at least a given number; create it if needed.
 
-        The caller holds `gen.database.lock`. A stop or a kill leaves a database that the same call
-        goes on with.
+        The caller holds `gen.database.lock`. After a stop or a kill, the same call continues.
 
         Parameters
         ----------
         scene : Scene
-            A scene from `gen.generation.completion.completed`, whose number of samples does not
-            count.
+            A scene from `gen.generation.completion.completed`. Its number of samples is not used.
         rows : int
-            Number of rows that are wanted.
+            Number of rows that the database is to have.
 
         Returns
         -------
         int
-            Number of rows that are finished; fewer than wanted after a stop, or at the end of the
-            budget.
+            Number of finished rows, fewer than `rows` after a stop or at the end of the budget.
 
         Raises
         ------
         InputError
-            If the file is of another scene, or cannot be written.
+            If the database is of another scene, or cannot be written.
         """
-        wider = scene.model_copy(update={"samples": rows})
+        enlarged = scene.model_copy(update={"samples": rows})
         before = stock(self.path)
         if before.finished and not self.row_seconds:
             workers = self.executor.world.workers
             self.row_seconds = before.seconds / before.finished / workers
         if before.finished >= rows:
             return before.finished
-        database.open_or_create(self.path, wider)
+        database.open_or_create(self.path, enlarged)
         scene.surface.make_ready(self.path.parent)
-        with Writer(self.path, wider) as writer:
+        with Writer(self.path, enlarged) as writer:
             self._compute_pending(writer, before.finished)
             writer.confirm()
         return stock(self.path).finished
 
     def _compute_pending(self, writer: Writer, before: int) -> None:
-        """Compute the pending rows of a database that has some rows before, as time allows."""
+        """Compute the pending rows of a database, and write them, until a stop or the budget's end.
+
+        `before` is the number of finished rows. Sets `row_seconds`, and shows progress on standard
+        error.
+        """
         pending = writer.pending()
         number = sum(map(len, pending))
         workers = self.executor.world.workers
-        made = 0
+        computed = 0
         with RunProgress(number, "rows") as progress:
             progress.say(f"{self.path}: {number} new rows, {before} there")
-            began = time.time()
+            start = time.time()
 
-            def on_result(block: range, columns: Columns) -> None:
-                nonlocal made
+            def write(block: range, columns: Columns) -> None:
+                nonlocal computed
                 writer.write_block(block.start, block.stop, columns)
-                made += len(block)
-                self.row_seconds = (time.time() - began) / made
+                computed += len(block)
+                self.row_seconds = (time.time() - start) / computed
                 failed = int(np.count_nonzero(columns["status"] == Status.FAILED))
-                progress.advance(len(block), failed=failed)
+                progress.advance(rows=len(block), failed=failed)
 
-            # Rows in the hands of the workers are finished before another look.
-            under_way = farm.IN_FLIGHT * workers if workers > 1 else 1
+            # A stop waits for the rows that are being computed.
+            under_way = 1
+            if workers > 1:
+                under_way = farm.IN_FLIGHT * workers
 
             def is_over() -> bool:
-                return self.stopping() or not self.suffices(before + made, under_way)
+                return self.stopping() or not self.suffices(before + computed, under_way)
 
             blocks = blocks_of(writer.scene, pending, workers)
-            if self.until < math.inf:  # a stop waits for the tasks under way
+            if self.until < math.inf:
+                # Single rows are short tasks, so that a growth ends close to its budget.
                 blocks = (range(row, row + 1) for block in blocks for row in block)
-            shared = (writer.scene, self.path.parent)
-            self.executor.run(_compute, shared, blocks, on_result, stopping=is_over)
+            shared = RowsOrder(writer.scene, self.path.parent)
+            self.executor.run(_compute, shared, blocks, write, stopping=is_over)
 
 
-def _fitted(
-    data: tuple[Request, list[Dataset], Split], task: None
-) -> tuple[Surrogate, list[str]]:
-    """Fit a surrogate to rows that are divided; return it with the lines for the user."""
-    request, sets, parts = data
+def _fit(order: FitOrder, _: None) -> Fitted:
+    """Fit a surrogate to the training rows of an order; the second argument is not used."""
     lines: list[str] = []
-    surrogate = fitting.fit_parts(request, sets, parts, lines.append)
-    return surrogate, lines
+    surrogate = fitting.fit_parts(order.request, order.sets, order.parts, lines.append)
+    return Fitted(surrogate, lines)
 
 
 def _refuse_others(request: Request, scene: Scene) -> None:
     """Refuse targets that the scene does not store, and a database of another scene."""
-    path, known = request.databases[0], results(scene, request.load or "delta")
+    columns = results(scene, request.load or "delta")
     for target in request.targets:
-        if TARGETS.get(target, target) not in known:
-            names = ", ".join(short_name(column) for column in known)
+        if TARGETS.get(target, target) not in columns:
+            names = ", ".join(map(short_name, columns))
             raise InputError(f"--target {target!r}: the scene stores {names}")
-    if path.exists():  # also where it has rows enough
+    path = request.databases[0]
+    # `generate` does not look at the scene of a database that has enough rows.
+    if path.exists():
         with Reader(path) as reader:
             different = differences(reader.scene, scene)
         if different:
@@ -429,24 +520,24 @@ def _refuse_others(request: Request, scene: Scene) -> None:
             )
 
 
-def _compute(shared: tuple[Scene, Path], block: range) -> Columns:
-    """Compute a block of the rows of a scene, whose database lies in a folder."""
-    scene, folder = shared
-    scene.surface.make_ready(folder, verify=False)
+def _compute(shared: RowsOrder, block: range) -> Columns:
+    """Compute a block of rows on any process; return their columns by name."""
+    scene = shared.scene
+    scene.surface.make_ready(shared.folder, verify=False)
     return compute_rows(scene, block.start, block.stop, rank=farm.this_world().rank)
 
 
 def show(growth: Growth, ending: Ending, last: Look) -> None:
-    """Print the end of a growth, and the errors of its last surrogate.
+    """Print why a growth ended, and the errors of its last surrogate.
 
     Parameters
     ----------
     growth : Growth
         The growth, after its end.
     ending : Ending
-        Why it has ended.
+        Reason for the end, other than "interrupted".
     last : Look
-        Its last surrogate with its errors.
+        The last look.
     """
     card = last.surrogate.card
     rows = card["rows"]
@@ -471,18 +562,21 @@ def show(growth: Growth, ending: Ending, last: Look) -> None:
     )
     lines = [_line_of_errors(last, target) for target in last.judged]
     print_columns(lines, ("target", *numbers), right=numbers)
-    curve = last.curve
-    if curve is not None:
-        pairs = zip(curve.rows, curve.nmae, strict=True)
-        points = ", ".join(f"{error:.3g} % of {size:.0f}" for size, error in pairs)
-        echo(
-            f"learning curve of {last.worst}: nMAE {points} rows; falls as"
-            f" n^-{curve.exponent:.2f}"
-        )
+    if last.curve is not None:
+        _show_curve(last.curve, last.worst)
+
+
+def _show_curve(curve: Curve, target: str) -> None:
+    """Print the points and the exponent of the learning curve of a target."""
+    pairs = zip(curve.rows, curve.nmae, strict=True)
+    points = ", ".join(f"{error:.3g} % of {size:.0f}" for size, error in pairs)
+    echo(
+        f"learning curve of {target}: nMAE {points} rows; falls as n^-{curve.exponent:.2f}"
+    )
 
 
 def _show_ending(growth: Growth, ending: Ending, last: Look) -> None:
-    """Print why a growth has ended, and what could be done about it."""
+    """Print why a growth ended, and how the user can come closer to the mark."""
     accuracy = last.judged[last.worst].accuracy
     text = (
         f"{WORDS[ending]}: nMAE of {last.worst} {accuracy.nmae:.2f} %, at most"
@@ -496,8 +590,8 @@ def _show_ending(growth: Growth, ending: Ending, last: Look) -> None:
     echo(text)
     if ending == "hopeless":
         echo(
-            f"Within {growth.most} rows, the most that are allowed, the learning curve does not"
-            " come to it: ask for less, allow more --rows, or try other --features."
+            f"Within {growth.row_limit} rows, the most that are allowed, the learning curve does"
+            " not come to it: ask for less, allow more --rows, or try other --features."
         )
         return
     needed = last.needed_rows()
@@ -506,14 +600,14 @@ def _show_ending(growth: Growth, ending: Ending, last: Look) -> None:
 
 
 def _line_of_errors(last: Look, target: str) -> list[str]:
-    """Return the cells of the printed table of errors for a target."""
+    """Return the cells of a target in the table of errors, in the order of its columns."""
     judged = last.judged[target]
     card = last.surrogate.card["targets"][target]
     width = np.mean(judged.high - judged.low)
     return [
         target,
         f"{judged.accuracy.nmae:.2f}",
-        f"{judged.accuracy.error:.2f}",
+        f"{judged.accuracy.standard_error:.2f}",
         f"{last.bound(target):.2f}",
         f"{card['scores']['r2']:.2f}",
         f"{100 * judged.inside.mean():.1f} %",
@@ -529,27 +623,35 @@ def draw(figure: Any, last: Look) -> None:
     figure : Figure
         An empty figure of matplotlib, into which two axes are drawn.
     last : Look
-        The surrogate with its errors.
+        The last look of a growth.
     """
-    axis, parity = figure.subplots(1, 2)
-    _draw_parity(parity, last)
+    axis, parity_axis = figure.subplots(1, 2)
+    _draw_parity(parity_axis, last)
+    _draw_learning_curve(axis, last)
+
+
+def _draw_learning_curve(axis: Any, last: Look) -> None:
+    """Draw the errors of all looks with their curve, the bound of the last one, and the mark."""
     if last.curve is not None:
         curve = last.curve
         axis.plot(curve.rows, curve.nmae, "o", color="0.4", ms=4, label="looks")
+        # The curve goes on to eight times the rows of the last look.
         rows = np.geomspace(curve.rows[0], 8 * curve.rows[-1], 100)
-        axis.plot(rows, curve.at(rows), color=COLOUR, label="n$^{-c}$")
+        axis.plot(rows, curve.at(rows), color=INSIDE_COLOUR, label="n$^{-c}$")
     nmae = last.judged[last.worst].accuracy.nmae
-    above = np.nan_to_num(last.bound(last.worst) - nmae, posinf=0.0)
+    # An infinite bound cannot be drawn.
+    up_to_bound = np.nan_to_num(last.bound(last.worst) - nmae, posinf=0.0)
     axis.errorbar(
         [last.rows],
         [nmae],
-        [[0.0], [above]],
+        [[0.0], [up_to_bound]],
         fmt="s",
         color="black",
         capsize=4,
         label="all rows, with their bound",
     )
-    axis.axhline(last.mark, color=MARK, ls="--", label=f"asked for, {last.mark:g} %")
+    asked = f"asked for, {last.mark:g} %"
+    axis.axhline(last.mark, color=OUTSIDE_COLOUR, ls="--", label=asked)
     axis.set(xlabel="rows of the database", ylabel="nMAE [%]")
     axis.set_title(f"Learning curve, {last.worst}")
     log_axis(axis.xaxis)
@@ -563,9 +665,11 @@ def _draw_parity(axis: Any, last: Look) -> None:
     judged = last.judged[last.worst]
     unit = last.surrogate.learnt[last.worst].unit
     parity_axes(axis, judged.truth)
-    _draw_predictions(axis, judged, judged.inside, COLOUR, "inside its interval")
-    _draw_predictions(axis, judged, ~judged.inside, MARK, "outside")
-    quantity = last.worst if unit == "1" else f"{last.worst} [{unit}]"
+    _draw_predictions(axis, judged, judged.inside, INSIDE_COLOUR, "inside its interval")
+    _draw_predictions(axis, judged, ~judged.inside, OUTSIDE_COLOUR, "outside")
+    quantity = last.worst
+    if unit != "1":
+        quantity += f" [{unit}]"
     axis.set(xlabel=f"solved {quantity}", ylabel="predicted")
     axis.set_title(f"{judged.truth.size} rows held out for tests")
     axis.legend(fontsize=8, loc="upper left")
@@ -574,8 +678,12 @@ def _draw_parity(axis: Any, last: Look) -> None:
 def _draw_predictions(
     axis: Any, judged: Judged, rows: NDArray[np.bool_], colour: str, name: str
 ) -> None:
-    """Draw the predictions of some rows, (n,), with their intervals, over the truth."""
+    """Draw predictions with their intervals over the truth, where `rows`, (n,), is True.
+
+    `name` is the label in the legend; the number of these rows is added.
+    """
     truth = judged.truth[rows]
+    # Ends beyond the axis would draw lines across the labels.
     ends = np.clip([judged.low[rows], judged.high[rows]], *axis.get_ylim())
     axis.vlines(truth, ends[0], ends[1], color=colour, alpha=0.25, lw=1)
     draw_parity(

@@ -1,11 +1,19 @@
-"""Predictions for files, surfaces or tables of statistics, with a row for each displacement."""
+"""Predictions for the files that a user names, as rows of a table.
+
+`answers` predicts surfaces: maps of heights, or tables of their statistics. `answers_of_parameters`
+predicts the contacts of a scene from its numbers. Both yield one row for each surface, or set of
+numbers, and each load.
+"""
 
 import csv
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from math import isfinite, nan
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from gen.arrays import Values
 from gen.maps.bodies import read_surface
@@ -20,61 +28,170 @@ from gen.runtime.terminal import command_to_type, echo
 from learn.features import SurfaceFeatures, Undefined
 from learn.features.columns import STATISTICS
 from learn.features.rows import Grid, Rows
-from learn.features.scene import LOADS, unit_of
+from learn.features.scene import unit_of
 from learn.surrogate.model import Prediction, Surrogate
 
+TABLE_SUFFIXES = {".csv", ".txt"}
+"""Suffixes, in lower case, of files that may be tables of statistics or of a scene's numbers."""
 
-def answers(
-    surrogate: Surrogate,
-    path: Path,
-    loads: Values,
-    bodies: Bodies,
-    level: float,
-    reading: Reading,
-) -> Iterator[Row]:
-    """Yield the rows of the predictions for a file, or for the files of a folder.
+NAMED_COLUMNS = 3
+"""Largest number of missing columns that an error names; it only counts the further ones."""
 
-    Loads are k Deltas [um], or pressures [MPa]; `level` is the coverage of the intervals.
+Cells = list[dict[str, str]]
+"""Rows of a table: the text of each cell by the name of its column."""
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceQuestion:
+    """What a surrogate is asked about every surface."""
+
+    loads: (
+        Values  # (k,), Deltas [um], or pressures [MPa] if the surrogate has learnt these
+    )
+    bodies: Bodies  # E* and hardness of the contacts [MPa]
+    level: float  # coverage of the intervals, between 0 and 1
+    reading: (
+        Reading  # how maps are read; its scan lengths hold for tables of statistics too
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class FileAnswer:
+    """The predictions for one file."""
+
+    prediction: Prediction
+    warnings: Sequence[
+        str
+    ] = ()  # reasons to distrust the contacts of a map, one line each
+
+
+def answers(surrogate: Surrogate, path: Path, question: SurfaceQuestion) -> Iterator[Row]:
+    """Predict contacts for a file, or for each file of a folder, and yield them as rows of a table.
+
+    The preparation of maps, and warnings about them, are printed on standard error.
+
+    Parameters
+    ----------
+    surrogate : Surrogate
+        A surrogate of surfaces.
+    path : Path
+        A map of heights, a table of statistics as `gen describe --csv` writes it, or a folder of
+        them.
+    question : SurfaceQuestion
+        Loads and bodies of the contacts, level of the intervals, and preparation of the maps.
+
+    Yields
+    ------
+    Row
+        For each surface and load in their order: "input", the file; the load; each target with the
+        ends of its interval, as "force_uN", "force_uN_low" and "force_uN_high"; "flag", "inside" or
+        "outside" the training; "reason", why it is outside, or ""; and "warnings" about the map. If
+        a map of a folder has no statistics, its predictions are NaN, and its reason says why.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read, it has another boundary than the surrogate, or the surrogate
+        cannot predict for it; or if the only file is a map without statistics.
     """
     files = files_in(path)
     for file in files:
-        warnings: list[str] = []
-        first = ""  # names of a table's columns, or numbers of a map
-        try:
-            if file.suffix.lower() in {".csv", ".txt"}:
-                with require_file(file).open(
-                    encoding="utf-8-sig", errors="replace"
-                ) as opened:
-                    first = opened.readline()
-            if {name.strip() for name in first.split(",")} & {*STATISTICS}:
-                rows = rows_of_table(surrogate, file, loads, bodies, reading.side)
+        with _errors_about(file):
+            if _is_table_of_statistics(file):
+                answer = _answer_for_table(surrogate, file, question)
             else:
-                found, warnings = read_surface(file, reading, surrogate.boundary)
-                echo(f"{file}: {'; '.join(found.steps)}", err=True)
-                for line in warnings:
-                    echo(f"  warning: {line}", err=True)
-                own = found.heights, found.sides, found.spacing, str(file), found.boundary
-                how = bodies.hardness_ratio, bodies.e_star
-                rows = SurfaceFeatures(*own).rows(surrogate.features, loads, *how)
-            answer = surrogate.predict_rows(rows, e_star=bodies.e_star, level=level)
-        except Undefined as error:
-            if len(files) == 1:
-                raise
-            echo(f"  warning: {error}: no prediction", err=True)
-            reason = str(error).removeprefix(f"{file}: ")
-            unknown = dict.fromkeys(surrogate.learnt, np.full(loads.size, np.nan))
-            given = {"pressure": loads} if surrogate.features.load == "pressure" else {}
-            reasons = (reason,) * loads.size
-            answer = Prediction(loads, unknown, unknown, unknown, reasons, given)
-        except OSError as error:
-            raise InputError(
-                f"{file} cannot be read: {error.strerror or error}"
-            ) from None
-        except InputError as error:
-            named = str(error).startswith(("--", str(file)))
-            raise InputError(f"{'' if named else f'{file}: '}{error}") from None
-        for row in _answered(surrogate, answer):
-            yield {"input": str(file), **row, "warnings": "; ".join(warnings)}
+                is_only_file = len(files) == 1
+                answer = _answer_for_map(
+                    surrogate, file, question, is_only_file=is_only_file
+                )
+        warnings = "; ".join(answer.warnings)
+        for row in _rows_of_prediction(surrogate, answer.prediction):
+            yield {"input": str(file), **row, "warnings": warnings}
+
+
+@contextmanager
+def _errors_about(file: Path) -> Iterator[None]:
+    """Raise errors of the block as InputErrors whose messages begin with the file or an option."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"{file} cannot be read: {error.strerror or error}") from None
+    except InputError as error:
+        message = str(error)
+        if not message.startswith(("--", str(file))):
+            message = f"{file}: {message}"
+        raise InputError(message) from None
+
+
+def _is_table_of_statistics(file: Path) -> bool:
+    """Return whether the first line of a file names a statistic between commas."""
+    if file.suffix.lower() not in TABLE_SUFFIXES:
+        return False
+    with require_file(file).open(encoding="utf-8-sig", errors="replace") as opened:
+        first_line = opened.readline()
+    names = {name.strip() for name in first_line.split(",")}
+    return not names.isdisjoint(STATISTICS)
+
+
+def _answer_for_table(
+    surrogate: Surrogate, file: Path, question: SurfaceQuestion
+) -> FileAnswer:
+    """Predict the rows of a table of statistics at all loads."""
+    rows = _rows_of_statistics(surrogate, file, question)
+    prediction = surrogate.predict_rows(
+        rows, e_star=question.bodies.e_star, level=question.level
+    )
+    return FileAnswer(prediction)
+
+
+def _answer_for_map(
+    surrogate: Surrogate, file: Path, question: SurfaceQuestion, *, is_only_file: bool
+) -> FileAnswer:
+    """Read and prepare a map, print its preparation on standard error, and predict all loads.
+
+    A map without statistics raises `Undefined` if it is the only file of the question. Otherwise
+    the reason is printed too, and all predictions are NaN.
+    """
+    bodies = question.bodies
+    topography, warnings = read_surface(file, question.reading, surrogate.boundary)
+    echo(f"{file}: {'; '.join(topography.steps)}", err=True)
+    for line in warnings:
+        echo(f"  warning: {line}", err=True)
+    surface = SurfaceFeatures(
+        heights=topography.heights,
+        sides=topography.sides,
+        spacing=topography.spacing,
+        name=str(file),
+        boundary=topography.boundary,
+    )
+    try:
+        rows = surface.rows(
+            surrogate.features, question.loads, bodies.hardness_ratio, bodies.e_star
+        )
+    except Undefined as error:
+        if is_only_file:
+            raise
+        echo(f"  warning: {error}: no prediction", err=True)
+        reason = str(error).removeprefix(f"{file}: ")
+        return FileAnswer(_no_prediction(surrogate, question.loads, reason), warnings)
+    prediction = surrogate.predict_rows(rows, e_star=bodies.e_star, level=question.level)
+    return FileAnswer(prediction, warnings)
+
+
+def _no_prediction(surrogate: Surrogate, loads: Values, reason: str) -> Prediction:
+    """Return a prediction whose values and intervals are NaN at each load, with one reason."""
+    unknown = dict.fromkeys(surrogate.learnt, np.full(loads.size, np.nan))
+    pressures: dict[str, Values] = {}
+    if surrogate.features.load == "pressure":
+        pressures["pressure"] = loads
+    return Prediction(
+        delta=loads,
+        values=unknown,
+        low=unknown,
+        high=unknown,
+        reasons=(reason,) * loads.size,
+        given=pressures,
+    )
 
 
 def answers_of_parameters(
@@ -85,178 +202,325 @@ def answers_of_parameters(
     *,
     mean: bool = False,
 ) -> Iterator[Row]:
-    """Yield the rows of a scene's surrogate for numbers, or for each row of CSV tables with them.
+    """Predict contacts of a scene from its numbers, and yield them as rows of a table.
 
-    Numbers are those of the parameters and the load, (k,) each, by their names; the columns of a
-    table have the names of the others, and its further columns are kept as they are. With `mean`
-    intervals are those of the mean over surfaces. InputError is raised for a name that is missing
-    or unknown, and for what is no number.
+    Parameters
+    ----------
+    surrogate : Surrogate
+        A surrogate of a scene's own features.
+    tables : sequence of Path
+        CSV tables with a column for each number that `numbers` lacks. Without tables, `numbers` has
+        all of them.
+    numbers : mapping of str to ArrayLike
+        Parameters of the scene and its load by name, in its units: one number each, or (k,). They
+        hold for every row of the tables.
+    level : float
+        Coverage of the intervals, between 0 and 1.
+    mean : bool
+        True for intervals of the mean over all surfaces of the parameters, not of a new one.
+
+    Yields
+    ------
+    Row
+        For each row of the tables and each of the k loads: "input", the table, or "" without
+        tables; the other columns of the table, unchanged; the numbers; and targets, "flag" and
+        "reason" as `answers` has them.
+
+    Raises
+    ------
+    InputError
+        If a table cannot be read, has a column for one of `numbers`, or lacks one; if a name is
+        missing or unknown; or if a value is not allowed.
     """
-    names = [name for name in surrogate.features.names if name not in numbers]
     fixed = {
-        name: np.atleast_1d(np.asarray(each, float)) for name, each in numbers.items()
+        name: np.atleast_1d(np.asarray(values, float)) for name, values in numbers.items()
     }
-    files: list[Path | None] = [*tables] or [None]
-    for table in files:
-        given, count, further = dict(fixed), 1, [dict[str, str]()]
-        if table is not None:
-            if table.suffix.lower() not in {".csv", ".txt"}:
-                raise InputError(
-                    f"{table}: the surrogate answers for {', '.join(surrogate.features.names)}, not"
-                    f" for surfaces: ask {command_to_type('learn predict --at')}"
-                )
-            cells = _cells(table, names, f"the surrogate asks for {', '.join(names)}")
-            if twice := sorted(fixed.keys() & cells[0].keys()):
-                raise InputError(
-                    f"{table}: has its own {', '.join(twice)}: leave out the option"
-                )
-            columns, count = _numbers(table, cells, names).T, len(cells)
-            further = [
-                {name: row[name] for name in row if name not in names} for row in cells
-            ]
-            given |= dict(zip(names, columns, strict=True))
-        most = max((each.size for each in fixed.values()), default=1)
-        spread = {
-            name: np.resize(each, most * count)
-            if name in numbers
-            else np.repeat(each, most)
-            for name, each in given.items()
-        }
-        try:
-            rows = surrogate.of_numbers(spread)
-        except InputError as error:
-            raise InputError(f"{table}: {error}" if table else str(error)) from None
+    if not tables:
+        prediction = surrogate.predict_rows(
+            surrogate.of_numbers(fixed), level=level, mean=mean
+        )
+        for row in _rows_of_prediction(surrogate, prediction):
+            yield {"input": "", **row}
+    for path in tables:
+        table = _read_numbers(path, surrogate, fixed)
+        # How often each row of the table is repeated: once for each load of the options.
+        repeats = max((values.size for values in fixed.values()), default=1)
+        with _errors_about(path):
+            rows = surrogate.of_numbers(table.combined_with(fixed, repeats))
         prediction = surrogate.predict_rows(rows, level=level, mean=mean)
-        for place, row in enumerate(_answered(surrogate, prediction)):
-            yield {"input": str(table or ""), **further[place // most], **row}
+        for place, row in enumerate(_rows_of_prediction(surrogate, prediction)):
+            further_cells = table.further_cells[place // repeats]
+            yield {"input": str(path), **further_cells, **row}
 
 
-def _answered(surrogate: Surrogate, prediction: Prediction) -> Iterator[Row]:
-    """Yield rows of what was asked, with the answers, their intervals and flags.
+@dataclass(frozen=True, eq=False)
+class NumbersTable:
+    """A table of a scene's numbers, with n rows."""
 
-    Columns have their units: delta_um, area_percent, force_uN, mean_gap_um.
+    columns: dict[str, Values]  # numbers by name, (n,) each, in the units of the scene
+    further_cells: (
+        Cells  # for each row, the cells of columns that are no numbers of the scene
+    )
+
+    def combined_with(
+        self, fixed: Mapping[str, Values], repeats: int
+    ) -> dict[str, Values]:
+        """Combine each row with each value of the options.
+
+        Parameters
+        ----------
+        fixed : mapping of str to ndarray
+            Numbers of the options by name; each array has `repeats` values, or one.
+        repeats : int
+            Number of times that each row of the table is repeated, one after the other.
+
+        Returns
+        -------
+        dict of str to ndarray, shape (n * repeats,)
+            The numbers of the table and of the options by name.
+        """
+        size = repeats * len(self.further_cells)
+        combined = {name: np.resize(values, size) for name, values in fixed.items()}
+        for name, column in self.columns.items():
+            combined[name] = np.repeat(column, repeats)
+        return combined
+
+
+def _read_numbers(
+    path: Path, surrogate: Surrogate, fixed: Mapping[str, Values]
+) -> NumbersTable:
+    """Read a table with a column for each number of the scene that the options do not give.
+
+    `fixed` has the numbers of the options, for which the table has no column. Raises InputError for
+    a table that cannot be used.
     """
-    asked = prediction.given or {"delta": prediction.delta}
+    if path.suffix.lower() not in TABLE_SUFFIXES:
+        raise InputError(
+            f"{path}: the surrogate answers for {', '.join(surrogate.features.names)},"
+            f" not for surfaces: ask {command_to_type('learn predict --at')}"
+        )
+    names = [name for name in surrogate.features.names if name not in fixed]
+    cells = _read_cells(path, names, f"the surrogate asks for {', '.join(names)}")
+    given_twice = sorted(fixed.keys() & cells[0].keys())
+    if given_twice:
+        raise InputError(
+            f"{path}: has its own {', '.join(given_twice)}: leave out the option"
+        )
+    columns = _finite_columns(path, cells, names).T
+    further_cells = [
+        {name: text for name, text in row.items() if name not in names} for row in cells
+    ]
+    return NumbersTable(dict(zip(names, columns, strict=True)), further_cells)
+
+
+@dataclass(frozen=True, eq=False)
+class _ResultColumn:
+    """A column of the table of predictions, for n rows."""
+
+    title: str  # name with its unit, as "force_uN"
+    values: Values  # (n,)
+    # (n,), ends of the intervals; None for a column that has no intervals
+    low: Values | None = None
+    high: Values | None = None
+
+    def cells(self, place: int, *, outside: bool) -> Row:
+        """Return the cells of a row by their titles.
+
+        The ends of the interval are "" if the row is `outside` the training: none holds there.
+        """
+        cells: Row = {self.title: float(self.values[place])}
+        if self.low is None or self.high is None:
+            return cells
+        if outside:
+            cells[f"{self.title}_low"] = ""
+            cells[f"{self.title}_high"] = ""
+        else:
+            cells[f"{self.title}_low"] = float(self.low[place])
+            cells[f"{self.title}_high"] = float(self.high[place])
+        return cells
+
+
+def _rows_of_prediction(surrogate: Surrogate, prediction: Prediction) -> Iterator[Row]:
+    """Yield each row of a prediction: loads or numbers, targets, "flag" and "reason"."""
+    columns = _result_columns(surrogate, prediction)
+    for place, reason in enumerate(prediction.reasons):
+        outside = reason != ""
+        row: Row = {}
+        for column in columns:
+            row |= column.cells(place, outside=outside)
+        row["flag"] = "outside" if outside else "inside"
+        row["reason"] = reason
+        yield row
+
+
+def _result_columns(surrogate: Surrogate, prediction: Prediction) -> list[_ResultColumn]:
+    """Return the columns of a prediction: loads or numbers of the question, then all targets."""
+    inputs = prediction.given or {"delta": prediction.delta}
     columns = [
-        (name, LOADS.get(name) or unit_of(name), each, "") for name, each in asked.items()
+        _ResultColumn(_title(name, unit_of(name)), values)
+        for name, values in inputs.items()
     ]
     for target, learnt in surrogate.learnt.items():
-        columns.append((learnt.column, learnt.unit, prediction.values[target], target))
-    for place, reason in enumerate(prediction.reasons):
-        row: Row = {}
-        for name, unit, values, target in columns:
-            key = name if unit in {"%", "1"} else f"{name}_{unit}"
-            row[key] = float(values[place])
-            if (
-                target in prediction.low
-            ):  # outside the training no interval holds: empty cells
-                row[f"{key}_low"] = "" if reason else float(prediction.low[target][place])
-                row[f"{key}_high"] = (
-                    "" if reason else float(prediction.high[target][place])
-                )
-        yield {**row, "flag": "outside" if reason else "inside", "reason": reason}
+        column = _ResultColumn(
+            title=_title(learnt.column, learnt.unit),
+            values=prediction.values[target],
+            low=prediction.low.get(target),
+            high=prediction.high.get(target),
+        )
+        columns.append(column)
+    return columns
 
 
-def rows_of_table(
-    surrogate: Surrogate, path: Path, loads: Values, bodies: Bodies, side: str
-) -> Rows:
-    """Read rows of statistics, as `gen describe --csv` writes them, each at all loads.
+def _title(name: str, unit: str) -> str:
+    """Return the title of a column, its name and unit, as "force_uN".
 
-    The CSV's header names the 22 statistics; sides, nodes and boundary are optional, and other
-    columns are ignored. So are the rows of mean and deviation of several maps. InputError names the
-    row and column that is missing or no number.
+    The names of shares in % end in the unit already, and pure numbers have none.
     """
-    cells = _cells(
+    if unit in {"%", "1"}:
+        return name
+    return f"{name}_{unit}"
+
+
+def _rows_of_statistics(
+    surrogate: Surrogate, path: Path, question: SurfaceQuestion
+) -> Rows:
+    """Read a table of statistics, and return each of its rows at each load.
+
+    `gen describe --csv` writes the table. Its header names the 22 statistics. Sides, nodes and
+    boundary are optional. Further columns are ignored, and the rows of mean and deviation of
+    several maps. A row with undefined statistics has a note. Raises InputError for a table that
+    cannot be used.
+    """
+    cells = _read_cells(
         path, STATISTICS, f"{command_to_type('gen describe --csv')} writes all 22"
     )
-    # a table of several maps ends with their mean and deviation
+    # A table of several maps ends with their mean and deviation. One without maps is used whole.
     cells = [row for row in cells if row.get("row", OF_MAP) == OF_MAP] or cells
-    for boundary in sorted({row.get("boundary") or "free" for row in cells}):
-        if boundary != surrogate.boundary:
-            raise InputError(
-                f"{path}: has a {boundary:.20} boundary, the surrogate was trained on patches with"
-                f" a {surrogate.boundary} one: fit one to a database whose scene has this boundary"
-            )
-    wanted = STATISTICS, ("side_x_um", "side_y_um")
-    statistics, sides = (_numbers(path, cells, names) for names in wanted)
-    if side:
-        given = parse_sides(side)
-        if not np.allclose(sides[~np.isnan(sides[:, 0])], given, rtol=1e-3):
-            raise InputError(
-                f"{path}: names other sides than --side {side}: leave that out"
-            )
-        sides[:] = given
-    if np.isnan(sides).any() and surrogate.features.scaled:
-        raise InputError(f"{path}: names no sides: give --side, the scan length in um")
+    _require_boundary(path, cells, surrogate)
+    statistics = _finite_columns(path, cells, STATISTICS)
+    sides = _sides_of_rows(path, cells, question.reading.side, surrogate)
     undefined = [bool(np.isnan(row).any()) for row in statistics]
     if all(undefined):
         raise InputError(f"{path}: every row lacks statistics: nothing can be predicted")
-    nodes = _numbers(path, cells, ("nodes_x", "nodes_y"), 0.0)
-    usual, unknown = surrogate.card, np.isnan(sides).any(axis=1, keepdims=True)
-    shapes = np.where(nodes.all(axis=1, keepdims=True), nodes, usual["nodes"]).astype(int)
-    patches = np.where(unknown, usual["side"], sides)
-    grids = [
-        Grid(tuple(a), tuple(b))
-        for a, b in zip(shapes.tolist(), patches.tolist(), strict=True)
+    nodes = _finite_columns(path, cells, ("nodes_x", "nodes_y"), missing=0.0)
+    grids = _grids_of_rows(surrogate, sides, nodes)
+    notes = [
+        "statistics undefined: nan in the table" if lacks else "" for lacks in undefined
     ]
-    notes = ["statistics undefined: nan in the table" * lacks for lacks in undefined]
-    rows = np.repeat(np.arange(len(cells)), loads.size)
-    asked = np.tile(loads, len(cells))
-    length, along = (np.sqrt(each.prod(axis=1))[rows] for each in (sides, nodes))
-    found = Rows(
-        statistics[rows],
-        asked,
-        length,
-        bodies.hardness_ratio,
-        along,
-        notes=tuple(notes[row] for row in rows),
-        grids=tuple(grids[row] for row in rows),
+    loads = np.tile(question.loads, len(cells))
+    places = np.repeat(np.arange(len(cells)), question.loads.size)
+    rows = Rows(
+        statistics=statistics[places],
+        delta=loads,
+        length=np.sqrt(sides.prod(axis=1))[places],
+        hardness_ratio=question.bodies.hardness_ratio,
+        nodes=np.sqrt(nodes.prod(axis=1))[places],
+        notes=tuple(notes[place] for place in places),
+        grids=tuple(grids[place] for place in places),
     )
-    return (
-        found if surrogate.features.load == "delta" else found.under(asked, bodies.e_star)
-    )
+    if surrogate.features.load == "delta":
+        return rows
+    return rows.under(loads, question.bodies.e_star)
 
 
-def _cells(path: Path, wanted: Sequence[str], advice: str) -> list[dict[str, str]]:
-    """Read the cells of a table by the names of its columns, all wanted ones among them."""
+def _require_boundary(path: Path, cells: Cells, surrogate: Surrogate) -> None:
+    """Refuse rows of a table with another boundary than the surrogate; "" stands for "free"."""
+    for boundary in sorted({row.get("boundary") or "free" for row in cells}):
+        if boundary != surrogate.boundary:
+            raise InputError(
+                f"{path}: has a {boundary:.20} boundary, the surrogate was trained on"
+                f" patches with a {surrogate.boundary} one: fit one to a database whose"
+                " scene has this boundary"
+            )
+
+
+def _sides_of_rows(path: Path, cells: Cells, side: str, surrogate: Surrogate) -> Values:
+    """Return the scan lengths along x and y of the n rows of a table, (n, 2) [um].
+
+    `side` is the value of the option --side, or ""; it has to agree with the table. Lengths that
+    neither of them gives are NaN. Raises InputError if features without units need them.
+    """
+    sides = _finite_columns(path, cells, ("side_x_um", "side_y_um"))
+    if side:
+        sides_of_option = parse_sides(side)
+        sides_of_table = sides[~np.isnan(sides[:, 0])]
+        if not np.allclose(sides_of_table, sides_of_option, rtol=1e-3):
+            raise InputError(
+                f"{path}: names other sides than --side {side}: leave that out"
+            )
+        sides[:] = sides_of_option
+    if np.isnan(sides).any() and surrogate.features.scaled:
+        raise InputError(f"{path}: names no sides: give --side, the scan length in um")
+    return sides
+
+
+def _grids_of_rows(surrogate: Surrogate, sides: Values, nodes: Values) -> list[Grid]:
+    """Return the grid of each of the n rows of a table.
+
+    `sides` are the scan lengths, (n, 2) [um], NaN if unknown; `nodes` are the numbers of nodes
+    along x and y, (n, 2), 0 if unknown. Unknown ones are replaced by those of the training.
+    """
+    sides_known = ~np.isnan(sides).any(axis=1, keepdims=True)
+    nodes_known = nodes.all(axis=1, keepdims=True)
+    lengths = np.where(sides_known, sides, surrogate.card["side"])
+    shapes = np.where(nodes_known, nodes, surrogate.card["nodes"]).astype(int)
+    pairs = zip(shapes.tolist(), lengths.tolist(), strict=True)
+    return [Grid(shape=tuple(shape), sides=tuple(length)) for shape, length in pairs]
+
+
+def _read_cells(path: Path, required: Sequence[str], advice: str) -> Cells:
+    """Read the rows of a CSV table with a header, one row or more.
+
+    Raises InputError if the table cannot be read, has no rows, or lacks one of the `required`
+    columns; `advice` then ends the message.
+    """
     try:
         with require_file(path).open(encoding="utf-8-sig", newline="") as file:
             reader = csv.DictReader(file, skipinitialspace=True)
-            reader.fieldnames = names = [name.strip() for name in reader.fieldnames or []]
+            names = [name.strip() for name in reader.fieldnames or []]
+            reader.fieldnames = names
             rows = list(reader)
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path} cannot be read: {error}") from None
-    missing = [name for name in wanted if name not in names]
+    missing = [name for name in required if name not in names]
     if missing:
-        more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
-        raise InputError(
-            f"{path}: has no column {', '.join(missing[:3])}{more}; {advice}"
-        )
+        listed = ", ".join(missing[:NAMED_COLUMNS])
+        if len(missing) > NAMED_COLUMNS:
+            listed += f" and {len(missing) - NAMED_COLUMNS} more"
+        raise InputError(f"{path}: has no column {listed}; {advice}")
     if not rows:
         raise InputError(f"{path}: has a header and no rows")
     return rows
 
 
-def _numbers(
-    path: Path,
-    cells: list[dict[str, str]],
-    names: Sequence[str],
-    otherwise: float = np.nan,
-) -> Values:
-    """Return columns of finite numbers, (n, k); statistics that are empty or "nan" are NaN."""
-    found = np.full((len(cells), len(names)), otherwise)
+def _finite_columns(
+    path: Path, cells: Cells, names: Sequence[str], missing: float = np.nan
+) -> NDArray[np.float64]:
+    """Return the numbers of columns of a table, (n rows, k columns).
+
+    If the table lacks one of the columns, all numbers are `missing`. Statistics that are empty or
+    "nan" are NaN. Raises InputError, with row and column, for any other text that is no finite
+    number.
+    """
+    numbers = np.full((len(cells), len(names)), missing)
     if not set(names) <= cells[0].keys():
-        return found
-    for row, of_row in enumerate(cells):
-        for place, name in enumerate(names):
-            text = str(of_row.get(name)).strip()
-            undefined = name in STATISTICS and text.lower() in {"", "nan"}
-            try:
-                found[row, place] = np.nan if undefined else float(text)
-            except ValueError:
-                found[row, place] = np.inf
-            if not (undefined or np.isfinite(found[row, place])):
+        return numbers
+    for row, cells_of_row in enumerate(cells):
+        for column, name in enumerate(names):
+            text = str(cells_of_row.get(name)).strip()
+            number = _number_in(text)
+            is_undefined = name in STATISTICS and text.lower() in {"", "nan"}
+            if not (is_undefined or isfinite(number)):
                 raise InputError(
                     f"{path}, row {row + 1}: {name} is {text[:40]!r}; give finite numbers"
                 )
-    return found
+            numbers[row, column] = number
+    return numbers
+
+
+def _number_in(text: str) -> float:
+    """Return the number that a cell of a table holds; NaN if it holds none."""
+    try:
+        return float(text)
+    except ValueError:
+        return nan

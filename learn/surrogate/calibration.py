@@ -53,7 +53,8 @@ SLIGHT = 1e-3
 # Largest number of fits that leave groups out. If there are more groups, several are left out
 # together.
 MOST_FITS = 20
-# Largest share of the training rows that must be left out for a part of them to be predicted.
+# Largest share of the training rows that a model may lack to predict a part of them. If a part
+# needs more, rows are grouped in another way.
 MOST_UNSEEN = 0.6
 # Smallest number of rows that a cloud of the training needs nearest to it for scores of its own.
 # With fewer, its scores are those of all rows.
@@ -157,13 +158,13 @@ def groups_of(rows: Dataset) -> Groups:
 
 def _one_group(rows: Dataset, surfaces: int) -> Groups:
     """Return all rows as one group; `surfaces` is the number of their surfaces or tiles."""
-    number = surfaces
     if rows.by_tile:
         kind = "tile"
     elif surfaces > 1:
         kind = SURFACE
     else:
         kind = "row"
+    number = surfaces
     if surfaces <= 1:  # Rows of a single surface are counted one by one.
         number = rows.size
     labels = np.zeros(rows.size, dtype=np.int64)
@@ -171,9 +172,9 @@ def _one_group(rows: Dataset, surfaces: int) -> Groups:
 
 
 def _leaves_enough(rows: Dataset, groups: Groups) -> bool:
-    """Return whether the rows without any one part of them are enough to train on.
+    """Return whether enough rows are left to train on, whichever part of the rows is left out.
 
-    A part has rows that share a surface with it left out too.
+    Rows that share a surface with the part are left out with it.
     """
     parts = groups.left_out(rows)
     numbers_unseen = [holdout.unseen.size for holdout in holdouts(rows, parts)]
@@ -246,8 +247,8 @@ def plan_calibration(model: str, train: Dataset, other: Dataset | None = None) -
     Plan
         The rows that calibrate, with their groups and their distances from the training. All rows
         of another database calibrate. All training rows calibrate a model in `CLOSED`, and any
-        model if maps or databases are left out as a whole. Otherwise the first parts of the
-        training rows calibrate that have `ENOUGH` surfaces of each map or database, or all parts if
+        model if maps or databases are left out as a whole. Otherwise only as many parts of the
+        training rows calibrate as have `ENOUGH` surfaces for each map or database, or all parts if
         there are fewer surfaces.
     """
     groups = groups_of(train)

@@ -1,37 +1,36 @@
 """Contact laws that a surrogate predicts.
 
-A law is that of one surface, or the mean over the surfaces of a population with the band of a
-further one, with the numbers and writers of `gen.law`. That band is the scatter of the predictions
-between surfaces: errors of the surrogate are not in it, and a note says so.
+A law describes one surface, or the mean over the surfaces of a population with the band of a
+further surface. Its numbers and its files are those of `gen.law`. The band of a population is the
+scatter of the predictions between its surfaces. It does not contain the errors of the surrogate,
+and a note says so.
 
-Where no surrogate was trained on the mean gap, it follows from the force: it is (z_max - mean z) -
-Delta plus the mean displacement. The latter is linear in the pressures and, for a given patch,
-nearly F / (E* L) times a number that depends on the place of the load, and that comes from the
-coarse contact solve.
+A mean gap that the surrogate has not learnt follows from the force: it is (z_max - mean z) - Delta
+plus the mean displacement. The mean displacement is linear in the pressures. For a given patch it
+is nearly F / (E* L) times a number that depends on where the patch is loaded, and the coarse
+contact solve gives this number.
 
 A surrogate that has learnt Delta has the law at pressures by inversion. Delta is the point at which
-the curve of the pressure reaches the given one; area and mean gap are the values of their curves
-there. The interval of Delta is between the points at which the upper and the lower end of the
-pressure's interval reach it, and area and mean gap lie between the ends of their own intervals at
-these two. This holds whenever both intervals do; it is wider than an interval made for given
-pressures, because the errors of area and force are correlated. For a population the curves of each
-surface are inverted, and the band is that of the results.
+the curve of the pressure reaches the given one. Area and mean gap are the values of their curves at
+this point. The interval of Delta is between the points at which the upper and the lower end of the
+pressure's interval reach the given pressure. Area and mean gap are between the ends of their own
+intervals at these two points. This holds whenever both intervals hold. It is wider than an interval
+made for given pressures, because the errors of area and force are correlated. For a population the
+curves of each surface are inverted, and the band is that of the results.
 
-A surrogate that has learnt pressures has the law of each surface at these, and a scene's surrogate
-that of a new surface of given parameters at the loads that it has learnt. Bands are the intervals
-at such a load. The other table is that of the same contacts, without a band for one surface.
+A surrogate that has learnt pressures has the law of each surface at these. A surrogate of a scene's
+own features has the law of a new surface of given parameters at the loads that it has learnt. Bands
+are the intervals at a learnt load. The table over the other load has the same contacts, without a
+band for one surface.
 """
 
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
-from bem.derived.stiffness import without_patch
 from gen.arrays import Values
 from gen.law import Law, Order
 from gen.law.contact_law import STEPS, Making, Tables, law_of, mean_at_rest
@@ -44,159 +43,210 @@ from gen.law.curves import (
     risen,
     slopes,
     tabulated,
-    texts_at,
     trend,
 )
 from gen.law.order import ARGUMENTS, Load
 from gen.law.surfaces import LawInput, LawSurface, LawSurfaces, read_law_surfaces
 from gen.material import Bodies
-from gen.quantities import (
-    ALSO,
-    AREA,
-    CLOSURE,
-    DELTA,
-    FORCE,
-    MEAN_GAP,
-    PRESSURE,
-    STIFFNESS,
-    UNLOADING,
-)
+from gen.quantities import DELTA, MEAN_GAP, PRESSURE, STIFFNESS
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress
 from gen.scene import Scene
 from learn.features import SurfaceFeatures, Undefined
 from learn.features.scene import shown
+from learn.surrogate.inversion import at_arguments, at_pressures
+from learn.surrogate.law_points import LoadedPatch, of_interface, points_of
 from learn.surrogate.level import level_note, level_of
-from learn.surrogate.model import OnSurface, Prediction, Surrogate
+from learn.surrogate.model import OnSurface, Surrogate
 
-BEYOND = (
-    1.15,
-    1.4,
-    2.0,
-    3.0,
-)  # further Deltas, over the last: some surfaces reach a pressure late
-CORRECTED = (
-    0.01  # correction for monotone curves, over the largest value, from which on we warn
-)
-FINE = 20  # steps into which an interval of Delta is divided to invert the cubic in it
+BEYOND = (1.15, 1.4, 2.0, 3.0)
+"""Further Deltas, over the largest one of the table. Some surfaces need them to reach a pressure
+that the mean over the surfaces reaches within the table."""
+
+CORRECTED = 0.01
+"""Largest change by which a curve is made monotone without a warning, over its largest value."""
+
 PREDICTED_BAND = (
-    "the band is the scatter of the predictions between surfaces: the errors of the surrogate come"
-    " on top of it"
+    "the band is the scatter of the predictions between surfaces: the errors of the"
+    " surrogate come on top of it"
 )
-ROUNDING = 1e-12  # relative distance beyond the last pressure that counts as the last one
+"""Note of a law of a population."""
+
+COARSE_GAP = (
+    "warning: the mean gap of bodies that yield is a coarse estimate: fit one with"
+    " --target area,force,mean_gap"
+)
+"""Warning of a law of bodies that yield whose surrogate has not learnt the mean gap."""
 
 
-def make(surrogate: Surrogate, order: Order) -> Law:
-    """Make a law; lines about each file go to standard error.
+@dataclass(frozen=True, eq=False)
+class PredictedSurface:
+    """A surface of a law, with the surrogate that predicts it."""
 
-    The surrogate's E*, hardness and range of Delta stand in for those that are not given.
-    InputError is raised for input that cannot be used, or a pressure that the law does not reach.
+    patch: LawSurface
+    on_surface: OnSurface
+
+
+@dataclass(frozen=True, eq=False)
+class DefinedSurfaces:
+    """The surfaces of a law whose statistics are all defined, one or more."""
+
+    surfaces: list[PredictedSurface]
+    remarks: list[str]  # a warning that surfaces were left out, or nothing
+
+
+@dataclass(frozen=True, eq=False)
+class LawSettings:
+    """The settings that all predictions of a law share."""
+
+    order: Order
+    bodies: Bodies  # E* and hardness [MPa]
+    level: float  # coverage of the intervals of one surface, between 0 and 1
+
+
+def law_of_surfaces(surrogate: Surrogate, order: Order) -> Law:
+    """Predict the law of one surface, or of a population.
+
+    The preparation of files is printed on standard error.
+
+    Parameters
+    ----------
+    surrogate : Surrogate
+        A surrogate of surfaces.
+    order : Order
+        The request. Without E*, hardness or loads, those of the scenes or of the training are used.
+
+    Returns
+    -------
+    Law
+        The law of all surfaces whose statistics are defined. The band of one surface is the
+        surrogate's interval, that of a population the scatter between its surfaces.
+
+    Raises
+    ------
+    InputError
+        If the surrogate has not learnt what the order needs, a surface cannot be used or none has
+        all statistics, or the law does not reach a pressure.
     """
-    kind, asked = _asked(surrogate, order)
+    loads = order.loads()
+    kind = _learnt_load(surrogate, order, loads)
     if order.boundary not in {None, surrogate.boundary}:
         raise InputError(
             f"--boundary {order.boundary}: the surrogate was trained on patches with a"
-            f" {surrogate.boundary} one: leave that out, or fit one to a database of this boundary"
+            f" {surrogate.boundary} one: leave that out, or fit one to a database of"
+            " this boundary"
         )
-    loads = order.loads()
-    subjects = read_law_surfaces(order, only=surrogate.boundary)
-    kept, left_out = _defined(surrogate, subjects.surfaces)
-    surfaces = [patch for patch, _ in kept]
-    without = {each.name for each in subjects.surfaces} - {each.name for each in surfaces}
-    sources = [source for source in subjects.sources if source.name not in without]
-    subjects = replace(subjects, surfaces=surfaces, sources=sources)
-    level_notes: list[str] = []
-    # a population's band is the scatter between surfaces, at any level: its intervals go unused
-    level = min(order.coverage, surrogate.largest_level)
-    if len(kept) == 1:
-        order, level_notes = _with_level(surrogate, order)
-        level = order.coverage
-    hardness = order.hardness
-    if hardness is None and (given := subjects.hardness_ratio()) is not None:
-        hardness = given * (order.e_star or surrogate.modulus)
-    bodies = surrogate.bodies(order.e_star, hardness)
-    low, high = surrogate.card["delta"]
+    law_surfaces = read_law_surfaces(order, only=surrogate.boundary)
+    defined = _defined_surfaces(surrogate, law_surfaces.surfaces)
+    surfaces = defined.surfaces
+    law_surfaces = _without_undefined(law_surfaces, surfaces)
+    remarks = list(defined.remarks)
+    if len(surfaces) == 1:
+        level = level_of(surrogate, order.level)
+        remarks += _level_remarks(surrogate, order, level)
+        order = replace(order, level=level)
+    else:
+        # The band is the scatter between surfaces and may have any level. The intervals of the
+        # surfaces are not used, and get a level that holds.
+        level = min(order.coverage, surrogate.largest_level)
+        remarks.append(PREDICTED_BAND)
+    bodies = _bodies(surrogate, order, law_surfaces)
+    settings = LawSettings(order=order, bodies=bodies, level=level)
     if kind == "pressure":
-        scale = bodies.e_star / math.sqrt(math.prod(surrogate.card["side"]))
-        at = np.geomspace(low, high, STEPS) * scale if asked is None else asked[asked > 0]
-        points = [_predicted(*each, kind, level, bodies, at, order.also) for each in kept]
-        tables = _learnt_tables(subjects.surfaces, points, kind, order, bodies)
+        pressures = loads.get("pressure")
+        if pressures is None:
+            pressures = _trained_pressures(surrogate, bodies)
+        tables = _tables_by_pressure(surfaces, pressures[pressures > 0], settings)
     else:
         deltas = loads.get("delta")
         if deltas is None:
+            low, high = surrogate.card["delta"]
             deltas = np.unique(np.linspace(float(low), float(high), STEPS))
-        tables = _tables(kept, level, deltas, loads.get("pressure"), order, bodies)
-    remarks = [*level_notes, *tables.remarks]
-    if len(kept) > 1:
-        remarks = [PREDICTED_BAND, *remarks]
-    making = Making(
-        f"predicted by {surrogate.card['title']}",
-        f"{100 * order.coverage:g} % conformal interval",
-    )
-    tables = replace(tables, remarks=[*left_out, *remarks])
-    return law_of(order, subjects, bodies, tables, making)
+        tables = _tables_by_delta(surfaces, deltas, loads.get("pressure"), settings)
+    tables = replace(tables, remarks=[*remarks, *tables.remarks])
+    making = _making(surrogate, f"{100 * order.coverage:g} % conformal interval")
+    return law_of(order, law_surfaces, bodies, tables, making)
 
 
-def of_parameters(
+def law_of_parameters(
     surrogate: Surrogate, order: Order, numbers: Mapping[str, float]
 ) -> Law:
-    """Make the law of a new surface of some parameters of a scene."""
-    load, (kind, at) = surrogate.features.load, _asked(surrogate, order)
+    """Predict the law of a new surface of given parameters of a scene.
+
+    Parameters
+    ----------
+    surrogate : Surrogate
+        A surrogate of a scene's own features, which has learnt Delta, a pressure or a force.
+    order : Order
+        The request, with the file of the surrogate as its only input. Without loads, those of the
+        training are used.
+    numbers : mapping of str to float
+        Parameters of the scene, and a hardness if the surrogate asks for it, in the scene's units.
+
+    Returns
+    -------
+    Law
+        The law. The band over the loads that the surrogate has learnt is its interval for a new
+        surface.
+
+    Raises
+    ------
+    InputError
+        If the surrogate has not learnt what the order needs, a number is missing, unknown or not
+        allowed, or the surrogate does not reach the level of the intervals.
+    """
+    loads = order.loads()
+    kind = _learnt_load(surrogate, order, loads)
     scene = Scene.from_text(str(surrogate.card["scene"]))
-    settings = {name: getattr(scene.contact, name) for name in ("kernel", "far_field")}
-    patch = LawSurface(
-        ", ".join(f"{name} {value:g}" for name, value in numbers.items())
-        or "any surface",
-        np.zeros(scene.grid.shape),
-        scene.grid.sides,
-        boundary=surrogate.boundary,
-        exact_spacing=scene.grid.spacing,
-        settings=settings,
-    )
-    unit = patch.nominal if load == "force" else 1.0
+    patch = _patch_of_scene(surrogate, scene, numbers)
+    learns_force = surrogate.features.load == "force"
+    # A surrogate that has learnt forces is asked for the pressures of the law times the area.
+    per_load = patch.nominal if learns_force else 1.0
+    at = loads.get(kind)
     if at is None:
         ends = np.linspace(surrogate.low, surrogate.high, STEPS)
-        at = shown(surrogate.features.columns, ends)[:, -1] / unit
+        at = shown(surrogate.features.columns, ends)[:, -1] / per_load
     at = at[at > 0]
-    order, level_notes = _with_level(surrogate, order)
-    rows = surrogate.of_numbers({**numbers, load: at * unit})
-    answer = surrogate.predict_rows(rows, level=order.coverage)
-    hardness = numbers.get("hardness")
-    if (limits := surrogate.hardness_limits) is not None and hardness is None:
-        hardness = numbers.get("hardness_ratio", limits[0]) * surrogate.modulus
-    bodies = Bodies(surrogate.modulus, hardness, has_modulus=True)
-    points = _points_at(answer, kind, at, patch, bodies, also=order.also)
-    tables = _learnt_tables([patch], [points], kind, order, bodies)
-    tables = replace(tables, remarks=[*level_notes, *tables.remarks])
+    level = level_of(surrogate, order.level)
+    level_remarks = _level_remarks(surrogate, order, level)
+    order = replace(order, level=level)
+    rows = surrogate.of_numbers({**numbers, surrogate.features.load: at * per_load})
+    answer = surrogate.predict_rows(rows, level=level)
+    bodies = Bodies(surrogate.modulus, _hardness(surrogate, numbers), has_modulus=True)
+    loaded = LoadedPatch(patch=patch, bodies=bodies, kind=kind, loads=at)
+    points = points_of(loaded, answer, order.also)
+    settings = LawSettings(order=order, bodies=bodies, level=level)
+    tables = _tables_over_learnt_loads([patch], [points], kind, settings)
+    tables = replace(tables, remarks=[*level_remarks, *tables.remarks])
     about = LawInput(f"{order.inputs[0]}: {patch.name}", scene)
-    making = Making(
-        f"predicted by {surrogate.card['title']}",
-        f"{100 * order.coverage:g} % of new surfaces",
-    )
+    making = _making(surrogate, f"{100 * order.coverage:g} % of new surfaces")
     return law_of(order, LawSurfaces([patch], [about]), bodies, tables, making)
 
 
-def _with_level(surrogate: Surrogate, order: Order) -> tuple[Order, list[str]]:
-    """Return an order with a level of intervals that holds, and a note on one nobody asked for."""
-    level = level_of(surrogate, order.level)
-    note = level_note(surrogate, level, order.level)
-    return replace(order, level=level), [note] if note else []
+def _making(surrogate: Surrogate, band: str) -> Making:
+    """Say that a surrogate predicted a law. `band` describes the band of one surface."""
+    return Making(method=f"predicted by {surrogate.card['title']}", band=band)
 
 
-def _asked(surrogate: Surrogate, order: Order) -> tuple[Load, Values | None]:
-    """Return the kind of the loads that a surrogate has learnt, and the loads asked for, (k,)."""
+def _learnt_load(
+    surrogate: Surrogate, order: Order, loads: Mapping[Load, Values]
+) -> Load:
+    """Return the kind of the loads of a law: "delta", or "pressure" also for learnt forces.
+
+    `loads` are those of the order by kind. Raises InputError if the surrogate has not learnt the
+    load or a target of the law, or if the order gives loads that the surrogate cannot answer for.
+    """
     load = surrogate.features.load
-    loads = order.loads()
     kind: Load = "delta" if load == "delta" else "pressure"
-    needed = {"area", "force" if kind == "delta" else "delta"}
-    if (
-        load not in {"delta", "pressure", "force"}
-        or not needed <= surrogate.learnt.keys()
-    ):
+    result = "force" if kind == "delta" else "delta"
+    needed = {"area", result}
+    has_load = load in {"delta", "pressure", "force"}
+    if not has_load or not needed <= surrogate.learnt.keys():
         targets = ",".join(sorted(needed))
         raise InputError(
-            f"a law needs a surrogate with --load delta or pressure, and --target {targets}; this"
-            f" one has --load {load}, and {', '.join(surrogate.learnt)}: fit it anew"
+            "a law needs a surrogate with --load delta or pressure, and --target"
+            f" {targets}; this one has --load {load}, and {', '.join(surrogate.learnt)}:"
+            " fit it anew"
         )
     for name in order.also:
         if name not in surrogate.learnt:
@@ -204,365 +254,451 @@ def _asked(surrogate: Surrogate, order: Order) -> tuple[Load, Values | None]:
             raise InputError(
                 f"--also {name}: was not learnt: fit one with --target {targets}"
             )
-    inverted = kind == "delta" and not surrogate.features.of_scene
-    if loads.keys() - {kind} and not inverted:
+    # A surrogate that has learnt the Deltas of a surface has pressures by inversion.
+    is_invertible = kind == "delta" and not surrogate.features.of_scene
+    if loads.keys() - {kind} and not is_invertible:
         raise InputError(
             f"the surrogate has learnt what a {load} leads to: give --{kind} instead"
         )
-    return kind, loads.get(kind)
+    return kind
 
 
-def _learnt_tables(
+def _defined_surfaces(
+    surrogate: Surrogate, surfaces: Sequence[LawSurface]
+) -> DefinedSurfaces:
+    """Apply a surrogate to the surfaces whose statistics are all defined.
+
+    Raises `Undefined` with the reason of the first surface if no surface has all statistics.
+    """
+    defined: list[PredictedSurface] = []
+    faults: list[Undefined] = []
+    for patch in surfaces:
+        features = SurfaceFeatures(
+            heights=patch.heights,
+            sides=patch.sides,
+            spacing=patch.spacing,
+            name=patch.name,
+            boundary=patch.boundary,
+        )
+        reason = features.description.reason
+        if reason:
+            faults.append(Undefined(f"{patch.name}: statistics undefined: {reason}"))
+        else:
+            defined.append(PredictedSurface(patch, OnSurface(surrogate, features)))
+    if not defined:
+        raise faults[0]
+    remarks: list[str] = []
+    if faults:
+        remarks.append(
+            f"warning: {len(faults)} of {len(surfaces)} surfaces were left out, the"
+            f" first: {faults[0]}"
+        )
+    return DefinedSurfaces(defined, remarks)
+
+
+def _without_undefined(
+    law_surfaces: LawSurfaces, surfaces: Sequence[PredictedSurface]
+) -> LawSurfaces:
+    """Return the surfaces of a law and their sources without the surfaces that are left out.
+
+    `surfaces` are those that are kept. Sources of scenes are kept too: they have no name of a
+    surface.
+    """
+    kept = [surface.patch for surface in surfaces]
+    names_left_out = {patch.name for patch in law_surfaces.surfaces}
+    names_left_out -= {patch.name for patch in kept}
+    sources = [
+        source for source in law_surfaces.sources if source.name not in names_left_out
+    ]
+    return replace(law_surfaces, surfaces=kept, sources=sources)
+
+
+def _level_remarks(surrogate: Surrogate, order: Order, level: float) -> list[str]:
+    """Explain a level of intervals that is below the usual one; nothing if the user gave it."""
+    note = level_note(surrogate, level, order.level)
+    return [note] if note else []
+
+
+def _bodies(surrogate: Surrogate, order: Order, law_surfaces: LawSurfaces) -> Bodies:
+    """Return the bodies of a law of surfaces.
+
+    E* is that of the order, or else of the training. The hardness is that of the order, or else of
+    the scenes, or else of the training. Raises InputError if the surrogate cannot predict these
+    bodies.
+    """
+    hardness = order.hardness
+    if hardness is None:
+        ratio = law_surfaces.hardness_ratio()
+        if ratio is not None:
+            hardness = ratio * (order.e_star or surrogate.modulus)
+    return surrogate.bodies(order.e_star, hardness)
+
+
+def _trained_pressures(surrogate: Surrogate, bodies: Bodies) -> Values:
+    """Return `STEPS` pressures [MPa] over the range of the training, at equal ratios."""
+    low, high = surrogate.card["delta"]  # the pressures times L / E* stand for Delta [um]
+    length = math.sqrt(math.prod(surrogate.card["side"]))
+    return np.geomspace(low, high, STEPS) * (bodies.e_star / length)
+
+
+def _patch_of_scene(
+    surrogate: Surrogate, scene: Scene, numbers: Mapping[str, float]
+) -> LawSurface:
+    """Return a flat patch with the grid of a scene; its name states the parameters.
+
+    The law takes only lengths, boundary and compliance from it.
+    """
+    name = ", ".join(f"{name} {value:g}" for name, value in numbers.items())
+    contact = scene.contact
+    return LawSurface(
+        name=name or "any surface",
+        heights=np.zeros(scene.grid.shape),
+        sides=scene.grid.sides,
+        boundary=surrogate.boundary,
+        exact_spacing=scene.grid.spacing,
+        settings={"kernel": contact.kernel, "far_field": contact.far_field},
+    )
+
+
+def _hardness(surrogate: Surrogate, numbers: Mapping[str, float]) -> float | None:
+    """Return the hardness of a scene's contacts [MPa]; None for elastic bodies.
+
+    The numbers give it, or its ratio to E*; otherwise it is the smallest one of the training.
+    """
+    hardness = numbers.get("hardness")
+    limits = surrogate.hardness_limits
+    if hardness is not None or limits is None:
+        return hardness
+    return numbers.get("hardness_ratio", limits[0]) * surrogate.modulus
+
+
+def _tables_by_pressure(
+    surfaces: Sequence[PredictedSurface], pressures: Values, settings: LawSettings
+) -> Tables:
+    """Predict all surfaces at learnt pressures, (k,) [MPa], and tabulate them over both loads."""
+    points = [
+        _predicted(surface, "pressure", pressures, settings) for surface in surfaces
+    ]
+    patches = [surface.patch for surface in surfaces]
+    return _tables_over_learnt_loads(patches, points, "pressure", settings)
+
+
+def _tables_over_learnt_loads(
     patches: Sequence[LawSurface],
     points: Sequence[Points],
     kind: Load,
-    order: Order,
-    bodies: Bodies,
+    settings: LawSettings,
 ) -> Tables:
-    """Tabulate surfaces at learnt loads, and the same contacts against the other quantity."""
-    smooth = [monotone(each) for each in points]
-    pairs = zip(smooth, patches, strict=True)
-    parts = [_with_stiffness(each.points, patch, order, bodies) for each, patch in pairs]
-    gap, made = MEAN_GAP.in_laws, dict[Load, Curves]()
-    rest = {gap: 0.0}
-    if gap in parts[0].values:  # at first touch, but for what a free patch gives way
-        first = [p.values[gap][0] + p.values[DELTA.in_laws][0] for p in parts]
-        rest = {gap: float(np.mean(first))}
-    for load, argument in ARGUMENTS.items():
-        own = list(parts)
-        if load != kind:
-            bare = [replace(each, low={}, high={}) for each in own]
-            own = [each.chosen(risen(each.values[argument])) for each in bare]
-        if load == "delta" or load != kind:
-            own = [each.from_rest(rest) for each in own]
-        over = own[0].values[argument]
-        if load != kind and len(own) > 1:
-            over = np.linspace(0.0, min(each.values[argument][-1] for each in own), STEPS)
-            own = [read_at(each, argument, over) for each in own]
-        made[load] = tabulated(argument, over, own, order.coverage, rest)
-    alone = [f"only the table over {kind} has a band"] if len(parts) == 1 else []
-    remarks = [*_corrected(made[kind], smooth), *alone]
-    return Tables(made["delta"], made["pressure"], remarks)
+    """Tabulate points at learnt loads, and the same contacts against the other quantity.
 
-
-def _points_at(
-    answer: Prediction,
-    kind: Load,
-    at: Values,
-    patch: LawSurface,
-    bodies: Bodies,
-    surface: SurfaceFeatures | None = None,
-    also: Sequence[str] = (),
-) -> Points:
-    """Return the points of a law at ascending loads, (k,), from the answers at these.
-
-    A Delta of answers rises with the closure: what the patch gives way is that of the pressure. A
-    mean gap that was not learnt follows from the force at the Deltas on a surface.
+    `points` are those of each patch, and `kind` is the kind of their loads.
     """
-    behind, parts = patch.patch_compliance(bodies.e_star), []
-    for ends in (answer.values, answer.low, answer.high):
-        pressure = ends["force"] / patch.nominal if kind == "delta" else at
-        closure = np.maximum(
-            (at if kind == "delta" else ends["delta"]) - behind * pressure, 0.0
-        )
-        if kind == "pressure":
-            closure = np.maximum.accumulate(closure)
-        point = {AREA.in_laws: ends["area"]}
-        point[PRESSURE.in_laws] = pressure
-        point[CLOSURE.in_laws] = closure
-        point[DELTA.in_laws] = at if kind == "delta" else closure + behind * at
-        point[FORCE.in_laws] = (
-            ends["force"] if kind == "delta" else pressure * patch.nominal
-        )
-        if MEAN_GAP.name in ends:
-            point[MEAN_GAP.in_laws] = ends[MEAN_GAP.name]
-        elif kind == "delta" and surface is not None:  # it rises with the force
-            gap = _mean_gap(surface, at, ends["force"] / bodies.e_star, bodies)
-            point[MEAN_GAP.in_laws] = gap
-        if STIFFNESS.name in ends:
-            point[STIFFNESS.in_laws] = ends[STIFFNESS.name] / patch.nominal
-        elif UNLOADING.name in ends:
-            point[STIFFNESS.in_laws] = _of_interface(
-                ends[UNLOADING.name] / patch.nominal, behind
-            )
-        for name in also:
-            point[ALSO[name].in_laws] = ends[name]
-        parts.append(point)
-    values, low, high = parts
-    # Without an interval: the load, and at a given Delta the closure, which falls with the force.
-    without = (DELTA, CLOSURE) if kind == "delta" else (PRESSURE, FORCE)
-    for quantity in without:
-        del low[quantity.in_laws], high[quantity.in_laws]
-    return Points(values, low, high, answer.reasons)
-
-
-def _defined(
-    surrogate: Surrogate, surfaces: Sequence[LawSurface]
-) -> tuple[list[tuple[LawSurface, OnSurface]], list[str]]:
-    """Apply the surrogate to surfaces with all statistics; also return a line if any lack some."""
-    kept, faults = [], []
-    for each in surfaces:
-        own = SurfaceFeatures(
-            each.heights, each.sides, each.spacing, each.name, each.boundary
-        )
-        if reason := own.description.reason:
-            faults.append(Undefined(f"{each.name}: statistics undefined: {reason}"))
+    smoothed = [monotone(of_surface) for of_surface in points]
+    parts = [
+        _with_stiffness(smooth.points, patch, settings)
+        for smooth, patch in zip(smoothed, patches, strict=True)
+    ]
+    at_rest = _gap_at_rest(parts)
+    tables: dict[Load, Curves] = {}
+    for load in ARGUMENTS:
+        if load == kind:
+            tables[load] = _table_over_learnt(parts, load, at_rest, settings)
         else:
-            kept.append((each, OnSurface(surrogate, own)))
-    if not kept:
-        raise faults[0]
-    many = f"{len(faults)} of {len(surfaces)} surfaces were left out"
-    return kept, [f"warning: {many}, the first: {faults[0]}"] if faults else []
-
-
-def _tables(
-    surfaces: Sequence[tuple[LawSurface, OnSurface]],
-    level: float,
-    deltas: Values,
-    pressures: Values | None,
-    order: Order,
-    bodies: Bodies,
-) -> Tables:
-    """Predict all surfaces with intervals of a level, and tabulate them.
-
-    Lines of warnings come with the tables.
-    """
-    rests = [patch.at_rest() for patch, _ in surfaces]
-    parts: list[Points] = []
-    whole: list[Points] = []
-    smoothed: list[Monotone] = []
-    with RunProgress(len(surfaces), "surfaces") as progress:
-        for (patch, on_surface), rest in zip(surfaces, rests, strict=True):
-            predicted = partial(
-                _predicted, patch, on_surface, "delta", level, bodies, also=order.also
-            )
-            smooth = monotone(predicted(deltas).from_rest(rest))
-            extended = smooth.points
-            with suppress(
-                InputError
-            ):  # larger displacements, where they can be predicted
-                extended = continued(
-                    smooth.points, predicted(deltas[-1] * np.array(BEYOND))
-                )
-            parts.append(_with_stiffness(smooth.points, patch, order, bodies))
-            whole.append(_with_stiffness(extended, patch, order, bodies))
-            smoothed.append(smooth)
-            progress.advance(1)
-    rest = mean_at_rest(rests)
-    over_delta = tabulated(
-        DELTA.in_laws, np.append(0.0, deltas), parts, order.coverage, rest
+            tables[load] = _table_over_other(parts, load, at_rest, settings)
+    remarks = _monotony_warnings(tables[kind], smoothed)
+    if len(parts) == 1:
+        remarks.append(f"only the table over {kind} has a band")
+    return Tables(
+        over_delta=tables["delta"], over_pressure=tables["pressure"], remarks=remarks
     )
-    notes = _corrected(over_delta, smoothed)
-    if beyond := sum(share > 0 for share in over_delta.outside):
-        many = f"{beyond} of {over_delta.at.size - 1} displacements"
-        line = f"warning: {many} are outside the training ranges for one surface or more"
-        if over_delta.flagged.any():
-            line += "; outside, neither closure nor stiffness is given (-)"
-        notes.insert(0, line)
-    if (
-        bodies.hardness is not None
-        and MEAN_GAP.name not in surfaces[0][1].surrogate.learnt
-    ):
-        notes.append(
-            "warning: the mean gap of bodies that yield is a coarse estimate: fit one with --target"
-            " area,force,mean_gap"
-        )
-    chosen, late = _pressures(over_delta, whole, pressures)
-    inverted = [at_pressures(each, chosen) for each in whole]
-    over_pressure = tabulated(PRESSURE.in_laws, chosen, inverted, order.coverage, rest)
-    return Tables(over_delta, over_pressure, [*notes, *late])
+
+
+def _gap_at_rest(parts: Sequence[Points]) -> dict[str, float]:
+    """Return the mean gap at first touch [um], by its name in laws, as the mean over the surfaces.
+
+    It is taken to be the sum of gap and Delta at the first load, which is exact for a patch without
+    edges. It is 0 if the points have no mean gap.
+    """
+    gap = MEAN_GAP.in_laws
+    if gap not in parts[0].values:
+        return {gap: 0.0}
+    first = [part.values[gap][0] + part.values[DELTA.in_laws][0] for part in parts]
+    return {gap: float(np.mean(first))}
+
+
+def _table_over_learnt(
+    parts: Sequence[Points],
+    load: Load,
+    at_rest: Mapping[str, float],
+    settings: LawSettings,
+) -> Curves:
+    """Tabulate points over the loads that the surrogate has learnt, which all surfaces share.
+
+    A table over Delta begins at first touch.
+    """
+    argument = ARGUMENTS[load]
+    if load == "delta":
+        parts = [part.from_rest(at_rest) for part in parts]
+    arguments = parts[0].values[argument]
+    return tabulated(argument, arguments, parts, settings.order.coverage, at_rest)
+
+
+def _table_over_other(
+    parts: Sequence[Points],
+    load: Load,
+    at_rest: Mapping[str, float],
+    settings: LawSettings,
+) -> Curves:
+    """Tabulate points from first touch over a quantity that the surrogate predicts.
+
+    Points at which the quantity does not rise, and all intervals, are left out. The surfaces of a
+    population have different values of the quantity. They are interpolated to `STEPS` arguments up
+    to the largest one that all surfaces reach.
+    """
+    argument = ARGUMENTS[load]
+    rising: list[Points] = []
+    for part in parts:
+        without_intervals = replace(part, low={}, high={})
+        places = risen(part.values[argument])
+        rising.append(without_intervals.chosen(places).from_rest(at_rest))
+    arguments = rising[0].values[argument]
+    if len(rising) > 1:
+        shared_end = min(part.values[argument][-1] for part in rising)
+        arguments = np.linspace(0.0, shared_end, STEPS)
+        rising = [at_arguments(part, argument, arguments) for part in rising]
+    return tabulated(argument, arguments, rising, settings.order.coverage, at_rest)
 
 
 def _predicted(
-    patch: LawSurface,
-    on_surface: OnSurface,
-    kind: Load,
-    level: float,
-    bodies: Bodies,
-    at: Values,
-    also: Sequence[str] = (),
+    surface: PredictedSurface, kind: Load, loads: Values, settings: LawSettings
 ) -> Points:
-    """Predict the law of one surface at ascending loads above 0, (k,)."""
-    e_star, hardness = bodies.e_star, bodies.hardness
-    answer = on_surface.predict(at, e_star=e_star, hardness=hardness, level=level)
+    """Predict the law of one surface at ascending loads above 0, (k,), with intervals.
+
+    Raises InputError if a prediction is not finite.
+    """
+    bodies = settings.bodies
+    answer = surface.on_surface.predict(
+        loads, e_star=bodies.e_star, hardness=bodies.hardness, level=settings.level
+    )
     for name, predictions in answer.values.items():
-        if not np.isfinite(predictions).all():
-            load = at[np.argmin(np.isfinite(predictions))]
+        is_finite = np.isfinite(predictions)
+        if not is_finite.all():
+            load = loads[np.argmin(is_finite)]
             where = f"Delta = {load:.4g} um" if kind == "delta" else f"{load:.4g} MPa"
             raise InputError(
-                f"{patch.name}: the surrogate has no finite {name} at {where}: no law can be made"
-                " of it"
+                f"{surface.patch.name}: the surrogate has no finite {name} at {where}:"
+                " no law can be made of it"
             )
-    return _points_at(answer, kind, at, patch, bodies, on_surface.surface, also)
+    loaded = LoadedPatch(
+        patch=surface.patch,
+        bodies=bodies,
+        kind=kind,
+        loads=loads,
+        surface=surface.on_surface.surface,
+    )
+    return points_of(loaded, answer, settings.order.also)
 
 
-def _mean_gap(
-    surface: SurfaceFeatures, deltas: Values, force: Values, bodies: Bodies
-) -> Values:
-    """Return mean gaps [um] at displacements [um] with forces over E* [um2], all of shape (k,)."""
-    rest = float(surface.heights.max()) - float(surface.heights.mean())
-    coarse = [surface.means(float(delta), bodies.hardness_ratio) for delta in deltas]
-    compliance, yielded = np.array(coarse).reshape(-1, 2).T  # the fields of CoarseMeans
-    mean_displacement = compliance * force / surface.length  # [um]
-    return np.asarray(np.maximum(rest - deltas + mean_displacement + yielded, 0.0))
+@dataclass(frozen=True, eq=False)
+class SurfaceLaw:
+    """The law of one surface over Delta."""
+
+    smoothed: Monotone  # points from first touch at the Deltas of the table
+    points: Points  # the same points, with a stiffness if the order needs one
+    # The points, and further ones at larger Deltas if these can be predicted.
+    extended: Points
 
 
-def _with_stiffness(
-    points: Points, subject: LawSurface, order: Order, bodies: Bodies
-) -> Points:
-    """Add the stiffness of the interface, if it is asked for and was not learnt."""
-    asked = order.stiffness or order.conductivities is not None
-    if not asked or STIFFNESS.in_laws in points.values:
-        return points
-    if bodies.hardness is not None:
-        raise InputError(
-            "the conductance of bodies that yield follows from their stiffness of unloading, which"
-            " is no slope of the force: fit a surrogate with --target area,force,stiffness, or"
-            " solve the law"
-        )
-    rising = slopes(points.values[DELTA.in_laws], points.values[PRESSURE.in_laws], 0.0)
-    found = _of_interface(rising, subject.patch_compliance(bodies.e_star))
-    return replace(points, values={**points.values, STIFFNESS.in_laws: found})
+def _tables_by_delta(
+    surfaces: Sequence[PredictedSurface],
+    deltas: Values,
+    pressures: Values | None,
+    settings: LawSettings,
+) -> Tables:
+    """Predict all surfaces at learnt Deltas, and tabulate them over both loads.
+
+    `deltas` are ascending and above 0, (k,) [um]. `pressures` are ascending, (m,) [MPa]; None for
+    those that the surfaces have at the Deltas.
+    """
+    coverage = settings.order.coverage
+    laws: list[SurfaceLaw] = []
+    first_touches = [surface.patch.at_rest() for surface in surfaces]
+    with RunProgress(len(surfaces), "surfaces") as progress:
+        for surface, first_touch in zip(surfaces, first_touches, strict=True):
+            laws.append(_law_of_surface(surface, deltas, first_touch, settings))
+            progress.advance(rows=1)
+    at_rest = mean_at_rest(first_touches)
+    over_delta = tabulated(
+        against=DELTA.in_laws,
+        at=np.append(0.0, deltas),
+        parts=[law.points for law in laws],
+        level=coverage,
+        at_rest=at_rest,
+    )
+    remarks = _training_warnings(over_delta)
+    remarks += _monotony_warnings(over_delta, [law.smoothed for law in laws])
+    remarks += _gap_warnings(surfaces[0].on_surface.surrogate, settings.bodies)
+    extended = [law.extended for law in laws]
+    if pressures is None:
+        shared = _shared_pressures(over_delta, extended)
+        pressures = shared.pressures
+        remarks += shared.remarks
+    else:
+        _require_reached(pressures, over_delta, extended)
+    over_pressure = tabulated(
+        against=PRESSURE.in_laws,
+        at=pressures,
+        parts=[at_pressures(part, pressures) for part in extended],
+        level=coverage,
+        at_rest=at_rest,
+    )
+    return Tables(over_delta=over_delta, over_pressure=over_pressure, remarks=remarks)
 
 
-def _of_interface(stiffness: Values, behind: float) -> Values:
-    """Take what the patch gives way [um / MPa] out of stiffnesses, (k,) [MPa / um]."""
-    return np.array(
-        [without_patch(each, 1 / behind) if behind else each for each in stiffness]
+def _law_of_surface(
+    surface: PredictedSurface,
+    deltas: Values,
+    first_touch: Mapping[str, float],
+    settings: LawSettings,
+) -> SurfaceLaw:
+    """Predict the law of one surface at Deltas, (k,) [um], and if possible at larger ones.
+
+    `first_touch` are the values at first touch by names in laws.
+    """
+    predicted = _predicted(surface, "delta", deltas, settings)
+    smoothed = monotone(predicted.from_rest(first_touch))
+    extended = smoothed.points
+    # A coarse solve may fail at the larger displacements, or a prediction may not be finite.
+    with suppress(InputError):
+        larger = deltas[-1] * np.array(BEYOND)
+        at_larger = _predicted(surface, "delta", larger, settings)
+        extended = continued(smoothed.points, at_larger)
+    return SurfaceLaw(
+        smoothed=smoothed,
+        points=_with_stiffness(smoothed.points, surface.patch, settings),
+        extended=_with_stiffness(extended, surface.patch, settings),
     )
 
 
-def _corrected(over_delta: Curves, smoothed: Sequence[Monotone]) -> list[str]:
-    """Warn of curves that were far from monotone."""
-    lines = []
-    for name in (
-        over_delta.curves.keys() & smoothed[0].corrections.keys()
-    ):  # slopes are not corrected
-        change = np.mean([each.corrections[name] for each in smoothed], axis=0)
-        largest = np.nanmax(np.abs(over_delta.curves[name].value), initial=0.0) or 1.0
-        if np.abs(change).max() > CORRECTED * largest:
-            fell, rising = (
-                ("rose", "falling") if trend(name) == "falls" else ("fell", "rising")
-            )
-            lines.append(
-                f"warning: the surrogate's curve of {name} {fell} with the load; shown is the"
-                f" nearest {rising} one"
-            )
-    return sorted(lines)
+def _with_stiffness(points: Points, patch: LawSurface, settings: LawSettings) -> Points:
+    """Add the stiffness of the interface, if the order needs it and it was not learnt.
+
+    It is the slope of the pressure over Delta without the compliance of the patch. Raises
+    InputError for bodies that yield: their stiffness is that of unloading.
+    """
+    order = settings.order
+    needs_stiffness = order.stiffness or order.conductivities is not None
+    if not needs_stiffness or STIFFNESS.in_laws in points.values:
+        return points
+    if settings.bodies.hardness is not None:
+        raise InputError(
+            "the conductance of bodies that yield follows from their stiffness of"
+            " unloading, which is no slope of the force: fit a surrogate with --target"
+            " area,force,stiffness, or solve the law"
+        )
+    slope = slopes(points.values[DELTA.in_laws], points.values[PRESSURE.in_laws], 0.0)
+    compliance = patch.patch_compliance(settings.bodies.e_star)
+    stiffness = of_interface(slope, compliance)
+    return replace(points, values={**points.values, STIFFNESS.in_laws: stiffness})
 
 
-def _pressures(
-    over_delta: Curves, whole: Sequence[Points], asked: Values | None
-) -> tuple[Values, list[str]]:
-    """Return the pressures to tabulate [MPa], and a note where the default ones end early."""
+def _training_warnings(over_delta: Curves) -> list[str]:
+    """Warn that displacements are outside the training; an empty list if none is."""
+    number = np.count_nonzero(over_delta.outside)
+    if not number:
+        return []
+    warning = (
+        f"warning: {number} of {over_delta.at.size - 1} displacements are outside the"
+        " training ranges for one surface or more"
+    )
+    if over_delta.flagged.any():
+        warning += "; outside, neither closure nor stiffness is given (-)"
+    return [warning]
+
+
+def _gap_warnings(surrogate: Surrogate, bodies: Bodies) -> list[str]:
+    """Warn of the mean gap of bodies that yield, unless it was learnt; at most one line."""
+    if bodies.hardness is None or MEAN_GAP.name in surrogate.learnt:
+        return []
+    return [COARSE_GAP]
+
+
+def _monotony_warnings(table: Curves, smoothed: Sequence[Monotone]) -> list[str]:
+    """Warn of each curve of a table that was far from monotone before it was made monotone.
+
+    `smoothed` are the monotone points of each surface; their mean correction over the surfaces
+    decides.
+    """
+    warnings: list[str] = []
+    # The conductance and a stiffness from a slope are not corrected.
+    for name in table.curves.keys() & smoothed[0].corrections.keys():
+        corrections = [of_surface.corrections[name] for of_surface in smoothed]
+        change = np.abs(np.mean(corrections, axis=0)).max()
+        largest = np.nanmax(np.abs(table.curves[name].value), initial=0.0)
+        if change > CORRECTED * (largest or 1.0):
+            warnings.append(_monotony_warning(name))
+    return sorted(warnings)
+
+
+def _monotony_warning(name: str) -> str:
+    """Warn that the predicted curve of a quantity, by its name in laws, was not monotone."""
+    if trend(name) == "falls":
+        fault = "rose with the load; shown is the nearest falling one"
+    else:
+        fault = "fell with the load; shown is the nearest rising one"
+    return f"warning: the surrogate's curve of {name} {fault}"
+
+
+@dataclass(frozen=True, eq=False)
+class SharedPressures:
+    """Pressures that all surfaces of a law reach."""
+
+    pressures: Values  # (m,), ascending [MPa]
+    remarks: list[str]  # a note if the pressures end early, or nothing
+
+
+def _shared_pressures(over_delta: Curves, extended: Sequence[Points]) -> SharedPressures:
+    """Return the mean pressures at the Deltas of a table, as far as all surfaces reach them.
+
+    They are close where the Deltas are. `extended` are the points of each surface. Raises
+    InputError if the law has no force.
+    """
+    mean = np.unique(_mean_pressures(over_delta))
+    reach = _reach(extended)
+    if mean[-1] <= reach:
+        return SharedPressures(mean, [])
+    remark = (
+        f"the table against pressure ends at {reach:.4g} MPa: not all surfaces reach more"
+    )
+    return SharedPressures(np.append(mean[mean < reach], reach), [remark])
+
+
+def _require_reached(
+    pressures: Values, over_delta: Curves, extended: Sequence[Points]
+) -> None:
+    """Refuse ascending pressures, (m,) [MPa], that the mean or a surface does not reach.
+
+    `extended` are the points of each surface. A law without a force is refused too.
+    """
+    end = min(_mean_pressures(over_delta)[-1], _reach(extended))
+    if pressures[-1] > end:
+        raise InputError(
+            f"--pressure {pressures[-1]:.6g}: not all surfaces reach more than {end:.6g}"
+            f" MPa near Delta = {over_delta.at[-1]:.4g} um: give a larger --delta, or"
+            " smaller pressures"
+        )
+
+
+def _mean_pressures(over_delta: Curves) -> Values:
+    """Return the pressures of a table over Delta, (k,) [MPa]; refuse a law without a force."""
     mean = over_delta.curves[PRESSURE.in_laws].value
     if not mean[-1] > 0:
         raise InputError(
             "the law has no force at all: nothing to tabulate against pressure"
         )
-    reach = min(float(each.values[PRESSURE.in_laws].max()) for each in whole)
-    if asked is None:
-        usual = np.unique(mean)  # as close as Delta's where it is small
-        if usual[-1] <= reach:
-            return usual, []
-        kept = np.append(usual[usual < reach], reach)
-        text = f"the table against pressure ends at {reach:.4g} MPa: not all surfaces reach more"
-        return kept, [text]
-    if asked[-1] > (end := min(mean[-1], reach)):
-        raise InputError(
-            f"--pressure {asked[-1]:.6g}: not all surfaces reach more than {end:.6g} MPa near"
-            f" Delta = {over_delta.at[-1]:.4g} um: give a larger --delta, or smaller pressures"
-        )
-    return asked, []
+    return mean
 
 
-def at_pressures(points: Points, pressures: Values) -> Points:
-    """Evaluate the law of one surface at ascending pressures that it reaches, (m,) [MPa].
-
-    The points are monotone, from first touch on. Where an end of an interval lies beyond the law or
-    outside the training, the interval is NaN and the reason says so.
-    """
-    deltas = points.values[DELTA.in_laws]
-    at = _inverse(deltas, points.values[PRESSURE.in_laws], pressures, first=True)
-    arguments = {quantity.in_laws for quantity in (DELTA, PRESSURE, FORCE)}
-    known = [name for name in points.values if name not in arguments]
-    values = {DELTA.in_laws: at} | {
-        name: _read(deltas, points.values[name], at) for name in known
-    }
-    reasons = _reasons(points, at)
-    if not points.low:
-        return Points(values, reasons=reasons)
-    least = most = np.full_like(at, np.nan)  # beyond the law
-    if np.isfinite(points.high[PRESSURE.in_laws]).all():
-        least = np.minimum(
-            _inverse(deltas, points.high[PRESSURE.in_laws], pressures, first=True), at
-        )
-    if np.isfinite(points.low[PRESSURE.in_laws]).all():
-        most = np.maximum(
-            _inverse(deltas, points.low[PRESSURE.in_laws], pressures, first=False), at
-        )
-    low, high = {DELTA.in_laws: least}, {DELTA.in_laws: most}
-    for name in points.low.keys() & {*known}:
-        one, other = (most, least) if trend(name) == "falls" else (least, most)
-        low[name] = _read(deltas, points.low[name], one)
-        high[name] = _read(deltas, points.high[name], other)
-    unknown = np.isnan(least) | np.isnan(most)
-    said = []
-    ends = zip(_reasons(points, least), _reasons(points, most), unknown, strict=True)
-    for lower, upper, nowhere in ends:
-        end = "beyond the last displacement" if nowhere else lower or upper
-        said.append(
-            f"its interval ends {end if nowhere else f'where {end}'}" if end else ""
-        )
-    return Points(values, low, high, reasons, tuple(said))
-
-
-def read_at(points: Points, argument: str, over: Values) -> Points:
-    """Read the points of one surface at other arguments, (m,)."""
-    place = np.searchsorted(points.values[argument], over).clip(
-        0, len(points.reasons) - 1
-    )
-    return points.changed(
-        lambda _, each: _read(points.values[argument], each, over),
-        texts_at(points.reasons, place),
-    )
-
-
-def _inverse(deltas: Values, reach: Values, pressures: Values, *, first: bool) -> Values:
-    """Return the Delta at which a rising pressure reaches given ones, (m,); NaN beyond its end.
-
-    The curve is given by pressures `reach` at `deltas`, each (k,) [MPa, um]. Of a level stretch it
-    is the beginning if `first`, else the end. No pressure is at first touch.
-    """
-    shares = np.arange(FINE) / FINE
-    fine = np.append(
-        (deltas[:-1, None] + np.diff(deltas)[:, None] * shares).ravel(), deltas[-1]
-    )
-    curve = np.maximum.accumulate(PchipInterpolator(deltas, reach)(fine))
-    rises = np.diff(curve) > 0
-    kept = np.concatenate([[True], rises] if first else [rises, [True]])
-    end = curve[-1]
-    asked = np.where(
-        pressures <= end * (1 + ROUNDING), np.minimum(pressures, end), pressures
-    )
-    deltas_at = np.interp(asked, curve[kept], fine[kept], right=np.nan)
-    return np.where(pressures > 0, deltas_at, 0.0)
-
-
-def _read(deltas: Values, values: Values, at: Values) -> Values:
-    """Interpolate between points, (m,); NaN at NaN, and next to an interval without an end."""
-    if np.isfinite(values).all():
-        return PchipInterpolator(deltas, values)(at)
-    with np.errstate(invalid="ignore"):
-        return np.interp(at, deltas, values)
-
-
-def _reasons(points: Points, at: Values) -> tuple[str, ...]:
-    """Return why Deltas between points lie outside the training: because a neighbour does."""
-    deltas = points.values[DELTA.in_laws]
-    above = np.searchsorted(deltas, at).clip(0, deltas.size - 1)
-    below = np.where(deltas[above] == at, above, (above - 1).clip(0))
-    return tuple(
-        points.reasons[one] or points.reasons[other]
-        for one, other in zip(below, above, strict=True)
-    )
+def _reach(extended: Sequence[Points]) -> float:
+    """Return the largest pressure that all surfaces reach [MPa]."""
+    return min(float(points.values[PRESSURE.in_laws].max()) for points in extended)

@@ -44,28 +44,39 @@ def of_scene(tmp_path_factory):
     return surrogate_of(database, "--target", "both", "--features", "scene")
 
 
-def test_the_solver_is_a_function_of_what_a_scene_draws():
-    scene = Scene.parse(SCENE, "s.toml")
-    outputs = "delta", "area_percent", "stiffness", "hydraulic_aperture_x", "mean_gap"
-    function = asperity.SceneFunction(scene, outputs)
-    assert (function.names, function.outputs) == (("hurst", "sigma0", "delta"), outputs)
-    found = function(**POINT, delta=9.0, surface=3, nodes=33)
-    asked = scene.with_parameters(POINT, nodes=33)
-    contact = solve_contact(asked, surface_numbered(asked, 3), 9.0)
+OUTPUTS = ("delta", "area_percent", "stiffness", "hydraulic_aperture_x", "mean_gap")
+
+
+@pytest.fixture(scope="module")
+def solver():
+    """The solver on the surfaces of the scene, with further outputs."""
+    return asperity.SceneFunction(Scene.parse(SCENE, "s.toml"), OUTPUTS)
+
+
+@pytest.fixture(scope="module")
+def answer():
+    """The outputs of a contact that is solved without a function."""
+    scene = Scene.parse(SCENE, "s.toml").with_parameters(POINT, nodes=33)
+    contact = solve_contact(scene, surface_numbered(scene, 3), 9.0)
     aperture = contact.flow().aperture
-    of = (
-        contact.delta,
-        contact.area_percent,
-        contact.stiffness,
-        aperture,
-        contact.mean_gap,
-    )
-    assert found.tolist() == list(of)
-    many = function(
-        hurst=[0.6, 0.7], sigma0=12.0, delta=[[9.0], [3.0]], surface=[0, 3], nodes=33
-    )
+    area, stiffness = contact.area_percent, contact.stiffness
+    return [contact.delta, area, stiffness, aperture, contact.mean_gap]
+
+
+def test_the_inputs_of_the_solver_are_what_a_scene_draws(solver):
+    assert solver.names == ("hurst", "sigma0", "delta")
+    assert solver.outputs == OUTPUTS
+
+
+def test_the_solver_answers_with_the_numbers_of_a_contact(solver, answer):
+    assert solver(**POINT, delta=9.0, surface=3, nodes=33).tolist() == answer
+
+
+def test_arrays_are_broadcast_to_the_shape_of_the_answer(solver, answer):
+    question = {"hurst": [0.6, 0.7], "sigma0": 12.0, "delta": [[9.0], [3.0]]}
+    many = solver(**question, surface=[0, 3], nodes=33)
     assert many.shape == (2, 2, 5)
-    assert many[0, 1].tolist() == list(of)
+    assert many[0, 1].tolist() == answer
 
 
 def test_what_drivers_pass_along_changes_nothing():
@@ -83,29 +94,41 @@ def test_what_drivers_pass_along_changes_nothing():
     )
 
 
-def test_wrong_questions_are_refused():
-    function = asperity.SceneFunction("quick")
-    with pytest.raises(
-        InputError, match=r"hurst given: the function takes hurst, sigma0, delta"
-    ):
-        function(hurst=0.7)
-    with pytest.raises(InputError, match="delta = -1; allowed"):
-        function(**POINT, delta=-1.0)
-    with pytest.raises(
-        InputError, match=r"colour: outputs are area_percent, force, delta, "
-    ):
+@pytest.mark.parametrize(
+    ("question", "words"),
+    [
+        ({"hurst": 0.7}, r"hurst given: the function takes hurst, sigma0, delta"),
+        ({**POINT, "delta": -1.0}, r"delta = -1; allowed"),
+        (
+            {"hurst": [0.6, 0.7], "sigma0": 12.0, "delta": [1.0, 2.0, 3.0]},
+            r"hurst \(2,\), delta \(3,\) do not belong together",
+        ),
+        (
+            {"hurst": 0.7 + 0.1j, "sigma0": 12.0, "delta": 9.0},
+            "hurst are of type complex128: real numbers",
+        ),
+        (
+            {**POINT, "delta": 9.0, "surface": 1.5},
+            r"surface = 1\.5: allowed: a whole number",
+        ),
+    ],
+)
+def test_wrong_questions_are_refused(question, words):
+    with pytest.raises(InputError, match=words):
+        asperity.SceneFunction("quick")(**question)
+
+
+def test_unknown_outputs_are_refused():
+    words = r"colour: outputs are area_percent, force, delta, "
+    with pytest.raises(InputError, match=words):
         asperity.SceneFunction("quick", ["colour"])
-    with pytest.raises(
-        InputError, match=r"hurst \(2,\), delta \(3,\) do not belong together"
-    ):
-        function(hurst=[0.6, 0.7], sigma0=12.0, delta=[1.0, 2.0, 3.0])
-    with pytest.raises(InputError, match="hurst are of type complex128: real numbers"):
-        function(hurst=0.7 + 0.1j, sigma0=12.0, delta=9.0)
-    with pytest.raises(InputError, match=r"surface = 1\.5: allowed: a whole number"):
-        function(**POINT, delta=9.0, surface=1.5)
+
+
+def test_contacts_without_a_solution_are_unsolved():
     beyond = SCENE + "[contact]\nboundary = 'periodic'\n"
+    function = asperity.SceneFunction(Scene.parse(beyond, "s"))
     with pytest.raises(Unsolved, match="no equilibrium"):
-        asperity.SceneFunction(Scene.parse(beyond, "s"))(**POINT, delta=1e6)
+        function(**POINT, delta=1e6)
 
 
 def test_threads_and_processes_answer_alike(surrogate):
@@ -131,20 +154,23 @@ def test_the_solvers_gradient_is_that_by_the_load(load):
     np.testing.assert_allclose(found[:, 2], (more - less) / (2 * step * at), rtol=1e-2)
 
 
-def test_a_surrogate_is_the_same_function_with_a_gradient(surrogate):
-    function, scene = asperity.SurrogateFunction(surrogate), Scene.parse(SCENE, "s")
-    assert (function.names, function.outputs) == (
-        ("hurst", "sigma0", "delta"),
-        ("area", "force"),
-    )
+def test_a_surrogate_is_the_same_function(surrogate):
+    function = asperity.SurrogateFunction(surrogate)
+    assert function.names == ("hurst", "sigma0", "delta")
+    assert function.outputs == ("area", "force")
+    scene = Scene.parse(SCENE, "s")
     heights = surface_numbered(scene.with_parameters(POINT), 2)
     wanted = Surrogate.load(surrogate).predict(heights, scene.sides, 9.0)
     found = function(**POINT, delta=9.0, surface=2)
     assert found.tolist() == [wanted.area[0], wanted.force[0]]
+
+
+def test_a_surrogate_has_a_gradient(surrogate):
+    function = asperity.SurrogateFunction(surrogate)
     gradient = function.gradient(**POINT, delta=9.0, surface=2)
     assert gradient.shape == (2, 3)
-    more = function(**POINT, delta=9.1, surface=2)
-    np.testing.assert_allclose(gradient[:, 2], (more - found) / 0.1, rtol=0.1)
+    less, more = (function(**POINT, delta=at, surface=2) for at in (9.0, 9.1))
+    np.testing.assert_allclose(gradient[:, 2], (more - less) / 0.1, rtol=0.1)
 
 
 def counted(monkeypatch, owner, name):
@@ -189,9 +215,12 @@ def test_a_surrogate_of_a_scene_answers_all_points_by_one_prediction(
     assert len(predicted) == 1
 
 
+ALL_KINDS = ["inside", "area", "area_low", "force_high", "area_mean", "area_mean_high"]
+"""Outputs of all kinds of a surrogate of a scene's own numbers."""
+
+
 def test_flag_interval_and_mean_are_outputs_of_a_surrogate(of_scene):
-    outputs = ["inside", "area", "area_low", "force_high", "area_mean", "area_mean_high"]
-    function = asperity.SurrogateFunction(of_scene, outputs, outside="nan", level=0.8)
+    function = asperity.SurrogateFunction(of_scene, ALL_KINDS, outside="nan", level=0.8)
     copy = pickle.loads(pickle.dumps(function))
     surrogate = Surrogate.load(of_scene)
     usual, mean = (
@@ -200,41 +229,63 @@ def test_flag_interval_and_mean_are_outputs_of_a_surrogate(of_scene):
     wanted = [1, usual.area[0], usual.low["area"][0], usual.high["force"][0]]
     wanted += [usual.area[0], mean.high["area"][0]]
     assert copy(**POINT, delta=9.0).tolist() == wanted
-    assert np.isnan(function.gradient(**POINT, delta=9.0)).all(axis=1).tolist() == [
-        True,
-        *[False] * 5,
-    ]
-    with pytest.raises(
-        InputError, match="area_mode: outputs are area, force, inside, area_low"
-    ):
+
+
+def test_the_flag_alone_has_no_gradient(of_scene):
+    function = asperity.SurrogateFunction(of_scene, ALL_KINDS, outside="nan", level=0.8)
+    unknown = np.isnan(function.gradient(**POINT, delta=9.0)).all(axis=1)
+    assert unknown.tolist() == [True, *[False] * 5]
+
+
+def test_outputs_that_a_surrogate_lacks_are_refused(of_scene):
+    words = "area_mode: outputs are area, force, inside, area_low"
+    with pytest.raises(InputError, match=words):
         asperity.SurrogateFunction(of_scene, ["area_mode"])
 
 
-def test_no_interval_holds_outside_the_training_and_one_warning_tells(surrogate):
+FAR = [9.0, 1e5]
+"""A Delta inside the training of the surrogate, and one outside."""
+
+
+def test_no_interval_holds_outside_the_training_and_a_warning_tells(surrogate):
     function = asperity.SurrogateFunction(surrogate, ["area", "area_low", "inside"])
-    deltas = [9.0, 1e5]
-    with pytest.warns(
-        asperity.OutsideTraining, match=r"1 of 2 points lie outside what .* delta/h"
-    ):
-        (_, low, inside), (value, outer_low, outside) = function(**POINT, delta=deltas)
+    words = r"1 of 2 points lie outside what .* delta/h"
+    with pytest.warns(asperity.OutsideTraining, match=words):
+        (_, low, inside), (value, outer_low, outside) = function(**POINT, delta=FAR)
     assert (inside, outside) == (1, 0)
     assert np.isfinite([low, value]).all()
     assert np.isnan(outer_low)
+
+
+def test_the_first_call_outside_the_training_warns_alone(surrogate):
+    function = asperity.SurrogateFunction(surrogate, ["area", "area_low"])
+    with pytest.warns(asperity.OutsideTraining):
+        function(**POINT, delta=FAR)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        function(**POINT, delta=deltas)
-    assert np.isnan(function.gradient(**POINT, delta=1e5)[1]).all()
+        function(**POINT, delta=FAR)
 
 
-def test_a_surrogate_may_withhold_or_refuse_what_is_outside_the_training(surrogate):
-    outputs, deltas = ["area", "inside"], [9.0, 1e5]
-    withheld = asperity.SurrogateFunction(surrogate, outputs, outside="nan")(
-        **POINT, delta=deltas
-    )
-    assert np.isnan(withheld).tolist() == [[False, False], [True, False]]
-    refusing = asperity.SurrogateFunction(surrogate, outputs, outside="raise")
+def test_ends_of_intervals_have_no_gradient_outside_the_training(surrogate):
+    function = asperity.SurrogateFunction(surrogate, ["area", "area_low"])
+    with pytest.warns(asperity.OutsideTraining):
+        gradient = function.gradient(**POINT, delta=1e5)
+    assert np.isnan(gradient[1]).all()
+
+
+def test_a_surrogate_may_withhold_predictions_outside_the_training(surrogate):
+    function = asperity.SurrogateFunction(surrogate, ["area", "inside"], outside="nan")
+    withheld = np.isnan(function(**POINT, delta=FAR))
+    assert withheld.tolist() == [[False, False], [True, False]]
+
+
+def test_a_surrogate_may_refuse_points_outside_the_training(surrogate):
+    function = asperity.SurrogateFunction(surrogate, ["area", "inside"], outside="raise")
     with pytest.raises(InputError, match=r"1 of 2 points lie outside .* outside 0\."):
-        refusing(**POINT, delta=deltas)
+        function(**POINT, delta=FAR)
+
+
+def test_an_unknown_way_with_points_outside_the_training_is_refused(surrogate):
     with pytest.raises(InputError, match="outside = 'ignore': allowed: warn, nan, raise"):
         asperity.SurrogateFunction(surrogate, outside="ignore")
 

@@ -99,6 +99,10 @@ def test_no_equilibrium_from_the_critical_delta_on(excess, kernel):
     assert refused.value.delta == excess * critical
     assert f"Delta* = {critical:.10g} um" in str(refused.value)
     assert len(str(refused.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_a_flat_surface_has_no_equilibrium_on_a_compliant_far_field(kernel):
     with pytest.raises(bem.NoSolution, match="Delta"):
         compliant(np.zeros((9, 9)), 1e-9, kernel)
 

@@ -66,42 +66,56 @@ def contents(folder):
     ]
 
 
-@pytest.fixture
-def shown(tmp_path):
+@pytest.fixture(scope="module")
+def shown(tmp_path_factory):
     """A page with everything on it."""
+    folder = tmp_path_factory.mktemp("page")
     one = Part("one", "First", "All kinds", WRITE, WRITE, contents)
     two = Part("two", "Second", "Not made", "", WRITE, without_file)
-    makes(tmp_path, [one])
-    return write_page([one, two], inputs(tmp_path))
+    makes(folder, [one])
+    return write_page([one, two], inputs(folder))
 
 
-def test_page_stands_alone(shown):
-    text = shown.read_text(encoding="utf-8")
+@pytest.fixture(scope="module")
+def text(shown):
+    """The text of that page."""
+    return shown.read_text(encoding="utf-8")
+
+
+def test_page_stands_alone(text):
     addresses = re.findall(r'(?:src|href)="([^"]*)"', text)
     assert addresses
     assert all(address.startswith(("data:", "#")) for address in addresses)
     assert not re.search(r"@import|<script|url\(", text)
+
+
+def test_page_holds_tables_with_all_digits(shown, text):
     (source,) = set(
         re.findall(r'download="data.csv" href="data:text/csv;base64,([^"]*)"', text)
     )
-    data = base64.b64decode(source)  # with all digits
+    data = base64.b64decode(source)
     assert data == (shown.parent / "one" / "data.csv").read_bytes()
     assert b"0.30000000000000004" in data
+    assert ">0.3<" in text
 
 
-def test_page_shows_what_there_is_and_says_what_is_not(shown):
-    text = shown.read_text(encoding="utf-8")
-    assert f"Parts by the state of the code: 1 of {code_state()[:10]}." in text
-    assert "&lt;b&gt;bold&lt;/b&gt; &amp; plain" in text
+def test_page_marks_and_counts_rows_that_failed(text):
     assert text.count('<tr class="failed">') == 1
     assert re.search(r'Rows with a verdict:\s+2 in <a href="#one">All kinds</a>;\s', text)
     assert "1 failed" in text
+
+
+def test_page_lists_the_parts_that_were_not_made(text):
     assert text.index("All kinds") < text.index("1 more reports are not here")
     assert "<li><code>two</code>: Not made</li>" in text
     assert "(not here)" not in text
+
+
+def test_page_shows_what_there_is_as_it_is(text):
+    assert f"Parts by the state of the code: 1 of {code_state()[:10]}." in text
+    assert "&lt;b&gt;bold&lt;/b&gt; &amp; plain" in text
     assert 'alt="A line that falls."' in text
     assert "delta [µm]" in text
-    assert ">0.3<" in text
 
 
 @pytest.mark.parametrize("width", [360, 1440])

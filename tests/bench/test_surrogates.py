@@ -53,6 +53,7 @@ def test_databases_are_resumed_and_others_are_refused(tmp_path, capsys):
         databases.of_the_paper(tmp_path / "small.h5", tmp_path, 6)
 
 
+@pytest.mark.long
 def test_a_fit_knows_where_it_was_trained(paper):
     request = request_for(paper, "kernel-ridge", "dimensionless", 100.0)
     parts = parted(read(request, 200))
@@ -65,11 +66,18 @@ def test_a_fit_knows_where_it_was_trained(paper):
     assert fitted.predict(far).min() >= 0
 
 
+@pytest.fixture(scope="module")
+def costs(paper, tmp_path_factory):
+    """The report on costs, on three surfaces."""
+    with pytest.MonkeyPatch.context() as quick:
+        quick.setattr(times, "ENOUGH", 0.01)
+        folder = tmp_path_factory.mktemp("costs")
+        return cost(folder, 200, paper, area_max=60.0, surfaces=3)
+
+
 @pytest.mark.long
-def test_costs_end_to_end(paper, tmp_path, monkeypatch):
-    monkeypatch.setattr(times, "ENOUGH", 0.01)
-    report = cost(tmp_path, 200, paper, area_max=60.0, surfaces=3)
-    paths = report.write(tmp_path / "report", part_of("cost").contents)
+def test_costs_are_written_as_tables_and_pictures(costs, tmp_path):
+    paths = costs.write(tmp_path, part_of("cost").contents)
     names = [
         "cost.csv",
         "learning.csv",
@@ -80,16 +88,23 @@ def test_costs_end_to_end(paper, tmp_path, monkeypatch):
     ]
     assert [path.name for path in paths] == names
     assert all(path.stat().st_size > 300 for path in paths)
-    assert len(read_table(paths[0])[1]) == len(report.tables["cost"])
-    ours = [each for each in report.tables["cost"] if each["solver"] == "ours"]
-    for each in ours:
-        build = each["database"] + each["tuning"] + each["fit"]
-        assert each["break_even"] == break_even(build, each["solve"], each["query"])
-        assert each["database"] >= 200 * 0.9 * each["solve"] * (
-            each["asked"] == "new surfaces"
-        )
+    assert len(read_table(paths[0]).rows) == len(costs.tables["cost"])
+
+
+@pytest.mark.long
+def test_every_question_has_a_break_even_by_its_times(costs):
+    ours = [row for row in costs.tables["cost"] if row["solver"] == "ours"]
     assert len(ours) == 3 + 3 + 2
-    points = report.tables["learning"]
+    for row in ours:
+        build = row["database"] + row["tuning"] + row["fit"]
+        assert row["break_even"] == break_even(build, row["solve"], row["query"])
+        if row["asked"] == "new surfaces":
+            assert row["database"] >= 200 * 0.9 * row["solve"]
+
+
+@pytest.mark.long
+def test_learning_curves_end_with_all_rows_and_hybrid_features_err_least(costs):
+    points = costs.tables["learning"]
     assert [point["trained"] for point in points[:2]] == sizes(points[1]["trained"])
     last = {point["features"]: point["nmae"] for point in points}
     assert last["hybrid"] < last["paper"]

@@ -96,31 +96,43 @@ NO_NUMBERS = {
 }
 
 
-@pytest.mark.parametrize("kind", NO_NUMBERS)
-def test_what_is_no_real_number_is_refused_by_solver_and_surrogate_alike(surrogate, kind):
-    wrong = NO_NUMBERS[kind]
-    heights = np.full(HEIGHTS.shape, wrong)
+OF_NO_REAL_TYPE = r"heights are of type .* real numbers are needed"
+
+
+@pytest.fixture(params=NO_NUMBERS)
+def wrong(request):
+    """Something that is no real number; warnings are errors while it is passed in."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        with pytest.raises(
-            ValueError, match=r"heights are of type .* real numbers are needed"
-        ):
-            bem.solve(heights, 1000.0, 9.0)
-        with pytest.raises(
-            InputError, match=r"heights are of type .* real numbers are needed"
-        ):
-            surrogate.predict(heights, 1000.0, 9.0)
-        with pytest.raises(ValueError, match="side = "):
-            bem.solve(HEIGHTS, wrong, 9.0)
-        with pytest.raises(InputError, match="side = "):
-            surrogate.predict(HEIGHTS, wrong, 9.0)
-        with pytest.raises(ValueError, match="delta = "):
-            bem.solve(HEIGHTS, 1000.0, wrong)
-        with pytest.raises(InputError, match="delta are of type"):
-            surrogate.predict(HEIGHTS, 1000.0, wrong)
-        for name in ("e_star", "hardness", "level"):
-            with pytest.raises(InputError, match=name):
-                surrogate.predict(HEIGHTS, 1000.0, 9.0, **{name: wrong})
+        yield NO_NUMBERS[request.param]
+
+
+def test_heights_that_are_no_real_numbers_are_refused(surrogate, wrong):
+    heights = np.full(HEIGHTS.shape, wrong)
+    with pytest.raises(ValueError, match=OF_NO_REAL_TYPE):
+        bem.solve(heights, 1000.0, 9.0)
+    with pytest.raises(InputError, match=OF_NO_REAL_TYPE):
+        surrogate.predict(heights, 1000.0, 9.0)
+
+
+def test_a_side_that_is_no_real_number_is_refused(surrogate, wrong):
+    with pytest.raises(ValueError, match="side = "):
+        bem.solve(HEIGHTS, wrong, 9.0)
+    with pytest.raises(InputError, match="side = "):
+        surrogate.predict(HEIGHTS, wrong, 9.0)
+
+
+def test_a_displacement_that_is_no_real_number_is_refused(surrogate, wrong):
+    with pytest.raises(ValueError, match="delta = "):
+        bem.solve(HEIGHTS, 1000.0, wrong)
+    with pytest.raises(InputError, match="delta are of type"):
+        surrogate.predict(HEIGHTS, 1000.0, wrong)
+
+
+def test_a_setting_that_is_no_real_number_is_refused(surrogate, wrong):
+    for name in ("e_star", "hardness", "level"):
+        with pytest.raises(InputError, match=name):
+            surrogate.predict(HEIGHTS, 1000.0, 9.0, **{name: wrong})
 
 
 def test_rows_of_unequal_length_are_named(surrogate):

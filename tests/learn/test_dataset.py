@@ -8,6 +8,8 @@ from learnt_rows import read
 
 from gen.database import Reader
 from gen.runtime.errors import InputError
+from gen.scene import columns_for
+from gen.schema import TABLE_1, Reason, Status
 from learn import dataset
 from learn.dataset import Request, results
 from learn.features.columns import NODES
@@ -69,17 +71,23 @@ def lacking(path):
         return np.flatnonzero(file["reason"][:])
 
 
-def test_rows_that_lack_a_statistic_which_the_features_need_are_left_out(
-    undefined, tmp_path
-):
+WITHOUT_STATISTICS = "paper features need statistics that the surface does not define"
+
+
+def test_rows_that_lack_a_statistic_which_the_features_need_are_left_out(undefined):
     rows = lacking(undefined)
     assert 10 < rows.size < 100
     found = read(undefined)
-    why = "paper features need statistics that the surface does not define"
-    assert found.dropped == {why: rows.size}
-    assert f"left out {rows.size} rows: {why}" in dataset.remarks(found, "l2")
     assert set(found.rows.tolist()) == set(range(120)) - set(rows.tolist())
     assert np.isfinite(found.inputs).all()
+
+
+def test_rows_that_lack_a_statistic_are_counted_in_a_remark(undefined):
+    number = lacking(undefined).size
+    found = read(undefined)
+    assert found.dropped == {WITHOUT_STATISTICS: number}
+    remark = f"left out {number} rows: {WITHOUT_STATISTICS}"
+    assert remark in dataset.remarks(found, "l2")
 
 
 @pytest.mark.parametrize(
@@ -107,22 +115,35 @@ def test_a_target_that_is_not_stored_is_refused_with_those_that_are(solved, targ
         read(solved, target)
 
 
-def test_the_user_is_told_of_what_is_odd(database, change, solved):
+def test_usual_rows_have_no_remarks(solved):
     assert dataset.remarks(read(solved), "l2") == []
+
+
+@pytest.fixture
+def odd(database, change):
+    """Rows with two constant inputs, one of them huge, and a row that repeats another one."""
     change("asperity_density", slice(None), 0.1)
     change("height_max", slice(None), 1e12)
     with h5py.File(database, "r+") as file:
         for name in (*SETS["paper"].columns, "area_percent"):
             file[name][1] = file[name][0]
-    text = "\n".join(dataset.remarks(read(database), "l2"))
-    assert (
+    return read(database)
+
+
+def test_constant_inputs_and_repeated_rows_are_named(odd):
+    text = "\n".join(dataset.remarks(odd, "standard"))
+    constant = (
         "constant over all rows, so of no use to a model: asperity_density, height_max"
-        in text
     )
+    assert constant in text
     assert "1 rows repeat others exactly" in text
+
+
+def test_an_input_that_hides_the_others_is_named_for_rows_of_unit_length_alone(odd):
+    text = "\n".join(dataset.remarks(odd, "l2"))
     assert "height_max is " in text
     assert "--normalise standard" in text
-    assert "standard" not in "\n".join(dataset.remarks(read(database), "standard"))
+    assert "standard" not in "\n".join(dataset.remarks(odd, "standard"))
 
 
 def test_targets_that_are_read_together_are_those_that_are_read_alone(change):
@@ -148,6 +169,22 @@ def test_rows_of_every_population_have_the_displacement_that_was_solved(populati
         length = np.sqrt(np.prod(reader.scene.sides))
     np.testing.assert_allclose(found.scale, length * deltas[found.rows], rtol=1e-12)
     np.testing.assert_allclose(found.target * found.scale, force[found.rows], rtol=1e-12)
+
+
+def test_every_stored_column_of_a_population_is_filled_where_its_row_is_done(population):
+    """Surfaces that do not define all statistics are done, and lack these statistics alone."""
+    statistics = {column.name for column in TABLE_1}
+    with Reader(population) as reader:
+        done = reader.column("status") == Status.DONE
+        described = done & (reader.column("reason") != Reason.NO_STATISTICS)
+        assert described.any()
+        for column in columns_for(reader.scene):
+            values = reader.column(column.name)
+            rows = described if column.name in statistics else done
+            if values.dtype.kind == "f":
+                assert np.isfinite(values[rows]).all(), column.name
+            if values.dtype.kind == "S":
+                assert (values[rows] != b"").all(), column.name
 
 
 def test_targets_are_results_and_no_parameters(populations):
@@ -210,20 +247,35 @@ def together(made, *names, features="dimensionless"):
     return rows
 
 
-def test_rows_are_those_of_each_database_and_nodes_are_a_feature(made):
-    rows = together(made, "coarse", "stranger", "spectral")
-    assert rows.features.columns[-1] == NODES
-    for number, name in enumerate(("coarse", "stranger", "spectral")):
-        alone = read(made[name], features="dimensionless")
-        here = rows.at(np.flatnonzero(rows.database == number))
-        np.testing.assert_array_equal(here.inputs[:, :-1], alone.inputs)
-        np.testing.assert_array_equal(here.target, alone.target)
-        np.testing.assert_array_equal(here.rows, alone.rows)
-        np.testing.assert_allclose(
-            here.inputs[:, -1], np.log2(33 if name == "stranger" else 17)
-        )
-        assert rows.origins[number].sha256 == alone.sha256
-        assert rows.origins[number].rows == alone.size
+JOINT = ("coarse", "stranger", "spectral")
+
+
+@pytest.fixture(scope="module")
+def joint(made):
+    """Rows of three databases on two grids, with their number of nodes as the last input."""
+    return together(made, *JOINT)
+
+
+@pytest.mark.parametrize("number", range(len(JOINT)))
+def test_joint_rows_are_those_of_each_database(made, joint, number):
+    alone = read(made[JOINT[number]], features="dimensionless")
+    rows = joint.at(np.flatnonzero(joint.database == number))
+    np.testing.assert_array_equal(rows.inputs[:, :-1], alone.inputs)
+    np.testing.assert_array_equal(rows.target, alone.target)
+    np.testing.assert_array_equal(rows.rows, alone.rows)
+
+
+def test_databases_on_different_grids_have_the_number_of_nodes_as_a_feature(joint):
+    assert joint.features.columns[-1] == NODES
+    nodes = np.where(joint.database == JOINT.index("stranger"), 33, 17)
+    np.testing.assert_allclose(joint.inputs[:, -1], np.log2(nodes))
+
+
+@pytest.mark.parametrize("number", range(len(JOINT)))
+def test_joint_rows_name_each_database_as_it_is_alone(made, joint, number):
+    (alone,) = read(made[JOINT[number]], features="dimensionless").origins
+    assert joint.origins[number].sha256 == alone.sha256
+    assert joint.origins[number].rows == alone.rows
 
 
 def test_surfaces_of_one_seed_and_number_are_one_group_on_every_grid(made):

@@ -86,23 +86,28 @@ def test_libraries_tell_users_nothing_in_their_own_words(model, samples):
         assert all(each in {UNFINISHED, AT_BOUND} for each in said), said
 
 
-@pytest.mark.parametrize("factor", [1.0, 2.0**-40, 2.0**40])
-def test_targets_of_another_size_are_brought_to_an_areas_by_a_power_of_two(
-    database, change, factor
-):
+def scaled_forces(database, change, factor):
+    """Forces of a database that are its areas times a factor, with their scaling."""
     rows = read(database, "area")
     change("force", slice(None), rows.target.copy() * factor)
     forces = read(database, "force")
-    scaling = scaling_of(forces, np.arange(forces.size))
-    if factor == 1:
-        assert scaling == Scaling()
-        return
+    return forces.target, scaling_of(forces, np.arange(forces.size))
+
+
+def test_targets_of_the_size_of_an_area_are_not_scaled(database, change):
+    _, scaling = scaled_forces(database, change, 1.0)
+    assert scaling == Scaling()
+
+
+@pytest.mark.parametrize("factor", [2.0**-40, 2.0**40])
+def test_targets_of_another_size_are_brought_to_an_areas_by_a_power_of_two(
+    database, change, factor
+):
+    forces, scaling = scaled_forces(database, change, factor)
     assert scaling.mean == 0
     assert np.log2(scaling.deviation) % 1 == 0
-    assert 4 <= np.median(scaling.scaled(forces.target)) < 8
-    np.testing.assert_array_equal(
-        scaling.restored(scaling.scaled(forces.target)), forces.target
-    )
+    assert 4 <= np.median(scaling.scaled(forces)) < 8
+    np.testing.assert_array_equal(scaling.restored(scaling.scaled(forces)), forces)
 
 
 def answers(surrogate, path):

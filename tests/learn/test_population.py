@@ -12,7 +12,13 @@ from gen.runtime.errors import InputError
 from learn import Surrogate
 from learn import cli as learn_cli
 from learn.comparison.folder import Folder
-from learn.population import Population, ScatterCorrelation, Whitened, _error_factor
+from learn.population import (
+    Equations,
+    Population,
+    ScatterCorrelation,
+    Whitened,
+    _error_factor,
+)
 
 
 def test_the_mean_is_found_within_its_error_and_surfaces_scatter_about_it():
@@ -70,7 +76,8 @@ def test_halves_that_disagree_make_errors_of_means_larger(apart, low, high):
     half = np.arange(400) < 200
     first, second = apart * random.normal(size=(2, 20))
     unit = np.where(half, seen @ first, seen @ second) + random.normal(size=400)
-    assert low <= _error_factor(seen, unit, np.eye(20), half) <= high
+    equations = Equations(seen, unit, seen.T @ seen, seen.T @ unit, np.eye(20))
+    assert low <= _error_factor(equations, half) <= high
 
 
 SCENE = """
@@ -249,24 +256,31 @@ LINE = ["--at", "hurst=0.7,rms_height=1", "--pressure", "0.01"]
     ],
 )
 def test_wrong_numbers_are_refused_in_a_line(small, refused, options, said):
-    folder = small
     options = [
-        str(folder / each) if each.endswith((".npy", ".csv")) else each
-        for each in options
+        str(small / each) if each.endswith((".npy", ".csv")) else each for each in options
     ]
-    surrogate = folder / "s.surrogate"
-    assert said in refused(learn_cli, "predict", surrogate, *options)
-    if said == "not for surfaces: ask":
-        at = ["--at", "hurst=0.7,rms_height=1"]
-        for line, why in (
-            ([options[0]], "leave out surfaces"),
-            ([*at, "--delta", "1"], "give --pressure instead"),
-            (["--at", "hurst=0.7"], "rms_height not given"),
-        ):
-            assert why in refused(learn_cli, "law", surrogate, *line)
-        grown = ["grow", folder / "s.toml", "--features", "scene", "--model", "mlp"]
-        told = refused(learn_cli, *grown, "-o", folder / "g.surrogate")
-        assert "population alone knows the error" in told
+    assert said in refused(learn_cli, "predict", small / "s.surrogate", *options)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["surface.npy"], "leave out surfaces"),
+        (["--at", "hurst=0.7,rms_height=1", "--delta", "1"], "give --pressure instead"),
+        (["--at", "hurst=0.7"], "rms_height not given"),
+    ],
+)
+def test_wrong_numbers_of_a_law_are_refused_in_a_line(small, refused, options, said):
+    options = [str(small / each) if each.endswith(".npy") else each for each in options]
+    assert said in refused(learn_cli, "law", small / "s.surrogate", *options)
+
+
+def test_a_growth_of_scene_features_takes_no_model_without_an_error_of_its_mean(
+    small, refused
+):
+    line = ["grow", small / "s.toml", "--features", "scene", "--model", "mlp"]
+    told = refused(learn_cli, *line, "-o", small / "g.surrogate")
+    assert "population alone knows the error" in told
 
 
 @pytest.mark.long

@@ -32,6 +32,7 @@ def coarse_solves(database, executor, stopping, blocks=BLOCKS):
     return regeneration.coarse_solves(part, executor, stopping, features).columns
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize(
     ("blocks", "load"), [*((each, "") for each in BLOCK_COUNTS), (33, "pressure")]
 )
@@ -150,13 +151,13 @@ def test_kept_features_with_inputs_of_another_form_are_not_used(kept, spoil):
     with np.load(path) as file:
         key = str(file["key"])
         inputs = file["inputs"]
-    assert np.isfinite(regeneration.kept(path, key, inputs)).all()
+    assert np.isfinite(regeneration.features_in(path, key, inputs)).all()
     values = np.zeros((len(inputs), len(HYBRID)))
     content = {"key": np.array(key), "inputs": spoil(inputs), "values": values}
     with zipfile.ZipFile(path, "w") as archive:
         for name, array in content.items():
             archive.writestr(f"{name}.npy", npy(array))
-    assert np.isnan(regeneration.kept(path, key, inputs)).all()
+    assert np.isnan(regeneration.features_in(path, key, inputs)).all()
 
 
 def test_an_interrupted_run_keeps_what_was_finished(database):

@@ -60,16 +60,22 @@ def test_surfaces_stay_together_and_rows_are_used_once(sizes, seed):
     assert abs(drawn.test.size - 0.2 * rows.size) <= 9 + 1
 
 
-def test_too_few_tiles_are_refused_where_a_single_surface_is_split_by_rows():
+def test_windows_of_a_single_tile_are_refused():
     one = replace(rows_of([40]), by_tile=True)
     with pytest.raises(
         InputError, match="lie in 1 of the maps' tiles, 2 at least are needed"
     ):
         split.draw(one)
-    split.require_tiles(rows_of([40]), 4)
+
+
+def test_windows_of_fewer_tiles_than_needed_are_refused():
     three = replace(rows_of([40, 40, 40]), by_tile=True)
     with pytest.raises(InputError, match="lie in 3 of the maps' tiles, 4 at least"):
         split.require_tiles(three, 4)
+
+
+def test_surfaces_that_are_no_windows_need_no_tiles():
+    split.require_tiles(rows_of([40]), 4)
 
 
 def test_a_seed_gives_the_same_split_another_one_another():
@@ -86,11 +92,17 @@ def test_rows_of_a_single_surface_are_split_one_by_one():
     assert drawn.test.size == 8
 
 
-def test_too_little_is_refused():
+def test_a_single_training_row_is_refused():
     with pytest.raises(InputError, match="--train-rows 1"):
         split.draw(rows_of([1] * 20), 0, 1)
+
+
+def test_a_single_row_in_a_part_is_refused():
     with pytest.raises(InputError, match="does not vary"):
         split.draw(rows_of([19, 1]), 1)
+
+
+def test_folds_of_a_single_row_are_refused():
     with pytest.raises(InputError, match="5 folds of 2 rows"):
         split.check_folds(rows_of([1] * 10), split.draw(rows_of([1] * 10)))
     split.check_folds(rows_of([1] * 13), split.draw(rows_of([1] * 13)))

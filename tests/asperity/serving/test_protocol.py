@@ -144,56 +144,94 @@ def test_the_stiffness_is_an_output_on_request(served):
     assert plain == model(inputs)
 
 
-@pytest.mark.parametrize("name", ["small", "learnt"])
-def test_models_keep_the_protocol(served, name):
-    """The checks of UM-Bridge's suite of conformity 1.0, for each model."""
+MODELS = pytest.mark.parametrize("name", ["small", "learnt"])
+"""A model of each kind; with them, the checks of UM-Bridge's suite of conformity 1.0."""
+
+DERIVATIVES = pytest.mark.parametrize(
+    "route", ["Gradient", "ApplyJacobian", "ApplyHessian"]
+)
+
+
+def assert_refused(served, route, kind, **body):
+    """A question has to be answered by an error of the protocol of this kind."""
+    status, answer = served.ask(route, body)
+    assert (status, list(answer)) == (400, ["error"])
+    assert sorted(answer["error"]) == ["message", "type"]
+    assert answer["error"]["type"] == kind
+    assert isinstance(answer["error"]["message"], str)
+
+
+def answer_of(served, route, key, **body):
+    """The value of the only key of an answer that is no error."""
+    status, answer = served.ask(route, body)
+    assert (status, list(answer)) == (200, [key])
+    return answer[key]
+
+
+def vectors_of(served, name):
+    """Vectors of the sizes that a model asks for."""
+    sizes = answer_of(served, "InputSizes", "inputSizes", name=name)
+    return [[0.7] * size for size in sizes]
+
+
+def test_the_server_tells_version_and_models(served):
     with urllib.request.urlopen(f"{served.address}/Info", timeout=TIMEOUT) as answer:
         info = json.load(answer)
     assert info == {"protocolVersion": 1.0, "models": ["small", "learnt", "few"]}
 
-    def refused(route, kind, **body):
-        status, answer = served.ask(route, body)
-        assert (status, list(answer)) == (400, ["error"])
-        assert sorted(answer["error"]) == ["message", "type"]
-        assert answer["error"]["type"] == kind
-        assert isinstance(answer["error"]["message"], str)
 
-    wrong = {"name": "wrong_model_name"}
-    for route in ("Evaluate", "ModelInfo", "InputSizes", "OutputSizes", "Gradient"):
-        refused(route, "ModelNotFound", **wrong)
-    status, answer = served.ask("ModelInfo", {"name": name})
-    assert (status, list(answer)) == (200, ["support"])
+@pytest.mark.parametrize(
+    "route", ["Evaluate", "ModelInfo", "InputSizes", "OutputSizes", "Gradient"]
+)
+def test_unknown_models_are_not_found(served, route):
+    assert_refused(served, route, "ModelNotFound", name="wrong_model_name")
+
+
+@MODELS
+def test_a_model_tells_that_it_supports_evaluation_alone(served, name):
+    support = answer_of(served, "ModelInfo", "support", name=name)
     features = ("Evaluate", "Gradient", "ApplyJacobian", "ApplyHessian")
-    assert answer["support"] == dict(
-        zip(features, (True, False, False, False), strict=True)
-    )
-    sizes = {}
-    for kind in ("input", "output"):
-        status, answer = served.ask(f"{kind.title()}Sizes", {"name": name})
-        assert (status, list(answer)) == (200, [f"{kind}Sizes"])
-        sizes[kind] = answer[f"{kind}Sizes"]
-        assert sizes[kind]
-        assert all(type(size) is int and size > 0 for size in sizes[kind])
-    vectors = [[0.7] * size for size in sizes["input"]]
-    status, answer = served.ask(
-        "Evaluate", {"name": name, "input": vectors, "config": {}}
-    )
-    assert (status, list(answer)) == (200, ["output"])
-    assert [len(vector) for vector in answer["output"]] == sizes["output"]
-    assert all(
-        type(number) in {int, float} for vector in answer["output"] for number in vector
-    )
-    refused(
-        "Evaluate",
-        "InvalidInput",
-        name=name,
-        input=[[*vector, 0.7] for vector in vectors],
-    )
-    for route in ("Gradient", "ApplyJacobian", "ApplyHessian"):
-        refused(route, "UnsupportedFeature", name=name)
-        for key, number in (("outWrt", len(sizes["output"])), ("inWrt", len(vectors))):
-            refused(route, "InvalidInput", name=name, input=vectors, **{key: number})
-            refused(route, "InvalidInput", name=name, input=vectors, **{key: -1})
+    assert support == dict(zip(features, (True, False, False, False), strict=True))
+
+
+@MODELS
+@pytest.mark.parametrize("kind", ["input", "output"])
+def test_sizes_are_whole_numbers_above_0(served, name, kind):
+    sizes = answer_of(served, f"{kind.title()}Sizes", f"{kind}Sizes", name=name)
+    assert sizes
+    assert all(type(size) is int and size > 0 for size in sizes)
+
+
+@MODELS
+def test_an_output_has_the_sizes_that_the_model_tells(served, name):
+    question = {"name": name, "input": vectors_of(served, name), "config": {}}
+    output = answer_of(served, "Evaluate", "output", **question)
+    sizes = answer_of(served, "OutputSizes", "outputSizes", name=name)
+    assert [len(vector) for vector in output] == sizes
+    assert all(type(number) in {int, float} for vector in output for number in vector)
+
+
+@MODELS
+def test_an_input_of_other_sizes_is_refused(served, name):
+    too_long = [[*vector, 0.7] for vector in vectors_of(served, name)]
+    assert_refused(served, "Evaluate", "InvalidInput", name=name, input=too_long)
+
+
+@MODELS
+@DERIVATIVES
+def test_derivatives_are_not_supported(served, name, route):
+    assert_refused(served, route, "UnsupportedFeature", name=name)
+
+
+@MODELS
+@DERIVATIVES
+def test_derivatives_by_vectors_that_a_model_lacks_are_refused(served, name, route):
+    vectors = vectors_of(served, name)
+    outputs = len(answer_of(served, "OutputSizes", "outputSizes", name=name))
+    for key, size in (("outWrt", outputs), ("inWrt", len(vectors))):
+        for index in (size, -1):
+            question = {"name": name, "input": vectors, key: index}
+            assert_refused(served, route, "InvalidInput", **question)
 
 
 def test_nodes_and_seed_are_settings(served):

@@ -107,14 +107,23 @@ def test_distances_from_the_centre_of_a_patch():
     assert distance[1, 2] == 0
     assert distance[0, 0] == pytest.approx(np.hypot(3, 8))
     assert distance[1].tolist() == [8.0, 4.0, 0.0, 4.0, 8.0]
-    beside = distances_to_centre((3, 5), (6.0, 16.0), shift=(3.0, -4.0))
-    assert beside[2, 1] == 0
-    assert beside[0, 4] == pytest.approx(np.hypot(6, 12))
-    even = distances_to_centre((2, 4), 6.0)
-    assert even[:, 1:3] == pytest.approx(np.full((2, 2), np.hypot(3, 1)))
-    for side in ((1000.0,), (1.0, 2.0, 3.0), ()):
-        with pytest.raises(ValueError, match="one length or two"):
-            distances_to_centre((9, 9), side)
+
+
+def test_distances_from_an_axis_that_is_shifted():
+    distance = distances_to_centre((3, 5), (6.0, 16.0), shift=(3.0, -4.0))
+    assert distance[2, 1] == 0
+    assert distance[0, 4] == pytest.approx(np.hypot(6, 12))
+
+
+def test_the_centre_of_an_even_grid_is_between_its_nodes():
+    distance = distances_to_centre((2, 4), 6.0)
+    assert distance[:, 1:3] == pytest.approx(np.full((2, 2), np.hypot(3, 1)))
+
+
+@pytest.mark.parametrize("side", [(1000.0,), (1.0, 2.0, 3.0), ()])
+def test_sides_that_are_neither_one_nor_two_are_refused(side):
+    with pytest.raises(ValueError, match="one length or two"):
+        distances_to_centre((9, 9), side)
 
 
 WAVES = np.geomspace(1.0, 100.0, 50)

@@ -58,40 +58,60 @@ def exactly(gap, spacing):
     return conductances[-1, -2] * nx / (ny * ratio)
 
 
-@pytest.mark.parametrize(("axis", "periodic"), AXES_AND_BORDERS)
-def test_parallel_plates_and_channels_have_closed_forms(axis, periodic):
-    def flow(gap):
-        turned = gap if axis == 0 else gap.T
-        return flow_through(turned, (2.0, 0.5), axis, periodic=periodic)
+def flow_along(axis, gap, *, periodic):
+    """Return the flow along an axis through a gap whose first axis is that of the flow."""
+    turned = gap if axis == 0 else gap.T
+    return flow_through(turned, (2.0, 0.5), axis, periodic=periodic)
 
-    plates = flow(np.full((6, 8), 0.3))
+
+@pytest.mark.parametrize(("axis", "periodic"), AXES_AND_BORDERS)
+def test_flow_between_parallel_plates_is_uniform(axis, periodic):
+    plates = flow_along(axis, np.full((6, 8), 0.3), periodic=periodic)
     assert plates.factor == pytest.approx(1.0, rel=1e-14)
     assert plates.aperture == pytest.approx(0.3, rel=1e-14)
-    along, across = plates.flux[axis], plates.flux[1 - axis]
-    np.testing.assert_allclose(along, 0.027, rtol=1e-13)
-    np.testing.assert_allclose(across, 0, atol=1e-15)
-    widths = np.array([1e-12, 0.0, 1.0, 1.0, 0.2, 1e-5])
-    parallel = np.tile(widths, (6, 1))
-    assert flow(parallel).aperture ** 3 == pytest.approx((widths**3).mean(), rel=1e-13)
-    open_ones = widths[widths > 0]
-    series = flow(np.tile(open_ones[:, None], (1, 4)))
-    assert series.aperture**3 == pytest.approx(1 / (open_ones**-3).mean(), rel=1e-13)
+    np.testing.assert_allclose(plates.flux[axis], 0.027, rtol=1e-13)
+    np.testing.assert_allclose(plates.flux[1 - axis], 0, atol=1e-15)
 
 
-def test_one_open_channel_of_one_node_is_found_and_islands_are_not():
+WIDTHS = np.array([1e-12, 0.0, 1.0, 1.0, 0.2, 1e-5])
+
+
+@pytest.mark.parametrize(("axis", "periodic"), AXES_AND_BORDERS)
+def test_cubes_of_parallel_channels_have_the_arithmetic_mean(axis, periodic):
+    flow = flow_along(axis, np.tile(WIDTHS, (6, 1)), periodic=periodic)
+    assert flow.aperture**3 == pytest.approx((WIDTHS**3).mean(), rel=1e-13)
+
+
+@pytest.mark.parametrize(("axis", "periodic"), AXES_AND_BORDERS)
+def test_cubes_of_channels_in_series_have_the_harmonic_mean(axis, periodic):
+    widths = WIDTHS[WIDTHS > 0]
+    flow = flow_along(axis, np.tile(widths[:, None], (1, 4)), periodic=periodic)
+    assert flow.aperture**3 == pytest.approx(1 / (widths**-3).mean(), rel=1e-13)
+
+
+@pytest.fixture
+def channelled():
+    """A gap with one channel along the first axis, and islands beside it."""
     gap = np.zeros((9, 11))
     gap[:, 4] = 1e-3  # the channel
     gap[2:5, 7:10] = 5.0  # a pool that nothing leads to
     gap[0:4, 0:2] = 5.0  # a bay that ends
-    for periodic in (False, True):
-        flow = flow_through(gap, (1.0, 1.0), 0, periodic=periodic)
-        assert flow.aperture**3 == pytest.approx(1e-9 / 11, rel=1e-12)
-        assert np.flatnonzero(abs(flow.flux[0]).max(axis=0) > 1e-24).tolist() == [4]
-        assert flow_through(gap, (1.0, 1.0), 1, periodic=periodic).factor == 0
-    gap[5, 4] = 0
-    nothing = flow_through(gap, (1.0, 1.0), 0, periodic=False)
-    assert (nothing.factor, nothing.aperture) == (0, 0)
-    assert not nothing.flux.any()
+    return gap
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+def test_one_open_channel_of_one_node_is_found_and_islands_are_not(channelled, periodic):
+    flow = flow_through(channelled, (1.0, 1.0), 0, periodic=periodic)
+    assert flow.aperture**3 == pytest.approx(1e-9 / 11, rel=1e-12)
+    assert np.flatnonzero(abs(flow.flux[0]).max(axis=0) > 1e-24).tolist() == [4]
+    assert flow_through(channelled, (1.0, 1.0), 1, periodic=periodic).factor == 0
+
+
+def test_nothing_flows_through_a_channel_that_is_blocked(channelled):
+    channelled[5, 4] = 0
+    flow = flow_through(channelled, (1.0, 1.0), 0, periodic=False)
+    assert (flow.factor, flow.aperture) == (0, 0)
+    assert not flow.flux.any()
 
 
 def test_a_spiral_around_a_patch_that_repeats_flows_along_both_axes():
@@ -156,26 +176,38 @@ def spectral(nodes, seed, roll_off=4):
     return generate_spectral((nodes, nodes), 1.0, spectrum, random, rms_slope=0.1)
 
 
-@pytest.mark.parametrize("boundary", ["free", "periodic", "mirror"])
-def test_a_contact_lets_through_what_its_open_gap_does(boundary):
-    heights = spectral(65, 2)
-    light, heavy = (
-        bem.solve(heights, 1.0, pressure=load, boundary=boundary, spacing=1 / 64)
-        for load in (0.002, 0.05)
+BOUNDARIES = ["free", "periodic", "mirror"]
+
+
+@pytest.mark.parametrize("boundary", BOUNDARIES)
+def test_a_light_contact_leaks_through_its_open_gap(boundary):
+    contact = bem.solve(
+        spectral(65, 2), 1.0, pressure=0.002, boundary=boundary, spacing=1 / 64
     )
     for axis in (0, 1):
-        flow = light.flow(axis)
-        assert flow is light.flow(axis)
+        flow = contact.flow(axis)
         assert 0.2 < flow.factor < 1
-        assert flow.aperture**3 == pytest.approx(
-            flow.factor * light.mean_gap**3, rel=1e-3
-        )
-        assert not flow.flux[:, light.pressure > 0].any()
-        assert heavy.flow(axis).factor == 0
-        assert heavy.spots.gap_connects[axis] is False
-    touching = bem.solve(heights, 1.0, 0.0, boundary=boundary)
+        mean_cube = flow.factor * contact.mean_gap**3
+        assert flow.aperture**3 == pytest.approx(mean_cube, rel=1e-3)
+        assert not flow.flux[:, contact.pressure > 0].any()
+        assert flow is contact.flow(axis), "computed once"
+
+
+@pytest.mark.parametrize("boundary", BOUNDARIES)
+def test_a_heavy_contact_seals(boundary):
+    contact = bem.solve(
+        spectral(65, 2), 1.0, pressure=0.05, boundary=boundary, spacing=1 / 64
+    )
+    for axis in (0, 1):
+        assert contact.flow(axis).factor == 0
+        assert contact.spots.gap_connects[axis] is False
+
+
+@pytest.mark.parametrize("boundary", BOUNDARIES)
+def test_flow_at_first_touch_and_in_full_contact(boundary):
+    touching = bem.solve(spectral(65, 2), 1.0, 0.0, boundary=boundary)
     assert 0.5 < touching.flow().factor < 1
-    full = bem.solve(heights, 1.0, pressure=1e3, boundary=boundary)
+    full = bem.solve(spectral(65, 2), 1.0, pressure=1e3, boundary=boundary)
     assert full.flow().aperture == 0
 
 

@@ -32,7 +32,9 @@ def test_pockets_that_cross_nothing_are_not_open():
     assert not spots.open_gap.any()
     spots = spots_of(drawn("..#..", "..#..", "..###"), 1.0, periodic=False)
     assert spots.open_gap.tolist() == drawn("##...", "##...", "##...").tolist()
-    # Beside a seam that a patch without edges does not have.
+
+
+def test_a_gap_is_open_across_the_seam_of_a_patch_that_repeats():
     spots = spots_of(drawn("#...#", ".#..#", "#...#"), 1.0, periodic=True)
     assert spots.open_gap[:, 2].all()
 

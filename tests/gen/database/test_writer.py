@@ -24,7 +24,7 @@ from hypothesis import strategies as st
 
 from gen import cli, database
 from gen.database import Reader, Writer, create, lock, open_or_create
-from gen.database.writer import HeldFile
+from gen.database.disk import HeldFile
 from gen.runtime.errors import InputError
 from gen.scene import Scene
 from gen.schema import Status

@@ -7,7 +7,7 @@ import pytest
 from databases import block, small
 
 from gen import database
-from gen.database import Reader, Writer, create, writer
+from gen.database import Reader, Writer, create, disk, writer
 from gen.generation.sinks import ParallelSink, SingleSink, Sink, in_parallel, open_sink
 from gen.runtime import farm
 from gen.runtime.errors import InputError
@@ -26,7 +26,7 @@ MOUNTS = r"""
 @pytest.fixture
 def mounts(tmp_path, monkeypatch):
     (tmp_path / "mountinfo").write_text(MOUNTS.strip())
-    monkeypatch.setattr(writer, "MOUNTS", tmp_path / "mountinfo")
+    monkeypatch.setattr(disk, "MOUNTS", tmp_path / "mountinfo")
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,8 @@
 """The commands that compare models: wrong input in one line, help without numerics."""
 
+import contextlib
+import io
+
 import pytest
 from comparisons import run, table
 from databases import database_of
@@ -59,19 +62,45 @@ def test_hybrid_features_go_through_compare_and_importance(work, capsys):
     assert "features 'hybrid', not 'paper'" in capsys.readouterr().err
 
 
-def test_importance_drops_the_weakest(work, capsys):
-    assert run("importance", "database.h5", "-o", "out") == 0
-    ranked = table("out/area/importance.csv")
+@pytest.fixture(scope="module")
+def report(solved, tmp_path_factory):
+    """A folder with the report on the importance of the inputs, and what the command has told."""
+    folder = tmp_path_factory.mktemp("importance")
+    with contextlib.redirect_stdout(io.StringIO()) as told:
+        assert run("importance", solved, "-o", folder / "out") == 0
+    (folder / "told.txt").write_text(told.getvalue())
+    return folder
+
+
+@pytest.fixture(scope="module")
+def ranked(report):
+    """The inputs, from the most to the least important one."""
+    return table(report / "out/area/importance.csv")
+
+
+def test_importance_ranks_all_inputs_by_their_loss(ranked):
     assert len(ranked) == 23
     losses = [float(row["r2_loss_percent"]) for row in ranked]
     assert losses == sorted(losses, reverse=True)
     assert ranked[0]["input"] in {"delta", "height_max", "height_mean"}
-    kept = table("out/area/selection.csv")
+
+
+def test_importance_drops_the_weakest(report, ranked):
+    kept = table(report / "out/area/selection.csv")
     assert [row["inputs"] for row in kept][:2] == ["23", "20"]
     assert kept[1]["dropped"].split()[-1] in {row["input"] for row in ranked[-3:]}
-    assert kept[-1]["inputs"] == "2", "a single input of unit length is a constant"
-    assert "1 input: left out, because in rows of unit length" in capsys.readouterr().out
-    assert (work / "out/area/importance.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_single_input_of_unit_length_is_left_out_as_a_constant(report):
+    kept = table(report / "out/area/selection.csv")
+    assert kept[-1]["inputs"] == "2"
+    told = (report / "told.txt").read_text()
+    assert "1 input: left out, because in rows of unit length" in told
+
+
+def test_importance_is_drawn(report):
+    picture = (report / "out/area/importance.png").read_bytes()
+    assert picture.startswith(b"\x89PNG")
 
 
 @pytest.mark.long

@@ -1,5 +1,7 @@
 """`learn fit`: with a tuned winner, of several databases, and on several ranks."""
 
+import contextlib
+import io
 import shutil
 from pathlib import Path
 
@@ -12,33 +14,71 @@ from databases import database_of
 from gen.surface import generate
 from learn import Surrogate
 
+TUNE_FIRST = (
+    "out/force has no tuned kernel-ridge: give --target area, or first python -m learn tune"
+    " --model kernel-ridge --target force"
+)
+FROM = ["fit", "database.h5", "--from", "out", "--target", "area", "-o", "t.surrogate"]
 
-def test_a_tuned_winner_is_taken_with_what_it_rests_on(work, capsys, monkeypatch):
+
+@pytest.fixture(scope="module")
+def comparison(solved, tmp_path_factory):
+    """A folder with a database, a comparison with a tuned model, and what its tuning has told."""
     from learn.comparison import grid
 
+    folder = tmp_path_factory.mktemp("tuned")
+    shutil.copy(solved, folder / "database.h5")
     space = {"alpha": [1e-5, 1e-3], "gamma": [0.001], "kernel": ["rbf"]}
-    monkeypatch.setitem(grid.SCALED, "kernel-ridge", space)
     tune = ["tune", "database.h5", "-o", "out", "--model", "kernel-ridge", "--seed", "3"]
-    assert run(*tune, "--features", "dimensionless", "--target", "area") == 0
-    assert "for features" in capsys.readouterr().out
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        contextlib.chdir(folder),
+        contextlib.redirect_stdout(io.StringIO()) as told,
+    ):
+        patch.setitem(grid.SCALED, "kernel-ridge", space)
+        assert run(*tune, "--features", "dimensionless", "--target", "area") == 0
+    (folder / "told.txt").write_text(told.getvalue())
+    return folder
+
+
+@pytest.fixture
+def tuned(comparison, monkeypatch):
+    """The folder with the comparison as the working directory."""
+    monkeypatch.chdir(comparison)
+
+
+@pytest.mark.usefixtures("tuned")
+def test_a_comparison_tells_for_which_features_its_grid_is():
+    assert "for features" in Path("told.txt").read_text()
     assert table("out/area/tuning.csv")[0]["grid"] == "for features without units"
-    fit = ["fit", "database.h5", "--from", "out", "--target", "area", "-o", "t.surrogate"]
-    assert run(*fit) == 0
+
+
+@pytest.mark.usefixtures("tuned")
+def test_a_tuned_winner_is_taken_with_what_it_rests_on():
+    assert run(*FROM) == 0
     card = Surrogate.load("t.surrogate").card
     assert card["seed"] == 3
     assert card["features"] == "dimensionless"
     assert card["targets"]["area"]["settings_from"] == "tuned in out/area"
     assert card["targets"]["area"]["comparison"] == "out/area"
     assert card["targets"]["area"]["settings"]["gamma"] == "0.001"
-    assert run(*fit, "--features", "paper") == 2
-    assert "made with features 'dimensionless', not 'paper'" in capsys.readouterr().err
-    assert run(*fit, "--model", "svm") == 2
-    assert "no tuned svm" in capsys.readouterr().err
-    assert run(*fit, "--target", "both") == 2
-    said = "out/force has no tuned kernel-ridge: give --target area, or first "
-    assert f"{said}python -m learn tune --model kernel-ridge --target force" in (
-        capsys.readouterr().err
-    )
+
+
+@pytest.mark.usefixtures("tuned")
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--features", "paper"], "made with features 'dimensionless', not 'paper'"),
+        (["--model", "svm"], "no tuned svm"),
+        (
+            ["--target", "both"],
+            TUNE_FIRST,
+        ),
+    ],
+)
+def test_options_that_a_comparison_contradicts_are_refused(options, told, capsys):
+    assert run(*FROM, *options) == 2
+    assert told in capsys.readouterr().err
 
 
 SCENES = {
@@ -58,68 +98,90 @@ SCENES = {
 
 @pytest.fixture(scope="module")
 def several(tmp_path_factory):
-    """A folder with databases of elastic and yielding bodies, two grids, and their surrogate."""
+    """Databases of elastic and yielding bodies on two grids."""
     folder = tmp_path_factory.mktemp("several")
-    files = [database_of(folder, text, name) for name, text in SCENES.items()]
-    assert run("fit", *files, "--features", "hybrid", "-o", folder / "all.surrogate") == 0
-    assert run("fit", *files, "-o", folder / "free.surrogate") == 0
-    return folder
+    return [database_of(folder, text, name) for name, text in SCENES.items()]
 
 
-@pytest.fixture
-def trial(several, tmp_path, monkeypatch):
-    """A current folder with copies of what `several` has made."""
-    shutil.copytree(several, tmp_path / "trial")
-    monkeypatch.chdir(tmp_path / "trial")
+@pytest.fixture(scope="module")
+def path_of_all(several):
+    """The path of a surrogate of hybrid features of all databases."""
+    path = several[0].with_name("all.surrogate")
+    assert run("fit", *several, "--features", "hybrid", "-o", path) == 0
+    return path
+
+
+@pytest.fixture(scope="module")
+def of_all(path_of_all):
+    """This surrogate."""
+    return Surrogate.load(path_of_all)
+
+
+def test_several_databases_are_learnt_without_their_coarse_contacts(several, tmp_path):
+    assert run("fit", *several, "-o", tmp_path / "free.surrogate") == 0
 
 
 @pytest.mark.long
-@pytest.mark.usefixtures("trial")
-def test_the_card_of_several_databases_names_them_all(capsys):
-    surrogate = Surrogate.load("all.surrogate")
-    card = surrogate.card
-    found = [(Path(each["database"]).name, each["rows"]) for each in card["databases"]]
-    assert found == [("coarse.h5", 80), ("soft.h5", 60), ("fine.h5", 30)]
-    assert [each["generator"] for each in card["databases"]][1:] == [
-        "diamond-square",
-        "midpoint",
-    ]
+def test_a_surrogate_of_several_databases_knows_them_all(of_all):
+    card = of_all.card
+    rows = [(Path(part["database"]).name, part["rows"]) for part in card["databases"]]
+    assert rows == [("coarse.h5", 80), ("soft.h5", 60), ("fine.h5", 30)]
+    generators = [part["generator"] for part in card["databases"]]
+    assert generators[1:] == ["diamond-square", "midpoint"]
     assert card["columns"][-1] == ["log2(nodes)", "1"]
     assert card["elastic"] is True
-    assert sum(each["rows"] for each in card["targets"]["area"]["databases"]) == 34
-    assert run("card", "all.surrogate") == 0
-    said = capsys.readouterr().out
-    for text in (
-        *(
-            "17 x 17 nodes, side 1000 um and 33 x 33 nodes",
-            "and elastic bodies",
-            "midpoint",
-        ),
-        *("Databases, and scores on their test rows", "coarse.h5", "soft.h5, sha256"),
-    ):
-        assert text in said, text
+    assert sum(part["rows"] for part in card["targets"]["area"]["databases"]) == 34
 
 
-@pytest.mark.usefixtures("trial")
-def test_predictions_know_the_grid_and_elastic_bodies():
-    surrogate = Surrogate.load("all.surrogate")
-    for nodes in (17, 33):
-        heights = generate(
-            "diamond-square", nodes, 0.65, 12.0, np.random.default_rng(nodes)
-        )
-        elastic = surrogate.predict(heights, 1000.0, [15.0])
-        assert "nodes" not in elastic.reasons[0]
-        assert "hardness" not in elastic.reasons[0]
-        hard = surrogate.predict(heights, 1000.0, [15.0], hardness=1e6)
-        np.testing.assert_allclose(hard.area, elastic.area, rtol=1e-4)
-        soft = surrogate.predict(heights, 1000.0, [15.0], hardness=0.01)
-        assert (soft.area > elastic.area).all()
-        assert (soft.force < elastic.force).all()
-    unseen = generate("diamond-square", 65, 0.65, 12.0, np.random.default_rng(1))
-    (reason,) = surrogate.predict(unseen, 1000.0, [15.0]).reasons
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "text",
+    [
+        "17 x 17 nodes, side 1000 um and 33 x 33 nodes",
+        "and elastic bodies",
+        "midpoint",
+        "Databases, and scores on their test rows",
+        "coarse.h5",
+        "soft.h5, sha256",
+    ],
+)
+def test_the_card_of_several_databases_names_them_all(path_of_all, text, capsys):
+    assert run("card", path_of_all) == 0
+    assert text in capsys.readouterr().out
+
+
+def heights_of(nodes, seed):
+    """A surface of the generator of the first database."""
+    return generate("diamond-square", nodes, 0.65, 12.0, np.random.default_rng(seed))
+
+
+@pytest.mark.parametrize("nodes", [17, 33])
+def test_both_grids_and_elastic_bodies_are_inside_the_training(of_all, nodes):
+    elastic = of_all.predict(heights_of(nodes, nodes), 1000.0, [15.0])
+    assert "nodes" not in elastic.reasons[0]
+    assert "hardness" not in elastic.reasons[0]
+
+
+@pytest.mark.parametrize("nodes", [17, 33])
+def test_hard_bodies_are_as_elastic_ones_and_soft_ones_have_more_area(of_all, nodes):
+    heights = heights_of(nodes, nodes)
+    elastic, hard, soft = (
+        of_all.predict(heights, 1000.0, [15.0], hardness=hardness)
+        for hardness in (None, 1e6, 0.01)
+    )
+    np.testing.assert_allclose(hard.area, elastic.area, rtol=1e-4)
+    assert (soft.area > elastic.area).all()
+    assert (soft.force < elastic.force).all()
+
+
+def test_a_grid_that_no_database_has_is_outside_the_training(of_all):
+    (reason,) = of_all.predict(heights_of(65, 1), 1000.0, [15.0]).reasons
     assert "log2(nodes) 6.022 outside 4.087 to 5.044" in reason
-    (reason,) = surrogate.predict(heights, 1000.0, [15.0], hardness=1e-4).reasons
-    assert "hardness/E* 0.0001 outside 0.003 to inf" in reason
+
+
+def test_a_hardness_that_no_database_has_is_outside_the_training(of_all):
+    soft = of_all.predict(heights_of(33, 33), 1000.0, [15.0], hardness=1e-4)
+    assert "hardness/E* 0.0001 outside 0.003 to inf" in soft.reasons[0]
 
 
 def test_blocks_that_no_features_have_are_refused(work, capsys):

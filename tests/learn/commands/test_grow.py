@@ -1,5 +1,7 @@
 """`learn grow`: as a user starts it, alone, on three ranks, and killed in its midst."""
 
+import shutil
+
 import pytest
 from comparisons import numbers_of, run
 from databases import deterministic_bytes
@@ -23,27 +25,48 @@ def grown(tmp_path_factory):
     return folder, done
 
 
-def test_a_growth_ends_in_one_screen_and_its_files_are_those_of_other_commands(
-    grown, monkeypatch, capsys
-):
+def test_a_growth_ends_in_one_screen_and_a_picture(grown):
     folder, done = grown
     lines = done.stdout.splitlines()
     assert len(lines) <= 20
     assert "The mark is met" in done.stdout
     assert lines[-1] == "wrote my.surrogate, my.h5 and my.png"
     assert (folder / "my.png").stat().st_size > 30_000
-    monkeypatch.chdir(folder)
-    assert gen.main(["check", "my.h5"]) == 0
-    assert run("card", "my.surrogate") == 0
+
+
+def test_the_card_of_a_grown_surrogate_tells_its_growth(grown, capsys):
+    folder, _ = grown
+    assert run("card", folder / "my.surrogate") == 0
     assert "grown     to an nMAE of 35 %: met" in capsys.readouterr().out
-    there = deterministic_bytes(folder / "my.h5")
-    (folder / "more.toml").write_text(SCENE.replace("10", "400"))
-    (folder / "copy.h5").write_bytes((folder / "my.h5").read_bytes())
-    assert gen.main(["run", "more.toml", "-o", "copy.h5"]) == 0
-    more = deterministic_bytes(folder / "copy.h5")
-    for name, content in there.items():
-        assert more[name].startswith(content)
-    assert run("fit", "copy.h5", "-o", "fitted.surrogate", "--target", "area") == 0
+
+
+@pytest.fixture(scope="module")
+def continued(grown, tmp_path_factory):
+    """A copy of the database of a growth with further rows."""
+    folder, _ = grown
+    longer = tmp_path_factory.mktemp("continued")
+    (longer / "more.toml").write_text(SCENE.replace("10", "400"))
+    shutil.copy(folder / "my.h5", longer / "copy.h5")
+    run_scene = ["run", str(longer / "more.toml"), "-o", str(longer / "copy.h5")]
+    assert gen.main(run_scene) == 0
+    return longer / "copy.h5"
+
+
+def test_a_grown_database_is_sound(grown):
+    folder, _ = grown
+    assert gen.main(["check", str(folder / "my.h5")]) == 0
+
+
+def test_a_grown_database_has_the_rows_of_a_run(grown, continued):
+    folder, _ = grown
+    columns = deterministic_bytes(continued)
+    for name, content in deterministic_bytes(folder / "my.h5").items():
+        assert columns[name].startswith(content)
+
+
+def test_a_surrogate_is_fitted_to_a_grown_database(continued, tmp_path):
+    fit = ["fit", continued, "-o", tmp_path / "fitted.surrogate", "--target", "area"]
+    assert run(*fit) == 0
 
 
 @pytest.mark.long

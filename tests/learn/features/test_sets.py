@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import bem
-from gen.quantities import stored_quantities
+from gen.quantities import LIKE_PRESSURES, Powers, stored_quantities
 from gen.runtime.errors import InputError
 from gen.scene import Scene
 from gen.schema import TABLE_1
@@ -26,36 +26,59 @@ def patch(heights, side):
     return SurfaceFeatures(heights, (side, side), (step, step))
 
 
-def test_the_sets_have_unique_columns_and_the_papers_are_the_23():
+def test_the_papers_features_are_delta_and_the_22_statistics():
     assert SETS["paper"].columns == ("delta", *(column.name for column in TABLE_1))
-    assert [len(each.columns) for each in SETS.values()] == [23, 23, 30, 0]
-    for each in SETS.values():
-        assert len(set(each.columns)) == len(each.columns) == len(each.units)
+
+
+@pytest.mark.parametrize(
+    ("name", "number"),
+    [("paper", 23), ("dimensionless", 23), ("hybrid", 30), ("scene", 0)],
+)
+def test_the_sets_have_unique_columns_each_with_a_unit(name, number):
+    features = SETS[name]
+    assert len(set(features.columns)) == len(features.columns) == number
+    assert len(features.units) == number
+
+
+def test_an_unknown_set_is_refused_with_those_that_there_are():
     with pytest.raises(InputError, match="paper, dimensionless, hybrid"):
         chosen("all")
 
 
-@pytest.mark.parametrize(
+OF_SURROGATES = pytest.mark.parametrize(
     ("name", "blocks"),
     [("dimensionless", None), *(("hybrid", each) for each in BLOCK_COUNTS)],
 )
-def test_what_surrogates_see_has_no_units_either(name, blocks):
-    """Unit names the columns, each once; a power of two rounds nothing."""
+DELTAS = np.array([0.5, 6.0, 30.0])
+
+
+@OF_SURROGATES
+def test_surrogates_see_unique_columns_each_with_a_unit(name, blocks):
     wanted = chosen(name, roots=True, blocks=blocks)
     assert len(set(wanted.columns)) == len(wanted.columns) == len(wanted.units)
     assert wanted.rooted
     assert wanted.blocks == (blocks or 0)
-    z, deltas = surface(4, 129), np.array([0.5, 6.0, 30.0])
-    first = wanted.of(patch(z, 1000.0).rows(wanted, deltas))
+
+
+@OF_SURROGATES
+def test_what_surrogates_see_has_no_units_either(name, blocks):
+    """A power of two rounds nothing."""
+    wanted = chosen(name, roots=True, blocks=blocks)
+    z = surface(4, 129)
+    first = wanted.of(patch(z, 1000.0).rows(wanted, DELTAS))
+    again = wanted.of(patch(z / 1024, 8.0).rows(wanted, DELTAS / 1024))
     assert first.shape == (3, len(wanted.columns))
-    again = wanted.of(patch(z / 1024, 8.0).rows(wanted, deltas / 1024))
     np.testing.assert_allclose(again, first, rtol=1e-12, atol=1e-13)
-    roots = [name for name in wanted.columns if name.startswith("sqrt(")]
+
+
+@OF_SURROGATES
+def test_roots_are_those_of_the_columns_that_they_name(name, blocks):
+    wanted = chosen(name, roots=True, blocks=blocks)
+    features = wanted.of(patch(surface(4), 1000.0).rows(wanted, DELTAS))
+    values = dict(zip(wanted.columns, features.T, strict=True))
+    roots = [column for column in wanted.columns if column.startswith("sqrt(")]
     for root in roots:
-        column = wanted.columns.index(root[5:-1])
-        np.testing.assert_allclose(
-            first[:, wanted.columns.index(root)] ** 2, first[:, column]
-        )
+        np.testing.assert_allclose(values[root] ** 2, values[root[5:-1]])
 
 
 def test_every_quantity_over_its_scale_has_no_unit():
@@ -125,6 +148,37 @@ WITHOUT_UNITS = [name for name, features in SETS.items() if features.scaled]
 def features_of(wanted, hardness_ratio=None):
     """Features of one surface at two displacements."""
     return wanted.of(patch(surface(4), 1000.0).rows(wanted, DELTA, hardness_ratio))
+
+
+DOUBLED = {
+    "heights": Powers(heights=1, lengths=0, modulus=0),
+    "lengths": Powers(heights=0, lengths=1, modulus=0),
+    "modulus": Powers(heights=0, lengths=0, modulus=1),
+}
+
+
+def features_by_pressure(name, heights, length, modulus):
+    """Features of one surface at two pressures, with all numbers in other units of measurement.
+
+    Pressures and the hardness are multiplied by the powers that `gen.quantities` declares.
+    """
+    powers = LIKE_PRESSURES
+    factor = heights**powers.heights * length**powers.lengths * modulus**powers.modulus
+    wanted = chosen(name, [scene(VARIED)], roots=True, load="pressure")
+    rough = patch(heights * surface(4), length * 1000.0)
+    pressures = factor * np.array([1e-4, 2e-3])
+    hardness = factor * 0.01
+    rows = rough.rows(wanted, pressures, hardness / modulus, e_star=modulus)
+    return wanted.of(rows)
+
+
+@pytest.mark.parametrize("name", WITHOUT_UNITS)
+@pytest.mark.parametrize("doubled", DOUBLED)
+def test_features_by_pressure_keep_when_a_unit_of_measurement_is_doubled(name, doubled):
+    factors = [2.0**power for power in DOUBLED[doubled]]
+    before = features_by_pressure(name, 1.0, 1.0, 1.0)
+    after = features_by_pressure(name, *factors)
+    np.testing.assert_allclose(after, before, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", WITHOUT_UNITS)

@@ -30,7 +30,7 @@ def test_of_equal_truths_it_is_the_mean_with_its_standard_error():
     errors = np.random.default_rng(1).uniform(0, 2, 40)
     found = accuracy(errors, np.full(40, 4.0), np.arange(40))
     assert found.nmae == pytest.approx(25 * errors.mean())
-    assert found.error == pytest.approx(25 * errors.std(ddof=1) / math.sqrt(40))
+    assert found.standard_error == pytest.approx(25 * errors.std(ddof=1) / math.sqrt(40))
     assert found.groups == 40
 
 
@@ -47,14 +47,23 @@ def test_the_bound_fails_about_as_often_as_it_may():
     assert failed < risk + 3 * math.sqrt(risk / trials) + 0.003
 
 
+def sizes(per_surface):
+    return [size(number, per_surface) for number in range(16)]
+
+
 @given(st.integers(1, 400))
 def test_sizes_are_whole_surfaces_that_grow_by_about_the_square_root_of_two(per_surface):
-    rows = [size(number, per_surface) for number in range(16)]
+    rows = sizes(per_surface)
     assert rows[0] >= max(60, SMALLEST_SURFACES * per_surface)
     for small, large in itertools.pairwise(rows):
         assert large % per_surface == 0
         assert 1.2 < large / small < 1.65
-    assert [size_with(each, per_surface) for each in rows] == list(range(16))
+
+
+@given(st.integers(1, 400))
+def test_the_number_of_a_size_is_that_of_the_smallest_with_these_rows(per_surface):
+    rows = sizes(per_surface)
+    assert [size_with(number, per_surface) for number in rows] == list(range(16))
     assert size_with(rows[3] + 1, per_surface) == 4
 
 
@@ -63,14 +72,18 @@ def test_the_risks_of_all_looks_together_are_the_risk_that_is_stated():
     assert sum(risk(number) for number in range(10_000)) < RISK
 
 
-def test_one_of_five_successive_numbers_is_drawn_by_the_seed_alone():
-    drawn = module.drawn(np.arange(1000), 7)
+def test_one_of_five_successive_numbers_is_drawn():
+    drawn = module.drawn_for_holdout(np.arange(1000), 7)
     assert (drawn.reshape(-1, 5).sum(axis=1) == 1).all()
-    assert (drawn != module.drawn(np.arange(1000), 8)).any()
-    some = np.random.default_rng(0).permutation(1000)[:300]
-    np.testing.assert_array_equal(module.drawn(some, 7), drawn[some])
     places = np.flatnonzero(drawn) % 5
     assert (np.bincount(places, minlength=5) > 20).all()  # random, not every fifth
+
+
+def test_a_number_is_drawn_by_the_seed_alone():
+    drawn = module.drawn_for_holdout(np.arange(1000), 7)
+    some = np.random.default_rng(0).permutation(1000)[:300]
+    np.testing.assert_array_equal(module.drawn_for_holdout(some, 7), drawn[some])
+    assert (drawn != module.drawn_for_holdout(np.arange(1000), 8)).any()
 
 
 def test_a_larger_database_holds_out_the_same_rows(solved):
@@ -87,16 +100,24 @@ def test_tiles_that_share_a_window_are_never_on_both_sides(populations):
     assert len(set(module.holdout(linked)[:-1])) == 1
 
 
-def test_parts_are_whole_groups_in_random_order_with_folds(solved):
+def test_training_rows_are_all_that_do_not_test_in_random_order(solved):
     rows = read(solved)
-    parts = module.parted([rows], seed=3)
+    parts = module.split_by_holdout([rows], seed=3)
     assert sorted([*parts.train, *parts.test]) == list(range(rows.size))
+    assert list(parts.train) != sorted(parts.train)
+
+
+def test_training_rows_are_sorted_into_five_folds(solved):
+    parts = module.split_by_holdout([read(solved)], seed=3)
     assert set(parts.folds) == set(range(5))
     assert (np.diff(parts.folds) >= 0).all()
-    assert list(parts.train) != sorted(parts.train)
-    other = module.parted([rows], seed=4)
-    np.testing.assert_array_equal(other.test, parts.test)
-    assert list(other.train) != list(parts.train)
+
+
+def test_a_seed_changes_the_order_of_the_training_rows_alone(solved):
+    rows = read(solved)
+    first, other = (module.split_by_holdout([rows], seed=seed) for seed in (3, 4))
+    np.testing.assert_array_equal(other.test, first.test)
+    assert list(other.train) != list(first.train)
 
 
 def test_errors_are_measured_by_magnitudes():

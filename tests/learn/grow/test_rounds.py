@@ -1,6 +1,8 @@
 """Growths from their first row to their end: kills and stops, budgets, marks of all kinds."""
 
+import contextlib
 import math
+import shutil
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -73,21 +75,33 @@ def whole(tmp_path_factory):
     return folder, grown, said
 
 
-def test_a_growth_ends_with_a_surrogate_that_meets_its_mark(whole):
-    folder, grown, said = whole
+def test_a_growth_ends_when_the_bound_is_below_the_mark(whole):
+    _, grown, _ = whole
+    bound = grown.last.bound("area")
     assert grown.ending == "met"
-    found = grown.last
-    assert found.bound("area") <= MARK < 2 * found.bound("area")
-    looks = [line for line in said if "nMAE of area" in line]
+    assert bound <= MARK < 2 * bound
+
+
+def test_each_look_writes_a_line_and_the_last_one_says_that_the_mark_is_met(whole):
+    _, _, lines = whole
+    looks = [line for line in lines if "nMAE of area" in line]
     assert len(looks) >= 2
     assert looks[-1].endswith("met")
+
+
+def test_all_rows_of_a_grown_database_are_done_and_right(whole):
+    folder, grown, _ = whole
     with Reader(folder / "my.h5") as reader:
-        assert reader.counts().done == found.rows == reader.scene.samples
+        assert reader.counts().done == grown.last.rows == reader.scene.samples
     assert not list(faults(folder / "my.h5", 3))
+
+
+def test_the_card_says_how_a_surrogate_was_grown(whole):
+    folder, grown, _ = whole
     _, record = parts(folder / "my.surrogate")
     assert record["met"] is True
-    assert record["rows"] == found.rows
-    assert record["bounds"]["area"] == found.bound("area")
+    assert record["rows"] == grown.last.rows
+    assert record["bounds"]["area"] == grown.last.bound("area")
 
 
 def test_the_holdout_never_train(whole):
@@ -103,7 +117,7 @@ STAGES = {
     "in later rows": (Writer, "write_block", 4),
     "before a fit": (Growth, "look", 2),
     "before a surrogate is written": (Surrogate, "save", 1),
-    "between two databases": (database.creation, "_lay_out", 2),
+    "between two databases": (database.creation, "lay_out", 2),
 }
 
 
@@ -134,43 +148,86 @@ def test_a_growth_that_is_killed_goes_on_to_the_same_end(
     assert parts(tmp_path / "my.surrogate") == parts(folder / "my.surrogate")
 
 
-def test_a_mark_out_of_reach_is_said_to_be(tmp_path):
-    grown, said = grow(order(tmp_path, mark=1e-4))
+@pytest.fixture(scope="module")
+def hopeless(tmp_path_factory):
+    """A growth to a mark that it cannot reach."""
+    folder = tmp_path_factory.mktemp("hopeless")
+    grown, lines = grow(order(folder, mark=1e-4))
+    return folder, grown, lines
+
+
+def test_a_mark_out_of_reach_ends_a_growth_after_few_rows(hopeless):
+    _, grown, _ = hopeless
     assert grown.ending == "hopeless"
-    assert not grown.last.met
+    assert grown.last.rows < 500
+
+
+def test_a_mark_out_of_reach_has_no_number_of_rows(hopeless):
+    _, grown, lines = hopeless
     assert math.isinf(grown.last.advice)
-    assert "does not come to it" in said[-1]
-    assert grown.last.rows < 500  # it takes few rows to see that
-    assert parts(tmp_path / "my.surrogate")[1]["met"] is False
+    assert "does not come to it" in lines[-1]
 
 
-@pytest.mark.parametrize("limit", [0.05, 1.0])
-def test_a_budget_ends_a_growth_by_the_clock_of_its_rows(limit, tmp_path, monkeypatch):
-    """Each row takes a hundredth of a second of a clock that nothing else moves."""
+def test_the_card_says_that_a_mark_was_not_met(hopeless):
+    folder, grown, _ = hopeless
+    assert not grown.last.met
+    assert parts(folder / "my.surrogate")[1]["met"] is False
 
+
+def grow_by_clock(folder, limit):
+    """Grow with a budget, on a clock that each row moves by a hundredth of a second.
+
+    Returns the growth, None if it was refused, and the time that it took by this clock.
+    """
     clock, write = Clock(), Writer.write_block
 
     def written(self, start, stop, columns):
         clock.now += 0.01 * (stop - start)
         write(self, start, stop, columns)
 
-    monkeypatch.setattr(rounds, "time", clock)
-    monkeypatch.setattr(Writer, "write_block", written)
-    monkeypatch.setattr(
-        rounds, "within", lambda work, shared, task, until: work(shared, task)
-    )
-    if limit < 0.6:  # fewer rows than a first look needs
-        with pytest.raises(InputError, match="the budget sufficed for"):
-            grow(order(tmp_path, mark=12.0), limit=limit)
-    else:
-        grown, _ = grow(order(tmp_path, mark=12.0), limit=limit)
-        assert grown.ending == "budget"
-        assert 0.9 * limit <= clock.now - 1000 <= limit + 0.0101
-    with Reader(tmp_path / "my.h5") as reader:
-        assert reader.counts().done <= 100 * limit + 1
-    monkeypatch.undo()
+    def at_once(work, shared, task, until):
+        return work(shared, task)
+
+    grown = None
+    with pytest.MonkeyPatch.context() as patch, contextlib.suppress(InputError):
+        patch.setattr(rounds, "time", clock)
+        patch.setattr(Writer, "write_block", written)
+        patch.setattr(rounds, "within", at_once)
+        grown, _ = grow(order(folder, mark=12.0), limit=limit)
+    return grown, clock.now - Clock.now
+
+
+@pytest.fixture(scope="module")
+def budgeted(tmp_path_factory):
+    """The folder of a growth that its budget of a second ends, this growth, and its time."""
+    folder = tmp_path_factory.mktemp("budgeted")
+    return folder, *grow_by_clock(folder, 1.0)
+
+
+def done_rows(folder):
+    with Reader(folder / "my.h5") as reader:
+        return reader.counts().done
+
+
+def test_a_budget_ends_a_growth_by_the_clock_of_its_rows(budgeted):
+    folder, grown, seconds = budgeted
+    assert grown.ending == "budget"
+    assert 0.9 <= seconds <= 1.0 + 0.0101
+    assert done_rows(folder) <= 101
+
+
+def test_a_budget_for_fewer_rows_than_a_look_needs_is_refused(tmp_path):
+    grown, _ = grow_by_clock(tmp_path, 0.05)
+    assert grown is None
+    assert done_rows(tmp_path) <= 6
+
+
+def test_a_growth_goes_on_after_the_end_of_its_budget(budgeted, tmp_path):
+    folder, _, _ = budgeted
+    shutil.copy(folder / "my.h5", tmp_path)
     again, _ = grow(order(tmp_path, mark=90.0))
     assert again.ending == "met"
+    assert again.last.rows >= done_rows(folder)
 
 
 def test_a_scenes_own_numbers_grow_until_their_means_are_known(tmp_path):

@@ -1,5 +1,7 @@
 """Laws at the given loads, their bands, and no band outside the training."""
 
+import contextlib
+import io
 import re
 from pathlib import Path
 
@@ -35,28 +37,49 @@ COLUMNS = ("delta_um", "area_percent", "mean_gap_um")
 FREE = ["--boundary", "free"]
 
 
-def test_surfaces_without_asperities_are_left_out_of_a_population(work, capsys):
-    ask = ["hybrid.surrogate", "--side", "1000", "--delta", "5:10:3", "--csv", "law.csv"]
+SHORT = ["hybrid.surrogate", "--side", "1000", "--delta", "5:10:3", "--csv", "law.csv"]
+
+
+@pytest.fixture
+def ramp(work):
+    """In the working directory, a folder with a surface without asperities."""
     Path("some").mkdir()
     np.save("some/ramp.npy", np.outer(np.arange(33.0), np.ones(33)))
-    run("law", *ask, "some", ends=2)
-    assert "ramp.npy: statistics undefined" in capsys.readouterr().err
+    return work
+
+
+@pytest.fixture
+def mixed(ramp):
+    """In the working directory, a folder with this surface and three others."""
     for seed in range(3):
         np.save(f"some/s{seed}.npy", np.load(f"many/s{seed}.npy"))
-    run("law", *ask, "some")
-    said = " ".join(capsys.readouterr().out.split())
-    assert (
-        "warning: 1 of 4 surfaces were left out, the first: some/ramp.npy: statistics"
-        in said
-    )
-    assert (
-        "90 % of further surfaces lie inside, at each load by itself; 3 surfaces" in said
-    )
-    assert "the errors of the surrogate come on top of it" in said
-    mixed = Path("law.csv").read_text()
-    assert "ramp.npy" not in mixed
-    run("law", *ask, "many")
-    assert Path("law.csv").read_text() == mixed.replace("some/", "many/")
+    return ramp
+
+
+@pytest.mark.usefixtures("ramp")
+def test_surfaces_without_asperities_alone_have_no_law(capsys):
+    run("law", *SHORT, "some", ends=2)
+    assert "ramp.npy: statistics undefined" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("mixed")
+def test_a_law_tells_which_surfaces_are_left_out_and_what_its_band_is(capsys):
+    run("law", *SHORT, "some")
+    told = " ".join(capsys.readouterr().out.split())
+    left_out = "1 of 4 surfaces were left out, the first: some/ramp.npy: statistics"
+    assert f"warning: {left_out}" in told
+    band = "90 % of further surfaces lie inside, at each load by itself; 3 surfaces"
+    assert band in told
+    assert "the errors of the surrogate come on top of it" in told
+
+
+@pytest.mark.usefixtures("mixed")
+def test_a_law_is_that_of_the_surfaces_that_are_not_left_out():
+    run("law", *SHORT, "some")
+    text = Path("law.csv").read_text()
+    assert "ramp.npy" not in text
+    run("law", *SHORT, "many")
+    assert Path("law.csv").read_text() == text.replace("some/", "many/")
 
 
 def test_a_predicted_population_has_bands_at_given_pressure(work):
@@ -165,23 +188,44 @@ def test_a_law_that_cannot_be_is_refused(work, capsys, arguments, word):
     assert word in capsys.readouterr().err.splitlines()[-1]
 
 
-def test_a_predicted_law_of_bodies_that_yield_is_near_the_solved_one(
-    yielding, work, capsys
-):
-    run("fit", yielding, "--features", "hybrid", "-o", "plastic.surrogate")
-    ask = ["many/s0.npy", "--side", "1000", "--delta", "5:25:5"]
-    run("law", "plastic.surrogate", *ask, ends=2)
+FIVE = ["many/s0.npy", "--side", "1000", "--delta", "5:25:5"]
+SOFT = [*FIVE, "--hardness", "0.01"]
+
+
+@pytest.fixture(scope="module")
+def plastic(yielding, tmp_path_factory):
+    """The path of a surrogate of bodies that yield, with hybrid features."""
+    path = tmp_path_factory.mktemp("plastic") / "plastic.surrogate"
+    run("fit", yielding, "--features", "hybrid", "-o", path)
+    return path
+
+
+@pytest.mark.usefixtures("work")
+def test_a_law_of_bodies_that_yield_needs_a_hardness(plastic, capsys):
+    run("law", plastic, *FIVE, ends=2)
     assert "give --hardness" in capsys.readouterr().err
-    run("law", "hybrid.surrogate", *ask, "--hardness", "0.01", ends=2)
+
+
+@pytest.mark.usefixtures("work")
+def test_a_law_of_elastic_bodies_takes_no_hardness(capsys):
+    run("law", "hybrid.surrogate", *SOFT, ends=2)
     assert "trained on elastic bodies" in capsys.readouterr().err
-    ask += ["--hardness", "0.01", "--csv"]
-    run("law", "plastic.surrogate", *ask, "predicted.csv", "--header", "law.h")
-    assert (
-        "the mean gap of bodies that yield is a coarse estimate"
-        in capsys.readouterr().out
-    )
+
+
+@pytest.mark.usefixtures("work")
+def test_a_law_of_bodies_that_yield_tells_its_hardness_and_doubts_its_gap(
+    plastic, capsys
+):
+    run("law", plastic, *SOFT, "--header", "law.h")
+    told = capsys.readouterr().out
+    assert "the mean gap of bodies that yield is a coarse estimate" in told
     assert "hardness 0.01" in Path("law.h").read_text()
-    run("law", *ask, "solved.csv", "--solver", *FREE)
+
+
+@pytest.mark.usefixtures("work")
+def test_a_predicted_law_of_bodies_that_yield_is_near_the_solved_one(plastic):
+    run("law", plastic, *SOFT, "--csv", "predicted.csv")
+    run("law", *SOFT, "--csv", "solved.csv", "--solver", *FREE)
     predicted, solved = (
         rows_of(name, "delta_um")[1:] for name in ("predicted.csv", "solved.csv")
     )
@@ -212,45 +256,74 @@ def inside(predicted, solved):
     return zip(*((one, other) for one, other in pairs if one["closure_um"]), strict=True)
 
 
-def test_what_follows_from_predictions_is_withheld_outside_the_training(work, capsys):
-    """In print and in every file; where no row is left, nothing is written."""
-    ask = [
-        "law",
-        "hybrid.surrogate",
-        "many/s1.npy",
-        "--side",
-        "1000",
-        "--conductivity",
-        "50",
-    ]
-    run(*ask, "--delta", "0.02:40:21", "-o", "law", "--plot", "law.png")
-    said = capsys.readouterr().out
-    assert "; outside, neither closure nor stiffness is given (-)" in said
-    rows = rows_of("law.csv", "pressure_MPa")
-    flagged = [row for row in rows if float(row["outside"]) == 1]
-    assert 0 < len(flagged) < len(rows) - 1
+CONDUCTIVE = ["law", "hybrid.surrogate", "many/s1.npy", "--side", "1000"]
+CONDUCTIVE += ["--conductivity", "50"]
+
+
+@pytest.fixture(scope="module")
+def files(made, tmp_path_factory):
+    """A folder with all files of a law that reaches far outside the training, and what it tells."""
+    folder = tmp_path_factory.mktemp("law")
+    ask = [*CONDUCTIVE, "--delta", "0.02:40:21", "-o", folder / "law"]
+    with contextlib.chdir(made), contextlib.redirect_stdout(io.StringIO()) as told:
+        run(*ask, "--plot", folder / "law.png")
+    (folder / "told.txt").write_text(told.getvalue())
+    return folder
+
+
+@pytest.fixture(scope="module")
+def by_pressure(files):
+    """The rows of this law against pressure."""
+    return rows_of(files / "law.csv", "pressure_MPa")
+
+
+def is_flagged(row):
+    """Whether a row is outside the training."""
+    return float(row["outside"]) == 1
+
+
+def kept_pressures(rows):
+    """The pressures of the rows that are inside the training."""
+    return {float(row["pressure_MPa"]) for row in rows if not is_flagged(row)}
+
+
+def test_a_law_tells_that_values_are_withheld_outside_the_training(files):
+    told = (files / "told.txt").read_text()
+    assert "; outside, neither closure nor stiffness is given (-)" in told
+
+
+def test_a_table_withholds_what_follows_from_predictions_outside(by_pressure):
+    flagged = [row for row in by_pressure if is_flagged(row)]
+    assert 0 < len(flagged) < len(by_pressure) - 1
     for name in ("closure_um", "stiffness_MPa_per_um", "conductance_W_per_mm2_K"):
-        assert all((row[name] == "") == (row in flagged) for row in rows)
-    curves = json_of("law.json")["tables"][1]["curves"]
-    withheld = [each is None for each in curves["closure_um"]["value"]]
-    assert withheld == [row in flagged for row in rows]
-    kept = {f"{float(row['pressure_MPa']):.10g}" for row in rows if row not in flagged}
-    behaviour, _, _ = Path("law-abaqus.inp").read_text().partition("*GAP")
-    lines = [
-        line.split(",")[0] for line in behaviour.splitlines() if not line.startswith("*")
-    ]
-    assert max(map(float, lines)) <= max(map(float, kept))
-    told = f"define ASPERITY_LAW_PRESSURES {len(kept | {'0'})}"
-    assert re.search(rf"{told}\b", Path("law.h").read_text())
-    for path in Path().glob("law*"):
-        path.unlink()
-    capsys.readouterr()
-    run(*ask, "--delta", "0.02,0.03", "-o", "law", ends=2)
-    assert (
-        "no load lies inside the surrogate's training; --solver"
-        in capsys.readouterr().err
-    )
-    assert not list(Path().glob("law*"))
+        assert all((row[name] == "") == is_flagged(row) for row in by_pressure)
+
+
+def test_json_withholds_what_follows_from_predictions_outside(files, by_pressure):
+    curves = json_of(files / "law.json")["tables"][1]["curves"]
+    withheld = [value is None for value in curves["closure_um"]["value"]]
+    assert withheld == [is_flagged(row) for row in by_pressure]
+
+
+def test_a_file_for_abaqus_ends_inside_the_training(files, by_pressure):
+    behaviour, _, _ = (files / "law-abaqus.inp").read_text().partition("*GAP")
+    lines = [line for line in behaviour.splitlines() if not line.startswith("*")]
+    pressures = [float(line.split(",")[0]) for line in lines]
+    largest = float(f"{max(kept_pressures(by_pressure)):.10g}")
+    assert max(pressures) <= largest
+
+
+def test_a_c_header_has_the_pressures_inside_the_training(files, by_pressure):
+    number = len(kept_pressures(by_pressure) | {0.0})
+    told = f"define ASPERITY_LAW_PRESSURES {number}"
+    assert re.search(rf"{told}\b", (files / "law.h").read_text())
+
+
+def test_a_law_outside_the_training_writes_nothing(work, capsys):
+    run(*CONDUCTIVE, "--delta", "0.02,0.03", "-o", "law", ends=2)
+    told = capsys.readouterr().err
+    assert "no load lies inside the surrogate's training; --solver" in told
+    assert not list(work.glob("law*"))
 
 
 def test_the_conductance_of_elastic_bodies_is_the_slope_of_their_force(work):

@@ -340,7 +340,7 @@ def test_a_law_of_predictions_that_are_not_finite_is_refused(spoilt, heights, tm
     order = Order(maps, delta="5:20:3", reading=Reading(side="1000"))
     refusal = r"h\.npy: the surrogate has no finite .* at Delta = 5"
     with pytest.raises(InputError, match=refusal):
-        law.make(spoilt, order)
+        law.law_of_surfaces(spoilt, order)
 
 
 def test_an_answer_at_a_bound_has_an_interval_with_width(solved, heights, monkeypatch):

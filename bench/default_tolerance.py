@@ -1,0 +1,112 @@
+"""The ladder of tolerances on which the solver's default, `bem.problem.RTOL`, rests.
+
+Samples of the paper preset are solved to falling tolerances, and to a far tighter one that counts
+as exact. The default is the loosest tolerance of the ladder at which, as at all tighter ones, the
+number of contact nodes, and so the area, is exact in `RIGHT_PERCENT` of the samples.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import takewhile
+from statistics import fmean
+
+import bem
+from bem.problem import RTOL
+from bench.files import Row
+from bench.report import Report, remark
+from gen.arrays import Heights
+from gen.generation.plan import parameters
+from gen.generation.sample import settings_of, surface_of
+from gen.scene import Scene, load
+
+LADDER = (1e-3, 1e-4, 1e-5, 3e-6, 1e-6, 5e-7, RTOL, 1e-7, 1e-8)  # from loose to tight
+EXACT_RTOL = 1e-12  # tolerance of the solution that counts as exact
+RIGHT_PERCENT = 99.9  # share of samples that need the exact number of contact nodes [%]
+PROGRESS = 100  # samples between two remarks on the progress
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A contact solved to one tolerance.
+
+    Attributes
+    ----------
+    nodes : int
+        Number of nodes in contact.
+    force : float
+        Normal force [uN].
+    convolutions : int
+        Applications of the influence matrix.
+    """
+
+    nodes: int
+    force: float
+    convolutions: int
+
+
+def default_tolerance(samples: int) -> Report:
+    """Compare solutions to the tolerances of `LADDER` with exact ones, and choose a default.
+
+    Parameters
+    ----------
+    samples : int
+        Number of samples, from the first of the paper preset on.
+
+    Returns
+    -------
+    Report
+        A row for each tolerance, from loose to tight, and the tolerance that they support.
+    """
+    scene = load("paper")
+    plan = parameters(scene, 0, samples)
+    exact: list[Solved] = []
+    ladder: dict[float, list[Solved]] = {rtol: [] for rtol in LADDER}
+    for sample in range(samples):
+        heights = surface_of(scene, plan, sample)
+        delta = float(plan.load[sample])
+        exact.append(_solve(scene, heights, delta, EXACT_RTOL))
+        for rtol, solutions in ladder.items():
+            solutions.append(_solve(scene, heights, delta, rtol))
+        if (sample + 1) % PROGRESS == 0:
+            remark(f"{sample + 1} of {samples} samples")
+    rows = [_compared(rtol, solutions, exact) for rtol, solutions in ladder.items()]
+    text = (
+        f"Loosest tolerance with {RIGHT_PERCENT:g} % of the samples right:"
+        f" {_loosest_right(rows)}; the default is {RTOL:g}.\n"
+    )
+    return Report({"default-tolerance": rows}, text=text)
+
+
+def _solve(scene: Scene, heights: Heights, delta: float, rtol: float) -> Solved:
+    """Press a surface by a displacement [um], with the scene's settings but for the tolerance."""
+    settings = settings_of(scene, None) | {"rtol": rtol}
+    contact = bem.solve(heights, scene.grid.sides, delta, **settings)
+    return Solved(contact.contact_nodes, contact.force, contact.convolutions)
+
+
+def _compared(rtol: float, solutions: Sequence[Solved], exact: Sequence[Solved]) -> Row:
+    """Return the errors and the cost of all samples at one tolerance."""
+    pairs = list(zip(solutions, exact, strict=True))
+    misses = [abs(solution.nodes - right.nodes) for solution, right in pairs]
+    forces = [
+        abs(solution.force / right.force - 1) for solution, right in pairs if right.force
+    ]
+    wrong = sum(miss > 0 for miss in misses)
+    return {
+        "rtol": rtol,
+        "right_percent": 100 * (len(pairs) - wrong) / len(pairs),
+        "wrong_samples": wrong,
+        "samples": len(pairs),
+        "largest_miss_nodes": max(misses),
+        "largest_force_error": max(forces, default=0.0),  # relative
+        "convolutions": fmean(solution.convolutions for solution in solutions),
+    }
+
+
+def _loosest_right(rows: Sequence[Row]) -> str:
+    """Return the loosest tolerance at which, as at all tighter ones, enough samples are right."""
+    tightest_first = sorted(rows, key=lambda row: float(row["rtol"]))
+    right = list(
+        takewhile(lambda row: row["right_percent"] >= RIGHT_PERCENT, tightest_first)
+    )
+    return f"{right[-1]['rtol']:g}" if right else "none of these"

@@ -1,0 +1,205 @@
+"""The points of a law from the predictions of a surrogate for a patch under loads.
+
+A surrogate predicts area and force at Deltas, or area and Delta at nominal pressures. Pressure,
+closure and Delta of the law follow from these, and a mean gap that was not learnt from the force
+and coarse contact solves.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from bem.derived.stiffness import without_patch
+from gen.arrays import Values
+from gen.law.curves import Points
+from gen.law.order import Load
+from gen.law.surfaces import LawSurface
+from gen.material import Bodies
+from gen.quantities import (
+    ALSO,
+    AREA,
+    CLOSURE,
+    DELTA,
+    FORCE,
+    MEAN_GAP,
+    PRESSURE,
+    STIFFNESS,
+    UNLOADING,
+)
+from learn.features import SurfaceFeatures
+from learn.surrogate.model import Prediction
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedPatch:
+    """A patch under k loads."""
+
+    patch: LawSurface
+    bodies: Bodies  # E* and hardness [MPa]
+    kind: Load  # what the surrogate has learnt
+    loads: Values  # (k,), ascending and above 0, Deltas [um] or nominal pressures [MPa]
+    # The surface of the patch, from which a mean gap follows that was not learnt; None if the
+    # surrogate predicts from the numbers of a scene.
+    surface: SurfaceFeatures | None = None
+    compliance: float = field(
+        init=False
+    )  # of a flat punch that fills the patch [um / MPa]
+
+    def __post_init__(self) -> None:
+        """Compute the compliance of the patch."""
+        compliance = self.patch.patch_compliance(self.bodies.e_star)
+        object.__setattr__(self, "compliance", compliance)
+
+
+def points_of(loaded: LoadedPatch, answer: Prediction, also: Sequence[str]) -> Points:
+    """Turn the predictions for a patch under loads into points of its law.
+
+    Parameters
+    ----------
+    loaded : LoadedPatch
+        The patch and its k loads.
+    answer : Prediction
+        Predictions with intervals at these loads: area, and force at Deltas or Delta at pressures.
+    also : sequence of str
+        Names of further quantities of the law, keys of `ALSO`, all predicted.
+
+    Returns
+    -------
+    Points
+        Points under the k loads. The load, the force at a pressure, and the closure at a Delta have
+        no intervals. There is a mean gap if it is predicted, or if it follows from coarse contact
+        solves, and a stiffness if it is predicted.
+
+    Raises
+    ------
+    InputError
+        If a coarse contact solve fails.
+    """
+    means: CoarseMeans | None = None
+    needs_means = loaded.kind == "delta" and MEAN_GAP.name not in answer.values
+    if needs_means and loaded.surface is not None:
+        means = _coarse_means(loaded.surface, loaded.loads, loaded.bodies)
+    values = _quantities(loaded, answer.values, means, also)
+    low = _quantities(loaded, answer.low, means, also)
+    high = _quantities(loaded, answer.high, means, also)
+    # A load has no interval, and a given pressure has a given force. At a given Delta the closure
+    # falls with the force, so that its ends would be exchanged.
+    without_interval = (DELTA, CLOSURE) if loaded.kind == "delta" else (PRESSURE, FORCE)
+    for quantity in without_interval:
+        del low[quantity.in_laws]
+        del high[quantity.in_laws]
+    return Points(values=values, low=low, high=high, reasons=answer.reasons)
+
+
+@dataclass(frozen=True, eq=False)
+class CoarseMeans:
+    """Means over the patch of coarse contact solves at k Deltas."""
+
+    gap: Values  # (k,), mean gap of bodies that are moved by Delta and not deformed [um]
+    compliance: Values  # (k,), mean displacement over F / (E* L) [1]
+    yielded_depth: Values  # (k,), mean depth by which nodes have yielded [um]
+    length: float  # scan length L [um]
+
+
+def _coarse_means(
+    surface: SurfaceFeatures, deltas: Values, bodies: Bodies
+) -> CoarseMeans:
+    """Solve the coarse contacts of a surface at Deltas, (k,) [um], and return their means."""
+    height_of_peak = float(surface.heights.max()) - float(surface.heights.mean())
+    means = [surface.means(float(delta), bodies.hardness_ratio) for delta in deltas]
+    return CoarseMeans(
+        gap=height_of_peak - deltas,
+        compliance=np.array([mean.compliance for mean in means]),
+        yielded_depth=np.array([mean.yielded_depth for mean in means]),
+        length=surface.length,
+    )
+
+
+def _quantities(
+    loaded: LoadedPatch,
+    targets: Mapping[str, Values],
+    means: CoarseMeans | None,
+    also: Sequence[str],
+) -> dict[str, Values]:
+    """Return the quantities of a law by names in laws, (k,), from the targets of a surrogate.
+
+    `targets` are predictions, or one end of their intervals, by target, (k,). `means` give a mean
+    gap that was not learnt; without them it is left out.
+    """
+    if loaded.kind == "delta":
+        quantities = _quantities_at_deltas(loaded, targets)
+    else:
+        quantities = _quantities_at_pressures(loaded, targets)
+    if MEAN_GAP.name in targets:
+        quantities[MEAN_GAP.in_laws] = targets[MEAN_GAP.name]
+    elif means is not None:
+        force = targets["force"] / loaded.bodies.e_star  # [um2]
+        displacement = means.compliance * force / means.length  # mean over the patch [um]
+        gap = means.gap + displacement + means.yielded_depth
+        quantities[MEAN_GAP.in_laws] = np.maximum(gap, 0.0)
+    nominal = loaded.patch.nominal
+    if STIFFNESS.name in targets:
+        quantities[STIFFNESS.in_laws] = targets[STIFFNESS.name] / nominal
+    elif UNLOADING.name in targets:
+        of_contact = targets[UNLOADING.name] / nominal
+        quantities[STIFFNESS.in_laws] = of_interface(of_contact, loaded.compliance)
+    for name in also:
+        quantities[ALSO[name].in_laws] = targets[name]
+    return quantities
+
+
+def _quantities_at_deltas(
+    loaded: LoadedPatch, targets: Mapping[str, Values]
+) -> dict[str, Values]:
+    """Return area, pressure, closure, Delta and force at given Deltas, by names in laws."""
+    deltas = loaded.loads
+    pressure = targets["force"] / loaded.patch.nominal
+    closure = deltas - loaded.compliance * pressure
+    return {
+        AREA.in_laws: targets["area"],
+        PRESSURE.in_laws: pressure,
+        CLOSURE.in_laws: np.maximum(closure, 0.0),
+        DELTA.in_laws: deltas,
+        FORCE.in_laws: targets["force"],
+    }
+
+
+def _quantities_at_pressures(
+    loaded: LoadedPatch, targets: Mapping[str, Values]
+) -> dict[str, Values]:
+    """Return area, pressure, closure, Delta and force at given pressures, by names in laws.
+
+    The closure is made to rise with the pressure, and Delta is the closure plus the displacement of
+    the patch.
+    """
+    pressure = loaded.loads
+    of_patch = loaded.compliance * pressure
+    closure = np.maximum.accumulate(np.maximum(targets["delta"] - of_patch, 0.0))
+    return {
+        AREA.in_laws: targets["area"],
+        PRESSURE.in_laws: pressure,
+        CLOSURE.in_laws: closure,
+        DELTA.in_laws: closure + of_patch,
+        FORCE.in_laws: pressure * loaded.patch.nominal,
+    }
+
+
+def of_interface(stiffness: Values, compliance: float) -> Values:
+    """Take the compliance of the patch out of stiffnesses of a contact.
+
+    Parameters
+    ----------
+    stiffness : ndarray, shape (k,)
+        Stiffnesses of the contact with its patch, per area [MPa / um].
+    compliance : float
+        Compliance of the patch [um / MPa]; 0 if it has no edges.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        Stiffnesses of the interface alone [MPa / um].
+    """
+    if not compliance:
+        return np.array(stiffness)
+    return np.array([without_patch(value, 1 / compliance) for value in stiffness])
