@@ -220,7 +220,7 @@ class Growth:
 
     @property
     def per_surface(self) -> int:
-        """Rows of one surface."""
+        """Number of rows of one surface."""
         return self.scene.samples_per_surface
 
     def grow(self) -> End:
@@ -501,7 +501,10 @@ class Growth:
 
 
 def _fit(order: FitOrder, _: None) -> Fitted:
-    """Fit a surrogate to the training rows of an order; the second argument is not used."""
+    """Fit a surrogate to the training rows of an order.
+
+    `within` also passes a task, which is not used: the order has all data of the fit.
+    """
     lines: list[str] = []
     surrogate = fitting.fit_parts(order.request, order.sets, order.parts, lines.append)
     return Fitted(surrogate, lines)
