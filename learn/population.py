@@ -730,6 +730,7 @@ def _most_likely_correlation(
     """
 
     def minus_likelihood(settings: Values) -> float:
+        """Return minus the logarithm of the likelihood of three settings; see `_sized`."""
         return _sized(settings, X, scatter, blocks).minus_likelihood
 
     search = minimize(
