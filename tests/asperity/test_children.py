@@ -31,9 +31,9 @@ NAMES = sys.stdlib_module_names | {
 }
 
 LINES = {
+    "fit": "learn fit rows.h5 --model kernel-ridge -o fitted.surrogate",
     "tune": "learn tune rows.h5 --model kernel-ridge --budget 90s -o tuned",
     "grow": "learn grow rows.toml --nmae 900 --rows 60 --budget 90s -o grown.surrogate",
-    "fit": "learn fit rows.h5 --model kernel-ridge -o fitted.surrogate",
     "compare": "learn compare rows.h5 --model kernel-ridge -o compared",
     "bench": "bench run hertz -o benched",
 }

@@ -279,6 +279,7 @@ def test_other_numbers_of_threads_are_refused(many):
             solve(np.eye(3), 1.0, load, threads=many)
 
 
+@pytest.mark.few(2)
 @pytest.mark.usefixtures("four_cores")
 @pytest.mark.parametrize(
     "settings",

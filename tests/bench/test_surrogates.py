@@ -53,6 +53,7 @@ def test_databases_are_resumed_and_others_are_refused(tmp_path, capsys):
         databases.of_the_paper(tmp_path / "small.h5", tmp_path, 6)
 
 
+@pytest.mark.long
 def test_a_fit_knows_where_it_was_trained(paper):
     request = request_for(paper, "kernel-ridge", "dimensionless", 100.0)
     parts = parted(read(request, 200))

@@ -4,6 +4,7 @@ import json
 import signal
 
 import numpy as np
+import pytest
 
 from tests.fuzz import child
 from tests.fuzz.__main__ import Case, cases
@@ -13,8 +14,9 @@ from tests.fuzz.corpus import BY_ENDING, damaged
 RUN = ("gen", "run", "scene.toml")
 
 
-def test_damaged_files_end_in_one_line(tmp_path):
-    ended = list(cases(tmp_path, seed=1, kinds=("scene",), last=40))
+@pytest.mark.parametrize("last", [15, pytest.param(60, marks=pytest.mark.long)])
+def test_damaged_files_end_in_one_line(tmp_path, last):
+    ended = list(cases(tmp_path, seed=1, kinds=("scene",), last=last))
     assert [(case.number, case.command, case.fault) for case in ended if case.fault] == []
     assert {case.ended.code for case in ended} == {0, 2}
 

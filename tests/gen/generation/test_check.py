@@ -84,6 +84,7 @@ def test_another_surface_is_a_fault_of_rows_of_an_earlier_solver(
     assert "row 4: peak_mean is not what" in capsys.readouterr().out
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(
     ("column", "value", "fault"),
     [

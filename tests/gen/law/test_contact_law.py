@@ -547,13 +547,24 @@ def test_a_law_of_which_no_load_is_solved_is_refused(
     assert re.search(r"s0.npy: 600 MPa: residual .* after", capsys.readouterr().err)
 
 
+LONG = pytest.mark.long
+
+
 @pytest.fixture(
     scope="module",
-    params=product(
-        [15, 60],
-        [[], ["--hardness", "20e3"]],
-        [["-o", "law"], ["--calculix", "law-calculix.inp"]],
-    ),
+    params=[
+        pytest.param((ratio, hardness, files), marks=marks)
+        for (ratio, hardness, files), marks in zip(
+            product(
+                [15, 60],
+                [[], ["--hardness", "20e3"]],
+                [["-o", "law"], ["--calculix", "law-calculix.inp"]],
+            ),
+            # each ratio, each body and each choice of files twice in the suite that people run
+            [(), LONG, LONG, (), LONG, (), (), LONG],
+            strict=True,
+        )
+    ],
     ids=str,
 )
 def unlike(request, write):

@@ -18,7 +18,8 @@ def diverging(points):
     return at, at / (1 - at)
 
 
-@pytest.mark.parametrize("room", [8, 12, 20, None])
+@pytest.mark.few(2)
+@pytest.mark.parametrize("room", [8, 12, None, 20])
 def test_lines_are_as_close_as_there_is_room_for(room):
     at, values = diverging(60)
     few = np.zeros(at.size, dtype=bool)

@@ -40,7 +40,7 @@ SHAPES = {
 }
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("shape", SHAPES)
 def test_every_surface_is_drawn_and_nothing_is_cut(shape, here, monkeypatch, capsys):
@@ -168,6 +168,7 @@ DRAWING = {
 }
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", DRAWING)
 def test_every_name_of_a_file_can_be_drawn(here, name):
     np.save(f"{LATIN}.npy", np.random.default_rng(0).random((16, 16)))

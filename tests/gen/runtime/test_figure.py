@@ -54,6 +54,7 @@ def test_no_settings_of_the_folder_the_user_or_the_environment_change_a_picture(
     assert pictures(name, inputs, settled, foreign) == expected
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("place", ["folder", "user"])
 def test_settings_that_never_end_are_not_read(place, inputs, here):
     home = here / ".config" / "matplotlib"
