@@ -50,12 +50,10 @@ class Table:
 
     data: Path
     caption: str
-    columns: tuple[
-        str, ...
-    ] = ()  # the columns to show, in this order; empty for all columns
-    verdict: str = (
-        ""  # column of verdicts: rows that did not pass are red; empty without one
-    )
+    # Names of the columns to show, in this order; empty for all columns.
+    columns: tuple[str, ...] = ()
+    # Column of verdicts, whose rows are red if they did not pass; empty without verdicts.
+    verdict: str = ""
 
 
 @dataclass(frozen=True)
@@ -63,9 +61,8 @@ class Words:
     """A paragraph of text."""
 
     text: str
-    typed: bool = (
-        False  # whether a program printed the text, so that its lines and blanks stay
-    )
+    # Whether a program printed the text. Then its lines and blanks stay.
+    typed: bool = False
 
 
 Content = Figure | Table | Words

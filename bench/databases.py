@@ -16,7 +16,7 @@ PAPER = "paper"
 """Name of the preset whose rows train all surrogates of the reports."""
 
 OTHER_SEED = 2026
-"""Seed of databases that test surrogates: other surfaces than those of the preset's own seed."""
+"""Seed of databases that test surrogates. The preset's own seed would repeat training surfaces."""
 
 
 def generated(folder: Path, name: str, text: str) -> Path:

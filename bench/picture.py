@@ -27,7 +27,7 @@ COLOURS = (
     "#6B3D0A",
     "#4B2E83",
 )
-"""Colours that colour-blind readers tell apart: those of Okabe and Ito, and three more."""
+"""Colours that colour-blind readers tell apart: Okabe and Ito's palette, and three more."""
 
 MARKERS = "os^DvPx*<>"
 """Markers of curves, one for each colour, which tell curves apart in print without colours."""

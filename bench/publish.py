@@ -34,7 +34,7 @@ class PartsOfFolder:
     folder: Path  # of the run
     home: Path  # the same folder among the published results
     parts: list[Part]
-    finished: list[Part]  # those of the parts that were made
+    finished: list[Part]  # the parts among them that were made
 
 
 def publish(parts: Sequence[Part], inputs: Inputs, target: Path) -> list[Path]:
@@ -85,7 +85,7 @@ def publish(parts: Sequence[Part], inputs: Inputs, target: Path) -> list[Path]:
 
 
 def _require_apart(folders: Sequence[Path], target: Path) -> None:
-    """Raise InputError if a folder that is read lies inside the target, or the target inside it."""
+    """Raise InputError if a folder that is read is inside the target, or the target inside it."""
     published = target.resolve()
     for folder in folders:
         source = folder.resolve()

@@ -140,21 +140,17 @@ class Record(documents.Document):
     command: str  # as a user types it
     code: Annotated[int, Field(ge=-64, le=255)] = 0  # exit code; negative for a signal
     finished: bool = True  # whether the results are whole, also if a check failed
-    seconds: Annotated[float, Field(ge=0, le=1e15)] = (
-        0.0  # wall-clock time of the command [s]
-    )
+    # Wall-clock time of the command [s].
+    seconds: Annotated[float, Field(ge=0, le=1e15)] = 0.0
     told: list[str] = Field(default_factory=list)  # last lines of standard error
-    inputs: dict[
-        str, int
-    ]  # time of the last change of each input [ns since 1970], by name
+    inputs: dict[str, int]  # last change of each input by its name [ns since 1970]
     created: str  # date and time (ISO 8601)
     commit: str  # empty without git
     state: str = ""  # of the code, as `code_state` returns it; empty in old records
     machine: Machine
-    load: float | None = (
-        None  # load of the machine in the minute before; near 0 if it was idle
-    )
-    versions: dict[str, str]  # of installed packages
+    # Load of the machine in the minute before, near 0 if it was idle; None in old records.
+    load: float | None = None
+    versions: dict[str, str]  # of installed packages, by name
 
 
 def _inputs_in(path: Path) -> Iterator[Path]:
@@ -354,8 +350,8 @@ class Inputs:
         Returns
         -------
         str
-            "new", "not finished", or "other ..." with what has changed since the part was made;
-            "" if the part can stay.
+            "new", "not finished", or "other ..." with a list of the changes since the part was
+            made; "" if the part can stay.
         """
         record = read(self.path(part))
         if record is None:
@@ -377,7 +373,7 @@ class Inputs:
         part : Part
             The part.
         **outcome
-            Fields of `Record` about the end of the command: all that have a default but `state`.
+            The fields `code`, `finished`, `seconds`, `told` and `load` of `Record`.
         """
         record = Record(**self._present(part), **outcome)
         text = record.model_dump_json(indent=2, exclude_unset=True)

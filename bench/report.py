@@ -82,7 +82,8 @@ class Part:
 
     `quick` and `full` are the arguments of the Python interpreter in a short and in a full run. A
     run fills in {folder}, {database} and {comparison}, and leaves out words in brackets if the
-    file that they name does not exist. Fields with a default are keys of the report's TOML file.
+    file that they name does not exist. All fields but `name`, `chapter` and `show` are keys of the
+    report's TOML file.
     """
 
     name: str  # of its command, of its TOML file, and of its folder unless `folder` is given
@@ -91,29 +92,26 @@ class Part:
     quick: str  # empty if a short run leaves the part out
     full: str  # empty if a full run leaves the part out
     show: Callable[[Path], Sequence[Content]]  # lists the contents of the part's folder
-    folder: str = (
-        ""  # name of another part whose folder gets the files; empty for its own
-    )
-    retired: str = (
-        ""  # last commit whose code has the command of the part; empty if today's has it
-    )
+    # Name of another part whose folder gets the files; empty for a folder of its own.
+    folder: str = ""
+    # Last commit whose code has the command of the part; empty if today's code has it.
+    retired: str = ""
     judges: bool = False  # whether exit code 1 reports a failed check instead of an error
     seconds: float | None = None  # processor time of the short run [s]
-    # Time of the full run [min], if the published record is of another command; else 0.
+    # Time of the full run [min], if the published record is of another command; otherwise 0.
     minutes: float = 0
-    beside: bool = False  # whether other parts may run at the same time
-    needs: Sequence[
-        str
-    ] = ()  # programs and distributions whose rows are left out without them
-    measure: str = (
-        ""  # function of the rows ("module:name"), if the command is one of `bench`
-    )
+    beside: bool = False  # whether other parts may be made at the same time
+    # Programs and distributions. If one is not installed, some rows are left out.
+    needs: Sequence[str] = ()
+    # The function of the rows ("module:name"), if the command is one of `bench`; otherwise empty.
+    measure: str = ""
     help: str = ""  # help text of that command
-    options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # by name
+    # Options of that command by their names: the keys of typer.Option, `default` and `kind`, and
+    # `path` or `argument` for a path or an argument.
+    options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     keeps: bool = False  # whether the function itself writes files into the folder
-    contents: Sequence[
-        Mapping[str, Any]
-    ] = ()  # entries of what is shown, and how it is drawn
+    # Pictures, tables and words that are shown; see `bench.contents` and `bench.picture`.
+    contents: Sequence[Mapping[str, Any]] = ()
 
 
 def part_of(report: str, chapter: str = "") -> Part:

@@ -148,7 +148,7 @@ class _Job:
             while wait(futures, timeout=AWAKE).not_done:
                 pass
             for future in futures:
-                future.result()  # raises what the thread has raised
+                future.result()  # raises the error of the thread, if there was one
 
     def _make(self, part: Part) -> None:
         """Make one part unless it can stay or a signal came; remember whether it failed."""
@@ -218,7 +218,7 @@ def _require_in_run(name: str, inputs: Inputs) -> None:
 def _record_to_keep(part: Part, inputs: Inputs) -> Record | None:
     """Return the record of a part that need not be made, or None.
 
-    A short run also keeps what a full run has made, even if that is stale.
+    A short run also keeps a part that a full run has made, even if it is stale.
     """
     record = read(inputs.path(part))
     if record is None or not record.finished:

@@ -76,7 +76,7 @@ class Model:
         if tuned:
             settings |= self.tuned
         for name, value in settings.items():
-            if callable(value):
+            if callable(value):  # it makes an object of a library
                 settings[name] = value()
         module, _, name = self.path.rpartition(".")
         make = getattr(import_module(module), name)
@@ -318,10 +318,7 @@ def remarks() -> Iterator[list[str]]:
     for warning in caught:
         text = " ".join(str(warning.message).split())[:REMARK_LENGTH]
         if issubclass(warning.category, ConvergenceWarning):
-            at_bound = "bound" in text
-            text = UNFINISHED
-            if at_bound:
-                text = AT_BOUND
+            text = AT_BOUND if "bound" in text else UNFINISHED
         is_announcement = issubclass(warning.category, FutureWarning | DeprecationWarning)
         if text not in texts and not is_announcement:
             texts.append(text)
@@ -421,12 +418,13 @@ PROCESS = 350 * MIB
 PAIR_BYTES = {"gaussian-process": 62.0, "kernel-ridge": 19.0}
 # Share of `PAIR_BYTES` that a Gaussian process needs if its kernel is not fitted.
 FIXED_KERNEL = 0.52
-# Memory of up to 2,000 deep trees for `TREE_ROWS` training rows [MiB]; it is proportional to the
-# number of rows.
+# Memory of up to 2,000 deep trees for at most `TREE_ROWS` training rows [MiB]. For more rows it is
+# larger in proportion.
 TREES = {"random-forest": 2048, "adaboost": 1536, "xgboost": 2560, "gradient-boost": 1792}
 # Number of training rows for which `TREES` states the memory.
 TREE_ROWS = 10_000
-# Memory of each other model for `TREE_ROWS` training rows [MiB], such as a cache of kernel rows.
+# Memory of each model without trees for at most `TREE_ROWS` training rows [MiB], in addition to
+# `PAIR_BYTES`: a cache of kernel rows, for example.
 OTHERS = 512
 
 

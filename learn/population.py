@@ -176,6 +176,7 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
             blocks=blocks,
             correlation=correlation,
         )
+        # Results depend on the order of the draws: centres, a sample of the rows, parts.
         centres = X[random.permutation(len(y))[:CENTRES]]
         sample = random.permutation(len(y)) < LIKELY_ROWS
         sampled_rows = rows.at(sample, _blocks(surfaces[sample]))
@@ -185,10 +186,10 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         return self
 
     def _fit_trend(self, X: Values, y: Values, surfaces: Indices) -> TrendDistances:
-        """Fit power law, scatter, and mean and deviation of the ratio; return its distances.
+        """Fit power law, scatter, mean and deviation; return the distances of the ratio from fits.
 
-        Sets `trend_`, `sizes_`, `ends_`, `mean_` and `deviation_`. A target that is not above 0
-        everywhere has no power law: its ratio is the target itself.
+        The ratio is the target over its power law, or the target itself if it is not above 0
+        everywhere. Sets `trend_`, `sizes_`, `ends_`, `mean_` and `deviation_`.
         """
         weights = np.ones(len(y))
         most_terms = np.unique(surfaces).size / SURFACES_PER_TERM

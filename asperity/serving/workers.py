@@ -116,8 +116,8 @@ class Workers:
         Raises
         ------
         Refusal
-            If too many questions wait, the model refuses the question, or the process that computes
-            the answer is ended.
+            If too many questions wait, the model refuses the question, the server is closed, or
+            `ATTEMPTS` processes that compute the answer are ended.
         """
         if self._waiting >= WAITING:
             raise Refusal("Busy", f"{WAITING} questions wait already: ask again later")
@@ -153,6 +153,7 @@ class Workers:
                 except BrokenProcessPool:
                     pool = self._replaced(pool)
                 except asyncio.CancelledError:
+                    # Either `ask` has cancelled this task, or `close` has cancelled the future.
                     pool = self._replaced(pool)
                     if not self._closed:
                         raise

@@ -168,7 +168,7 @@ CURVATURE = "peak_curvature_mean"
 """The statistic whose growth explains why statistics do not carry over to another grid."""
 
 FINE_SCENE = "[surface]\nnodes = 257\n"
-"""Keys of the scene of the finer grid, beside those of the paper preset."""
+"""Keys of the scene of the finer grid; all other keys are the paper preset's."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
 """The paper's nine models beside ours: Tables 2 to 4, their pictures, and numbers in the text.
 
 Our scores, times and optima are read from the folder of `learn compare` and `learn tune`, where
-`learn.comparison.jobs` wrote them. The paper's are those of `learn.comparison.paper`.
+`learn.comparison.jobs` wrote them. `learn.comparison.paper` has the paper's.
 """
 
 from collections.abc import Sequence
@@ -63,7 +63,7 @@ def area_folder(comparison: Path) -> Folder:
     Raises
     ------
     InputError
-        If there is no such part, or the features are others.
+        If the folder has no results for the area, or they are from other features.
     """
     folder = Folder(comparison / "area")
     if not (folder.path / "comparison.json").exists():
@@ -272,7 +272,9 @@ def table_4(comparison: Path) -> Report:
     """
     folder = area_folder(comparison)
     our_spread = spread(folder)
-    return Report({"table-4": [_row_of_4(item, our_spread) for item in _scored(folder)]})
+    return Report(
+        {"table-4": [_row_of_4(scored, our_spread) for scored in _scored(folder)]}
+    )
 
 
 def _row_of_4(scored: ScoredResult, our_spread: float) -> Row:
@@ -338,8 +340,8 @@ def predictions(comparison: Path) -> Report:
     Returns
     -------
     Report
-        Tables and pictures `predictions-baseline` and `predictions-tuned`, if there are such
-        results.
+        Tables and pictures `predictions-baseline` and `predictions-tuned`. Either is left out if
+        the folder has no scores of its kind.
     """
     folder = area_folder(comparison)
     rows: dict[str, list[Row]] = {}

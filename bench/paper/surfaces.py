@@ -138,7 +138,7 @@ def levels() -> Report:
 
 
 def profile() -> Report:
-    """Draw a topography and one of its profiles, with what the statistics count (section 2.3).
+    """Draw a topography and one of its profiles, with peaks and asperities (section 2.3).
 
     Returns
     -------

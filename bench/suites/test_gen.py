@@ -162,7 +162,7 @@ def test_generate(benchmark: BenchmarkFixture, generator: str, nodes: int) -> No
 
 @sizes
 def test_describe(benchmark: BenchmarkFixture, nodes: int) -> None:
-    """Compute the 22 statistics, and compare them with those of rational numbers."""
+    """Compute the 22 statistics, and compare them with an exact computation in fractions."""
     heights = np.round(generated("diamond-square", nodes) / STEP) * STEP
     spacing = SIDE / (nodes - 1)
     description = benchmark(describe, heights, spacing)

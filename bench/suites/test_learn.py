@@ -118,8 +118,8 @@ def test_search(benchmark: Any, name: str, size: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("size", ROWS)
 @pytest.mark.parametrize("name", MODELS)
-@pytest.mark.parametrize("what", ["fit", "predict"])
-def test_baseline(benchmark: Any, name: str, what: str, size: str) -> None:
+@pytest.mark.parametrize("work", ["fit", "predict"])
+def test_baseline(benchmark: Any, name: str, work: str, size: str) -> None:
     """Fit a baseline, or predict with it; its R2 on training rows is that of a fitted model."""
     rows = ROWS[size]
     if size == "paper":
@@ -133,7 +133,7 @@ def test_baseline(benchmark: Any, name: str, what: str, size: str) -> None:
     model = pipeline(MODELS[name])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of perceptrons that have not converged
-        if what == "fit":
+        if work == "fit":
             benchmark.pedantic(
                 model.fit, args=samples, rounds=2 if size == "smoke" else 1
             )

@@ -84,8 +84,8 @@ class Query:
 class SolverTimes:
     """Mean times of the solver, without any surrogate [s], and the error of loose solves."""
 
-    row: float  # a row of a database
-    surface: float  # the surface of such a row
+    row: float  # computing a row of a database
+    surface: float  # generating the surface of a row
     solve: float  # a contact on a new surface
     ladder: float  # a contact among `LOADS` on one surface
     loose: float  # a contact on a new surface, to a residual of `LOOSE`
@@ -268,7 +268,7 @@ def measure_surrogate(fitted: Fitted, features: str, queries: list[Query]) -> An
     new_surface_seconds = mean_seconds(
         partial(of_new_surface, query) for query in queries
     )
-    # These surfaces keep what does not depend on Delta after their first features.
+    # Each surface keeps the features that do not depend on Delta once they are computed.
     surfaces = [described(query.heights) for query in queries]
     deltas = np.linspace(*DELTAS, LOADS)
     rows = np.concatenate([features_of(surface, deltas) for surface in surfaces])
@@ -303,7 +303,7 @@ FEWEST = 100
 """Training rows of a learning curve's first point."""
 
 DRAWS = 3
-"""Largest number of fits of a point, each to other rows; the point is their median."""
+"""Largest number of fits of a point, to different rows; the point is their median."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -331,7 +331,7 @@ def cost(
     area_max: float = 16.56,
     surfaces: int = 32,
 ) -> Report:
-    """Measure what kernel ridge surrogates of the paper preset cost and save.
+    """Measure costs and savings of kernel ridge surrogates of the paper preset.
 
     Break-even is computed twice: with the settings that come with the program, and with the search
     of the comparison, which is for the paper's features. Progress is printed on standard error.
@@ -419,7 +419,8 @@ def tuning_seconds(comparison: Path) -> float:
     Returns
     -------
     float
-        Time [s]. NaN if the folder has no such search, which is said on standard error.
+        Time [s]. If the folder has no search of kernel ridge, it is NaN, and a remark on standard
+        error says so.
     """
     result = Folder(comparison / "area").result("tuned", "kernel-ridge")
     if result is None or result.times is None:

@@ -1,8 +1,8 @@
 """The share of rows inside their interval, among the rows that a surrogate does not flag.
 
-An interval is promised for rows like those of the training, and a flag says which rows are not like
-them. So the coverage of the rows without a flag has to be the promised one: on surfaces, grids and
-bodies that the surrogate has not been trained on, and for several draws of the training rows.
+An interval is promised for rows that resemble the training rows, and a flag marks the other rows.
+So the coverage of the rows without a flag has to be the promised one: on surfaces, grids and bodies
+that the surrogate has not been trained on, and for several draws of the training rows.
 """
 
 from collections.abc import Iterator, Sequence
@@ -35,7 +35,7 @@ TARGETS = ("area", FORCE.name, MEAN_GAP.name)
 """Targets of the surrogates."""
 
 FEW = 20
-"""Number of rows of a finer grid that are learnt together with those of the preset's grid."""
+"""Number of rows of a finer grid that train a surrogate, alone or together with the preset."""
 
 HARDNESS = (0.006, 0.05)
 """Smallest and largest hardness over E* of the rows that train; the preset has 0.003 to 0.1."""
@@ -59,7 +59,7 @@ PAPER = "paper"
 """Name of the paper preset's database."""
 
 MIDPOINT = "midpoint"
-"""Name of the database of the paper preset with the other algorithm of displacements."""
+"""Name of the database of the paper preset with the generator "midpoint"."""
 
 SPECTRAL = "broad-spectral"
 """Name of the database of broad spectral surfaces."""
@@ -245,12 +245,14 @@ def _cases_beside_preset(
     """
     name = pool[1]
     preset = _rows_of(pool, rows, [PAPER])
-    other = _rows_of(pool, rows, [name])
-    yield Case(trained_on="preset", tested_on=name, pool=pool, train=preset, judged=other)
+    of_database = _rows_of(pool, rows, [name])
+    yield Case(
+        trained_on="preset", tested_on=name, pool=pool, train=preset, judged=of_database
+    )
     if name not in FINE.values():
         return
-    few = np.random.default_rng(seed).permutation(other)[:FEW]
-    judged = np.setdiff1d(other, few)
+    few = np.random.default_rng(seed).permutation(of_database)[:FEW]
+    judged = np.setdiff1d(of_database, few)
     yield Case(
         trained_on=f"preset and {FEW} rows of {name}",
         tested_on=name,
@@ -367,13 +369,13 @@ def coverage(folder: Path, rows: int, seeds: int) -> Report:
 
 
 def _judged_pool(
-    pool: tuple[str, ...], rows: Dataset, target: str, largest: int, seed: int
+    pool: tuple[str, ...], rows: Dataset, target: str, row_limit: int, seed: int
 ) -> list[Row]:
     """Return the rows of the table for the cases of a pool, and print the coverage of each case."""
     judged: list[Row] = []
     for case in cases(pool, rows, seed):
         of_case = [
-            {"target": target, **row} for row in _judged(case, rows, largest, seed)
+            {"target": target, **row} for row in _judged(case, rows, row_limit, seed)
         ]
         share = of_case[0]["covered_unflagged"]
         remark(f"{case.trained_on}: {case.tested_on}, {target}: {share:.1%} in 90 %")
@@ -390,13 +392,13 @@ def _read(*paths: Path) -> list[Dataset]:
     return dataset.read(replace(REQUEST, databases=paths))
 
 
-def _judged(case: Case, rows: Dataset, largest: int, seed: int) -> list[Row]:
-    """Fit the surrogate of a case to `largest` rows or fewer, and judge it.
+def _judged(case: Case, rows: Dataset, row_limit: int, seed: int) -> list[Row]:
+    """Fit the surrogate of a case to `row_limit` rows or fewer, and judge it.
 
     The first row of the table is of all rows that judge. If these are of several databases, a row
     of each database follows.
     """
-    parts = _parts(case, rows, largest, seed)
+    parts = _parts(case, rows, row_limit, seed)
     fitted = fit(REQUEST, parts.train, parts.folds)
     names = {"trained_on": case.trained_on, "seed": seed, "trained": parts.train.size}
     if case.judged is None:
@@ -418,9 +420,9 @@ def _judged(case: Case, rows: Dataset, largest: int, seed: int) -> list[Row]:
     return table
 
 
-def _parts(case: Case, rows: Dataset, largest: int, seed: int) -> Parts:
-    """Split `largest` rows of a case or fewer, and add the rows that train in any case."""
-    chosen = np.sort(np.random.default_rng(seed).permutation(case.train)[:largest])
+def _parts(case: Case, rows: Dataset, row_limit: int, seed: int) -> Parts:
+    """Split `row_limit` rows of a case or fewer, and add `case.added` to the training rows."""
+    chosen = np.sort(np.random.default_rng(seed).permutation(case.train)[:row_limit])
     drawn = split.draw(rows.at(chosen), seed)
     train = chosen[drawn.train]
     folds = drawn.folds
@@ -437,8 +439,8 @@ def _parts(case: Case, rows: Dataset, largest: int, seed: int) -> Parts:
 def _scores(fitted: Fitted, judged: Dataset, always: NDArray[np.bool_]) -> Row:
     """Return shares of flagged and covered rows, the width of the intervals [%], and the error [%].
 
-    `always` has the rows that count as flagged whatever the surrogate says. The width is the mean
-    of the rows without a flag, over their mean target.
+    `always` marks the rows that count as flagged even if the surrogate does not flag them. The
+    width is the mean of the rows without a flag, over their mean target.
     """
     low, high = fitted.interval(judged, LEVEL)
     truth = judged.target * judged.scale
@@ -463,7 +465,9 @@ def _scores(fitted: Fitted, judged: Dataset, always: NDArray[np.bool_]) -> Row:
 
 
 def pooled(judged: Sequence[Row]) -> list[Row]:
-    """Average over the seeds, weighting each seed with the number of its unflagged rows.
+    """Average over the seeds.
+
+    Coverage and width weight each seed with the number of its unflagged rows.
 
     Parameters
     ----------
@@ -493,8 +497,9 @@ def by_kind(table: Sequence[Row]) -> list[Row]:
     Returns
     -------
     list of Row
-        One row for each kind, with coverage and width [%] of all targets. `flagged` and
-        `unflagged` are those of the first target; `empty` is the sum over the targets.
+        One row for each kind, with the share of covered rows (0 to 1) and the width [%] of all
+        targets. `flagged` and `unflagged` are of the first target; `empty` is the sum over the
+        targets.
     """
     rows: dict[tuple[str, str], Row] = {}
     for row in table:

@@ -38,7 +38,7 @@ class Ends(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Fitted(Fit):
-    """A fitted model of a target that flags rows unlike those of its training."""
+    """A fitted model of a target, which flags rows that do not resemble its training rows."""
 
     low: Values  # smallest value of each of d inputs in the training, (d,)
     high: Values  # largest value of each input in the training, (d,)
@@ -82,7 +82,7 @@ class Fitted(Fit):
         rows : Dataset
             n rows with the inputs of the training.
         level : float
-            Share of rows like those of the training that are to lie inside, 0 to 1.
+            Share of rows inside their interval, 0 to 1, among rows like the training rows.
 
         Returns
         -------
@@ -95,7 +95,7 @@ class Fitted(Fit):
         return Ends(low=low, high=high)
 
     def flags(self, rows: Dataset) -> NDArray[np.bool_]:
-        """Flag the rows that are unlike those of the training.
+        """Flag the rows that do not resemble the training rows.
 
         Parameters
         ----------
@@ -105,7 +105,8 @@ class Fitted(Fit):
         Returns
         -------
         ndarray of bool, shape (n,)
-            True if an input is outside the training ranges, or the row is far from all others.
+            True if an input is outside the training ranges, or the row is far from all training
+            rows.
         """
         is_outside = ((rows.inputs < self.low) | (rows.inputs > self.high)).any(axis=1)
         is_far = self.distance.of(rows.inputs) > self.distance.limit
@@ -203,7 +204,7 @@ def fit(
     folds : ndarray, shape (n,)
         Fold of each training row.
     settings : Settings or None
-        Settings of the model; None to choose among those of the program by the folds.
+        Settings of the model; None to choose among the program's settings by the folds.
 
     Returns
     -------

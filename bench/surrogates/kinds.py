@@ -44,7 +44,7 @@ NAMES = (
     "liner",
     "pores",
 )
-"""Names of the kinds, which are those of the functions."""
+"""Names of the kinds, which are the names of their functions."""
 
 Shape = tuple[int, int]
 """Nodes along x and along y."""
@@ -430,7 +430,7 @@ def pores(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
 
 
 def _midpoint(shape: Shape, rng: np.random.Generator) -> Heights:
-    """Make a surface like those of the paper preset: random midpoint displacement [um]."""
+    """Make a surface of random midpoint displacement, as the paper preset does [um]."""
     hurst = rng.uniform(0.5, 0.8)
     sigma0 = rng.uniform(10, 15)
     return generate("diamond-square", shape[0], hurst, sigma0, rng)

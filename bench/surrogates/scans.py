@@ -229,9 +229,8 @@ def _ordered(rows: Dataset, kept: Indices) -> _Training:
     """Return the training rows `kept` with their folds: tiles in random order, each in one fold."""
     groups = rows.groups[kept]
     order = np.random.default_rng(1).permutation(np.unique(groups))
-    place = np.zeros(
-        int(rows.groups.max()) + 1, dtype=np.int64
-    )  # of each tile in the order
+    # The place of each tile in the random order, by the number of the tile.
+    place = np.zeros(int(rows.groups.max()) + 1, dtype=np.int64)
     place[order] = np.arange(order.size)
     train = kept[np.argsort(place[groups], kind="stable")]
     folds = place[rows.groups[train]] * FOLDS // order.size

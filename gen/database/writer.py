@@ -133,7 +133,9 @@ class Writer(Reader):
         _require_one_file(path, communicator)
         held = _on_all(communicator, lambda: HeldFile(path))
         self._held = opened.enter_context(held)
-        file = _on_all(communicator, lambda: open_file(path, True, communicator))
+        file = _on_all(
+            communicator, lambda: open_file(path, writing=True, communicator=communicator)
+        )
         return opened.enter_context(file)
 
     def _outside_of_columns(self) -> tuple[range, range]:
@@ -162,7 +164,7 @@ class Writer(Reader):
         self._held.check()
 
     def _protect_overwritten_file(self) -> None:
-        """Protect a file that another program has overwritten from the bytes of closing.
+        """Keep HDF5 from writing into a file that another program has overwritten.
 
         HDF5 writes some bytes when it closes a file. If `confirm` fails, HDF5's descriptor is
         redirected to a temporary file, which takes these bytes. With a communicator nothing is
@@ -203,6 +205,7 @@ class Writer(Reader):
                 f"rows {start} to {stop} of {self.rows.start} to {self.rows.stop}"
             )
         arrays = self._arrays_of(columns, stop - start)
+        # The checksum is already that of the finished row: it includes the status.
         if self.has_checksums:
             guarded = {
                 column.name: arrays[column.name]
@@ -213,12 +216,12 @@ class Writer(Reader):
         self.confirm()
         status = arrays.pop(STATUS.name)
         with disk_trouble(self.path, self._save):
-            for run in _runs(status != Status.PENDING):
-                position = start - self.rows.start + run.start
+            for span in _true_ranges(status != Status.PENDING):
+                position = start - self.rows.start + span.start
                 for name, values in arrays.items():
                     dataset = self._datasets[name]
-                    write_rows(dataset, position, values[run.start : run.stop])
-                statuses = status[run.start : run.stop]
+                    write_rows(dataset, position, values[span.start : span.stop])
+                statuses = status[span.start : span.stop]
                 self._unsynced.append(Unsynced(position=position, status=statuses))
         self.sync_when_due()
 
@@ -323,12 +326,12 @@ class Writer(Reader):
             status = self._status[start:stop]
             finished = (status == Status.DONE) | (status == Status.FAILED)
             first_row = self.rows.start + start  # number of the first row of the chunk
-            for run in _runs(~finished):
-                begin = first_row + run.start
+            for span in _true_ranges(~finished):
+                begin = first_row + span.start
                 # A range that reaches the border of two chunks is continued, not begun anew.
                 if pending and pending[-1].stop == begin:
                     begin = pending.pop().start
-                pending.append(range(begin, first_row + run.stop))
+                pending.append(range(begin, first_row + span.stop))
         return pending
 
     def retry_failed(self, first: int = 0, last: int | None = None) -> int:
@@ -389,7 +392,7 @@ class Writer(Reader):
             self._held.sync()
 
 
-def _runs(mask: NDArray[np.bool_]) -> Iterator[range]:
+def _true_ranges(mask: NDArray[np.bool_]) -> Iterator[range]:
     """Yield the ranges of consecutive indices at which a mask is True, as long as possible."""
     # Indices at which the mask changes, in pairs: the first True, and the False behind the last.
     edges = np.flatnonzero(np.diff(mask, prepend=False, append=False))

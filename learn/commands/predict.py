@@ -47,8 +47,8 @@ VALUE = re.compile(r" \S+ outside")
 """Part of a reason that differs between rows: the value in "delta/h 3.1 outside 0.1 to 2"."""
 
 HIDDEN = ("_low", "_high", "warnings")
-"""Endings of the titles of columns that are not printed: ends of intervals stand beside the values,
-and warnings are printed while surfaces are read."""
+"""Endings of the titles of columns that are not printed. The cell of a value has the ends of its
+interval, and warnings are printed while surfaces are read."""
 
 
 File = Annotated[
@@ -211,7 +211,11 @@ def _modulus(material: options.Material) -> float | None:
 def _print_predictions(
     rows: Sequence[Mapping[str, Any]], title: str, doubts: Sequence[str]
 ) -> None:
-    """Print the first rows of predictions, the doubts about the bodies, and all reasons."""
+    """Print predictions on standard output.
+
+    These are a title, the first rows as a table, the doubts about the bodies, and why rows are
+    outside the training.
+    """
     columns = [name for name in rows[0] if not name.endswith(HIDDEN)]
     lines = [[_cell(row, column) for column in columns] for row in rows[:MOST_ROWS]]
     echo(f"{title}:")

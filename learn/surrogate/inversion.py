@@ -81,8 +81,9 @@ class DeltaInterval:
 def _interval_of_delta(points: Points, pressures: Values, at: Values) -> DeltaInterval:
     """Invert both ends of the pressure's interval at pressures, (m,) [MPa].
 
-    `at` are the Deltas at the pressures, (m,) [um]; the interval is widened to contain them. An end
-    is NaN everywhere if the interval of the pressure has an end that is not finite.
+    `at` are the Deltas at the pressures, (m,) [um]; the interval is widened to contain them. If an
+    upper end of the pressure's interval is not finite, the low end is NaN at all pressures; if a
+    lower end is not finite, the high end is.
     """
     deltas = points.values[DELTA.in_laws]
     low = np.full_like(at, np.nan)
@@ -98,7 +99,7 @@ def _interval_of_delta(points: Points, pressures: Values, at: Values) -> DeltaIn
 
 
 def _faults_of_intervals(points: Points, interval: DeltaInterval) -> tuple[str, ...]:
-    """Say for each pressure why its interval does not hold; "" where it does.
+    """Say for each pressure why the interval of its Delta does not hold; "" where it does.
 
     An end may be beyond the last Delta, or outside the training.
     """
@@ -179,7 +180,7 @@ def _interpolate(arguments: Values, values: Values, at: Values) -> Values:
 def _reasons_at(points: Points, at: Values) -> tuple[str, ...]:
     """Return why Deltas, (m,) [um], are outside the training: the reason of a neighbouring point.
 
-    A Delta of a point has only this neighbour. The text is "" inside the training.
+    At the Delta of a point it is the reason of this point. The text is "" inside the training.
     """
     deltas = points.values[DELTA.in_laws]
     above = np.searchsorted(deltas, at).clip(0, deltas.size - 1)

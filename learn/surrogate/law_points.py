@@ -76,6 +76,7 @@ def points_of(loaded: LoadedPatch, answer: Prediction, also: Sequence[str]) -> P
     InputError
         If a coarse contact solve fails.
     """
+    # A mean gap that is not predicted follows from the force and from coarse contacts.
     means: CoarseMeans | None = None
     needs_means = loaded.kind == "delta" and MEAN_GAP.name not in answer.values
     if needs_means and loaded.surface is not None:
@@ -96,7 +97,8 @@ def points_of(loaded: LoadedPatch, answer: Prediction, also: Sequence[str]) -> P
 class CoarseMeans:
     """Means over the patch of coarse contact solves at k Deltas."""
 
-    gap: Values  # (k,), mean gap of bodies that are moved by Delta and not deformed [um]
+    # (k,), mean gap if the bodies approached by Delta without deformation; may be negative [um]
+    gap: Values
     compliance: Values  # (k,), mean displacement over F / (E* L) [1]
     yielded_depth: Values  # (k,), mean depth by which nodes have yielded [um]
     length: float  # scan length L [um]

@@ -216,19 +216,30 @@ def test_a_command_that_was_run_elsewhere_names_no_folder_of_that_machine(tmp_pa
     assert here.command(one, "") == ""
 
 
-def test_another_command_state_of_the_code_or_input_makes_a_part_anew(
-    tmp_path, monkeypatch
-):
+OTHER = WRITE.replace("'x'", "'y'")
+"""Another command for the same file."""
+
+
+def test_another_command_makes_a_part_anew(tmp_path):
     makes(tmp_path, [part("one", WRITE)])
-    makes(tmp_path, [part("one", WRITE.replace("'x'", "'y'"))])
+    makes(tmp_path, [part("one", OTHER)])
     assert (tmp_path / "one" / "made.txt").read_text() == "xy"
+    assert inputs(tmp_path).stale(part("one", OTHER)) == ""
+    assert inputs(tmp_path).stale(part("one", WRITE)) == "other command"
+
+
+def test_another_state_of_the_code_makes_a_part_anew(tmp_path, monkeypatch):
     other = circumstances() | {"state": "another"}
     monkeypatch.setattr("bench.record.circumstances", lambda: other)
-    makes(tmp_path, [part("one", WRITE.replace("'x'", "'y'"))])
-    assert (tmp_path / "one" / "made.txt").read_text() == "xyy"
-    assert inputs(tmp_path).stale(part("one", WRITE)) == "other command"
+    makes(tmp_path, [part("one", WRITE)])
     monkeypatch.undo()
-    assert inputs(tmp_path).stale(part("one", WRITE)) == "other command, code"
+    assert inputs(tmp_path).stale(part("one", WRITE)) == "other code"
+    assert inputs(tmp_path).stale(part("one", OTHER)) == "other command, code"
+    makes(tmp_path, [part("one", WRITE)])
+    assert (tmp_path / "one" / "made.txt").read_text() == "xx"
+
+
+def test_an_input_that_changed_makes_a_part_anew(tmp_path):
     reading = part("reading", WRITE + "#{database}")
     assert inputs(tmp_path).stale(reading) == "new"
     for day in (1, 1, 2):
