@@ -93,7 +93,7 @@ LITTLE_TENSION = 0.1
 LARGEST_SCALE = 2.0
 
 # Passes that scale the free pressures after capping: each caps more nodes, and a few passes come
-# near enough.
+# near enough. This number matters little.
 CAPPINGS = 4
 
 # Open nodes with the smallest gaps that are factorised with a contact set, as a share of it [1].
