@@ -176,6 +176,7 @@ def moments(values: Whole, unit: Fraction) -> Moments:
     total = _total(counts)
 
     def central(power: int) -> Fraction:
+        """Return the central moment of a power, in units to that power."""
         # Deviations from the mean, times the number of values: whole numbers.
         deviations = ((number * value - total, count) for value, count in counts)
         powers = (count * deviation**power for deviation, count in deviations)

@@ -158,6 +158,7 @@ def altered(
     """
 
     def change(rows: Dataset) -> Dataset:
+        """Return a copy of the rows with the changed numbers."""
         values = getattr(rows, part).copy()
         if to is None:
             values[where] = values[where] * factor
