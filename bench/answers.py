@@ -1,189 +1,359 @@
 """Questions about Asperity and the measured answers: the lines at the top of the page.
 
-Each line is made of tables of one report, which names the command that made them.
+Each line is computed from tables of one report, whose section names the command that made them.
 """
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
 
 from bench.files import is_there, named, read_table
 from bench.record import Inputs
 from bench.report import Part
 
 Row = dict[str, str]
+"""Texts of one line of a table by the names of its columns."""
 
 NOT_OTHERS = {"bem", "paper's NNLS"}
-"""Solvers among the peers that are not another program."""
+"""Solvers in the comparison with peers that are our own code."""
 
 
-class Line(NamedTuple):
-    """A line of the page: a question, the answer, and the part that it comes from."""
+@dataclass(frozen=True)
+class Line:
+    """A line of the page."""
 
     question: str
-    answer: str
-    part: str
+    answer: str  # whole sentences
+    part: str  # name of the part of the page that the answer comes from
 
 
 def lines(parts: Sequence[Part], inputs: Inputs) -> list[Line]:
-    """Answer all questions whose tables are there and hold the answer."""
-    known = {part.name: inputs.folder(part) for part in parts}
-    found = []
-    for question, part, tables, answer in ASKED:
-        paths = named(known[part], tables) if part in known else []
-        rows = [row for path in filter(is_there, paths) for row in read_table(path)[1]]
-        with suppress(LookupError, ValueError):  # a short run has fewer rows
-            if rows and (said := answer(rows)):
-                found.append(Line(question, said, part))
-    return found
+    """Answer the questions whose tables exist and hold the answer.
+
+    Parameters
+    ----------
+    parts : sequence of Part
+        Parts of the page.
+    inputs : Inputs
+        Inputs of the run, which know the folder of each part.
+
+    Returns
+    -------
+    list of Line
+        The answers, in the order of `QUESTIONS`.
+    """
+    folders = {part.name: inputs.folder(part) for part in parts}
+    answered: list[Line] = []
+    for question in QUESTIONS:
+        if question.part not in folders:
+            continue
+        rows: list[Row] = []
+        for path in named(folders[question.part], question.tables):
+            if is_there(path):
+                rows += read_table(path)[1]
+        answer = ""
+        with suppress(
+            LookupError, ValueError
+        ):  # the tables of a short run have fewer rows
+            if rows:
+                answer = question.answer(rows)
+        if answer:
+            answered.append(Line(question.text, answer, question.part))
+    return answered
 
 
 def hertz(rows: list[Row]) -> str:
-    """Error of the force on a sphere on the finest grid, at the largest displacement."""
+    """State the error of the force on a sphere, on the finest grid at the largest displacement.
+
+    Parameters
+    ----------
+    rows : list of Row
+        Rows of `hertz.csv`.
+
+    Returns
+    -------
+    str
+        The answer.
+    """
     deepest = max(float(row["delta_um"]) for row in rows)
-    last = [row for row in rows if float(row["delta_um"]) == deepest]
-    (exact,) = (float(row["force_uN"]) for row in last if row["solution"] == "hertz")
-    ours = {
+    at_deepest = [row for row in rows if float(row["delta_um"]) == deepest]
+    (exact,) = (
+        float(row["force_uN"]) for row in at_deepest if row["solution"] == "hertz"
+    )
+    forces = {
         int(float(row["nodes"])): float(row["force_uN"])
-        for row in last
+        for row in at_deepest
         if row["solution"] == "uniform-pressure"
     }
-    error = 100 * abs(ours[max(ours)] / exact - 1)
+    finest = max(forces)
+    error = 100 * abs(forces[finest] / exact - 1)
     return (
-        f"The force on a sphere is within {error:.2g} % of Hertz's, {max(ours)} nodes a side,"
+        f"The force on a sphere is within {error:.2g} % of Hertz's, {finest} nodes a side,"
         f" pressed in by {deepest:g} um."
     )
 
 
 def beside_others(case: str, rows: list[Row]) -> str:
-    """Tell the time of the fastest other solver over ours, from the least of all cases on."""
-    ratios: dict[tuple[str, ...], float] = {}
+    """State the time of the fastest other solver over ours, from its lowest to its highest.
+
+    Parameters
+    ----------
+    case : str
+        Columns that tell the cases apart, with blanks between them.
+    rows : list of Row
+        Rows of the comparison with other solvers.
+
+    Returns
+    -------
+    str
+        The answer.
+    """
+    columns = case.split()
+    fastest: dict[tuple[str, ...], float] = {}
     for row in rows:
         if row["times_ours"] and row["solver"] not in NOT_OTHERS:
-            key = tuple(row[name] for name in case.split())
-            ratios[key] = min(ratios.get(key, float("inf")), float(row["times_ours"]))
-    least, most = min(ratios.values()), max(ratios.values())
-    return f"The fastest other solver takes {least:.2g} to {most:.2g} times our time."
+            key = tuple(row[column] for column in columns)
+            ratio = float(row["times_ours"])
+            fastest[key] = min(fastest.get(key, ratio), ratio)
+    lowest = min(fastest.values())
+    highest = max(fastest.values())
+    return f"The fastest other solver takes {lowest:.2g} to {highest:.2g} times our time."
 
 
 def stability(rows: list[Row]) -> str:
-    """Cases that pass, of all."""
-    passed = sum(row["verdict"] == "passed" for row in rows)
-    return f"{passed} of {len(rows)} stiff and extreme cases pass."
+    """State how many of the stiff and extreme cases pass.
+
+    Parameters
+    ----------
+    rows : list of Row
+        Rows of all tables of cases.
+
+    Returns
+    -------
+    str
+        The answer.
+    """
+    passed = [row for row in rows if row["verdict"] == "passed"]
+    return f"{len(passed)} of {len(rows)} stiff and extreme cases pass."
 
 
 def growth(rows: list[Row]) -> str:
-    """Growth of the convolutions from the smallest grid to the largest."""
-    sizes = sorted({int(row["nodes"]) for row in rows})
-    most = max(float(row["growth"]) for row in rows if int(row["nodes"]) == sizes[-1])
+    """State the growth of the convolutions from the smallest grid to the largest.
+
+    Parameters
+    ----------
+    rows : list of Row
+        Rows of `growth.csv`.
+
+    Returns
+    -------
+    str
+        The answer.
+    """
+    sizes = {int(row["nodes"]) for row in rows}
+    finest = max(sizes)
+    on_finest = [row for row in rows if int(row["nodes"]) == finest]
+    largest = max(float(row["growth"]) for row in on_finest)
     return (
-        f"From {sizes[0]} to {sizes[-1]:,} nodes a side the convolutions of a solve grow by a"
-        f" factor of {most:.2g} at most."
+        f"From {min(sizes)} to {finest:,} nodes a side the convolutions of a solve grow by a"
+        f" factor of {largest:.2g} at most."
     )
 
 
 def comparison(rows: list[Row]) -> str:
-    """Best of the nine models with the paper's features, beside the paper's best."""
-    ours, theirs = (
-        max(
-            (row for row in rows if row[name]),
-            key=lambda row: float(row[name]),
-            default=None,
-        )
-        for name in ("r2", "paper_r2")
-    )
+    """State R2 of the best of the nine models with the paper's features, and of the paper's best.
+
+    Parameters
+    ----------
+    rows : list of Row
+        Rows of the comparison's scores of the area.
+
+    Returns
+    -------
+    str
+        The answer; empty if no model has a score. The paper's best is left out if the features or
+        the database are not the paper's.
+    """
+    ours = _best(rows, "r2")
     if ours is None:
         return ""
-    best = (
+    r2 = float(ours["r2"])
+    answer = (
         f"With a split by surfaces, the best of nine models ({ours['model']}) reaches R2"
-        f" {float(ours['r2']):.2f} % of the area"
+        f" {r2:.2f} % of the area"
     )
-    if theirs is None:  # other features or another database than the paper's
-        return f"{best}."
-    return f"{best}; the paper's best ({theirs['model']}) has {float(theirs['paper_r2']):.2f} %."
+    papers = _best(rows, "paper_r2")
+    if papers is None:
+        return f"{answer}."
+    score = float(papers["paper_r2"])
+    return f"{answer}; the paper's best ({papers['model']}) has {score:.2f} %."
+
+
+def _best(rows: list[Row], score: str) -> Row | None:
+    """Return the row with the highest score; None if no row has that score."""
+    scored = [row for row in rows if row[score]]
+    return max(scored, key=lambda row: float(row[score]), default=None)
 
 
 def exactness(rows: list[Row]) -> str:
-    """Error of the area with hybrid features, learnt from all rows, on rows that judge."""
-    best = max(
-        (r for r in rows if r["features"] == "hybrid"), key=lambda r: int(r["trained"])
-    )
+    """State the errors of the area with hybrid features, learnt from all rows.
+
+    Parameters
+    ----------
+    rows : list of Row
+        Rows of `learning.csv`.
+
+    Returns
+    -------
+    str
+        The answer.
+    """
+    hybrid = [row for row in rows if row["features"] == "hybrid"]
+    best = max(hybrid, key=lambda row: int(row["trained"]))
+    nmae = float(best["nmae"])
+    r2 = float(best["r2"])
+    trained = int(best["trained"])
     return (
-        f"New surfaces of the same kind: nMAE {float(best['nmae']):.2f} % of the area, R2"
-        f" {float(best['r2']):.2f} %, learnt from {int(best['trained']):,} rows."
+        f"New surfaces of the same kind: nMAE {nmae:.2f} % of the area, R2"
+        f" {r2:.2f} %, learnt from {trained:,} rows."
     )
 
 
 def coverage(rows: list[Row]) -> str:
-    """Populations whose rows without a flag are covered as promised."""
+    """State in how many shifted populations rows without a flag are covered as promised.
+
+    Parameters
+    ----------
+    rows : list of Row
+        Rows of `coverage.csv`.
+
+    Returns
+    -------
+    str
+        The answer.
+    """
     judged = [row for row in rows if "flagged" not in row["verdict"]]
-    met = sum(row["verdict"].startswith("met") for row in judged)
+    met = [row for row in judged if row["verdict"].startswith("met")]
     worst = min(judged, key=lambda row: float(row["covered_unflagged"]))
-    share, rest = 100 * float(worst["covered_unflagged"]), len(rows) - len(judged)
+    share = 100 * float(worst["covered_unflagged"])
+    flagged = len(rows) - len(judged)
     return (
-        f"In {met} of {len(judged)} shifted populations and targets 90 % intervals hold at least"
-        f" 86 % of the rows without a flag, to within the error. Least, {share:.0f} %:"
+        f"In {len(met)} of {len(judged)} shifted populations and targets 90 % intervals hold at"
+        f" least 86 % of the rows without a flag, to within the error. Least, {share:.0f} %:"
         f" {worst['target']} of '{worst['tested_on']}', learnt from '{worst['trained_on']}'. In"
-        f" {rest} more nearly all rows are flagged."
+        f" {flagged} more nearly all rows are flagged."
     )
 
 
 def scans(rows: list[Row]) -> str:
-    """Errors on unseen tiles of maps, for each size of window."""
-    whole = [
+    """State the errors on unseen tiles of maps, for each size of window.
+
+    Parameters
+    ----------
+    rows : list of Row
+        Rows of `scans.csv`.
+
+    Returns
+    -------
+    str
+        The answer; empty without rows about all maps.
+    """
+    of_all_maps = [
         row for row in rows if row["left_out"] == "unseen tiles" and row["map"] == "all"
     ]
-    sizes = "; ".join(
-        f"{row['nodes']} nodes a side: R2 {float(row['r2']):.2f} %, nMAE {float(row['nmae']):.2g} %"
-        for row in sorted(whole, key=lambda row: int(row["nodes"]))
-    )
-    return f"Parts of maps that were not trained on: {sizes}." if sizes else ""
+    if not of_all_maps:
+        return ""
+    of_all_maps.sort(key=lambda row: int(row["nodes"]))
+    sizes: list[str] = []
+    for row in of_all_maps:
+        r2 = float(row["r2"])
+        nmae = float(row["nmae"])
+        nodes = row["nodes"]
+        sizes.append(f"{nodes} nodes a side: R2 {r2:.2f} %, nMAE {nmae:.2g} %")
+    return f"Parts of maps that were not trained on: {'; '.join(sizes)}."
 
 
 def grow(rows: list[Row]) -> str:
-    """Promises of accuracy that hold on fresh surfaces."""
-    kept = sum(float(row["fresh_nmae"]) <= float(row["asked"]) for row in rows)
+    """State how many promises of accuracy hold on fresh surfaces.
+
+    Parameters
+    ----------
+    rows : list of Row
+        Rows of `grow.csv`.
+
+    Returns
+    -------
+    str
+        The answer.
+    """
+    held = [row for row in rows if float(row["fresh_nmae"]) <= float(row["asked"])]
     return (
-        f"The accuracy asked for holds on fresh surfaces in {kept} of {len(rows)} cases."
+        f"The accuracy asked for holds on fresh surfaces in {len(held)} of {len(rows)}"
+        " cases."
     )
 
 
 def cost(rows: list[Row]) -> str:
-    """Contacts from which on a surrogate costs less than solving."""
-    (row,) = (
-        row
-        for row in rows
-        if (row["asked"], row["solver"], row["features"])
-        == ("new surfaces", "ours", "hybrid")
-    )
+    """State the number of contacts from which a surrogate costs less than solving.
+
+    Parameters
+    ----------
+    rows : list of Row
+        Rows of `cost.csv`.
+
+    Returns
+    -------
+    str
+        The answer.
+    """
+    setting = {"asked": "new surfaces", "solver": "ours", "features": "hybrid"}
+    (row,) = (row for row in rows if setting.items() <= row.items())
+    contacts = int(row["break_even"])
+    trained = int(row["rows"])
+    ratio = float(row["query"]) / float(row["solve"])
     return (
-        f"From {int(row['break_even']):,} contacts of new surfaces on, with"
-        f" {int(row['rows']):,} rows to train on; an answer takes"
-        f" {float(row['query']) / float(row['solve']):.2g} of the time of a solve."
+        f"From {contacts:,} contacts of new surfaces on, with"
+        f" {trained:,} rows to train on; an answer takes"
+        f" {ratio:.2g} of the time of a solve."
     )
 
 
 FREE = partial(beside_others, "nodes hurst delta_um")
+"""States the time of other solvers on free patches."""
+
 PERIODIC = partial(beside_others, "nodes hurst mean_pressure")
-Answer = Callable[[list[Row]], str]
-ASKED: tuple[tuple[str, str, str, Answer], ...] = (
-    ("How exact is a contact?", "hertz", "hertz.csv", hertz),
-    ("How fast, at equal accuracy?", "peers", "peers.csv", FREE),
-    ("How fast on periodic patches?", "periodic", "periodic.csv", PERIODIC),
-    ("Does it bear stiff and extreme cases?", "stability", "*.csv", stability),
-    ("Do fine grids cost more steps?", "growth", "growth.csv", growth),
-    (
+"""States the time of other solvers on periodic patches."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """A question, and where its answer comes from."""
+
+    text: str
+    part: str  # name of the part of the page
+    tables: str  # name of its table, or a pattern with * for several tables
+    answer: Callable[
+        [list[Row]], str
+    ]  # puts their rows into words; "" if they lack the answer
+
+
+QUESTIONS = (
+    Question("How exact is a contact?", "hertz", "hertz.csv", hertz),
+    Question("How fast, at equal accuracy?", "peers", "peers.csv", FREE),
+    Question("How fast on periodic patches?", "periodic", "periodic.csv", PERIODIC),
+    Question("Does it bear stiff and extreme cases?", "stability", "*.csv", stability),
+    Question("Do fine grids cost more steps?", "growth", "growth.csv", growth),
+    Question(
         "How near do its models come to the paper's?",
         "comparison",
         "area/scores.csv",
         comparison,
     ),
-    ("How exact is a surrogate?", "cost", "learning.csv", exactness),
-    ("Does it know what it does not know?", "coverage", "coverage.csv", coverage),
-    ("What of measured maps?", "scans", "scans.csv", scans),
-    ("Is the accuracy asked for kept?", "grow", "grow.csv", grow),
-    ("When does a surrogate pay?", "cost", "cost.csv", cost),
+    Question("How exact is a surrogate?", "cost", "learning.csv", exactness),
+    Question("Does it know what it does not know?", "coverage", "coverage.csv", coverage),
+    Question("What of measured maps?", "scans", "scans.csv", scans),
+    Question("Is the accuracy asked for kept?", "grow", "grow.csv", grow),
+    Question("When does a surrogate pay?", "cost", "cost.csv", cost),
 )
-"""Questions in the order of the page, each with its part, the tables of that part (a * in a name
-stands for several), and the function that puts their rows into words."""
+"""The questions, in the order of the page."""

@@ -1,9 +1,9 @@
 """Laws as CalculiX uses them: two blocks pressed on each other beside the table of the law.
 
-The blocks touch on one face of a millimetre squared, with the closure, pressure and conductance of
-the law between them; each pressure of the law is a step. What CalculiX prints is compared with the
-rows of the table: closure and pressure of the contact, and the jump of the temperature across it
-beside flux over conductance.
+The blocks touch on one face of a square millimetre. Between them is the law: closure, pressure and
+conductance. Each pressure of the law is a step. What CalculiX prints is compared with the rows of
+the table: closure and pressure of the contact, and the jump of the temperature across it, which the
+table gives as flux over conductance.
 """
 
 import re
@@ -11,7 +11,9 @@ import shutil
 import subprocess
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout
+from dataclasses import dataclass
 from io import StringIO
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +26,15 @@ from gen.runtime.errors import InputError
 from gen.runtime.files import make_folder
 from gen.surface import generate
 
-YOUNG, CONDUCTIVITY, HOT = 210e3, 50.0, 100.0  # MPa, W/(m K), K
+YOUNG = 210e3
+"""Young's modulus of the blocks, as in `two-blocks.inp` [MPa]."""
+
+CONDUCTIVITY = 50.0
+"""Thermal conductivity of the blocks, as in `two-blocks.inp` [W/(m K)]."""
+
+HOT = 100.0
+"""Temperature of the top, as in `two-blocks.inp`; that of the bottom is 0 [K]."""
+
 STEEL = (
     "--young",
     f"{YOUNG:g}",
@@ -33,35 +43,94 @@ STEEL = (
     "--conductivity",
     f"{CONDUCTIVITY:g}",
 )
-HARDNESSES = (None, 2000.0)  # MPa
-PRESSURES = "5:320:7:log"  # MPa
-SURFACES = {"Hurst exponent 0.8": (0.8, 129), "Hurst exponent 0.5": (0.5, 129)}
-SIDE, SIGMA0 = 200.0, 0.5  # um
-ALLOWED = 1.0  # % between the table and CalculiX
+"""Options of `gen law` for the material of the blocks."""
+
+HARDNESSES = (None, 2000.0)
+"""Hardnesses of the laws [MPa]; None for elastic bodies."""
+
+PRESSURES = "5:320:7:log"
+"""Pressures of the laws, as `gen law` reads them [MPa]."""
+
+
+@dataclass(frozen=True)
+class LawSurface:
+    """The surface of a law."""
+
+    name: str  # name in the table
+    hurst: float  # Hurst exponent [1]
+    nodes: int  # nodes a side
+
+
+SURFACES = (
+    LawSurface("Hurst exponent 0.8", hurst=0.8, nodes=129),
+    LawSurface("Hurst exponent 0.5", hurst=0.5, nodes=129),
+)
+"""The surfaces."""
+
+SIDE = 200.0
+"""Scan length of the surfaces [um]."""
+
+SIGMA0 = 0.5
+"""Standard deviation of their first displacement [um]."""
+
+ALLOWED = 1.0
+"""Largest difference between the table and CalculiX that passes [%]."""
+
 LAW = (CLOSURE.in_laws, PRESSURE.in_laws, CONDUCTANCE.in_laws)
+"""Columns of a law that the comparison needs."""
+
 QUANTITIES = (CLOSURE.in_laws, PRESSURE.in_laws, "jump_K")
-SECONDS = 120.0  # most that CalculiX may take
+"""Quantities that are compared, by their columns [um, MPa, K]."""
+
+SECONDS = 120.0
+"""Time after which CalculiX counts as hanging [s]."""
 
 DECK = Path(__file__).with_name("two-blocks.inp")
-"""Two blocks that are pressed on each other in one step, as the manual shows them."""
+"""Input of two blocks that are pressed on each other in one step, as the manual shows it."""
 
 DOWN = "TOP, 3, 3, -0.001"
 """Its line that pushes the top down [mm]."""
 
+LINES = 5
+"""Lines of numbers that CalculiX prints for each step."""
+
 
 def pressed(folder: Path, law: Sequence[Mapping[str, float]]) -> list[Row]:
-    """Press two blocks with CalculiX by rows of a law; its files `joint` are in a folder.
+    """Press two blocks with CalculiX, by a step for each row of a law.
 
-    Return for each row of the law its closure [um], pressure [MPa] and the jump of temperature that
-    its conductance asks for [K], those of CalculiX with the end `_calculix`, and by how much they
-    are off with the end `_off` [%]. An InputError is raised if there is no CalculiX, or it fails.
+    Writes `blocks.inp` into the folder, and CalculiX its results.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder with the files of the law, `joint.*`, which the input includes.
+    law : sequence of mapping
+        Rows of the law with the columns `LAW`.
+
+    Returns
+    -------
+    list of Row
+        For each row its closure [um], its pressure [MPa] and the jump of temperature by its
+        conductance [K]; those of CalculiX, with the ending `_calculix`; and their differences, with
+        the ending `_off` [%].
+
+    Raises
+    ------
+    InputError
+        If CalculiX is not installed, or fails.
+    subprocess.TimeoutExpired
+        If CalculiX takes longer than `SECONDS`.
     """
     if shutil.which("ccx") is None:
         raise InputError("there is no CalculiX (ccx): apt-get install calculix-ccx")
-    downs = [-(1e-3 * row["closure_um"] + 2 * row["pressure_MPa"] / YOUNG) for row in law]
     model, word, step = DECK.read_text(encoding="utf-8").partition("*STEP")
-    steps = ((word + step).replace(DOWN, f"TOP, 3, 3, {down:.12g}") for down in downs)
-    (folder / "blocks.inp").write_text(model + "".join(steps), encoding="utf-8")
+    deck = model
+    for row in law:
+        # Of both blocks of 1 mm, and of the contact between them [mm].
+        shortening = 2 * row["pressure_MPa"] / YOUNG
+        down = -(1e-3 * row["closure_um"] + shortening)
+        deck += (word + step).replace(DOWN, f"TOP, 3, 3, {down:.12g}")
+    (folder / "blocks.inp").write_text(deck, encoding="utf-8")
     done = subprocess.run(
         ["ccx", "blocks"],
         cwd=folder,
@@ -78,69 +147,136 @@ def pressed(folder: Path, law: Sequence[Mapping[str, float]]) -> list[Row]:
 
 
 def _compared(law: Sequence[Mapping[str, float]], printed: str) -> list[Row]:
-    """Return the rows of `pressed` from what CalculiX has printed: five lines of numbers a step."""
+    """Return the rows of `pressed` from the file that CalculiX has printed."""
     lines = [
         [float(number) for number in line.split()]
         for line in printed.splitlines()
         if re.fullmatch(r"[-+ 0-9.E]+", line) and line.strip()
     ]
-    if len(lines) != 5 * len(law):
+    if len(lines) != LINES * len(law):
         raise InputError(f"CalculiX printed {len(lines)} lines for {len(law)} steps")
-    rows = []
-    for step, row in enumerate(law):
-        low, high, cold, warm, force = lines[5 * step : 5 * step + 5]
-        flux = CONDUCTIVITY * (HOT - warm[1])  # mW / mm2
-        wanted = {
-            CLOSURE.in_laws: row["closure_um"],
-            PRESSURE.in_laws: row["pressure_MPa"],
-            "jump_K": flux / (1e3 * row["conductance_W_per_mm2_K"]),
+    rows: list[Row] = []
+    for step, law_row in enumerate(law):
+        first = LINES * step
+        # Displacements of a node on each face, temperatures of these nodes, and the force.
+        low, high, cold, warm, force = lines[first : first + LINES]
+        flux = CONDUCTIVITY * (HOT - warm[1])  # through the upper block of 1 mm [mW/mm2]
+        conductance = 1e3 * law_row["conductance_W_per_mm2_K"]  # [mW/(mm2 K)]
+        by_law = {
+            CLOSURE.in_laws: law_row["closure_um"],
+            PRESSURE.in_laws: law_row["pressure_MPa"],
+            "jump_K": flux / conductance,
         }
-        found = (1e3 * (low[3] - high[3]), -force[2], warm[1] - cold[1])
-        both = list(zip(QUANTITIES, found, strict=True))
-        theirs = {f"{name}_calculix": each for name, each in both}
-        off = {f"{name}_off": 100 * (each / wanted[name] - 1) for name, each in both}
-        rows.append(wanted | theirs | off)
+        by_calculix = {
+            CLOSURE.in_laws: 1e3 * (low[3] - high[3]),
+            PRESSURE.in_laws: -force[2],
+            "jump_K": warm[1] - cold[1],
+        }
+        row: Row = dict(by_law)
+        for name in QUANTITIES:
+            row[f"{name}_calculix"] = by_calculix[name]
+        for name in QUANTITIES:
+            ratio = by_calculix[name] / by_law[name]
+            row[f"{name}_off"] = 100 * (ratio - 1)
+        rows.append(row)
     return rows
 
 
 def calculix(folder: Path) -> Report:
-    """Compute the laws of all surfaces and hardnesses, and press each in CalculiX."""
+    """Make the laws of all surfaces and hardnesses, press each in CalculiX, and print the progress.
+
+    Writes the files of each law and of CalculiX into a folder below `folder/decks`.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the report.
+
+    Returns
+    -------
+    Report
+        Table `calculix`, with a verdict a step, and a text that counts the passed ones.
+
+    Raises
+    ------
+    InputError
+        If CalculiX is not installed, or it or `gen law` fails.
+    """
     rows: list[Row] = []
-    for (name, (hurst, nodes)), hardness in (
-        (s, h) for s in SURFACES.items() for h in HARDNESSES
-    ):
-        home = (
-            folder
-            / "decks"
-            / f"hurst-{hurst:g}-{'elastic' if hardness is None else 'yielding'}"
-        )
-        for row in pressed(home, law_of(home, hurst, nodes, hardness)):
-            near = all(abs(row[f"{each}_off"]) <= ALLOWED for each in QUANTITIES)
-            said = {"surface": name, "hardness_MPa": hardness or "", **row}
-            rows.append(said | {"verdict": "passed" if near else "failed"})
-        remark(f"{name}, hardness {hardness}: pressed")
-    passed = sum(row["verdict"] == "passed" for row in rows)
-    text = f"{passed} of {len(rows)} steps within {ALLOWED:g} % of the table"
+    for surface, hardness in product(SURFACES, HARDNESSES):
+        body = "elastic" if hardness is None else "yielding"
+        home = folder / "decks" / f"hurst-{surface.hurst:g}-{body}"
+        law = law_of(home, surface.hurst, surface.nodes, hardness)
+        steps = pressed(home, law)
+        rows += [_table_row(surface, hardness, step) for step in steps]
+        remark(f"{surface.name}, hardness {hardness}: pressed")
+    passed = [row for row in rows if row["verdict"] == "passed"]
+    text = f"{len(passed)} of {len(rows)} steps within {ALLOWED:g} % of the table"
     return Report({"calculix": rows}, text=text)
+
+
+def _table_row(surface: LawSurface, hardness: float | None, step: Row) -> Row:
+    """Return a row of the table: surface, hardness [MPa], the row of `pressed`, and the verdict."""
+    differences = [abs(step[f"{name}_off"]) for name in QUANTITIES]
+    is_near = all(difference <= ALLOWED for difference in differences)
+    return {
+        "surface": surface.name,
+        "hardness_MPa": hardness or "",
+        **step,
+        "verdict": "passed" if is_near else "failed",
+    }
 
 
 def law_of(
     folder: Path, hurst: float, nodes: int, hardness: float | None
 ) -> list[dict[str, float]]:
-    """Write the files of a law by `gen law` into a folder, and return the rows that count.
+    """Make a law by `gen law`.
 
-    The first row, without load, and the last are left out: CalculiX needs points on both sides.
+    Makes the folder, and writes `surface.npy` and the files of the law, `joint.*`, into it.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the law.
+    hurst : float
+        Hurst exponent of the surface [1].
+    nodes : int
+        Its nodes a side, 2^k + 1.
+    hardness : float or None
+        Hardness [MPa]; None for elastic bodies.
+
+    Returns
+    -------
+    list of dict
+        Rows against the pressure with the columns `LAW`, without the first one, which has no load,
+        and the last one: CalculiX needs points on both sides of a pressure.
+
+    Raises
+    ------
+    InputError
+        If `gen law` fails.
     """
     make_folder(folder)
-    heights = generate("diamond-square", nodes, hurst, SIGMA0, np.random.default_rng(0))
-    np.save(folder / "surface.npy", heights)
-    yields = () if hardness is None else ("--hardness", f"{hardness:g}")
-    path = folder / "joint"
-    given = (f"{folder / 'surface.npy'}", "--side", f"{SIDE:g}", "--pressure", PRESSURES)
+    surface = folder / "surface.npy"
+    law = folder / "joint"
+    random = np.random.default_rng(0)
+    np.save(surface, generate("diamond-square", nodes, hurst, SIGMA0, random))
+    command = [
+        "law",
+        str(surface),
+        "--side",
+        f"{SIDE:g}",
+        "--pressure",
+        PRESSURES,
+        *STEEL,
+    ]
+    if hardness is not None:
+        command += ["--hardness", f"{hardness:g}"]
+    command += ["-o", str(law)]
     with redirect_stdout(StringIO()):
-        code = gen(["law", *given, *STEEL, *yields, "-o", f"{path}"])
+        code = gen(command)
     if code:
-        raise InputError(f"{path}: gen law failed with code {code}")
-    table = read_table(path.with_suffix(".csv"))[1]
+        raise InputError(f"{law}: gen law failed with code {code}")
+    _, table = read_table(law.with_suffix(".csv"))
     rows = [row for row in table if row["against"] == "pressure_MPa"]
     return [{name: float(row[name]) for name in LAW} for row in rows[1:-1]]

@@ -1,15 +1,15 @@
 """
-The farm on this machine: its own work, real speed-up, and how fast rows are written.
+The farm on this machine: its own work, its real speed-up, and how fast rows are written.
 
-`python -m mpi4py -m bench.farm PROGRAM SPEC` runs a program on some ranks, started by `launch` with
-a time limit, and prints its result in JSON:
+`python -m mpi4py -m bench.farm PROGRAM SPECIFICATION` runs a program on some ranks, and prints its
+result in JSON. `launch` starts it with a time limit. The programs are:
 
-- `generation`: one generation; all ranks are there and have solved a problem of the same size. Two
-  processors may share a clock, a cache or a memory bus. So every round of `speedup` also runs two
-  copies side by side that know nothing of each other: their gain bounds that of any farm.
-- `writing`: rows with fields that cost nothing to compute, with each writer in turn: through MPI to
-  the master and into the file, or from each worker into the file; to the disk, as each writer syncs
-  what it has written.
+- `generation`: one generation. It is timed after all ranks have started and solved a problem of its
+  size. Two processors may share a clock, a cache or a memory bus. So every round of `speedup` also
+  runs two copies side by side that do not know of each other: their gain bounds that of any farm.
+- `writing`: rows whose fields cost nothing to compute, by each writer in turn: through MPI to the
+  master and into the file, or from each worker into the file. The times include the disk, as each
+  writer syncs its rows.
 """
 
 import json
@@ -42,13 +42,16 @@ from gen.runtime.installation import command_for
 from gen.scene import Scene, columns_for, load, row_bytes
 from gen.schema import Status
 
-TIMEOUT = 300.0  # seconds after which a measurement counts as hanging
+TIMEOUT = 300.0
+"""Time after which a measurement counts as hanging [s]."""
 
 OPEN_MPI = (
     "ALLOW_RUN_AS_ROOT",
     "ALLOW_RUN_AS_ROOT_CONFIRM",
     "MCA_rmaps_base_oversubscribe",
 )
+"""Settings with which Open MPI runs as root and with more ranks than cores."""
+
 ENVIRONMENT = {
     **{f"OMPI_{name}": "1" for name in OPEN_MPI},
     "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
@@ -56,99 +59,172 @@ ENVIRONMENT = {
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
 }
-"""Open MPI as root and on few cores; one thread a rank."""
+"""Environment of a program: any MPI on few cores, and one thread for each rank."""
 
 
 def launch(ranks: int, program: str, arguments: dict[str, Any], folder: Path) -> Any:
-    """Run a program in a folder and return what it prints in its last line, in JSON.
+    """Run a program in a folder, and return its result.
 
-    Its arguments are written down for it in JSON. 0 ranks run alone, without MPI.
+    Writes the arguments into `folder/specification.json`.
 
-    An InputError is raised if there is no mpiexec, or the program fails.
+    Parameters
+    ----------
+    ranks : int
+        Number of processes; 0 for one process without MPI.
+    program : {"generation", "writing"}
+        The program.
+    arguments : dict
+        Its arguments, which JSON can hold.
+    folder : Path
+        Folder that the program runs in.
+
+    Returns
+    -------
+    object
+        The JSON in the last line that the program prints.
+
+    Raises
+    ------
+    InputError
+        If there is no mpiexec, or the program fails.
+    subprocess.TimeoutExpired
+        If the program takes longer than `TIMEOUT`.
     """
     specification = folder / "specification.json"
     specification.write_text(json.dumps(arguments))
-    command = [sys.executable, "-m", "bench.farm", program, str(specification)]
+    words = ["-m", "bench.farm", program, str(specification)]
     if ranks:
-        command = [
-            _mpiexec(),
-            "-n",
-            str(ranks),
-            sys.executable,
-            "-m",
-            "mpi4py",
-            *command[1:],
-        ]
-    kept = {
-        key: value
-        for key, value in os.environ.items()
-        if not key.startswith(("PMI", "OMPI"))
-    }
-    settings: dict[str, Any] = {
-        "cwd": folder,
-        "env": kept | ENVIRONMENT,
-        "timeout": TIMEOUT,
+        # mpi4py as a module ends all ranks if one of them fails.
+        words = ["-m", "mpi4py", *words]
+        command = [_mpiexec(), "-n", str(ranks), sys.executable, *words]
+    else:
+        command = [sys.executable, *words]
+    # Variables of an MPI that this process runs under would confuse the new one.
+    inherited = {
+        name: value
+        for name, value in os.environ.items()
+        if not name.startswith(("PMI", "OMPI"))
     }
     done = subprocess.run(
-        command, **settings, capture_output=True, text=True, check=False
+        command,
+        cwd=folder,
+        env=inherited | ENVIRONMENT,
+        timeout=TIMEOUT,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     if done.returncode:
-        reason = f"exit code {done.returncode}: {done.stderr.strip()[-500:]}"
+        errors = done.stderr.strip()[-500:]
+        reason = f"exit code {done.returncode}: {errors}"
         raise InputError(f"{program} on {ranks} ranks fails with {reason}")
     return json.loads(done.stdout.splitlines()[-1])
 
 
 def _mpiexec() -> str:
-    """Find the launcher that belongs to this environment's MPI."""
-    beside = Path(sys.executable).with_name("mpiexec")
-    found = str(beside) if beside.exists() else shutil.which("mpiexec")
-    if found is None:
+    """Return the path of the launcher of this environment's MPI; raises InputError without one."""
+    of_environment = Path(sys.executable).with_name("mpiexec")
+    if of_environment.exists():
+        return str(of_environment)
+    installed = shutil.which("mpiexec")
+    if installed is None:
         raise InputError(f"no mpiexec: {command_for('mpich')}")
-    return found
+    return installed
 
 
 def speedup(rows: int, rounds: int) -> list[Row]:
     """Generate the first rows of `paper` alone, with one worker, with two, and in two copies.
 
-    Return the times of each round without start-up [s], of two copies the mean, and speed-ups.
+    Prints the times of each round on standard error.
+
+    Parameters
+    ----------
+    rows : int
+        Number of rows.
+    rounds : int
+        Number of repetitions; the order of the runs is reversed in every second one.
+
+    Returns
+    -------
+    list of Row
+        Times of each round without start-up [s], of two copies the mean, and speed-ups [1].
+
+    Raises
+    ------
+    InputError
+        If there is no mpiexec, or a generation fails.
     """
     runs: dict[str, Callable[[], float]] = {
         "alone_s": partial(generate, 0, rows),  # without MPI
-        "1_worker_s": partial(generate, 2, rows),  # beside the master, rank 0
+        "1_worker_s": partial(generate, 2, rows),  # rank 0 is the master
         "2_workers_s": partial(generate, 3, rows),
         "2_copies_s": partial(_side_by_side, rows),
     }
-    found = []
+    table: list[Row] = []
     for number in range(rounds):
-        taken = {name: runs[name]() for name in list(runs)[:: (-1) ** number]}
-        row: Row = {"round": number + 1, **{name: taken[name] for name in runs}}
-        alone, one, two, copies = (taken[name] for name in runs)
-        row["2 workers over 1 worker"] = one / two
-        row["2 workers over a run alone"] = alone / two
-        row["2 copies over one"] = 2 * alone / copies  # the machine's bound
-        row["2 workers over a run alone, of that bound"] = copies / two / 2
-        remark(", ".join(f"{name} {seconds:.2f}" for name, seconds in taken.items()))
-        found.append(row)
-    return found
+        order = list(runs)
+        if number % 2:
+            order.reverse()
+        times = {name: runs[name]() for name in order}
+        alone = times["alone_s"]
+        one_worker = times["1_worker_s"]
+        two_workers = times["2_workers_s"]
+        copies = times["2_copies_s"]
+        table.append(
+            {
+                "round": number + 1,
+                **{name: times[name] for name in runs},
+                "2 workers over 1 worker": one_worker / two_workers,
+                "2 workers over a run alone": alone / two_workers,
+                # This bounds the speed-up by two workers on this machine.
+                "2 copies over one": 2 * alone / copies,
+                "2 workers over a run alone, of that bound": copies / two_workers / 2,
+            }
+        )
+        texts = [f"{name} {seconds:.2f}" for name, seconds in times.items()]
+        remark(", ".join(texts))
+    return table
 
 
 def generate(ranks: int, rows: int) -> float:
-    """Generate rows on some ranks; return the wall time [s]."""
+    """Generate rows in a temporary folder.
+
+    Parameters
+    ----------
+    ranks : int
+        Number of processes; 0 for one process without MPI.
+    rows : int
+        Number of rows.
+
+    Returns
+    -------
+    float
+        Wall time without start-up [s].
+
+    Raises
+    ------
+    InputError
+        If there is no mpiexec, or the generation fails.
+    """
     with tempfile.TemporaryDirectory() as name:
-        (Path(name) / "scene.toml").write_text(f"samples = {rows}\n")
-        return float(launch(ranks, "generation", {}, Path(name)))
+        folder = Path(name)
+        (folder / "scene.toml").write_text(f"samples = {rows}\n")
+        return float(launch(ranks, "generation", {}, folder))
 
 
 def _side_by_side(rows: int) -> float:
-    """Generate twice without MPI, at the same time; return the mean time [s]."""
+    """Generate rows twice at the same time, without MPI; return the mean wall time [s]."""
     with ThreadPoolExecutor(2) as pool:
         return mean(pool.map(generate, (0, 0), (rows, rows)))
 
 
 def _generation(world: farm.World) -> float:
-    """Generate the scene of this folder; return the wall time without start-up [s]."""
+    """Generate `scene.toml` of the current folder into `rows.h5`; collective over the ranks.
+
+    Return the wall time without start-up [s].
+    """
     compute_rows(load("scene.toml"), 0, 1)
-    world.broadcast(None)
+    world.broadcast(None)  # waits until all ranks have computed a row
     began = time.perf_counter()
     generate_database("scene.toml", Path("rows.h5"), world)
     return time.perf_counter() - began
@@ -156,19 +232,21 @@ def _generation(world: farm.World) -> float:
 
 @dataclass(frozen=True)
 class Spec:
-    """Rows with pressure fields on a grid, and how often each writer writes them."""
+    """Rows with pressure fields, and how often each writer writes them."""
 
     rows: int = 2000
-    nodes: int = 129
-    rounds: int = 5
+    nodes: int = 129  # nodes a side of a field
+    rounds: int = 5  # turns of each writer
 
     @property
     def scene(self) -> Scene:
         """The scene of the rows."""
-        surface = f"samples = {self.rows}\n[surface]\nnodes = {self.nodes}\n"
-        return Scene.parse(
-            f"{surface}[store]\npressure = true\n", "the benchmark's scene"
+        text = (
+            f"samples = {self.rows}\n"
+            f"[surface]\nnodes = {self.nodes}\n"
+            "[store]\npressure = true\n"
         )
+        return Scene.parse(text, "the benchmark's scene")
 
     @property
     def megabytes(self) -> float:
@@ -176,59 +254,104 @@ class Spec:
         return self.rows * row_bytes(self.scene) / 1e6
 
 
-Seconds = dict[str, list[float]]  # times of the rounds by the writer's name [s]
+Seconds = dict[str, list[float]]
+"""Times of the rounds by the name of the writer [s]."""
 
 
 def writers(
     ranks: Sequence[int], rows: int, rounds: int, folder: Path | None
 ) -> list[Row]:
-    """Measure both writers under mpiexec, or the single one alone where h5py has no MPI.
+    """Measure both writers under mpiexec, or only the single one if h5py has no MPI.
 
-    Takes numbers of processes, 2 or more each, of which rank 0 is the master, and the folder on the
-    file system of interest, None for a temporary one. Returns times of each writer [s] and its rate
-    [MB/s], medians and extremes.
+    Parameters
+    ----------
+    ranks : sequence of int
+        Numbers of processes, each at least 2, of which rank 0 is the master.
+    rows : int
+        Number of rows to write.
+    rounds : int
+        Turns of each writer.
+    folder : Path or None
+        Folder on the file system of interest, in which a temporary one is made; None for the
+        system's.
 
-    An InputError is raised if there is no mpiexec, or a measurement fails.
+    Returns
+    -------
+    list of Row
+        Median time of each writer [s], and the median, lowest and highest rate [MB/s].
+
+    Raises
+    ------
+    InputError
+        If there are fewer than 2 ranks, the folder or mpiexec is missing, or a measurement fails.
     """
     if min(ranks) < 2:
         raise InputError(f"ranks {min(ranks)}: give 2 or more each, rank 0 is the master")
     if folder is not None and not folder.is_dir():
         raise InputError(f"{folder} is not a folder; give one that exists")
-    spec, found = Spec(rows=rows, rounds=rounds), list[Row]()
+    spec = Spec(rows=rows, rounds=rounds)
     remark(f"{rows} rows with pressure fields, {spec.megabytes:,.0f} MB; {rounds} rounds")
+    table: list[Row] = []
     with tempfile.TemporaryDirectory(dir=folder) as temporary:
         for number in ranks:
-            taken = launch(number, "writing", asdict(spec), Path(temporary))
-            for writer, times in taken.items():
-                rates = (spec.megabytes / of(times) for of in (median, max, min))
-                names = ("rate_MB_s", "lowest_MB_s", "highest_MB_s")
-                row = {
-                    "ranks": number,
-                    "writer": writer,
-                    "rows": rows,
-                    "megabytes": spec.megabytes,
-                }
-                row |= {"median_s": median(times), **dict(zip(names, rates, strict=True))}
-                found.append(row)
-    return found
+            seconds = launch(number, "writing", asdict(spec), Path(temporary))
+            for writer, times in seconds.items():
+                table.append(
+                    {
+                        "ranks": number,
+                        "writer": writer,
+                        "rows": rows,
+                        "megabytes": spec.megabytes,
+                        "median_s": median(times),
+                        "rate_MB_s": spec.megabytes / median(times),
+                        "lowest_MB_s": spec.megabytes / max(times),
+                        "highest_MB_s": spec.megabytes / min(times),
+                    }
+                )
+    return table
 
 
 def time_writers(spec: Spec, path: Path, world: farm.World) -> Seconds:
-    """Write files with each writer in turn; every process of the world has to call it."""
-    writers = ["single", "parallel"] if database.parallel_hdf5() else ["single"]
+    """Write a file with each writer in turn; collective over the ranks.
+
+    Parameters
+    ----------
+    spec : Spec
+        The rows and the number of rounds.
+    path : Path
+        The file, which every turn replaces.
+    world : World
+        The ranks.
+
+    Returns
+    -------
+    dict
+        Times of the rounds on this rank, by the name of the writer [s].
+
+    Raises
+    ------
+    ValueError
+        If rows are missing or out of place.
+    """
+    writers = ["single"]
+    if database.parallel_hdf5():
+        writers.append("parallel")
     seconds: Seconds = {writer: [] for writer in writers}
     blocks = list(blocks_of(spec.scene, [range(spec.rows)], world.workers))
     template = template_of(spec.scene, blocks)
     for number in range(spec.rounds):
-        for writer in writers[:: (-1) ** number]:  # A B B A: drifts cancel
+        order = list(writers)
+        if number % 2:  # A B B A: a drift of the machine favours neither
+            order.reverse()
+        for writer in order:
             if world.is_master:
                 path.unlink(missing_ok=True)
                 database.create(path, spec.scene)
-            world.broadcast(None)
-            own = writer == "parallel"
-            seconds[writer].append(
-                write(path, spec.scene, blocks, template, world, parallel=own)
+            world.broadcast(None)  # waits for the new file
+            taken = write(
+                path, spec.scene, blocks, template, world, parallel=writer == "parallel"
             )
+            seconds[writer].append(taken)
             if world.is_master:
                 require_rows(path, blocks, template)
     return seconds
@@ -243,9 +366,27 @@ def write(
     *,
     parallel: bool = False,
 ) -> float:
-    """Write the rows of a template into a file that is there; every process has to call it.
+    """Write copies of template rows into an existing file; collective over the ranks.
 
-    Return the time from the first task to the closed file [s].
+    Parameters
+    ----------
+    path : Path
+        The file of the scene.
+    scene : Scene
+        The scene.
+    blocks : sequence of range
+        Rows of each task.
+    template : dict of ndarray
+        Columns of as many rows as the largest block has; a block takes the first of them.
+    world : World
+        The ranks.
+    parallel : bool
+        Whether the workers write into the file, or else the master.
+
+    Returns
+    -------
+    float
+        Time from the first task to the closed file [s].
     """
     with open_sink(path, scene, world, parallel=parallel) as sink:
 
@@ -253,14 +394,27 @@ def write(
             rows = {name: values[: len(block)] for name, values in template.items()}
             return sink.deliver(block, rows)
 
-        world.broadcast(None)
+        world.broadcast(None)  # waits until all ranks have opened the file
         began = time.perf_counter()
         farm.run(work, iter(blocks), sink.receive, world)
     return time.perf_counter() - began
 
 
 def template_of(scene: Scene, blocks: Sequence[range]) -> Columns:
-    """Return rows for the largest block; the fields are random, as zeros could be cheaper."""
+    """Make rows that are done, with random pressure fields, as zeros could be cheaper to write.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene of the rows.
+    blocks : sequence of range
+        Rows of each task.
+
+    Returns
+    -------
+    dict of ndarray
+        Columns of as many rows as the largest block has.
+    """
     count = max(map(len, blocks))
     rows = {
         column.name: np.full(column.shape(count, scene.shape), column.fill, column.dtype)
@@ -272,23 +426,47 @@ def template_of(scene: Scene, blocks: Sequence[range]) -> Columns:
 
 
 def require_rows(path: Path, blocks: Sequence[range], template: Columns) -> None:
-    """Raise ValueError unless all rows have arrived, each in its place."""
+    """Check that all rows have arrived, and the last row of each block in its place.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    blocks : sequence of range
+        Rows of each task.
+    template : dict of ndarray
+        Columns that were written, as of `template_of`.
+
+    Raises
+    ------
+    ValueError
+        If a row is missing or has another pressure.
+    """
     with database.Reader(path) as reader:
         if reader.counts().done != len(reader.column("status")):
             raise ValueError(f"rows are missing: {reader.counts()}")
         for block in blocks:
             row = block[-1]
-            (last,) = reader.column("pressure", row, row + 1)
-            if not np.array_equal(last, template["pressure"][len(block) - 1]):
+            (pressure,) = reader.column("pressure", row, row + 1)
+            if not np.array_equal(pressure, template["pressure"][len(block) - 1]):
                 raise ValueError(f"row {row} is not what was written")
 
 
 def main(program: str, specification: str) -> None:
-    """Run a program on this rank, and print the master's result in JSON."""
+    """Run a program on this rank; the master prints the result in JSON.
+
+    Parameters
+    ----------
+    program : {"generation", "writing"}
+        The program.
+    specification : str
+        Path of the JSON file with its arguments.
+    """
     world = farm.this_world()
     arguments = json.loads(Path(specification).read_text(encoding="utf-8"))
+    result: Any
     if program == "generation":
-        result: Any = _generation(world)
+        result = _generation(world)
     else:
         result = time_writers(Spec(**arguments), Path("writers.h5"), world)
     if world.is_master:

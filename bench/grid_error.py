@@ -1,7 +1,7 @@
-"""How many true errors lie inside the bars of `Contact.grid_error`: surfaces of eleven kinds.
+"""The share of true errors inside the bars of `Contact.grid_error`, on surfaces of eleven kinds.
 
-The truth is the same surface on a grid of at least 32 nodes in the shortest wave, or four times
-finer. Loads are forces or displacements, a third of them on bodies that yield.
+True values are computed on a finer grid of the surface, with at least 32 nodes in the shortest wave
+or four times as fine. Loads are forces or displacements. A third of them is on bodies that yield.
 """
 
 import math
@@ -26,76 +26,130 @@ from gen.quantities import AREA, DELTA, FORCE, MEAN_GAP, UNLOADING
 from gen.surface import generate
 
 ANSWERS = (AREA.name, DELTA.name, FORCE.name, MEAN_GAP.name, UNLOADING.name)
-LOADS = 2  # of every surface
-ENOUGH = 32  # nodes in the shortest wave of an exact grid
-FINEST = 1040  # nodes a side of an exact grid at most
+"""Names of the answers that have bars."""
+
+LOADS = 2
+"""Number of loads on every surface."""
+
+ENOUGH = 32
+"""Nodes in the shortest wave of an exact grid, if it is fine enough for that."""
+
+FINEST = 1040
+"""Most nodes a side of an exact grid, unless it is only twice as fine."""
+
+SOLVER_ERROR = 1e-6
+"""Share of a value by which a bar is widened, for the tolerances of both solves [1]."""
 
 
 @dataclass(frozen=True)
 class Sample:
-    """A surface, the grid that is judged, and how much finer the exact one is."""
+    """A surface, the grid that is judged, and the exact grid."""
 
     boundary: Boundary
-    surface: Callable[[int], Heights]  # by nodes a side
-    nodes: int
-    finer: int
+    surface: Callable[[int], Heights]  # returns heights, (n, n), for nodes a side [side]
+    nodes: int  # nodes a side of the grid that is judged
+    finer: int  # spacing of that grid over that of the exact grid
 
     @property
     def exact(self) -> int:
-        """Nodes a side of the exact grid, whose nodes are those of the other one and more."""
-        edge = self.boundary == "free"
+        """Nodes a side of the exact grid; on free and periodic patches it has all coarse nodes."""
+        # The nodes of a free patch include both borders.
+        edge = 1 if self.boundary == "free" else 0
         return (self.nodes - edge) * self.finer + edge
 
 
 Draw = Callable[[np.random.Generator], Sample]
-Judged = tuple[bool, dict[str, tuple[float, float]]]
-"""Whether a contact is called resolved, and each answer's error and bar over its value."""
+"""A function that draws a sample of its kind; it moves the state of the generator."""
+
+
+@dataclass(frozen=True)
+class Bar:
+    """An answer's true error, and the bar that should hold it."""
+
+    error: float  # over the value [1]
+    bar: float  # over the value [1]
+
+    @property
+    def holds(self) -> bool:
+        """Whether the error is inside the bar."""
+        return self.error <= self.bar
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What became of the bars of one contact."""
+
+    resolved: bool  # whether the contact calls its grid resolved
+    bars: dict[
+        str, Bar
+    ]  # by the name of the answer; not of answers that are zero or infinite
 
 
 def grid_error(surfaces: int) -> list[Row]:
-    """Judge the bars of contacts on surfaces of every kind, and of all of them together."""
-    rows, everything = [], []
+    """Judge the bars of contacts on surfaces of every kind, and print the progress.
+
+    Parameters
+    ----------
+    surfaces : int
+        Number of surfaces of each kind.
+
+    Returns
+    -------
+    list of Row
+        A row for each kind and one for all kinds, as of `_summary`.
+    """
+    rows: list[Row] = []
+    of_all_kinds: list[Judgement] = []
     for number, (kind, draw) in enumerate(KINDS.items()):
-        judged = [
-            each
-            for seed in range(surfaces)
-            for each in _judged(draw, np.random.default_rng((number, seed)))
-        ]
-        rows.append({"kind": kind, **_summary(judged)})
-        everything += judged
-        remark(f"{kind}: {len(judged)} contacts")
-    return [*rows, {"kind": "all", **_summary(everything)}]
+        judgements: list[Judgement] = []
+        for seed in range(surfaces):
+            judgements.extend(_judged(draw, np.random.default_rng((number, seed))))
+        rows.append({"kind": kind, **_summary(judgements)})
+        of_all_kinds += judgements
+        remark(f"{kind}: {len(judgements)} contacts")
+    rows.append({"kind": "all", **_summary(of_all_kinds)})
+    return rows
 
 
-def _summary(judged: list[Judged]) -> Row:
-    """Return the share called resolved [%], and of these the errors inside their bars [%]."""
-    resolved = [errors for is_resolved, errors in judged if is_resolved]
-    share = 100 * len(resolved) / len(judged) if judged else ""
-    row: Row = {"contacts": len(judged), "resolved_percent": share}
+def _summary(judgements: list[Judgement]) -> Row:
+    """Return the columns of a row about some contacts, "" for a number without contacts.
+
+    The columns are the number of contacts, the share that is called resolved, of these the share of
+    errors inside their bars for each answer, and the median bar and error of the area [all %].
+    """
+    resolved = [judgement.bars for judgement in judgements if judgement.resolved]
+    row: Row = {"contacts": len(judgements), "resolved_percent": ""}
+    if judgements:
+        row["resolved_percent"] = 100 * len(resolved) / len(judgements)
     for name in ANSWERS:
-        pairs = np.array([each[name] for each in resolved if name in each]).reshape(-1, 2)
-        inside = 100 * float(np.mean(pairs[:, 0] <= pairs[:, 1])) if len(pairs) else ""
-        row[f"{name}_inside_percent"] = inside
-    areas = np.array([each["area_percent"] for each in resolved]).reshape(-1, 2)
-    error, bar = 100 * np.median(areas, axis=0) if len(areas) else ("", "")
-    return row | {"area_bar_percent": bar, "area_error_percent": error}
+        inside = [bars[name].holds for bars in resolved if name in bars]
+        row[f"{name}_inside_percent"] = ""
+        if inside:
+            row[f"{name}_inside_percent"] = 100 * float(np.mean(inside))
+    row["area_bar_percent"] = ""
+    row["area_error_percent"] = ""
+    if resolved:
+        areas = [bars[AREA.name] for bars in resolved]
+        row["area_bar_percent"] = 100 * np.median([area.bar for area in areas])
+        row["area_error_percent"] = 100 * np.median([area.error for area in areas])
+    return row
 
 
-def _judged(draw: Draw, random: np.random.Generator) -> Iterator[Judged]:
-    """Yield what becomes of the bars of one surface."""
+def _judged(draw: Draw, random: np.random.Generator) -> Iterator[Judgement]:
+    """Draw a surface and its loads, and yield the judgement of each contact with any area."""
     sample = draw(random)
-    coarse, fine = sample.surface(sample.nodes), sample.surface(sample.exact)
-    slope = (
-        math.hypot(*(np.diff(coarse, axis=axis).std() for axis in (0, 1))) * sample.nodes
-    )
+    coarse = sample.surface(sample.nodes)
+    fine = sample.surface(sample.exact)
+    steps = [np.diff(coarse, axis=axis).std() for axis in (0, 1)]
+    slope = math.hypot(*steps) * sample.nodes
     for _ in range(LOADS):
-        pressure = slope * math.exp(random.uniform(math.log(0.005), math.log(0.5)))
-        hardness = None if random.random() < 2 / 3 else pressure * random.uniform(1.5, 20)
-        solve = partial(bem.solve, side=1.0, boundary=sample.boundary, hardness=hardness)
-        by_delta = random.random() < 0.5
+        load = _drawn_load(random, slope)
+        solve = partial(
+            bem.solve, side=1.0, boundary=sample.boundary, hardness=load.hardness
+        )
         try:
-            contact = solve(coarse, pressure=pressure)
-            if by_delta:
+            contact = solve(coarse, pressure=load.pressure)
+            if load.by_displacement:
                 contact = solve(coarse, delta=contact.delta)
                 exact = solve(fine, delta=contact.delta)
             else:
@@ -106,29 +160,58 @@ def _judged(draw: Draw, random: np.random.Generator) -> Iterator[Judged]:
             yield _compared(contact, exact)
 
 
-def _compared(contact: bem.Contact, exact: bem.Contact) -> Judged:
-    """Return the true errors of a contact beside its bars."""
-    error = contact.grid_error()
-    cells = contact.pressure.size * math.prod(contact.problem.spacing)
-    area = area_within(exact, contact.problem.spacing)
-    answers = {
-        AREA.name: (contact.continuum_area_percent, 100 * area / cells),
+@dataclass(frozen=True)
+class _Load:
+    """A load, for E* = 1 MPa."""
+
+    pressure: float  # mean pressure [MPa]
+    hardness: float | None  # [MPa]; None for elastic bodies
+    by_displacement: (
+        bool  # whether both grids are given the displacement, or else the force
+    )
+
+
+def _drawn_load(random: np.random.Generator, slope: float) -> _Load:
+    """Draw a load on a surface with an rms slope [1]."""
+    exponent = random.uniform(math.log(0.005), math.log(0.5))
+    pressure = slope * math.exp(exponent)
+    hardness = None
+    if random.random() >= 2 / 3:
+        hardness = pressure * random.uniform(1.5, 20)
+    return _Load(pressure, hardness, by_displacement=random.random() < 0.5)
+
+
+def _compared(contact: bem.Contact, exact: bem.Contact) -> Judgement:
+    """Compare a contact and its bars with the contact on the exact grid."""
+    estimate = contact.grid_error()
+    patch = contact.pressure.size * math.prod(contact.problem.spacing)
+    exact_area = area_within(exact, contact.problem.spacing)
+    # Values on the judged grid and on the exact one, by the name of the answer.
+    values = {
+        AREA.name: (contact.continuum_area_percent, 100 * exact_area / patch),
         MEAN_GAP.name: (contact.mean_gap, exact.mean_gap),
         UNLOADING.name: (contact.stiffness, exact.stiffness),
     }
-    conjugate = "force" if contact.problem.force is None else "delta"
-    answers[conjugate] = getattr(contact, conjugate), getattr(exact, conjugate)
-    errors = {}
-    for name, (found, true) in answers.items():
-        if found and math.isfinite(found) and math.isfinite(true):
-            # Both solutions have the solver's own tolerance.
-            bar = getattr(error, name) / abs(found) + 1e-6
-            errors[name] = abs(found - true) / abs(found), bar
-    return error.resolved, errors
+    if contact.problem.force is None:
+        values[FORCE.name] = (contact.force, exact.force)
+    else:
+        values[DELTA.name] = (contact.delta, exact.delta)
+    bars: dict[str, Bar] = {}
+    for name, (value, truth) in values.items():
+        if value and math.isfinite(value) and math.isfinite(truth):
+            bars[name] = Bar(
+                error=abs(value - truth) / abs(value),
+                bar=getattr(estimate, name) / abs(value) + SOLVER_ERROR,
+            )
+    return Judgement(estimate.resolved, bars)
 
 
 def _finer(nodes: int, nodes_a_wave: float) -> int:
-    """Return how much finer the exact grid is: a power of two."""
+    """Return how much finer the exact grid is than one of `nodes` a side: a power of two.
+
+    It is at least 4, more if the shortest wave then has fewer than `ENOUGH` nodes, and less if the
+    grid would have more than `FINEST` nodes a side, but at least 2.
+    """
     finer = 4
     while nodes_a_wave * finer < ENOUGH:
         finer *= 2
@@ -138,66 +221,86 @@ def _finer(nodes: int, nodes_a_wave: float) -> int:
 
 
 def _grid(random: np.random.Generator, *nodes: int) -> tuple[int, int]:
-    """Draw nodes a side, and the waves a side of a shortest one of 3 to 32 nodes."""
+    """Draw one of the given nodes a side, and waves a side of a shortest one of 3 to 32 nodes.
+
+    There are at least 3 waves a side.
+    """
     chosen = int(random.choice(nodes))
-    return chosen, max(
-        int(chosen / math.exp(random.uniform(math.log(3.0), math.log(32)))), 3
-    )
+    exponent = random.uniform(math.log(3.0), math.log(32))
+    nodes_a_wave = math.exp(exponent)
+    return chosen, max(int(chosen / nodes_a_wave), 3)
 
 
 def _waves(random: np.random.Generator, aspect: float = 1.0) -> Sample:
-    """Draw waves with a shortest one, without edges."""
+    """Draw waves with a shortest one, on a periodic patch; `aspect` times as long along y."""
     nodes, shortest = _grid(random, 64, 96, 128, 129)
-    hurst, longest = random.uniform(0.2, 0.9), int(random.choice([1, 2]))
+    hurst = random.uniform(0.2, 0.9)
+    longest = int(random.choice([1, 2]))
     surface = random_waves(longest, shortest, hurst, random, aspect)
-    finer = _finer(nodes, nodes / shortest)
-    return Sample("periodic", lambda n: surface(np.arange(n) / n), nodes, finer)
+    return Sample(
+        boundary="periodic",
+        surface=lambda n: surface(np.arange(n) / n),
+        nodes=nodes,
+        finer=_finer(nodes, nodes / shortest),
+    )
 
 
 def _window(random: np.random.Generator) -> Sample:
-    """Draw a free patch cut out of a larger surface, nine tenths of its period."""
+    """Draw a free patch that is cut out of a larger surface, nine tenths of its period."""
     nodes, shortest = _grid(random, 64, 65, 97, 129)
     surface = random_waves(1, shortest, random.uniform(0.2, 0.9), random)
-    finer = _finer(nodes, nodes / shortest / 0.9)
-    return Sample("free", lambda n: surface(np.linspace(0.01, 0.91, n)), nodes, finer)
+    return Sample(
+        boundary="free",
+        surface=lambda n: surface(np.linspace(0.01, 0.91, n)),
+        nodes=nodes,
+        finer=_finer(nodes, nodes / shortest / 0.9),
+    )
 
 
 def _mirrored(random: np.random.Generator) -> Sample:
-    """Draw a patch that is continued by its mirror images."""
+    """Draw a patch that its mirror images continue."""
     nodes, shortest = _grid(random, 64, 97, 128)
     surface = random_waves(2, 2 * shortest, random.uniform(0.2, 0.9), random)
 
     def even(n: int) -> Heights:
+        # The sum of the surface and its mirror images is even along both axes.
         places = (np.arange(n) + 0.5) / (2 * n)
-        four = surface(np.concatenate([places, -places])).reshape(2, n, 2, n)
-        return np.asarray(four.sum(axis=(0, 2)) / 2)
+        heights = surface(np.concatenate([places, -places]))
+        quarters = heights.reshape(2, n, 2, n)
+        return np.asarray(quarters.sum(axis=(0, 2)) / 2)
 
-    return Sample("mirror", even, nodes, _finer(nodes, nodes / shortest))
+    return Sample("mirror", even, nodes, finer=_finer(nodes, nodes / shortest))
 
 
 def _sphere(random: np.random.Generator) -> Sample:
-    """Draw a paraboloid with its tip anywhere near the middle."""
-    nodes, radius = int(random.choice([33, 64, 65, 129])), random.uniform(2, 6)
+    """Draw a paraboloid with its tip near the middle."""
+    nodes = int(random.choice([33, 64, 65, 129]))
+    radius = random.uniform(2, 6)
     tip = random.uniform(0.4, 0.6, 2)
 
     def heights(n: int) -> Heights:
-        x, y = (np.linspace(0, 1, n) - place for place in tip)
-        return np.asarray(-np.add.outer(x**2, y**2) / (2 * radius))
+        x = np.linspace(0, 1, n) - tip[0]
+        y = np.linspace(0, 1, n) - tip[1]
+        squares = np.add.outer(x**2, y**2)
+        return np.asarray(-squares / (2 * radius))
 
-    return Sample("free", heights, nodes, 4)
+    return Sample("free", heights, nodes, finer=4)
 
 
 def _regular(random: np.random.Generator, *, crossed: bool) -> Sample:
-    """Draw one wave at an angle, or two that cross."""
+    """Draw one wave at an angle or, if `crossed`, two waves."""
     nodes = int(random.choice([32, 48, 64, 65]))
-    along, across = int(random.integers(1, 6)), int(random.integers(0, 6))
+    along = int(random.integers(1, 6))
+    across = int(random.integers(0, 6))
     phases = random.uniform(0, 2 * np.pi, 2)
 
     def heights(n: int) -> Heights:
-        x = 2 * np.pi * np.arange(n) / n
-        wave = np.cos(np.add.outer(along * x, across * x) + phases[0])
+        angles = 2 * np.pi * np.arange(n) / n
+        phase = np.add.outer(along * angles, across * angles)
+        wave = np.cos(phase + phases[0])
         if crossed:
-            wave = wave + np.cos(np.add.outer(-across * x, along * x) + phases[1])
+            phase = np.add.outer(-across * angles, along * angles)
+            wave = wave + np.cos(phase + phases[1])
         return np.asarray(0.01 * wave)
 
     finer = _finer(nodes, nodes / math.hypot(along, across))
@@ -205,27 +308,30 @@ def _regular(random: np.random.Generator, *, crossed: bool) -> Sample:
 
 
 def _turned(random: np.random.Generator) -> Sample:
-    """Draw grooves of a round tool, with sharp ridges between them, on gentle waves."""
-    nodes, grooves = int(random.choice([64, 96, 128])), int(random.choice([2, 3, 4, 6]))
-    waves, share = random_waves(1, 4, 0.8, random), random.uniform(0, 0.3)
+    """Draw grooves of a round tool on gentle waves, with sharp ridges between the grooves."""
+    nodes = int(random.choice([64, 96, 128]))
+    grooves = int(random.choice([2, 3, 4, 6]))
+    waves = random_waves(1, 4, 0.8, random)
+    share = random.uniform(0, 0.3)
 
     def heights(n: int) -> Heights:
         places = np.arange(n) / n
-        groove = ((places * grooves + 0.37) % 1 - 0.5) ** 2
-        return np.asarray(0.2 / grooves * groove[:, None] + share * waves(places))
+        from_middle = (places * grooves + 0.37) % 1 - 0.5
+        groove = 0.2 / grooves * from_middle**2
+        return np.asarray(groove[:, None] + share * waves(places))
 
-    return Sample("periodic", heights, nodes, 8)
+    return Sample("periodic", heights, nodes, finer=8)
 
 
 def _fractal(random: np.random.Generator) -> Sample:
-    """Draw waves that go on to a quarter of the spacing, which no grid here resolves."""
+    """Draw waves down to half of the spacing, which no grid here resolves."""
     nodes = int(random.choice([64, 128]))
     surface = random_waves(1, 2 * nodes, random.uniform(0.2, 0.95), random)
-    return Sample("periodic", lambda n: surface(np.arange(n) / n), nodes, 4)
+    return Sample("periodic", lambda n: surface(np.arange(n) / n), nodes, finer=4)
 
 
 def _paper(random: np.random.Generator) -> Sample:
-    """Draw a surface by random midpoint displacement, the paper's, and its every fourth node."""
+    """Draw a surface of the paper's generator, and judge the grid of its every fourth node."""
     exponent = int(random.choice([6, 7]))
     nodes = 2 ** (exponent + 2) + 1
     finest = generate("diamond-square", nodes, random.uniform(0.3, 0.9), 0.01, random)
@@ -234,26 +340,30 @@ def _paper(random: np.random.Generator) -> Sample:
         step = (len(finest) - 1) // (n - 1)
         return finest[::step, ::step]
 
-    return Sample("free", heights, 2**exponent + 1, 4)
+    return Sample("free", heights, 2**exponent + 1, finer=4)
 
 
 def _made_map(random: np.random.Generator) -> Sample:
-    """Draw a map as of a machined surface, whose shortest wave has 4 nodes, and read it between.
+    """Draw a map of a machined surface, whose shortest wave has 4 nodes, and read a spline of it.
 
-    It is judged on its own nodes, or on twice as many.
+    The map is judged on its own nodes, or on twice as many.
     """
-    nodes, between = 97, int(random.integers(1, 3))
-    kind, number = random.choice(sorted(MACHINED)), int(random.integers(1000))
-    made = MadeMap(
-        kind, number, (nodes, nodes), random.uniform(0.3, 2.0), random.uniform(15, 40)
-    )
+    nodes = 97
+    between = int(random.integers(1, 3))
+    kind = random.choice(sorted(MACHINED))
+    number = int(random.integers(1000))
+    rms = random.uniform(0.3, 2.0)
+    length = random.uniform(15, 40)
+    surface = made_surface(MadeMap(kind, number, (nodes, nodes), rms, length))
     places = np.linspace(0, 1, nodes)
-    spline = RectBivariateSpline(places, places, made_surface(made) / (nodes - 1))
+    spline = RectBivariateSpline(places, places, surface / (nodes - 1))
 
     def heights(n: int) -> Heights:
-        return np.asarray(spline(np.linspace(0, 1, n), np.linspace(0, 1, n)))
+        along = np.linspace(0, 1, n)
+        return np.asarray(spline(along, along))
 
-    return Sample("free", heights, (nodes - 1) * between + 1, 4)
+    judged_nodes = (nodes - 1) * between + 1
+    return Sample("free", heights, judged_nodes, finer=4)
 
 
 KINDS: dict[str, Draw] = {
@@ -269,3 +379,4 @@ KINDS: dict[str, Draw] = {
     "fractal": _fractal,
     "midpoint displacement": _paper,
 }
+"""Functions that draw the samples of each kind."""

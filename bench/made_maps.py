@@ -1,7 +1,7 @@
 """Made maps that look like measured ones: five kinds of machined surfaces, an instrument's faults.
 
-Every map follows from its entry in `surrogates/maps.toml` alone. SurfaceTopography writes them in
-three formats, and the readers of `gen` open the files like those of an instrument.
+Every map follows from its entry in `surrogates/maps.toml` alone. SurfaceTopography writes maps in
+three formats, and the readers of `gen` open them like files of an instrument.
 """
 
 from collections.abc import Callable, Iterable
@@ -18,41 +18,48 @@ from gen.runtime.files import make_folder
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 
 Kind = Literal["turned", "ground", "sandblasted", "honed", "fractal"]
-Format = Literal["x3p", "nc", "gwy"]
+"""How the surface was machined."""
 
-SEED = 2611  # first word of the seed of every map
-FAULTS = 1  # key of the stream of faults: a map with faults is the map without them, and the faults
-SPIKE = 8.0  # height of the lowest spike in rms heights of the map; the highest is twice as high
-BLUR = 4  # shortest wavelength of fine roughness in spacings, as an instrument's optics leave it
+Format = Literal["x3p", "nc", "gwy"]
+"""Format of a file, which is also its suffix."""
+
+SEED = 2611
+"""First word of the seed of every map."""
+
+FAULTS = 1
+"""Key of the random numbers of faults, so that a map with faults has its surface without them."""
+
+SPIKE = 8.0
+"""Height of the lowest possible spike [rms height of the map]; the highest is twice as high."""
+
+BLUR = 4
+"""Shortest wavelength of fine roughness, as an instrument's optics leave it [spacings]."""
 
 
 @dataclass(frozen=True)
 class Faults:
     """The tilt, noise and faults that an instrument adds to a map."""
 
-    spikes: int = 0  # single nodes that stand far above the surface
-    holes: int = 0  # round patches without heights; they may overlap
+    spikes: int = 0  # number of single nodes far above the surface
+    holes: int = 0  # number of round patches without heights, which may overlap
     step: float = 0.0  # jump at a line of constant y, as between fields of view [um]
-    tilt: tuple[float, float] = (
-        0.0,
-        0.0,
-    )  # slopes of the plane that is added, along x and y [1]
+    # Slopes along x and y of a plane that is added [1].
+    tilt: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
 class MadeMap:
-    """Description of one map.
-
-    The length that rules a kind is its feed, the longest wavelength across the lay, the largest
-    diameter of a crater, the mean distance of grooves, or the roll-off wavelength.
-    """
+    """Description of one map."""
 
     kind: Kind
-    number: int  # among the maps of its kind, a word of its seed
+    number: int  # number among the maps of its kind, a word of its seed
     shape: tuple[int, int]  # nodes along x and y
     rms: float  # rms height without faults [um]
-    length: float  # that rules the kind [um]
-    spacing: tuple[float, float] = (1.0, 1.0)  # of the nodes along x and y [um]
+    # The length that rules the kind [um]: the feed of a turned map, the longest wavelength across
+    # the lay of a ground one, the largest diameter of craters, the mean distance of honed grooves,
+    # or the roll-off wavelength of a fractal one.
+    length: float
+    spacing: tuple[float, float] = (1.0, 1.0)  # spacing of the nodes along x and y [um]
     faults: Faults = Faults()
     format: Format = "x3p"
 
@@ -62,11 +69,22 @@ class MadeMap:
         return f"{self.kind}-{self.number}"
 
 
-def surface(made: MadeMap) -> Heights:
-    """Make the surface of a map without faults: heights of the map's shape about 0 [um]."""
-    heights = KINDS[made.kind](made, _random(made))
+def surface(description: MadeMap) -> Heights:
+    """Make the surface of a map, without faults.
+
+    Parameters
+    ----------
+    description : MadeMap
+        Description of the map.
+
+    Returns
+    -------
+    ndarray, shape `description.shape`
+        Heights of zero mean [um].
+    """
+    heights = KINDS[description.kind](description, _random(description))
     heights -= heights.mean()
-    return np.asarray(heights * (made.rms / heights.std()))
+    return np.asarray(heights * (description.rms / heights.std()))
 
 
 def window(
@@ -76,149 +94,248 @@ def window(
     rms: float,
     length: float,
 ) -> Heights:
-    """Cut a window out of a ground map of some rms height and length [um], for a scene."""
-    number, whole = int(rng.integers(2**31)), (2 * shape[0], 2 * shape[1])
-    first = rng.integers(0, shape[0]), rng.integers(0, shape[1])
-    heights = surface(MadeMap("ground", number, whole, rms, length, spacing))
-    return heights[first[0] :, first[1] :][: shape[0], : shape[1]]
+    """Cut a window out of a ground map, as a function of a scene.
 
+    Parameters
+    ----------
+    shape : (int, int)
+        Nodes along x and y.
+    spacing : (float, float)
+        Spacing of the nodes along x and y [um].
+    rng : numpy.random.Generator
+        Source of the map's number and of the window's place, whose state moves.
+    rms : float
+        Rms height of the map [um].
+    length : float
+        Longest wavelength across the lay [um].
 
-def measured(made: MadeMap) -> Heights:
-    """Make a map as an instrument would: heights with the map's faults, NaN in holes [um]."""
-    heights, faults, random = surface(made), made.faults, _random(made, FAULTS)
-    x, y = _coordinates(made)
-    heights += faults.tilt[0] * x + faults.tilt[1] * y
-    heights[:, int(random.uniform(0.3, 0.7) * made.shape[1]) :] += faults.step
-    spikes = random.choice(heights.size, faults.spikes, replace=False)
-    heights.reshape(-1)[spikes] += made.rms * random.uniform(
-        SPIKE, 2 * SPIKE, faults.spikes
+    Returns
+    -------
+    ndarray, shape `shape`
+        Heights [um].
+    """
+    rows, columns = shape
+    number = int(rng.integers(2**31))
+    row = rng.integers(0, rows)
+    column = rng.integers(0, columns)
+    larger = MadeMap(
+        kind="ground",
+        number=number,
+        shape=(2 * rows, 2 * columns),
+        rms=rms,
+        length=length,
+        spacing=spacing,
     )
-    rows, columns = np.indices(made.shape, sparse=True)
+    heights = surface(larger)
+    return heights[row : row + rows, column : column + columns]
+
+
+def measured(description: MadeMap) -> Heights:
+    """Make a map as an instrument would measure it.
+
+    Parameters
+    ----------
+    description : MadeMap
+        Description of the map.
+
+    Returns
+    -------
+    ndarray, shape `description.shape`
+        Heights with the map's faults [um], NaN in holes.
+    """
+    heights = surface(description)
+    faults = description.faults
+    random = _random(description, FAULTS)
+    x, y = _coordinates(description)
+    tilt_x, tilt_y = faults.tilt
+    heights += tilt_x * x + tilt_y * y
+    place = int(random.uniform(0.3, 0.7) * description.shape[1])
+    heights[:, place:] += faults.step
+    spikes = random.choice(heights.size, faults.spikes, replace=False)
+    spike_heights = random.uniform(SPIKE, 2 * SPIKE, faults.spikes)
+    heights.reshape(-1)[spikes] += description.rms * spike_heights
+    rows, columns = np.indices(description.shape, sparse=True)
     for _ in range(faults.holes):
-        row, column = random.uniform(0, made.shape[0]), random.uniform(0, made.shape[1])
-        radius = random.uniform(1.5, 6.0)
-        heights[(rows - row) ** 2 + (columns - column) ** 2 <= radius**2] = np.nan
+        row = random.uniform(0, description.shape[0])
+        column = random.uniform(0, description.shape[1])
+        radius = random.uniform(1.5, 6.0)  # [nodes]
+        squares = (rows - row) ** 2 + (columns - column) ** 2
+        heights[squares <= radius**2] = np.nan
     return heights
 
 
-def write(made: MadeMap, folder: Path) -> Path:
-    """Write a map to a folder, in the map's format, and return the file."""
+def write(description: MadeMap, folder: Path) -> Path:
+    """Write a map as an instrument would measure it, in the map's format.
+
+    Parameters
+    ----------
+    description : MadeMap
+        Description of the map.
+    folder : Path
+        An existing folder.
+
+    Returns
+    -------
+    Path
+        The file, which is replaced if it exists.
+    """
     from SurfaceTopography import Topography
 
-    heights, path = measured(made), folder / f"{made.name}.{made.format}"
-    sides = tuple(
-        nodes * step for nodes, step in zip(made.shape, made.spacing, strict=True)
-    )
-    topography = Topography(np.ma.masked_invalid(heights), sides, unit="um")
+    path = folder / f"{description.name}.{description.format}"
+    heights = np.ma.masked_invalid(measured(description))
+    nx, ny = description.shape
+    dx, dy = description.spacing
+    sides = (nx * dx, ny * dy)
+    topography = Topography(heights, sides, unit="um")
     writers = {"x3p": "to_x3p", "nc": "to_netcdf", "gwy": "to_gwy"}
-    getattr(topography, writers[made.format])(str(path))
+    getattr(topography, writers[description.format])(str(path))
     return path
 
 
 def write_all(folder: Path, maps: Iterable[MadeMap] | None = None) -> list[Path]:
-    """Write maps to a folder, all of `MAPS` by default, and return the files in their order."""
+    """Write maps into a folder, which is made if there is none.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder.
+    maps : iterable of MadeMap, optional
+        Descriptions of the maps; `MAPS` by default.
+
+    Returns
+    -------
+    list of Path
+        The files, in the order of the maps.
+    """
     make_folder(folder)
-    return [write(made, folder) for made in (MAPS if maps is None else maps)]
+    if maps is None:
+        maps = MAPS
+    return [write(description, folder) for description in maps]
 
 
-def _random(made: MadeMap, *key: int) -> np.random.Generator:
-    """Return the source of random numbers of a map."""
-    words = (list(KINDS).index(made.kind), made.number, *key)
-    return np.random.Generator(
-        np.random.PCG64(np.random.SeedSequence(SEED, spawn_key=words))
-    )
+def _random(description: MadeMap, *key: int) -> np.random.Generator:
+    """Return a source of random numbers of a map; a key makes another, independent one."""
+    words = (list(KINDS).index(description.kind), description.number, *key)
+    seed = np.random.SeedSequence(SEED, spawn_key=words)
+    return np.random.Generator(np.random.PCG64(seed))
 
 
-def _coordinates(made: MadeMap) -> tuple[Heights, Heights]:
-    """Return the coordinates of the nodes, of shapes (nx, 1) and (1, ny) [um]."""
-    (nx, ny), (dx, dy) = made.shape, made.spacing
-    return dx * np.arange(nx, dtype=float)[:, None], dy * np.arange(ny, dtype=float)[
-        None, :
-    ]
+def _coordinates(description: MadeMap) -> tuple[Heights, Heights]:
+    """Return the coordinates x and y of the nodes, of shapes (nx, 1) and (1, ny) [um]."""
+    nx, ny = description.shape
+    dx, dy = description.spacing
+    x = dx * np.arange(nx, dtype=float)
+    y = dy * np.arange(ny, dtype=float)
+    return x[:, None], y[None, :]
 
 
 def _self_affine(
-    made: MadeMap,
+    description: MadeMap,
     random: np.random.Generator,
     roll_off: float,
     hurst: float,
     stretch: float = 1.0,
 ) -> Heights:
-    """Make a window of a larger periodic surface, so that opposite borders differ; rms 1.
+    """Return a self-affine surface of rms 1 on the nodes of a map.
 
-    The roll-off is that along x, where waves are shorter by the factor `stretch`, at most 1.
+    `roll_off` is the roll-off wavelength along x [um]. Waves along x are shorter than along y by
+    the factor `stretch`, at most 1. The surface is cut out of a larger periodic one, so that its
+    opposite borders differ.
     """
-    larger = tuple(nodes + nodes // 2 for nodes in made.shape)
-    roll_off, cut_off = roll_off / stretch, BLUR * max(made.spacing) / stretch
-    sides = (larger[0] * made.spacing[0], larger[1] * made.spacing[1])
-    spectrum = SelfAffineSpectrum(hurst, max(roll_off, cut_off), cut_off, stretch)
-    whole = generate_spectral(
-        (larger[0], larger[1]), sides, spectrum, random, rms_height=1.0
+    nx, ny = description.shape
+    dx, dy = description.spacing
+    rows = nx + nx // 2
+    columns = ny + ny // 2
+    cut_off = BLUR * max(description.spacing) / stretch
+    longest = max(roll_off / stretch, cut_off)
+    spectrum = SelfAffineSpectrum(hurst, longest, cut_off, stretch)
+    larger = generate_spectral(
+        (rows, columns),
+        (rows * dx, columns * dy),
+        spectrum,
+        random,
+        rms_height=1.0,
     )
-    heights = whole[: made.shape[0], : made.shape[1]]
+    heights = larger[:nx, :ny]
     return np.asarray(heights / heights.std())
 
 
-def _turned(made: MadeMap, random: np.random.Generator) -> Heights:
-    """Make round grooves along y, which the tool's nose leaves, with sharp ridges between."""
-    x, y = _coordinates(made)
-    waver = 0.06 * made.length * np.sin(2 * np.pi * y / random.uniform(150, 400))
-    position = (x + waver) / made.length + random.uniform()
+def _turned(description: MadeMap, random: np.random.Generator) -> Heights:
+    """Return round grooves along y, left by the tool's nose, with sharp ridges between them.
+
+    The heights of each kind are in any unit: `surface` scales them.
+    """
+    x, y = _coordinates(description)
+    period = random.uniform(150, 400)  # [um]
+    amplitude = 0.06 * description.length
+    waver = amplitude * np.sin(2 * np.pi * y / period)
+    phase = random.uniform()
+    position = (x + waver) / description.length + phase
     groove = np.floor(position).astype(int)
     across = position - groove - 0.5
-    grooves = 4 * across**2 - random.normal(0, 0.12, groove.max() + 1)[groove]
-    along = _self_affine(made, random, made.length / 2, 0.6, stretch=0.1)
+    depths = random.normal(0, 0.12, groove.max() + 1)
+    grooves = 4 * across**2 - depths[groove]
+    along = _self_affine(description, random, description.length / 2, 0.6, stretch=0.1)
     return np.asarray(grooves / grooves.std() + 0.25 * along)
 
 
-def _ground(made: MadeMap, random: np.random.Generator) -> Heights:
-    """Make long scratches of abrasive grains: waves along y are twelve times as long as along x."""
-    texture = _self_affine(made, random, made.length, 0.7, stretch=1 / 12)
-    return np.asarray(texture + 0.15 * _self_affine(made, random, made.length / 4, 0.7))
+def _ground(description: MadeMap, random: np.random.Generator) -> Heights:
+    """Return long scratches of grains: waves along y are twelve times as long as along x."""
+    scratches = _self_affine(description, random, description.length, 0.7, stretch=1 / 12)
+    rough = _self_affine(description, random, description.length / 4, 0.7)
+    return np.asarray(scratches + 0.15 * rough)
 
 
-def _sandblasted(made: MadeMap, random: np.random.Generator) -> Heights:
-    """Make overlapping craters, round bowls of random diameters that grains have hit."""
-    heights = np.zeros(made.shape)
-    (nx, ny), (dx, dy) = made.shape, made.spacing
+def _sandblasted(description: MadeMap, random: np.random.Generator) -> Heights:
+    """Return overlapping craters, round bowls of random diameters that grains have hit."""
+    heights = np.zeros(description.shape)
+    nx, ny = description.shape
+    dx, dy = description.spacing
     area = nx * dx * ny * dy
-    for _ in range(int(14 * area / made.length**2)):
-        radius = made.length / 2 * random.uniform(0.3, 1.0)
-        at_x, at_y = random.uniform(0, nx * dx), random.uniform(0, ny * dy)
-        rows = slice(max(0, int((at_x - radius) / dx)), int((at_x + radius) / dx) + 2)
-        columns = slice(max(0, int((at_y - radius) / dy)), int((at_y + radius) / dy) + 2)
-        patch = heights[rows, columns]
-        x = dx * (rows.start + np.arange(patch.shape[0])[:, None]) - at_x
-        y = dy * (columns.start + np.arange(patch.shape[1])[None, :]) - at_y
-        patch -= np.maximum(radius - (x**2 + y**2) / radius, 0.0)
-    rough = _self_affine(made, random, made.length / 3, 0.8)
+    for _ in range(int(14 * area / description.length**2)):
+        radius = description.length / 2 * random.uniform(0.3, 1.0)
+        middle_x = random.uniform(0, nx * dx)
+        middle_y = random.uniform(0, ny * dy)
+        first_row = max(0, int((middle_x - radius) / dx))
+        first_column = max(0, int((middle_y - radius) / dy))
+        last_row = int((middle_x + radius) / dx) + 2
+        last_column = int((middle_y + radius) / dy) + 2
+        patch = heights[first_row:last_row, first_column:last_column]  # a view
+        rows = first_row + np.arange(patch.shape[0])
+        columns = first_column + np.arange(patch.shape[1])
+        x = dx * rows[:, None] - middle_x
+        y = dy * columns[None, :] - middle_y
+        depth = radius - (x**2 + y**2) / radius
+        patch -= np.maximum(depth, 0.0)
+    rough = _self_affine(description, random, description.length / 3, 0.8)
     return np.asarray(heights / heights.std() + 0.2 * rough)
 
 
-def _honed(made: MadeMap, random: np.random.Generator) -> Heights:
-    """Make a plateau with two families of grooves that cross: deep scratches, fine land between."""
-    x, y = _coordinates(made)
-    heights = 0.35 * _self_affine(made, random, made.length / 2, 0.6)
+def _honed(description: MadeMap, random: np.random.Generator) -> Heights:
+    """Return a fine plateau that two crossing families of deep grooves cut."""
+    x, y = _coordinates(description)
+    heights = 0.35 * _self_affine(description, random, description.length / 2, 0.6)
     angle = np.radians(random.uniform(25, 40))
     for direction in (angle, -angle):
         across = x * np.cos(direction) + y * np.sin(direction)
-        low, high = float(across.min()), float(across.max())
-        for _ in range(int((high - low) / made.length)):
-            centre, width = (
-                random.uniform(low, high),
-                random.uniform(0.06, 0.16) * made.length,
-            )
+        low = float(across.min())
+        high = float(across.max())
+        for _ in range(int((high - low) / description.length)):
+            centre = random.uniform(low, high)
+            width = random.uniform(0.06, 0.16) * description.length
             depth = random.gamma(3.0, 0.9)
-            valley = -depth * np.maximum(1 - ((across - centre) / width) ** 2, 0.0)
-            heights = np.where(
-                valley < 0, np.minimum(heights, valley + 0.3 * heights), heights
-            )
+            form = 1 - ((across - centre) / width) ** 2
+            valley = -depth * np.maximum(form, 0.0)
+            cut = np.minimum(heights, valley + 0.3 * heights)
+            heights = np.where(valley < 0, cut, heights)
     return np.asarray(heights)
 
 
-def _fractal(made: MadeMap, random: np.random.Generator) -> Heights:
-    """Make an isotropic self-affine surface with a Hurst exponent of its own."""
-    return _self_affine(made, random, made.length, random.uniform(0.6, 0.95))
+def _fractal(description: MadeMap, random: np.random.Generator) -> Heights:
+    """Return an isotropic self-affine surface with a random Hurst exponent."""
+    return _self_affine(
+        description, random, description.length, random.uniform(0.6, 0.95)
+    )
 
 
 KINDS: dict[Kind, Callable[[MadeMap, np.random.Generator], Heights]] = {
@@ -228,7 +345,7 @@ KINDS: dict[Kind, Callable[[MadeMap, np.random.Generator], Heights]] = {
     "honed": _honed,
     "fractal": _fractal,
 }
-"""Function that makes the surface of each kind."""
+"""Function that makes the surface of each kind, in any unit."""
 
 MAPS = TypeAdapter(tuple[MadeMap, ...]).validate_python(
     read_toml("surrogates/maps")["maps"]
@@ -236,6 +353,6 @@ MAPS = TypeAdapter(tuple[MadeMap, ...]).validate_python(
 """The maps: twenty of one instrument, with a node every um, and four of others."""
 
 ONE_INSTRUMENT: tuple[MadeMap, ...] = tuple(
-    made for made in MAPS if made.spacing == (1.0, 1.0)
+    description for description in MAPS if description.spacing == (1.0, 1.0)
 )
 """The maps with a node every um."""

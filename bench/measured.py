@@ -1,8 +1,8 @@
 """What other programs have measured, as tables: times of pytest-benchmark, errors of nine models.
 
 Times of single steps are read from pytest-benchmark's JSON file. Errors of the models, and the
-times that predictions, fits and searches take, are read from a folder of `learn compare` and `learn
-tune`, whose fits were timed alone, on one thread.
+times of their predictions, fits and searches, are read from a folder of `learn compare` and `learn
+tune`, which time fits alone on one thread.
 """
 
 import json
@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,106 +19,192 @@ from bench.report import Report
 from gen.runtime.errors import InputError
 
 SUITES = Path(__file__).with_name("suites")
+"""Folder of the benchmarks."""
+
 SIZES = ("smoke", "paper", "large")
+"""Names of the sizes in the parameters of benchmarks."""
+
+TIMES = ("predict_s", "fit_s", "search_s")
+"""Columns of the models' run times [s]."""
 
 
 def benchmarks(only: str) -> Report:
-    """Run the benchmarks, all or those with a word in their names, and return their times."""
+    """Run the benchmarks by pytest, which prints its progress.
+
+    Parameters
+    ----------
+    only : str
+        Expression that selects benchmarks by their names, as pytest's -k; empty for all.
+
+    Returns
+    -------
+    Report
+        Table `times`, with a row for each benchmark.
+
+    Raises
+    ------
+    InputError
+        If pytest fails, or selects nothing.
+    """
+    command = [sys.executable, "-m", "pytest", str(SUITES), "--benchmark-only", "-q"]
+    if only:
+        command += ["-k", only]
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "times.json"
-        command = [sys.executable, "-m", "pytest", str(SUITES), "--benchmark-only", "-q"]
-        command += ["-k", only] if only else []
-        code = subprocess.run(
-            [*command, f"--benchmark-json={path}"], check=False
-        ).returncode
-        if code:
-            raise InputError(f"pytest {SUITES} ended with code {code}")
-        found = json.loads(path.read_text(encoding="utf-8"))["benchmarks"]
-    return Report({"times": [_row(each) for each in found]})
+        done = subprocess.run([*command, f"--benchmark-json={path}"], check=False)
+        if done.returncode:
+            raise InputError(f"pytest {SUITES} ended with code {done.returncode}")
+        content = json.loads(path.read_text(encoding="utf-8"))
+    return Report({"times": [_row(benchmark) for benchmark in content["benchmarks"]]})
 
 
-def _row(benchmark: dict[str, Any]) -> dict[str, Any]:
-    """Return the values of a benchmark by the names of their columns."""
-    case, size = _case(benchmark["name"], benchmark.get("params") or {})
-    stats, extra = benchmark["stats"], dict(benchmark["extra_info"])
-    row = {
-        "suite": Path(benchmark["fullname"].partition("::")[0]).stem.removeprefix(
-            "test_"
-        ),
-        "case": case,
-        "size": size,
+def _row(benchmark: dict[str, Any]) -> Row:
+    """Return the row of a benchmark of pytest-benchmark's file; times are in ms."""
+    case = _case(benchmark["name"], benchmark.get("params") or {})
+    stats = benchmark["stats"]
+    extra = dict(benchmark["extra_info"])
+    file = Path(benchmark["fullname"].partition("::")[0])
+    return {
+        "suite": file.stem.removeprefix("test_"),
+        "case": case.name,
+        "size": case.size,
         "median_ms": 1e3 * stats["median"],
         "spread_ms": 1e3 * stats["iqr"],
         "rounds": stats["rounds"],
         "convolutions": extra.pop("convolutions", ""),
         "residual": extra.pop("residual", ""),
+        "more": "; ".join(f"{name} {_short(value)}" for name, value in extra.items()),
     }
-    more = [
-        f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in extra.items()
-    ]
-    return {**row, "more": "; ".join(more)}
 
 
-def _case(name: str, params: dict[str, Any]) -> tuple[str, str]:
-    """Case and size of `test_solve_at_contact[50-large]`; values may hold hyphens themselves."""
-    function, _, inside = name.rstrip("]").partition("[")
-    size = str(
-        params.get("size") or next((s for s in SIZES if s in inside.split("-")), "")
-    )
-    if inside.startswith(f"{size}-"):
-        inside = inside.removeprefix(f"{size}-")
+def _short(value: Any) -> str:
+    """Return a value as text, floats with four digits."""
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+@dataclass(frozen=True)
+class _BenchmarkCase:
+    """What a benchmark measures."""
+
+    name: str  # as "solve at contact: 50"
+    size: str  # one of `SIZES`, or empty if the benchmark has none
+
+
+def _case(name: str, params: dict[str, Any]) -> _BenchmarkCase:
+    """Return case and size of a benchmark named like `test_solve_at_contact[50-large]`.
+
+    `params` are the values of its parameters by their names. Values may contain hyphens themselves,
+    so that the size is looked for at both ends of the brackets.
+    """
+    function, _, values = name.rstrip("]").partition("[")
+    size = str(params.get("size") or _size_among(values))
+    if values.startswith(f"{size}-"):
+        values = values.removeprefix(f"{size}-")
     elif size:
-        inside = inside.removesuffix(size).removesuffix("-")
+        values = values.removesuffix(size).removesuffix("-")
     case = function.removeprefix("test_").replace("_", " ")
-    return f"{case}: {inside}" if inside else case, size
+    if values:
+        case += f": {values}"
+    return _BenchmarkCase(case, size)
 
 
-TIMES = "predict_s", "fit_s", "search_s"
-"""Kinds of run time; None where there is none."""
+def _size_among(values: str) -> str:
+    """Return the first of `SIZES` among values that hyphens separate; empty if there is none."""
+    parts = values.split("-")
+    for size in SIZES:
+        if size in parts:
+            return size
+    return ""
 
 
 def models(comparison: Path) -> list[Row]:
-    """Read errors and times of all models that a comparison has results of, in Table 4's order.
+    """Read errors and times of all models that a comparison has results of.
 
-    A row has a model with its result (`baseline` or `tuned`), and the kinds of time in which no
-    other beats it in both error and time (`front`).
+    Parameters
+    ----------
+    comparison : Path
+        Folder of `learn compare` and `learn tune`.
 
-    An InputError is raised if the folder has no scores and times.
+    Returns
+    -------
+    list of Row
+        A row for each model with its result (`baseline` or `tuned`), in the order of Table 4:
+        nMAE and R2 [%], the times of `TIMES` [s], None where there is none, and the kinds of time
+        in which no other row is better in both error and time (`front`).
+
+    Raises
+    ------
+    InputError
+        If the folder has no scores and times of the area.
     """
+    rows = _rows_of_models(comparison)
+    for row in rows:
+        row["front"] = ""
+    for time in TIMES:
+        kind = time.removesuffix("_s")
+        for row in front(rows, time):
+            row["front"] = f"{row['front']} {kind}".lstrip()
+    return rows
+
+
+def _rows_of_models(comparison: Path) -> list[Row]:
+    """Return the rows of `models` without their column `front`; raises InputError without any."""
+    area = comparison / "area"
     try:
-        scores, times, searches = (
-            read_table(comparison / "area" / name)[1]
-            for name in ("scores.csv", "times.csv", "tuning-times.csv")
-        )
+        _, scores = read_table(area / "scores.csv")
+        _, times = read_table(area / "times.csv")
+        _, searches = read_table(area / "tuning-times.csv")
     except InputError as error:
         raise InputError(
             f"{error}; give a folder of learn compare or learn tune"
         ) from None
     timed = {(row["model"], row["result"]): row for row in times}
-    searched = {(row["model"], "tuned"): float(row["fit_seconds"]) for row in searches}
-    found: list[Row] = []
-    for row in scores:
-        key = row["model"], row["result"]
-        if key in timed and not row["failure"]:
-            errors = {name: float(row[name]) for name in ("nmae", "r2")}
-            answer, fit = (float(timed[key][name]) for name in ("predict_row_s", "fit_s"))
-            spent = {"predict_s": answer, "fit_s": fit, "search_s": searched.get(key)}
-            found.append({"model": key[0], "result": key[1], **errors, **spent})
-    if not found:
+    search_seconds = {row["model"]: float(row["fit_seconds"]) for row in searches}
+    rows: list[Row] = []
+    for score in scores:
+        model = score["model"]
+        result = score["result"]
+        if (model, result) not in timed or score["failure"]:
+            continue
+        time = timed[model, result]
+        search = search_seconds.get(model) if result == "tuned" else None
+        rows.append(
+            {
+                "model": model,
+                "result": result,
+                "nmae": float(score["nmae"]),
+                "r2": float(score["r2"]),
+                "predict_s": float(time["predict_row_s"]),
+                "fit_s": float(time["fit_s"]),
+                "search_s": search,
+            }
+        )
+    if not rows:
         raise InputError(
             f"{comparison}: has no scores and times of area; run learn compare"
         )
-    for time in TIMES:
-        for cost in front(found, time):
-            cost["front"] = f"{cost.get('front', '')} {time.removesuffix('_s')}".strip()
-    return [{**cost, "front": cost.get("front", "")} for cost in found]
+    return rows
 
 
-def front(costs: Iterable[Row], time: str) -> list[Row]:
-    """Return those that no other beats in both error and a time, the fastest first."""
-    kept: list[Row] = []
-    known = (cost for cost in costs if cost[time] is not None)
-    for cost in sorted(known, key=lambda cost: (cost[time], cost["nmae"])):
-        if not kept or cost["nmae"] < kept[-1]["nmae"]:
-            kept.append(cost)
-    return kept
+def front(rows: Iterable[Row], time: str) -> list[Row]:
+    """Return the rows that no other row beats in both error and a time.
+
+    Parameters
+    ----------
+    rows : iterable of Row
+        Rows with the error in the column `nmae`.
+    time : str
+        Column of the time; rows in which it is None are left out.
+
+    Returns
+    -------
+    list of Row
+        The same objects, the fastest first.
+    """
+    timed = [row for row in rows if row[time] is not None]
+    timed.sort(key=lambda row: (row[time], row["nmae"]))
+    best: list[Row] = []
+    for row in timed:
+        if not best or row["nmae"] < best[-1]["nmae"]:
+            best.append(row)
+    return best

@@ -1,13 +1,14 @@
-"""The error that a grid makes: the area of contact by the nodes in the shortest wave.
+"""The error that a grid makes: the area of contact by the number of nodes in the shortest wave.
 
-`resolution` presses the same random surfaces without edges on ever finer grids, and compares the
-area in the continuum with counts of nodes: as they are, less a share of the perimeter, extrapolated
-from two grids.
+`resolution` presses random surfaces without edges on ever finer grids. It compares the area in the
+continuum with counts of the nodes in contact: as they are, less a share of the perimeter, and
+extrapolated from two grids.
 """
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,23 +18,42 @@ from bench.report import remark
 from gen.arrays import Heights, Values
 from gen.quantities import DELTA, MEAN_GAP, UNLOADING
 
-LONGEST, SHORTEST = 1, 8  # periods a side of the longest and the shortest wave
-SLOPE = 0.1  # rms of the gradient's modulus
+LONGEST = 1
+"""Periods a side of the longest wave."""
+
+SHORTEST = 8
+"""Periods a side of the shortest wave."""
+
+SLOPE = 0.1
+"""Rms slope of the surfaces: the rms of the gradient's modulus [1]."""
+
 HURST = (0.3, 0.8)
-PRESSURES = (0.01, 0.05, 0.2, 0.4)  # E* times the rms slope
-TRUTH = 128  # nodes in the shortest wave of the grid that counts as exact
+"""Hurst exponents [1]."""
+
+PRESSURES = (0.01, 0.05, 0.2, 0.4)
+"""Mean pressures [E* times the rms slope]."""
+
+GRIDS = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
+"""Nodes in the shortest wave of the grids."""
+
+TRUTH = 128
+"""Nodes in the shortest wave of the grid whose answers count as exact."""
+
+CONTINUUM = "area in the continuum"
+COUNT = "count of nodes"
+TWO_GRIDS = "counts of two grids"
+"""Names of the methods to compute an area, beside the ones in `PERIMETER`."""
+
 PERIMETER = {
-    "count less 0.118 of the perimeter": (math.pi - 1 + math.log(2))
-    / 24,  # Yastrebov and others
-    "count less 0.101 of the perimeter": 0.1014,  # the mean offset, `bem.derived.border`
+    # Yastrebov and others.
+    "count less 0.118 of the perimeter": (math.pi - 1 + math.log(2)) / 24,
+    # The mean offset of the border, as of `bem.derived.border`.
+    "count less 0.101 of the perimeter": 0.1014,
 }
-CONTINUUM, COUNT, TWO_GRIDS = (
-    "area in the continuum",
-    "count of nodes",
-    "counts of two grids",
-)
+"""Areas by which counts are reduced [perimeter times spacing], by the names of the methods."""
 
 Surface = Callable[[Values], Heights]
+"""A function that returns the heights, (n, n), at n places along both axes [side]."""
 
 
 def random_waves(
@@ -43,106 +63,198 @@ def random_waves(
     random: np.random.Generator,
     aspect: float = 1.0,
 ) -> Surface:
-    """Return heights of a self-affine surface of rms slope 0.1 and period one, at any places.
+    """Draw a self-affine surface of period one and rms slope 0.1.
 
-    `longest` and `shortest` are the periods a side of its longest and shortest waves; `aspect` says
-    how much longer waves are along the second axis.
+    Parameters
+    ----------
+    longest, shortest : int
+        Periods a side of the longest and of the shortest wave.
+    hurst : float
+        Hurst exponent [1].
+    random : numpy.random.Generator
+        Source of random numbers, whose state moves.
+    aspect : float
+        Length of waves along the second axis over that along the first [1].
+
+    Returns
+    -------
+    callable
+        Function that returns the heights, (n, n), at n places along both axes.
     """
     k = np.arange(-shortest, shortest + 1)
     size = np.hypot(k[:, None], aspect * k)
     inside = (size >= longest) & (size <= shortest)
-    amplitude = np.where(inside, np.where(size == 0, 1, size) ** -(hurst + 1.0), 0)
-    waves = amplitude * np.exp(2j * np.pi * random.random(size.shape))
-    waves = (waves + np.conj(waves[::-1, ::-1])) / 2
-    slope = 2 * np.pi * np.sqrt(np.sum(np.hypot(k[:, None], k) ** 2 * np.abs(waves) ** 2))
+    nonzero = np.where(size == 0, 1, size)
+    amplitude = np.where(inside, nonzero ** -(hurst + 1.0), 0)
+    phases = 2j * np.pi * random.random(size.shape)
+    waves = amplitude * np.exp(phases)
+    conjugates = np.conj(waves[::-1, ::-1])
+    waves = (waves + conjugates) / 2  # which makes the heights real
+    gradients = np.hypot(k[:, None], k) ** 2
+    squares = gradients * np.abs(waves) ** 2
+    slope = 2 * np.pi * np.sqrt(np.sum(squares))
 
     def heights(places: Values) -> Heights:
-        phases = np.exp(2j * np.pi * np.outer(places, k))
-        surface: Heights = (phases @ waves @ phases.T).real * (SLOPE / slope)
+        exponents = 2j * np.pi * np.outer(places, k)
+        basis = np.exp(exponents)
+        surface: Heights = (basis @ waves @ basis.T).real * (SLOPE / slope)
         return surface
 
     return heights
 
 
-def resolution(surfaces: int, finest: int) -> list[Row]:
-    """Measure errors [%] and times [s] of every way to give an area, by the nodes in a wave.
+Errors = dict[str, float]
+"""Relative errors of an answer [1] by the quantity, and its time by "seconds" [s].
 
-    Errors of area, displacement, mean gap and stiffness are root mean squares over the surfaces.
+All methods have the quantity "area"; the continuum also has displacement, mean gap and stiffness.
+"""
+
+
+def resolution(surfaces: int, finest: int) -> list[Row]:
+    """Measure errors and times of every method to compute an area, by the nodes in a wave.
+
+    Prints the progress on standard error.
+
+    Parameters
+    ----------
+    surfaces : int
+        Number of surfaces of each Hurst exponent.
+    finest : int
+        Most nodes in the shortest wave.
+
+    Returns
+    -------
+    list of Row
+        A row for each method, grid and pressure: root mean squares over the surfaces of the errors
+        of area, displacement, mean gap and stiffness [%], "" where the method has none, and the
+        median time [s].
     """
-    grids = [
-        nodes for nodes in (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64) if nodes <= finest
-    ]
-    found: dict[tuple[str, int, float], list[dict[str, float]]] = {}
+    grids = [nodes for nodes in GRIDS if nodes <= finest]
+    answers: dict[tuple[str, int, float], list[Errors]] = {}
     for hurst in HURST:
         for seed in range(surfaces):
             surface = random_waves(LONGEST, SHORTEST, hurst, np.random.default_rng(seed))
             for pressure in PRESSURES:
-                exact = _pressed(surface(_grid(TRUTH)), pressure)
-                counted: dict[int, float] = {}
-                for nodes in grids:
-                    heights = surface(_grid(nodes))
-                    for way, answer in _answers(heights, pressure, exact, nodes, counted):
-                        found.setdefault((way, nodes, pressure), []).append(answer)
+                for answer in _answers(surface, pressure, grids):
+                    setting = (answer.method, answer.nodes, pressure)
+                    answers.setdefault(setting, []).append(answer.errors)
             remark(f"H = {hurst:g}, surface {seed}")
     return [
-        {"way": way, "nodes_a_wave": nodes, "pressure": pressure, **_summary(answers)}
-        for (way, nodes, pressure), answers in found.items()
+        {
+            "way": method,
+            "nodes_a_wave": nodes,
+            "pressure": pressure,
+            **_summary(errors),
+        }
+        for (method, nodes, pressure), errors in answers.items()
     ]
 
 
+@dataclass(frozen=True)
+class _GridAnswer:
+    """The errors of one method on one grid."""
+
+    method: str  # name of the method to compute the area
+    nodes: int  # nodes in the shortest wave
+    errors: Errors
+
+
+def _answers(
+    surface: Surface, pressure: float, grids: Sequence[int]
+) -> list[_GridAnswer]:
+    """Press a surface by a mean pressure [E* slope] on all grids; return the errors of all methods.
+
+    The grids are nodes in the shortest wave, rising.
+    """
+    exact = _pressed(surface(_grid(TRUTH)), pressure)
+    answers: list[_GridAnswer] = []
+    counts: dict[int, float] = {}  # share of nodes in contact of each grid [%]
+    for nodes in grids:
+        contact = _TimedContact(surface(_grid(nodes)), pressure)
+        counts[nodes] = contact.count
+        by_method = {CONTINUUM: contact.errors(exact)}
+        areas = contact.corrected_counts()
+        for method, area in areas.items():
+            by_method[method] = contact.errors_of_area(area, exact)
+        half = nodes // 2
+        if nodes % 2 == 0 and half in counts:
+            # The error of a count is proportional to the spacing.
+            area = 2 * contact.count - counts[half]
+            errors = contact.errors_of_area(area, exact)
+            errors["seconds"] *= (
+                1.25  # with the coarser grid, which has a quarter of the nodes
+            )
+            by_method[TWO_GRIDS] = errors
+        answers += [
+            _GridAnswer(method, nodes, errors) for method, errors in by_method.items()
+        ]
+    return answers
+
+
 def _grid(nodes_a_wave: int) -> Values:
-    """Return the places of the nodes along one side, (n,)."""
-    return np.arange(nodes_a_wave * SHORTEST) / (nodes_a_wave * SHORTEST)
+    """Return the places of the nodes along an axis, (n,) [side]."""
+    nodes = nodes_a_wave * SHORTEST
+    return np.arange(nodes) / nodes
 
 
 def _pressed(heights: Heights, pressure: float) -> bem.Contact:
+    """Press a periodic surface by a mean pressure [E* slope] on one thread."""
     return bem.solve(
         heights, 1.0, pressure=pressure * SLOPE, boundary="periodic", threads=1
     )
 
 
-def _answers(
-    heights: Heights,
-    pressure: float,
-    exact: bem.Contact,
-    nodes: int,
-    counted: dict[int, float],
-) -> Iterator[tuple[str, dict[str, float]]]:
-    """Yield every way's relative errors and time on one grid; counts of grids are kept."""
-    truth = exact.continuum_area_percent
-    _pressed(heights, pressure)  # the first contact of a grid plans its transforms
-    began = time.perf_counter()
-    contact = _pressed(heights, pressure)
-    counting = time.perf_counter() - began
-    area = contact.continuum_area_percent
-    seconds = time.perf_counter() - began
-    yield (
-        CONTINUUM,
-        {
-            "area": area / truth - 1,
+class _TimedContact:
+    """A contact on one grid, with the times of the solve and of the area in the continuum [s]."""
+
+    def __init__(self, heights: Heights, pressure: float) -> None:
+        _pressed(heights, pressure)  # the first contact of a grid plans its transforms
+        began = time.perf_counter()
+        self.contact = _pressed(heights, pressure)
+        self.solve_seconds = time.perf_counter() - began
+        self.area = self.contact.continuum_area_percent  # [%]
+        self.seconds = time.perf_counter() - began
+        self.perimeter = (
+            100 * self.contact.perimeter / len(heights)
+        )  # [% of cells x side]
+
+    @property
+    def count(self) -> float:
+        """Share of nodes in contact [%]."""
+        return self.contact.area_percent
+
+    def corrected_counts(self) -> dict[str, float]:
+        """Return the count of nodes, and counts less a share of the perimeter [%], by method."""
+        areas = {COUNT: self.count}
+        for method, share in PERIMETER.items():
+            areas[method] = self.count - share * self.perimeter
+        return areas
+
+    def errors_of_area(self, area: float, exact: bem.Contact) -> Errors:
+        """Return the error of an area [%] that takes no time beside the solve."""
+        error = area / exact.continuum_area_percent - 1
+        return {"area": error, "seconds": self.solve_seconds}
+
+    def errors(self, exact: bem.Contact) -> Errors:
+        """Return the errors of the area in the continuum, displacement, mean gap and stiffness."""
+        contact = self.contact
+        return {
+            "area": self.area / exact.continuum_area_percent - 1,
             DELTA.name: contact.delta / exact.delta - 1,
             MEAN_GAP.name: contact.mean_gap / exact.mean_gap - 1,
             UNLOADING.name: contact.stiffness / exact.stiffness - 1,
-            "seconds": seconds,
-        },
-    )
-    counted[nodes] = contact.area_percent
-    yield COUNT, {"area": contact.area_percent / truth - 1, "seconds": counting}
-    perimeter = 100 * contact.perimeter / len(heights)
-    for way, share in PERIMETER.items():
-        less = contact.area_percent - share * perimeter
-        yield way, {"area": less / truth - 1, "seconds": counting}
-    if nodes % 2 == 0 and nodes // 2 in counted:
-        both = 2 * contact.area_percent - counted[nodes // 2]
-        yield TWO_GRIDS, {"area": both / truth - 1, "seconds": 1.25 * counting}
+            "seconds": self.seconds,
+        }
 
 
-def _summary(answers: list[dict[str, float]]) -> Row:
-    """Return the root mean squares of relative errors [%], and the median time [s]."""
+def _summary(answers: list[Errors]) -> Row:
+    """Return root mean squares of relative errors [%], "" without any, and the median time [s]."""
     row: Row = {}
     for name in ("area", DELTA.name, MEAN_GAP.name, UNLOADING.name):
-        errors = [each[name] for each in answers if name in each]
-        row[f"{name}_error_percent"] = (
-            100 * float(np.sqrt(np.mean(np.square(errors)))) if errors else ""
-        )
-    return row | {"seconds": float(np.median([each["seconds"] for each in answers]))}
+        errors = [answer[name] for answer in answers if name in answer]
+        row[f"{name}_error_percent"] = ""
+        if errors:
+            rms = float(np.sqrt(np.mean(np.square(errors))))
+            row[f"{name}_error_percent"] = 100 * rms
+    row["seconds"] = float(np.median([answer["seconds"] for answer in answers]))
+    return row

@@ -1,20 +1,22 @@
 """Closed forms and theories beside contacts: Hertz's paraboloid, and random surfaces without edges.
 
-`hertz` is the paper's first check (section 2.4): both kernels on the paper's two grids, beside the
-closed form, for E* = 1 MPa. The displacement counts from the paraboloid's tip, which on an even
-number of nodes lies a little above the highest of them.
+`hertz` is the paper's first check (section 2.4). It presses a paraboloid with both kernels on the
+paper's two grids, beside the closed form, for E* = 1 MPa. The displacement is measured from the tip
+of the paraboloid, which on an even number of nodes is a little above the highest node.
 
-`theory` presses surfaces with a power spectrum by ever larger loads. Everything is dimensionless:
-pressures over E* h', with h' the rms of the gradient's modulus, and lengths over the rms height.
-`conductance` presses the same surfaces of bodies that yield, beside Cooper, Mikic and Yovanovich:
-h = 1.25 k (m / sigma) (p / H)^0.95, with sigma the rms height and m the mean absolute slope of a
-profile, which of a Gaussian surface is h' / sqrt(pi).
+`theory` presses surfaces with a power spectrum by ever larger loads, beside Persson's theory. All
+its results are dimensionless: pressures are over E* h', with the rms slope h', the rms of the
+gradient's modulus; lengths are over the rms height.
+
+`conductance` presses these surfaces on bodies that yield, beside Cooper, Mikic and Yovanovich:
+h = 1.25 k (m / sigma) (p / H)^0.95. Here sigma is the rms height, and m the mean absolute slope of
+a profile, which is h' / sqrt(pi) for a Gaussian surface.
 """
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import product
-from typing import Any
 
 import numpy as np
 
@@ -28,177 +30,327 @@ from gen.quantities import AREA, FORCE, MEAN_GAP, UNLOADING
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 
 SPHERE = Paraboloid(5000.0)
-PATCH = 1000.0  # um
+"""The paraboloid, with a radius of 5000 um at its tip."""
+
+PATCH = 1000.0
+"""Side of the patch under the paraboloid [um]."""
+
 NODES = (128, 256)
-LARGEST_DELTA = 1.0  # um
+"""Nodes a side of the paper's two grids."""
+
+LARGEST_DELTA = 1.0
+"""Largest displacement of the paraboloid [um]."""
+
 STEPS = 50
+"""Number of displacements above zero."""
 
 
-def pressed(kernel: Kernel | None, nodes: int, delta: float) -> tuple[float, float]:
-    """Return force [uN] and area [% of the patch], by Hertz without a kernel."""
+@dataclass(frozen=True)
+class Pressed:
+    """The paraboloid at a displacement."""
+
+    force: float  # [uN]
+    area_percent: float  # contact area [% of the patch]
+
+
+def pressed(kernel: Kernel | None, nodes: int, delta: float) -> Pressed:
+    """Press the paraboloid by the solver, or by Hertz's closed form.
+
+    Parameters
+    ----------
+    kernel : {"uniform-pressure", "concentrated-force"} or None
+        Kernel of the solver; None for the closed form.
+    nodes : int
+        Nodes a side; not used by the closed form.
+    delta : float
+        Displacement from the touch of the tip [um].
+
+    Returns
+    -------
+    Pressed
+        Force and area.
+    """
     if kernel is None:
-        return SPHERE.force(delta), 100 * np.pi * SPHERE.contact_radius(
-            delta
-        ) ** 2 / PATCH**2
+        radius = SPHERE.contact_radius(delta)
+        area_percent = 100 * np.pi * radius**2 / PATCH**2
+        return Pressed(SPHERE.force(delta), area_percent)
     heights = SPHERE.heights(distances_to_centre((nodes, nodes), PATCH))
-    contact = bem.solve(heights, PATCH, delta + float(heights.max()), kernel=kernel)
-    return contact.force, contact.area_percent
+    below_tip = -float(heights.max())
+    contact = bem.solve(heights, PATCH, delta - below_tip, kernel=kernel)
+    return Pressed(contact.force, contact.area_percent)
 
 
 def hertz(steps: int = STEPS) -> list[Row]:
-    """Compute the closed form first, then every kernel on every grid, at `steps` displacements.
+    """Press the paraboloid by the closed form, then with every kernel on every grid.
 
-    A row names the solution, "hertz" or the kernel, and its nodes a side, "" for the closed form.
-    Deviations of force and area are in per cent of Hertz's at the largest displacement.
+    Parameters
+    ----------
+    steps : int
+        Number of displacements above zero.
+
+    Returns
+    -------
+    list of Row
+        A row for each solution, "hertz" or the kernel, its nodes a side ("" for the closed form),
+        and each displacement. Deviations of force and area are in per cent of Hertz's at the
+        largest displacement.
     """
     deltas = np.linspace(0, LARGEST_DELTA, steps + 1).tolist()
-    exact = [pressed(None, 0, each) for each in deltas]
+    closed_form = [pressed(None, 0, delta) for delta in deltas]
+    largest = closed_form[-1]
+    solutions: list[tuple[Kernel | None, int]] = [(None, 0), *product(KERNELS, NODES)]
     rows: list[Row] = []
-    cases: list[tuple[Kernel | None, int]] = [(None, 0), *product(KERNELS, NODES)]
-    for kernel, nodes in cases:
-        for delta, right in zip(deltas, exact, strict=True):
-            force, area = pressed(kernel, nodes, delta)
-            row: Row = {
-                "solution": kernel or "hertz",
-                "nodes": nodes or "",
-                "delta_um": delta,
-            }
-            row |= {FORCE.in_tables: force, AREA.name: area}
-            row["force_off_percent"] = 100 * (force - right[0]) / exact[-1][0]
+    for kernel, nodes in solutions:
+        for delta, exact in zip(deltas, closed_form, strict=True):
+            contact = pressed(kernel, nodes, delta)
+            force_off = contact.force - exact.force
+            area_off = contact.area_percent - exact.area_percent
             rows.append(
-                row | {"area_off_percent": 100 * (area - right[1]) / exact[-1][1]}
+                {
+                    "solution": kernel or "hertz",
+                    "nodes": nodes or "",
+                    "delta_um": delta,
+                    FORCE.in_tables: contact.force,
+                    AREA.name: contact.area_percent,
+                    "force_off_percent": 100 * force_off / largest.force,
+                    "area_off_percent": 100 * area_off / largest.area_percent,
+                }
             )
     return rows
 
 
-SIDE = 1.0  # um
-RMS_SLOPE = 0.1  # which drops out of all ratios
-NODES_PER_WAVE = 8  # in the shortest one
-# Hurst exponents, and roll-off over cut-off wavelength.
-SPECTRA = ((0.8, 1), (0.8, 4), (0.8, 16), (0.5, 16), (0.3, 16))
-PRESSURES = np.geomspace(0.005, 1.0, 14)  # E* h'
-SOFT = 0.1  # hardness [E* h'] of bodies that yield nearly wherever they touch
-LIGHT = np.geomspace(0.003, 0.1, 8)  # their pressures over the hardness
-STEP = 1.03  # ratio of the two loads about each pressure, whose difference gives the stiffness
+SIDE = 1.0
+"""Side of the patches of random surfaces [um]."""
+
+RMS_SLOPE = 0.1
+"""Rms slope h' of the random surfaces [1]; all results are ratios that do not depend on it."""
+
+NODES_PER_WAVE = 8
+"""Nodes in the shortest wave."""
+
+SPECTRA = (
+    (0.8, 1),
+    (0.8, 4),
+    (0.8, 16),
+    (0.5, 16),
+    (0.3, 16),
+)
+"""Hurst exponents, and roll-off over cut-off wavelengths."""
+
+PRESSURES = np.geomspace(0.005, 1.0, 14)
+"""Mean pressures [E* h']."""
+
+SOFT = 0.1
+"""Hardness of bodies that yield nearly wherever they touch [E* h']."""
+
+LIGHT = np.geomspace(0.003, 0.1, 8)
+"""Mean pressures on bodies that yield, over their hardness."""
+
+STEP = 1.03
+"""Ratio of the two loads about each pressure, whose difference gives the stiffness [1]."""
 
 
 def theory(nodes: int, surfaces: int) -> Report:
-    """Measure area, mean gap and stiffness for all spectra, as means over surfaces of each.
+    """Press surfaces of all spectra, beside the theories, and print the progress.
 
-    Of the spectra with the first Hurst exponent, the conductance of bodies that yield too.
+    Parameters
+    ----------
+    nodes : int
+        Nodes a side.
+    surfaces : int
+        Number of surfaces of each spectrum, over which results are means.
+
+    Returns
+    -------
+    Report
+        Table `theory` with area, mean gap and stiffness, and for the spectra with the first Hurst
+        exponent table `conductance` of bodies that yield.
     """
-    rows, yielding = [], []
+    rows: list[Row] = []
+    yielding: list[Row] = []
     for hurst, band in SPECTRA:
         cut_off = NODES_PER_WAVE * SIDE / nodes
         spectrum = SelfAffineSpectrum(hurst, band * cut_off, cut_off)
         heights = [random_surface(spectrum, nodes, seed) for seed in range(surfaces)]
         if hurst == SPECTRA[0][0]:
-            found = conductance(heights)
-            yielding += [
-                {**row, "hurst": hurst, "band": band, "nodes": nodes} for row in found
-            ]
-        measured = np.mean([press(each) for each in heights], axis=0)
-        expected = persson(spectrum)
-        rms = float(np.mean([each.std() for each in heights]))
-        rows += _rows(measured, expected, rms)
-        for row in rows[-len(PRESSURES) :]:
-            row |= {
-                "hurst": hurst,
-                "band": band,
-                "nayak": nayak(expected),
-                "nodes": nodes,
-            }
+            columns: Row = {"hurst": hurst, "band": band, "nodes": nodes}
+            yielding.extend({**row, **columns} for row in conductance(heights))
+        interface = persson(spectrum)
+        columns = {
+            "hurst": hurst,
+            "band": band,
+            "nayak": nayak(interface),
+            "nodes": nodes,
+        }
+        rows.extend({**row, **columns} for row in _rows(heights, interface))
         remark(f"H = {hurst:g}, band {band:g}: {surfaces} surfaces")
     return Report({"theory": rows, "conductance": yielding})
 
 
 def conductance(heights: Sequence[Heights]) -> list[Row]:
-    """Return the mean conductance h sigma / (k m) over the pressure, and the fitted exponent."""
+    """Press bodies that yield, and compute their conductance.
+
+    Parameters
+    ----------
+    heights : sequence of ndarray, shape (n, n)
+        Heights of the surfaces [um].
+
+    Returns
+    -------
+    list of Row
+        A row for each pressure: pressure over hardness, mean of the conductance h sigma / (k m)
+        over the surfaces, that of Cooper, Mikic and Yovanovich, and the exponent that fits all
+        pressures.
+    """
     hardness = SOFT * RMS_SLOPE
-    settings: dict[str, Any] = {"pressures": hardness * LIGHT, "boundary": "periodic"}
-    unit = RMS_SLOPE / math.sqrt(math.pi) * SIDE**2
-    stiffnesses = [
-        [
-            each.interface_stiffness
-            for each in bem.ladder(own, SIDE, hardness=hardness, **settings)
-        ]
-        for own in heights
-    ]
-    measured = (
-        np.array([own.std() for own in heights]) @ stiffnesses / (unit * len(heights))
-    )
+    stiffnesses: list[list[float]] = []
+    for surface in heights:
+        contacts = bem.ladder(
+            surface,
+            SIDE,
+            hardness=hardness,
+            pressures=hardness * LIGHT,
+            boundary="periodic",
+        )
+        stiffnesses.append([contact.interface_stiffness for contact in contacts])
+    rms_heights = np.array([surface.std() for surface in heights])
+    # The conductance of two half-spaces of k is proportional to the stiffness of the interface.
+    mean_slope = RMS_SLOPE / math.sqrt(math.pi)
+    unit = mean_slope * SIDE**2 * len(heights)
+    measured = rms_heights @ stiffnesses / unit
+    expected = 1.25 * LIGHT**0.95
     exponent, _ = np.polyfit(np.log(LIGHT), np.log(measured), 1)
-    found = np.stack([LIGHT, measured, 1.25 * LIGHT**0.95], axis=1).tolist()
-    names = "pressure_over_hardness", "conductance", "cooper_mikic_yovanovich"
     return [
-        {**dict(zip(names, row, strict=True)), "exponent": float(exponent)}
-        for row in found
+        {
+            "pressure_over_hardness": float(pressure),
+            "conductance": float(measured[load]),
+            "cooper_mikic_yovanovich": float(expected[load]),
+            "exponent": float(exponent),
+        }
+        for load, pressure in enumerate(LIGHT)
     ]
 
 
 def random_surface(spectrum: SelfAffineSpectrum, nodes: int, seed: int) -> Heights:
-    """Generate one of the surfaces, (nodes, nodes) [um]."""
+    """Generate a periodic surface with the rms slope `RMS_SLOPE`.
+
+    Parameters
+    ----------
+    spectrum : SelfAffineSpectrum
+        Power spectrum of the heights.
+    nodes : int
+        Nodes a side.
+    seed : int
+        Seed of the surface.
+
+    Returns
+    -------
+    ndarray, shape (nodes, nodes)
+        Heights [um].
+    """
     random = np.random.default_rng(seed)
     return generate_spectral((nodes, nodes), SIDE, spectrum, random, rms_slope=RMS_SLOPE)
 
 
 def press(heights: Heights) -> Values:
-    """Return area [%], area in the continuum [%], mean gap [um] and compliance, (4, loads).
+    """Press a surface by all mean pressures.
 
-    Each load is the middle of two: values are their means, the compliance -d(mean gap)/dp [um/MPa]
-    their difference.
+    Each pressure is the middle of two loads. Values are means of both contacts; the compliance
+    -d(mean gap)/dp is their difference.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (n, n)
+        Heights of the surface [um].
+
+    Returns
+    -------
+    ndarray, shape (4, len(PRESSURES))
+        Area [%], area in the continuum [%], mean gap [um] and compliance [um/MPa].
     """
-    loads = RMS_SLOPE * np.outer(PRESSURES, [STEP**-0.5, STEP**0.5])
+    ratios = [STEP**-0.5, STEP**0.5]
+    loads = RMS_SLOPE * np.outer(PRESSURES, ratios)
     contacts = bem.ladder(heights, SIDE, pressures=loads.ravel(), boundary="periodic")
     values = [
-        (each.area_percent, each.continuum_area_percent, each.mean_gap)
-        for each in contacts
+        (contact.area_percent, contact.continuum_area_percent, contact.mean_gap)
+        for contact in contacts
     ]
     pairs = np.array(values).reshape(len(loads), 2, 3)
-    compliance = -np.diff(pairs[:, :, 2]) / np.diff(loads)
+    mean_gaps = pairs[:, :, 2]
+    compliance = -np.diff(mean_gaps) / np.diff(loads)
     return np.concatenate([pairs.mean(axis=1), compliance], axis=1).T
 
 
 def persson(spectrum: SelfAffineSpectrum) -> PerssonInterface:
-    """Return Persson's interface with the rms slope of the surfaces.
+    """Make Persson's interface with the rms slope of the surfaces.
 
-    The longest wave makes its ring, with all shorter ones, as large as the plane of wavevectors
-    less the cell of the one that the patch does not hold, that of infinite length.
+    Its wavenumbers begin at the radius of a disc as large as one cell of the patch's wavevectors:
+    a patch holds all cells but that of the zero wavevector.
+
+    Parameters
+    ----------
+    spectrum : SelfAffineSpectrum
+        Power spectrum of the heights.
+
+    Returns
+    -------
+    PerssonInterface
+        The interface.
     """
-    wavenumbers = np.geomspace(
-        2 * math.sqrt(math.pi) / SIDE, 2 * math.pi / spectrum.cut_off, 4000
-    )
+    shortest = 2 * math.sqrt(math.pi) / SIDE
+    wavenumbers = np.geomspace(shortest, 2 * math.pi / spectrum.cut_off, 4000)
     density = spectrum.density(wavenumbers, np.zeros_like(wavenumbers))
     scale = RMS_SLOPE / PerssonInterface(wavenumbers, density).rms_slope()
     return PerssonInterface(wavenumbers, scale**2 * density)
 
 
-def nayak(theory: PerssonInterface) -> float:
-    """Return Nayak's bandwidth parameter alpha = m0 m4 / m2^2 [1]."""
-    q, density = theory.wavenumbers, theory.spectrum
-    moments = [
-        np.trapezoid(2 * np.pi * q ** (power + 1) * density, q) for power in (0, 2, 4)
-    ]
-    return float(1.5 * moments[0] * moments[2] / moments[1] ** 2)
+def nayak(interface: PerssonInterface) -> float:
+    """Compute Nayak's bandwidth parameter alpha = m0 m4 / m2^2.
+
+    Parameters
+    ----------
+    interface : PerssonInterface
+        The interface, with an isotropic spectrum.
+
+    Returns
+    -------
+    float
+        The parameter [1].
+    """
+    q = interface.wavenumbers
+    spectrum = interface.spectrum
+    m0, m2, m4 = (
+        np.trapezoid(2 * np.pi * q ** (power + 1) * spectrum, q) for power in (0, 2, 4)
+    )
+    # A profile has the moments m0, m2 / 2 and 3 m4 / 8, if the plane has m0, m2 and m4.
+    return float(1.5 * m0 * m4 / m2**2)
 
 
-def _rows(measured: Values, theory: PerssonInterface, rms: float) -> list[Row]:
-    """Return a row for each load; `measured` as `press` returns it, rms height in um."""
-    loads, unit = PRESSURES * RMS_SLOPE, RMS_SLOPE / rms
+def _rows(heights: Sequence[Heights], interface: PerssonInterface) -> list[Row]:
+    """Return a row for each pressure: means over surfaces [um], beside Persson's interface."""
+    measured = np.mean([press(surface) for surface in heights], axis=0)
+    area, continuum_area, mean_gap, compliance = measured
+    rms = float(np.mean([surface.std() for surface in heights]))
+    loads = PRESSURES * RMS_SLOPE
+    unit = RMS_SLOPE / rms  # of the stiffness
+    persson_area = 100 * area_share(PRESSURES)
+    stiffness = 1 / compliance / unit
+    persson_stiffness = interface.stiffness(loads) / unit
     columns = {
         "pressure": PRESSURES,
-        AREA.name: measured[0],
-        "corrected_percent": measured[1],
-        "persson_percent": 100 * area_share(PRESSURES),
-        MEAN_GAP.name: measured[2] / rms,
-        "persson_mean_gap": theory.mean_gap(loads) / rms,
-        UNLOADING.name: 1 / measured[3] / unit,
-        "persson_stiffness": theory.stiffness(loads) / unit,
+        AREA.name: area,
+        "corrected_percent": continuum_area,
+        "persson_percent": persson_area,
+        MEAN_GAP.name: mean_gap / rms,
+        "persson_mean_gap": interface.mean_gap(loads) / rms,
+        UNLOADING.name: stiffness,
+        "persson_stiffness": persson_stiffness,
+        "corrected_slope": continuum_area / 100 / PRESSURES,
+        "area_slope": area / 100 / PRESSURES,
+        "persson_slope": persson_area / 100 / PRESSURES,
+        "stiffness_over_pressure": stiffness / PRESSURES,
+        "persson_stiffness_over_pressure": persson_stiffness / PRESSURES,
     }
-    for name in ("corrected", "area", "persson"):
-        columns[f"{name}_slope"] = columns[f"{name}_percent"] / 100 / PRESSURES
-    for name in ("stiffness", "persson_stiffness"):
-        columns[f"{name}_over_pressure"] = columns[name] / PRESSURES
     return [
         {name: float(values[load]) for name, values in columns.items()}
         for load in range(len(PRESSURES))

@@ -1,15 +1,16 @@
-"""Work against precision: the error of a contact's force, area and pressure over its cost.
+"""Work against precision: errors of a contact's force, area and pressure over its cost.
 
-Errors are against a solution that is exact to rounding; cost is wall time, and applications of the
-influence matrix, which no other load on the machine can blur. One study varies the tolerance and
-the kernel, the other the solver; `bench.resolution` varies the grid.
+Errors are differences from a solution that is exact to rounding. Costs are wall time, and
+applications of the influence matrix, which do not depend on the load of the machine. One study
+varies the tolerance and the kernel, the other one the solver; `bench.resolution` varies the grid.
 """
 
-import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 from statistics import fmean
+from typing import Any
 
 import numpy as np
 
@@ -23,28 +24,37 @@ from gen.generation.sample import surface_of
 from gen.quantities import AREA, DELTA
 from gen.scene import load
 
-DECADES = tuple(10.0**-digits for digits in range(1, 13))  # tolerances
-# Samples of the paper with few, some and many nodes in contact, and the tightest tolerance, on and
-# to which the solvers of others are measured.
+DECADES = tuple(10.0**-digits for digits in range(1, 13))
+"""Tolerances, falling from 0.1 to 1e-12 [1]."""
+
 PEER_ROWS = (4, 0, 7)
+"""Rows of the paper preset that other solvers are measured on: few, some, many nodes in contact."""
+
 PEER_RTOL = 1e-8
+"""Tightest tolerance to which other solvers are measured [1]."""
 
 
 def _evaluate(study: str, case: Case, rtol: float, solver: Solver) -> Row | None:
-    """Solve a case; return its setting, cost and errors, None if the solver fails."""
+    """Solve a case, and return the row with its setting, cost and errors.
+
+    If the solver fails, print this on standard error and return None.
+    """
     try:
         answer = solver.solve(case, rtol)
     except Failure as failure:
         place = f"{case.name}, {case.nodes} nodes a side, tolerance {rtol:.0e}"
         remark(f"{study}: left out {solver.name}: {place}: {failure}")
         return None
-    exact, pressure = find_exact(case), answer.pressure
+    exact = find_exact(case)
+    pressure = answer.pressure
     touching = int(np.count_nonzero(pressure > 0))
-    right = round(exact.contact_share * pressure.size)
-    force_error = abs(float(pressure.sum()) * case.spacing**2 / exact.force - 1)
-    difference = np.linalg.norm(pressure - exact.pressure) / np.linalg.norm(
-        exact.pressure
-    )
+    exactly_touching = round(exact.contact_share * pressure.size)
+    force_error = None
+    if solver.control == "displacement":
+        force = float(pressure.sum()) * case.spacing**2
+        force_error = abs(force / exact.force - 1)
+    area_error = abs(touching / pressure.size / exact.contact_share - 1)
+    difference = np.linalg.norm(pressure - exact.pressure)
     return {
         "study": study,
         "solver": solver.name,
@@ -52,29 +62,47 @@ def _evaluate(study: str, case: Case, rtol: float, solver: Solver) -> Row | None
         "control": solver.control,
         "case": case.name,
         "nodes": case.nodes,  # a side
-        "rtol": rtol,  # in the solver's own definition
+        "rtol": rtol,  # as the solver defines it
         DELTA.in_tables: case.delta,
         "reference": f"rtol {exact.rtol:.0e}",
         AREA.name: 100 * exact.contact_share,
-        "seconds": answer.seconds,  # of wall time, the shortest of the rounds
-        "convolutions": answer.convolutions,  # None where the solver does not say
-        "force_error": None if solver.control == "force" else force_error,  # relative
-        "area_error_nodes": abs(touching - right),
-        "area_error_percent": 100
-        * abs(touching / pressure.size / exact.contact_share - 1),
-        "pressure_error": float(difference),  # L2 norm over that of the pressure
+        "seconds": answer.seconds,  # wall time, the shortest of the rounds
+        "convolutions": answer.convolutions,  # None if the solver does not count them
+        "force_error": force_error,  # relative; None if the force is given
+        "area_error_nodes": abs(touching - exactly_touching),
+        "area_error_percent": 100 * area_error,
+        # In the L2 norm, over the norm of the exact pressure.
+        "pressure_error": float(difference / np.linalg.norm(exact.pressure)),
     }
 
 
-@lru_cache(maxsize=64)  # the same case has its exact solution found once
+@lru_cache(maxsize=64)
 def paper_case(row: int, nodes: int, kernel: Kernel = "uniform-pressure") -> Case:
-    """A sample of the paper preset; its surface with more or fewer nodes a side."""
+    """Return the contact of a row of the paper preset.
+
+    Calls with equal arguments return one object, so that its exact solution is found once.
+
+    Parameters
+    ----------
+    row : int
+        Number of the row.
+    nodes : int
+        Nodes a side, 2^k + 1; the surface has fewer or more nodes than the row's.
+    kernel : {"uniform-pressure", "concentrated-force"}
+        Kernel.
+
+    Returns
+    -------
+    Case
+        The contact.
+    """
     paper = load("paper")
     surface = paper.surface.model_copy(update={"nodes": nodes})
     scene = paper.model_copy(update={"surface": surface})
     plan = parameters(scene, row, row + 1)
     heights = surface_of(scene, plan, 0)
-    return Case(f"paper {row}", heights, scene.sides[0], float(plan.load[0]), kernel)
+    delta = float(plan.load[0])
+    return Case(f"paper {row}", heights, scene.sides[0], delta, kernel)
 
 
 def compare(
@@ -84,23 +112,48 @@ def compare(
     rtols: Sequence[float],
     rounds: int,
 ) -> Iterator[Row]:
-    """Time solvers on the same cases at the same tolerances, what competes side by side.
+    """Time all solvers on every case at every tolerance, solver after solver.
 
-    A first round, which is not timed, warms caches up and leaves out who fails. The shortest time
-    of the others counts, since other work on the machine can only add to it.
+    A first round, which is not timed, fills caches and leaves out settings with which a solver
+    fails. Of the other rounds the shortest time counts, since other work on the machine can only
+    add to it.
+
+    Parameters
+    ----------
+    study : str
+        Name of the study in the rows.
+    solvers : sequence of Solver
+        The solvers.
+    cases : sequence of Case
+        The contacts.
+    rtols : sequence of float
+        Tolerances as each solver defines them [1].
+    rounds : int
+        Number of timed rounds.
+
+    Yields
+    ------
+    Row
+        Setting, cost and errors of a solver that does not fail.
     """
-    tasks = product(cases, rtols, solvers)
-    able = [task for task in tasks if _evaluate(study, *task) is not None]
-    rows: dict[int, Row] = {}
-    for index in back_and_forth(range(len(able)), rounds):
-        row = _evaluate(study, *able[index])
-        if row and row["seconds"] < rows.get(index, {"seconds": math.inf})["seconds"]:
-            rows[index] = row
-    yield from (rows[index] for index in sorted(rows))
+    settings = [
+        setting
+        for setting in product(cases, rtols, solvers)
+        if _evaluate(study, *setting) is not None
+    ]
+    fastest: dict[int, Row] = {}
+    for index in back_and_forth(range(len(settings)), rounds):
+        row = _evaluate(study, *settings[index])
+        if row is None:
+            continue
+        if index not in fastest or row["seconds"] < fastest[index]["seconds"]:
+            fastest[index] = row
+    for index in sorted(fastest):
+        yield fastest[index]
 
 
 CURVES = {"tolerance": "kernel", "peers": "solver"}
-"""The studies, and the column that tells the curves of each apart."""
+"""Column that tells the curves of each study apart, by the name of the study."""
 
 AVERAGED = (
     "force_error",
@@ -109,51 +162,91 @@ AVERAGED = (
     "seconds",
     "convolutions",
 )
+"""Columns that curves have means of."""
 
 
 def curves(points: Sequence[Row]) -> list[Row]:
     """Average errors and costs over the cases of a study, for each curve and tolerance.
 
-    A tolerance at which a case is missing has no mean: it would be that of other cases. A mean is
-    None where a value is not known.
+    Parameters
+    ----------
+    points : sequence of Row
+        Rows of `compare`, of any studies.
+
+    Returns
+    -------
+    list of Row
+        A row for each curve and tolerance. There is none where a case is missing, whose mean would
+        be that of other cases. A mean is None if a value is not known.
     """
     groups: dict[tuple[str, str, float], list[Row]] = {}
-    for row in points:
-        key = row["study"], row[CURVES[row["study"]]], row["rtol"]
-        groups.setdefault(key, []).append(row)
-    cases = {
-        study: {r["case"] for r in points if r["study"] == study} for study in CURVES
-    }
-    rows = []
-    for (study, curve, rtol), own in groups.items():
-        if len(own) == len(cases[study]):
-            known = {name: [row[name] for row in own] for name in AVERAGED}
-            means = {
-                name: None if None in each else fmean(each)
-                for name, each in known.items()
-            }
-            rows.append({"study": study, "curve": curve, "setting": rtol, **means})
+    cases: dict[str, set[str]] = {}
+    for point in points:
+        study = point["study"]
+        curve = point[CURVES[study]]
+        groups.setdefault((study, curve, point["rtol"]), []).append(point)
+        cases.setdefault(study, set()).add(point["case"])
+    rows: list[Row] = []
+    for (study, curve, rtol), group in groups.items():
+        if len(group) != len(cases[study]):
+            continue
+        row: Row = {"study": study, "curve": curve, "setting": rtol}
+        for name in AVERAGED:
+            row[name] = _mean([point[name] for point in group])
+        rows.append(row)
     return rows
 
 
-def solver(*, quick: bool) -> Report:
-    """Measure both studies, on small grids and few samples if that is to be `quick`.
+def _mean(values: Sequence[Any]) -> float | None:
+    """Return the mean of numbers; None if one is None."""
+    return None if None in values else fmean(values)
 
-    The solvers of others have their own notions of a tolerance: only errors compare. Those that are
-    given the force instead of the displacement get the exact one, which costs them nothing.
+
+@dataclass(frozen=True)
+class _Extent:
+    """How much both studies measure."""
+
+    nodes: int  # nodes a side
+    samples: int  # number of rows of the paper preset
+    rtols: tuple[float, ...]  # tolerances [1]
+    rounds: int  # timed rounds of the tolerance study
+
+
+QUICK = _Extent(nodes=65, samples=2, rtols=DECADES[::2], rounds=2)
+"""A look in seconds."""
+
+FULL = _Extent(nodes=129, samples=8, rtols=DECADES, rounds=4)
+"""The published measurement."""
+
+
+def solver(*, quick: bool) -> Report:
+    """Measure both studies, and print which solvers are left out.
+
+    Other solvers define their tolerances in their own ways, so that only errors compare. Solvers
+    that are given the force get the exact one, which costs them nothing.
+
+    Parameters
+    ----------
+    quick : bool
+        Whether grids are small and samples few.
+
+    Returns
+    -------
+    Report
+        Table `solver` with all points, and table `curves` with their means.
     """
-    nodes, samples, rtols, rounds = (
-        (65, 2, DECADES[::2], 2) if quick else (129, 8, DECADES, 4)
-    )
+    extent = QUICK if quick else FULL
     for package, install in missing().items():
         remark(f"peers: left out {package}: not installed: {install}")
-    kernels = [
-        paper_case(row, nodes, kernel) for row in range(samples) for kernel in KERNELS
+    both_kernels = [
+        paper_case(row, extent.nodes, kernel)
+        for row, kernel in product(range(extent.samples), KERNELS)
     ]
-    peers = [paper_case(row, nodes) for row in PEER_ROWS[:samples]]
-    loose = [rtol for rtol in rtols if rtol >= PEER_RTOL]
+    for_peers = [paper_case(row, extent.nodes) for row in PEER_ROWS[: extent.samples]]
+    loose = [rtol for rtol in extent.rtols if rtol >= PEER_RTOL]
+    peers = [BEM, *installed()]
     points = [
-        *compare("tolerance", [BEM], kernels, rtols, rounds),
-        *compare("peers", [BEM, *installed()], peers, loose, rounds=2),
+        *compare("tolerance", [BEM], both_kernels, extent.rtols, extent.rounds),
+        *compare("peers", peers, for_peers, loose, rounds=2),
     ]
     return Report({"solver": points, "curves": curves(points)})

@@ -34,9 +34,9 @@ TARGETS: dict[str, str] = {"area": "area_percent", "force": "force"}
 NO_TARGETS = frozenset({"delta", *STATISTICS, "load", "hardness", "residual"})
 # Smallest number of usable rows. A fifth of them, two rows, test a model; a score needs two.
 SMALLEST = 10
-# Largest ratio of a number to comparable ones with which a model still sees these. It is used for
-# the largest input of rows that are scaled to unit length, and for the largest target over the
-# median one, because errors are squared.
+# Largest ratio without a warning that one number hides all others from a model. It is the ratio of
+# the largest input to the others if rows are scaled to unit length, and that of the largest target
+# to the median, because errors are squared.
 DOMINANT = 1e6
 
 
@@ -47,7 +47,7 @@ class Request:
     databases: tuple[Path, ...]  # databases from which models learn, one or more
     output: Path = Path()  # a comparison folder, or the file of a surrogate
     targets: tuple[str, ...] = ("area",)  # columns, or short names in `TARGETS`
-    models: tuple[str, ...] = ()  # names of models; empty for all nine
+    models: tuple[str, ...] = ()  # names of models; empty for all models of the features
     # rows with larger areas are left out [%]; None to keep all
     area_max: float | None = None
     normalisation: str = "l2"  # scaling of the inputs, see `learn.models.pipeline`
@@ -155,8 +155,8 @@ def read(
     Raises
     ------
     InputError
-        If a file is no database or lacks a target, if databases cannot be learnt together, if too
-        few rows are usable, or if a target is constant.
+        If an option of the request is wrong, a file is no database or lacks a target, databases
+        cannot be learnt together, too few rows are usable, or a target is constant.
     """
     if request.area_max is not None and not request.area_max > 0:
         raise InputError(f"--area-max {request.area_max:g}: give a percentage above 0")
@@ -180,7 +180,11 @@ def read(
 
 
 def _usual_load(request: Request) -> str:
-    """Return the load of a request without one: that of the first scene for its set, or "delta"."""
+    """Return the load of a request that names none.
+
+    For the feature set `scene` it is the load that the scene of the first database draws. For other
+    sets it is "delta".
+    """
     if request.features == SCENE:
         return load_drawn(request.databases[0])
     return "delta"
@@ -352,7 +356,8 @@ class Selection:
     area_max : float or None
         Largest area of usable rows [%]; None for no limit.
     common : bool
-        True if all targets of a row have to be finite, False for the target itself only.
+        True if all targets of a row have to be finite, False if only the target of the dataset
+        has to be.
     """
 
     features: FeatureSet
@@ -395,7 +400,7 @@ class Selection:
         usable = [database.part for database in databases]
         sizes = [database.target.size for database in databases]
         unit = column.unit
-        if (scale != 1).any():
+        if (scale != 1).any():  # the scale has the unit of the target
             unit = "1"
         return Dataset(
             inputs=np.concatenate([database.inputs for database in databases]),
@@ -497,7 +502,10 @@ class Selection:
 
 
 def _fingerprint(part: Stored, target: Values) -> str:
-    """Return the SHA-256 of the columns of a database that decide what a model learns."""
+    """Return the SHA-256 of the columns of a database that decide what a model learns.
+
+    These are status, Delta, statistics, target, area and, if the scene draws it, the hardness.
+    """
     columns = [part.columns["status"], part.described, target]
     columns.append(part.columns["area_percent"])
     if "hardness" in part.columns:

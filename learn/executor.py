@@ -165,7 +165,7 @@ def led() -> Iterator[Executor]:
     world = farm.this_world()
     if world.is_master:
         yield Executor(world)
-        world.broadcast(None)
+        world.broadcast(None)  # the end of the job, for the workers
         return
     _serve(world)
     raise typer.Exit
@@ -176,12 +176,13 @@ def _serve(world: farm.World) -> None:
     shared: Any = None  # data of the last round that had new ones
     with Interruption(listening=False):
         while True:
-            message = world.broadcast(None)
+            message = world.broadcast(None)  # receives what the master broadcasts
             if message is None:
                 return
             if message.has_shared:
                 shared = message.shared
             do = partial(within, message.work, shared, until=message.until)
+            # Tasks come from the master, and results go to it: a worker has none to give.
             farm.run(do, iter(()), lambda *_: None, world)
 
 
@@ -307,12 +308,13 @@ def _begin(parent: int) -> None:
     """
 
     def end_with_parent() -> None:
+        """End this process within a second after its parent."""
         while os.getppid() == parent:
             time.sleep(1.0)
         os._exit(1)
 
     os.setsid()
     require_blas()
-    for stream in (0, 1):
+    for stream in (0, 1):  # standard input and output
         os.dup2(os.open(os.devnull, os.O_RDWR), stream)
     threading.Thread(target=end_with_parent, daemon=True).start()

@@ -76,7 +76,7 @@ class Model:
         if tuned:
             settings |= self.tuned
         for name, value in settings.items():
-            if callable(value):
+            if callable(value):  # it makes an object of a library
                 settings[name] = value()
         module, _, name = self.path.rpartition(".")
         make = getattr(import_module(module), name)
@@ -222,7 +222,8 @@ def models_named(names: list[str] | None, features: str = "") -> list[Model]:
     Parameters
     ----------
     names : list of str or None
-        Names of models from the command line; None or an empty list for all models.
+        Names of models from the command line; None or an empty list for all models that can be
+        fitted to these features.
     features : str
         Name of the feature set.
 
@@ -318,10 +319,7 @@ def remarks() -> Iterator[list[str]]:
     for warning in caught:
         text = " ".join(str(warning.message).split())[:REMARK_LENGTH]
         if issubclass(warning.category, ConvergenceWarning):
-            at_bound = "bound" in text
-            text = UNFINISHED
-            if at_bound:
-                text = AT_BOUND
+            text = AT_BOUND if "bound" in text else UNFINISHED
         is_announcement = issubclass(warning.category, FutureWarning | DeprecationWarning)
         if text not in texts and not is_announcement:
             texts.append(text)
@@ -377,9 +375,10 @@ def scaling_of(dataset: Dataset, train: Indices, *, standard: bool = False) -> S
     Returns
     -------
     Scaling
-        With `standard`, or for features without units, the target (or its square root, if the
-        features have roots and `learns_root` is true) is scaled to mean 0 and deviation 1.
-        Otherwise a target that is very large or small is divided by a power of two.
+        With `standard`, and for features without units, a scaling to mean 0 and deviation 1. It is
+        that of the square root if the features have roots and `learns_root` is true. Otherwise a
+        scaling that leaves targets of the size of areas in percent as they are, subtracts a mean
+        that is far larger than the deviation, and divides by a power of two.
     """
     target = dataset.target[train]
     if not (standard or dataset.features.scaled):
@@ -421,12 +420,13 @@ PROCESS = 350 * MIB
 PAIR_BYTES = {"gaussian-process": 62.0, "kernel-ridge": 19.0}
 # Share of `PAIR_BYTES` that a Gaussian process needs if its kernel is not fitted.
 FIXED_KERNEL = 0.52
-# Memory of up to 2,000 deep trees for `TREE_ROWS` training rows [MiB]; it is proportional to the
-# number of rows.
+# Memory of up to 2,000 deep trees for at most `TREE_ROWS` training rows [MiB]. For more rows it is
+# larger in proportion.
 TREES = {"random-forest": 2048, "adaboost": 1536, "xgboost": 2560, "gradient-boost": 1792}
 # Number of training rows for which `TREES` states the memory.
 TREE_ROWS = 10_000
-# Memory of each other model for `TREE_ROWS` training rows [MiB], such as a cache of kernel rows.
+# Memory of each model without trees for at most `TREE_ROWS` training rows [MiB], in addition to
+# `PAIR_BYTES`: a cache of kernel rows, for example.
 OTHERS = 512
 
 

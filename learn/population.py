@@ -176,6 +176,7 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
             blocks=blocks,
             correlation=correlation,
         )
+        # Results depend on the order of the draws: centres, a sample of the rows, parts.
         centres = X[random.permutation(len(y))[:CENTRES]]
         sample = random.permutation(len(y)) < LIKELY_ROWS
         sampled_rows = rows.at(sample, _blocks(surfaces[sample]))
@@ -185,10 +186,10 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         return self
 
     def _fit_trend(self, X: Values, y: Values, surfaces: Indices) -> TrendDistances:
-        """Fit power law, scatter, and mean and deviation of the ratio; return its distances.
+        """Fit power law, scatter, mean and deviation; return the distances of the ratio from fits.
 
-        Sets `trend_`, `sizes_`, `ends_`, `mean_` and `deviation_`. A target that is not above 0
-        everywhere has no power law: its ratio is the target itself.
+        The ratio is the target over its power law, or the target itself if it is not above 0
+        everywhere. Sets `trend_`, `sizes_`, `ends_`, `mean_` and `deviation_`.
         """
         weights = np.ones(len(y))
         most_terms = np.unique(surfaces).size / SURFACES_PER_TERM
@@ -665,8 +666,8 @@ def _direction_scores(equations: Equations, inside: NDArray[np.bool_]) -> Direct
 def _error_factor(equations: Equations, first_half: NDArray[np.bool_]) -> float:
     """Return the factor of errors of the mean over those of the process.
 
-    Takes True for the rows of the first half of the surfaces, (n,). The mean of each half is judged
-    by the rows of the other half. The factor is the most probable one, and at least
+    `first_half`, (n,), is True for the rows of one half of the surfaces. The mean of each half is
+    judged by the rows of the other half. The factor is the most probable one, and at least
     `SMALLEST_FACTOR`.
     """
     halves = [_direction_scores(equations, half) for half in (first_half, ~first_half)]
@@ -725,10 +726,11 @@ def _most_likely_correlation(
 ) -> ScatterCorrelation:
     """Return the most likely correlation of the scatter of a surface's rows, with its size.
 
-    `scatter`, (n,), is over its fitted size.
+    `scatter`, (n,), are the distances of the ratio from the cubic over their fitted size.
     """
 
     def minus_likelihood(settings: Values) -> float:
+        """Return minus the logarithm of the likelihood of three settings; see `_sized`."""
         return _sized(settings, X, scatter, blocks).minus_likelihood
 
     search = minimize(

@@ -35,7 +35,8 @@ from learn.features.surface import LOOSE, SurfaceFeatures
 
 # Version of the features in files; it is raised whenever `SurfaceFeatures.hybrid` changes values.
 VERSION = 4
-# Number of rows that a process computes at a time, rounded down to whole surfaces.
+# Number of rows that a process computes at a time, rounded down to whole surfaces, but at least one
+# surface.
 BLOCK_ROWS = 32
 # Time between two writes of the file beside the database [s].
 SAVE_SECONDS = 20.0
@@ -181,7 +182,7 @@ class Cache:
             suffix += "-by-pressure"
         path = part.path.with_name(f"{part.path.name}.pressed{suffix}.npz")
         columns = ",".join(HYBRID)
-        # Files of before have keys of this text: it must not change without need.
+        # The keys in existing files were computed from this text.
         text = f"{VERSION} {blocks} {LOOSE} {columns} {PHYSICS} {scene.fingerprint()}"
         if pressed:
             text += " by pressure"
@@ -262,6 +263,7 @@ class Regeneration:
             )
 
             def keep(block: Block, features: BlockFeatures) -> None:
+                """Keep the features of a block, and write the file after `SAVE_SECONDS`."""
                 self._keep(block, features)
                 progress.advance(rows=block.end - block.first)
                 if time.monotonic() > self.saved + SAVE_SECONDS:
@@ -454,6 +456,7 @@ def features_in(
             old_values = file["values"]
     except (OSError, ValueError, KeyError, BadZipFile, EOFError, MemoryError, zlib.error):
         return values
+    # A file of another scene or version, or with arrays of another form, is not used.
     if key_of_file != key or old_inputs.ndim != 2:
         return values
     if old_inputs.shape[1] != inputs.shape[1]:

@@ -64,8 +64,8 @@ def draw(
     """Draw a split of a dataset: a fifth of the rows to test, the others to train, in folds.
 
     No group of rows is divided. If each group is one row, exactly a fifth of the rows, rounded
-    down, are test rows. A target may be constant in a part: most bodies are elastic, for example,
-    and have no yielded share. The draw is then repeated, `DRAWS` times at most.
+    down, are test rows. If a target is constant over a part, as the yielded share is where no body
+    of the part yields, the draw is repeated, up to `DRAWS` draws in all.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def draw(
     further_targets : sequence of Dataset
         Datasets of equal rows with further targets, which have to vary, too.
     tiles : int
-        Smallest number of tiles of maps, if the rows are windows of maps.
+        Smallest number of tiles from which the rows must be, if they are windows of maps.
 
     Returns
     -------
@@ -129,8 +129,8 @@ def _shuffled(groups: Indices, random: np.random.Generator) -> Indices:
 def _test_size(groups: Indices) -> int:
     """Return how many of the first rows are test rows.
 
-    Takes the number of the group of each row, (n,), sorted into groups. The test rows are whole
-    groups: at most a fifth of the rows, but at least one group.
+    Takes the number of the group of each row, (n,), with the rows of a group in succession. The
+    test rows are whole groups: at most a fifth of the rows, but at least one group.
     """
     ends = np.flatnonzero(np.diff(groups, append=-1)) + 1
     limit = int(TEST_SHARE * groups.size)
@@ -162,7 +162,7 @@ def _constant_part(datasets: Sequence[Dataset], train: Indices, test: Indices) -
 def _folds(groups: Indices) -> Folds:
     """Return the fold of each row, (m,); folds are of about equal size and share no group.
 
-    Takes the number of the group of each row, (m,), sorted into groups.
+    Takes the number of the group of each row, (m,), with the rows of a group in succession.
     """
     starts = np.flatnonzero(np.diff(groups, prepend=-1))
     sizes = np.diff(starts, append=groups.size)
@@ -285,7 +285,7 @@ class Grouping:
 
 
 def surface_groups(parts: Sequence[Stored]) -> Indices:
-    """Number the groups of rows that no split divides; see the head of this module.
+    """Number the groups of rows that no split divides; the module's docstring defines them.
 
     Rows of one surface are recognised by their 22 statistics, which are equal to the last bit. The
     column `surface` would not do: it has different numbers for surfaces that are read from one

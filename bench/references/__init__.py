@@ -1,5 +1,6 @@
-"""Solutions that share no code with `bem`, which its answers are compared with.
+"""Reference solutions that share no code with `bem`; the answers of `bem` are compared with them.
 
-`half_space` has influence coefficients and convolutions, `dense` solves contact with the whole
-matrix, also as the paper does and with a hardness, `edgeless` periodic and mirrored patches.
+`half_space` has influence coefficients and convolutions. `dense` solves contact with the whole
+matrix, also with a hardness and by the paper's algorithm. `edgeless` solves periodic and mirrored
+patches. `exact` computes the statistics of a surface in fractions, `surfaces` draws surfaces.
 """

@@ -1,10 +1,12 @@
 """Contact of patches without edges, by the dense matrix of sines and cosines written out.
 
-Along each axis the modes are the sines and cosines that repeat with the patch, or the cosines of
-the patch continued by its mirror images. A mode of wave number |q| has the compliance 2 / (E* |q|),
-the mean has none; so the patch lies on a spring, too, whose displacement is found by the load.
+A periodic patch repeats; its modes along an axis are the sines and cosines of its period. A
+mirrored patch is continued by its mirror images; its modes are cosines. A mode of wave number |q|
+has the compliance 2 / (E* |q|), and the mean has none. To make the matrix positive definite, the
+patch also rests on a spring, whose displacement `Patch.press` finds by the load.
 """
 
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
@@ -15,30 +17,81 @@ from bench.references import dense
 from bench.references.half_space import Field
 
 Boundary = Literal["periodic", "mirror"]
+"""How a patch is continued beyond its edges."""
 
-CLOSE = 4 * np.finfo(float).eps  # relative accuracy of the spring's displacement
+CLOSE = 4 * np.finfo(float).eps
+"""Relative accuracy of the displacement of the spring [1]."""
 
 
-def axis_modes(nodes: int, side: float, boundary: Boundary) -> tuple[Field, Field]:
-    """Return wave numbers, (n,) [1/um], and orthonormal modes, (n, n), of the cells of an axis."""
-    cells, number = np.arange(nodes), np.arange(nodes)[:, None]
+@dataclass(frozen=True, eq=False)
+class AxisModes:
+    """The waves of the cells along one axis."""
+
+    wave_numbers: Field  # shape (n,) [rad/um]
+    modes: Field  # shape (n, n): a mode a row, orthonormal
+
+
+def axis_modes(nodes: int, side: float, boundary: Boundary) -> AxisModes:
+    """Write out the waves along an axis.
+
+    Parameters
+    ----------
+    nodes : int
+        Number n of nodes, each in its cell.
+    side : float
+        Length of all cells together [um].
+    boundary : {"periodic", "mirror"}
+        How the patch is continued.
+
+    Returns
+    -------
+    AxisModes
+        Wave numbers and modes; the first mode is constant.
+    """
+    cells = np.arange(nodes)
+    number = np.arange(nodes)[:, None]
     if boundary == "mirror":
-        order, waves = number, np.cos(np.pi * number * (cells + 0.5) / nodes)
+        order = number
+        angles = np.pi * number * (cells + 0.5) / nodes
+        waves = np.cos(angles)
+        unit = np.pi / side
     else:
-        order = (number + 1) // 2  # 0, 1, 1, 2, 2 ...: a cosine and a sine each
+        order = (number + 1) // 2  # 0, 1, 1, 2, 2 ...: a cosine and a sine of each order
         angles = 2 * np.pi * order * cells / nodes
-        waves = np.where(number % 2 == 1, np.cos(angles), np.sin(angles))
+        is_cosine = number % 2 == 1
+        waves = np.where(is_cosine, np.cos(angles), np.sin(angles))
         waves[0] = 1
-    waves /= np.sqrt(np.square(waves).sum(axis=1, keepdims=True))
-    unit = (np.pi if boundary == "mirror" else 2 * np.pi) / side
-    return np.asarray(unit * order[:, 0]), np.asarray(waves)
+        unit = 2 * np.pi / side
+    squares = np.square(waves).sum(axis=1, keepdims=True)
+    waves /= np.sqrt(squares)
+    wave_numbers = unit * order[:, 0]
+    return AxisModes(np.asarray(wave_numbers), np.asarray(waves))
 
 
 class Patch:
     """A surface on a half-space of E* = 1 MPa, without edges.
 
-    The heights, (nx, ny), and the sides, of as many cells as nodes, are in um; the hardness, in
-    MPa, is infinite for elastic bodies.
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights of the m = nx ny nodes [um].
+    sides : (float, float)
+        Lengths of nx and of ny cells [um].
+    boundary : {"periodic", "mirror"}
+        How the patch is continued.
+    hardness : float
+        Largest pressure [MPa]; infinite for elastic bodies.
+
+    Attributes
+    ----------
+    below : ndarray, shape (m,)
+        Heights over that of the highest node, at most 0 [um].
+    modes : ndarray, shape (m, m)
+        A mode of the patch a row, orthonormal.
+    compliances : ndarray, shape (m,)
+        Displacement over pressure of each mode; of the first one the spring's [um/MPa].
+    spring : float
+        Displacement of the spring by a unit sum of the nodes' pressures [um/MPa].
     """
 
     def __init__(
@@ -48,47 +101,63 @@ class Patch:
         boundary: Boundary,
         hardness: float = np.inf,
     ) -> None:
-        self.below, self.hardness = (heights - heights.max()).reshape(-1), hardness
-        self.shape: tuple[int, int] = heights.shape[0], heights.shape[1]
-        along, across = (
-            axis_modes(*axis, boundary) for axis in zip(self.shape, sides, strict=True)
-        )
-        wave_numbers = np.hypot.outer(along[0], across[0]).reshape(-1)
-        self.modes: Field = np.asarray(np.kron(along[1], across[1]), np.float64)
-        self.compliances = np.ones(heights.size)  # the spring's is the largest of a mode
+        self.hardness = hardness
+        rows, columns = heights.shape
+        self.shape = (rows, columns)
+        self.below = (heights - heights.max()).reshape(-1)
+        along = axis_modes(rows, sides[0], boundary)
+        across = axis_modes(columns, sides[1], boundary)
+        pairs = np.hypot.outer(along.wave_numbers, across.wave_numbers)
+        wave_numbers = pairs.reshape(-1)
+        modes = np.kron(along.modes, across.modes)
+        self.modes: Field = np.asarray(modes, np.float64)
+        self.compliances = np.ones(heights.size)
         self.compliances[1:] = 2 / wave_numbers[1:]
+        # The spring is as compliant as the most compliant wave; any compliance would do.
         self.compliances[0] = self.compliances[1:].max(initial=1.0)
         self.spring = float(self.compliances[0]) / heights.size
 
     @cached_property
     def sprung(self) -> Field:
-        """(m, m) displacement of each node, on the spring, by unit pressure on each [um/MPa]."""
+        """Displacement of each node, on the spring, by unit pressure on each, (m, m) [um/MPa]."""
         matrix: Field = (self.modes.T * self.compliances) @ self.modes
         return matrix
 
     @property
     def matrix(self) -> Field:
-        """(m, m) the same without the spring, whose mean over the patch is zero [um/MPa]."""
+        """Displacement without the spring, of zero mean over the patch, (m, m) [um/MPa]."""
         return self.sprung - self.spring
 
     @property
     def full_contact_delta(self) -> float:
-        """Displacement at which elastic contact is full, whatever the load beyond [um]."""
+        """Displacement of full elastic contact, which a larger load does not change [um]."""
         return -float(self.below.mean())
 
     @cached_property
     def full_contact_load(self) -> float:
-        """Sum of the nodes' pressures from which on elastic contact is full [MPa]."""
+        """Smallest sum of the nodes' pressures at which elastic contact is full [MPa]."""
         amplitudes: Field = self.modes @ self.below / self.compliances
         amplitudes[0] = 0
         pressure: Field = amplitudes @ self.modes
         return -float(pressure.min()) * pressure.size
 
     def press(self, load: float) -> Field:
-        """Find the pressure [MPa] of a load, the sum of the nodes' pressures [MPa].
+        """Find the pressure under a load.
 
-        The load is below the hardness on all nodes. ArithmeticError is raised if the conditions of
-        contact are not fulfilled.
+        Parameters
+        ----------
+        load : float
+            Sum of the nodes' pressures [MPa], below the hardness times the number of nodes.
+
+        Returns
+        -------
+        ndarray, shape (nx, ny)
+            Pressure [MPa].
+
+        Raises
+        ------
+        ArithmeticError
+            If `dense.solve` finds no solution.
         """
 
         def solve(sprung: float) -> Field:
@@ -97,7 +166,8 @@ class Patch:
         def excess(sprung: float) -> float:
             return float(solve(sprung).sum()) - load
 
-        # No load takes more displacement than the range of heights.
-        most = 1.001 * (self.spring * load - float(self.below.min()))
-        sprung = float(brentq(excess, 0.0, most, xtol=CLOSE * most, rtol=CLOSE))
+        # Beside the spring, no load displaces the patch by more than the range of its heights.
+        span = -float(self.below.min())
+        largest = 1.001 * (self.spring * load + span)
+        sprung = float(brentq(excess, 0.0, largest, xtol=CLOSE * largest, rtol=CLOSE))
         return solve(sprung).reshape(self.shape)

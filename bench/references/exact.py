@@ -1,9 +1,11 @@
-"""The 22 statistics of a surface again, in whole numbers and fractions: exact to the last step.
+"""The 22 statistics of a surface in whole numbers and fractions, which are exact to the last step.
 
-Nothing here is shared with `gen`: the definitions stand a second time, in plain slices, and a float
-appears only when a result is handed over.
+Nothing here is shared with `gen`: the definitions are written again, in plain slices. Only
+results are rounded to floats.
 """
 
+from collections.abc import Iterable
+from dataclasses import dataclass
 from decimal import Decimal, localcontext
 from fractions import Fraction
 from math import nan
@@ -13,115 +15,230 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.references.half_space import Field
-from gen.statistics import NAMES
 
-SMALL_ENOUGH = (
-    2**20
-)  # whole heights up to here are kept in machine words: their curvatures fit too
-DIGITS = 60  # of powers of two and roots that are no fractions
+SMALL_ENOUGH = 2**20
+"""Range of whole heights below which machine words hold them, and their curvatures too."""
+
+DIGITS = 60
+"""Decimal digits of square roots that are no fractions."""
+
+Whole = NDArray[Any]
+"""Whole numbers, as machine words or as Python's integers of any length."""
+
+
+@dataclass(frozen=True)
+class Moments:
+    """Moments of numbers; all are NaN for no numbers."""
+
+    mean: float  # in the unit of the numbers
+    rms: float  # standard deviation, in the unit of the numbers
+    kurtosis: float  # 3 for a normal distribution [1]; NaN if all numbers are equal
+    skewness: float  # [1]; NaN if all numbers are equal
+
+    @property
+    def excess(self) -> float:
+        """Kurtosis less that of a normal distribution [1]."""
+        return self.kurtosis - 3
 
 
 def statistics(heights: Field, spacing: tuple[float, float]) -> dict[str, float]:
-    """Compute the 22 statistics by the names of Table 1, rounded once [um, um-1 or 1].
+    """Compute the 22 statistics of Table 1, each rounded once.
 
-    Heights (n_x, n_y) are finite [um]; the spacing is that of the nodes along x and y [um].
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Finite heights [um].
+    spacing : (float, float)
+        Spacing of the nodes along x and y [um].
+
+    Returns
+    -------
+    dict
+        Statistics by their names, in the order of `gen.statistics.NAMES` [um, um-1 or 1].
     """
     z, unit = integers(heights)
-    squares = [Fraction(each) ** 2 for each in spacing]
-    ratio = squares[0] / squares[1]
-    along_x = 2 * z[1:-1] - z[:-2] - z[2:]
-    along_y = 2 * z[:, 1:-1] - z[:, :-2] - z[:, 2:]
-    on_x = (z[1:-1] > z[:-2]) & (z[1:-1] > z[2:])
-    on_y = (z[:, 1:-1] > z[:, :-2]) & (z[:, 1:-1] > z[:, 2:])
+    dx2 = Fraction(spacing[0]) ** 2
+    dy2 = Fraction(spacing[1]) ** 2
+    ratio = dx2 / dy2
+    # Nodes with both neighbours on an axis: second differences with the opposite sign, and which
+    # of the nodes are peaks of the profile.
+    inner_x = z[1:-1]
+    before = z[:-2]
+    after = z[2:]
+    along_x = 2 * inner_x - before - after
+    on_x = (inner_x > before) & (inner_x > after)
+    inner_y = z[:, 1:-1]
+    before = z[:, :-2]
+    after = z[:, 2:]
+    along_y = 2 * inner_y - before - after
+    on_y = (inner_y > before) & (inner_y > after)
+    # Asperities are peaks along both axes.
     summits = on_x[:, 1:-1] & on_y[1:-1]
-    # Curvatures over unit / (spacing_x^2 denominator), twice that at summits: whole numbers.
-    over, under = ratio.numerator, ratio.denominator
-    pooled = np.concatenate((_times(along_x[on_x], under), _times(along_y[on_y], over)))
-    both = _times(along_x[:, 1:-1][summits], under) + _times(along_y[1:-1][summits], over)
-    per_length = unit / squares[0] / under
-    peaks = np.concatenate((z[1:-1][on_x], z[:, 1:-1][on_y]))
-    peak_curvature = moments(pooled, per_length)
-    asperity = moments(z[1:-1, 1:-1][summits], unit)
+    peaks = np.concatenate((inner_x[on_x], inner_y[on_y]))
+    # Curvatures in whole numbers of unit / (dx2 denominator); the unit of sums of two is half.
+    over = ratio.numerator
+    under = ratio.denominator
+    peaks_x = _times(along_x[on_x], under)
+    peaks_y = _times(along_y[on_y], over)
+    on_peaks = np.concatenate((peaks_x, peaks_y))
+    summits_x = _times(along_x[:, 1:-1][summits], under)
+    summits_y = _times(along_y[1:-1][summits], over)
+    per_length = unit / dx2 / under
+
     height = moments(z.ravel(), unit)
-    values = (
-        *moments(peaks, unit),
-        peaks.size / (2 * z.size),
-        *(peak_curvature[0], peak_curvature[2] - 3, peak_curvature[3]),
-        _bandwidth(z, np.diff(z, axis=0), along_x),
-        _bandwidth(z, np.diff(z, axis=1), along_y),
-        *(asperity[0], asperity[1], asperity[2] - 3, asperity[3]),
-        both.size / z.size,
-        *moments(both, per_length / 2),
-        *(height[0], float(int(z.max()) * unit), height[1]),
-    )
-    return dict(zip(NAMES, values, strict=True))
+    peak = moments(peaks, unit)
+    peak_curvature = moments(on_peaks, per_length)
+    inner = z[1:-1, 1:-1]
+    asperity = moments(inner[summits], unit)
+    curvature = moments(summits_x + summits_y, per_length / 2)
+    return {
+        "peak_mean": peak.mean,
+        "peak_rms": peak.rms,
+        "peak_kurtosis_pearson": peak.kurtosis,
+        "peak_skewness": peak.skewness,
+        "peak_density": peaks.size / (2 * z.size),
+        "peak_curvature_mean": peak_curvature.mean,
+        "peak_curvature_kurtosis_excess": peak_curvature.excess,
+        "peak_curvature_skewness": peak_curvature.skewness,
+        "bandwidth_x": _bandwidth(z, np.diff(z, axis=0), along_x),
+        "bandwidth_y": _bandwidth(z, np.diff(z, axis=1), along_y),
+        "asperity_mean": asperity.mean,
+        "asperity_rms": asperity.rms,
+        "asperity_kurtosis_excess": asperity.excess,
+        "asperity_skewness": asperity.skewness,
+        "asperity_density": summits_x.size / z.size,
+        "asperity_curvature_mean": curvature.mean,
+        "asperity_curvature_rms": curvature.rms,
+        "asperity_curvature_kurtosis_pearson": curvature.kurtosis,
+        "asperity_curvature_skewness": curvature.skewness,
+        "height_mean": height.mean,
+        "height_max": float(int(z.max()) * unit),
+        "height_rms": height.rms,
+    }
 
 
-def integers(heights: Field) -> tuple[NDArray[Any], Fraction]:
-    """Return heights above the lowest as whole numbers of a unit, all of their bits [um]."""
-    pairs = [float(height).as_integer_ratio() for height in np.unique(heights)]
-    unit = max(denominator for _, denominator in pairs)
-    lowest, highest = (top * (unit // bottom) for top, bottom in (pairs[0], pairs[-1]))
-    if highest - lowest < SMALL_ENOUGH and unit < 2**40 and abs(lowest) < 2**53:
-        return (heights * unit).astype(np.int64) - lowest, Fraction(1, unit)
+def integers(heights: Field) -> tuple[Whole, Fraction]:
+    """Convert heights to whole numbers of a unit, with all of their bits.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Finite heights [um].
+
+    Returns
+    -------
+    ndarray, shape (nx, ny)
+        Heights above the lowest one, in units.
+    Fraction
+        The unit [um].
+    """
+    ratios = [float(height).as_integer_ratio() for height in np.unique(heights)]
+    unit = max(denominator for _, denominator in ratios)
+    # The unit is a multiple of all denominators, as all are powers of two.
+    numerator, denominator = ratios[0]
+    lowest = numerator * (unit // denominator)
+    numerator, denominator = ratios[-1]
+    highest = numerator * (unit // denominator)
+    fits = unit < 2**40 and abs(lowest) < 2**53
+    if fits and highest - lowest < SMALL_ENOUGH:
+        numbers = (heights * unit).astype(np.int64)
+        return numbers - lowest, Fraction(1, unit)
     steps = np.vectorize(
         lambda height: int(Fraction(height) * unit) - lowest, otypes=[object]
     )
     return steps(heights), Fraction(1, unit)
 
 
-def moments(values: NDArray[Any], unit: Fraction) -> tuple[float, float, float, float]:
-    """Return mean and rms value of whole numbers of a unit, kurtosis and skewness [1].
+def moments(values: Whole, unit: Fraction) -> Moments:
+    """Compute mean, standard deviation, kurtosis and skewness, each rounded once.
 
-    All are nan for no numbers, and the last two where all numbers are equal.
+    Parameters
+    ----------
+    values : ndarray
+        Numbers in units, of any shape.
+    unit : Fraction
+        The unit.
+
+    Returns
+    -------
+    Moments
+        Mean and standard deviation in the unit's own unit, kurtosis and skewness [1].
     """
-    if not values.size:
-        return nan, nan, nan, nan
-    counts, number = _counts(values), values.size
-    total = sum(value * count for value, count in counts)
-    second, third, fourth = (
-        Fraction(
-            sum(count * (number * value - total) ** power for value, count in counts),
-            number ** (power + 1),
-        )
-        for power in (2, 3, 4)
-    )
-    rms = root(second)
-    shapes = (
-        (float(fourth / second**2), float(third / (second * rms)))
-        if second
-        else (nan, nan)
-    )
-    return float(Fraction(total, number) * unit), float(rms * unit), *shapes
+    number = values.size
+    if not number:
+        return Moments(nan, nan, nan, nan)
+    counts = _counts(values)
+    total = _total(counts)
+
+    def central(power: int) -> Fraction:
+        # Deviations from the mean, times the number of values: whole numbers.
+        deviations = ((number * value - total, count) for value, count in counts)
+        powers = (count * deviation**power for deviation, count in deviations)
+        return Fraction(sum(powers), number ** (power + 1))
+
+    variance = central(2)
+    rms = root(variance)
+    kurtosis = nan
+    skewness = nan
+    if variance:
+        kurtosis = float(central(4) / variance**2)
+        skewness = float(central(3) / (variance * rms))
+    mean = float(Fraction(total, number) * unit)
+    return Moments(mean, float(rms * unit), kurtosis, skewness)
 
 
 def root(square: Fraction) -> Fraction:
-    """Return a square root to 60 digits."""
+    """Compute a square root.
+
+    Parameters
+    ----------
+    square : Fraction
+        A number that is not negative.
+
+    Returns
+    -------
+    Fraction
+        Its root to `DIGITS` decimal digits.
+    """
     with localcontext() as context:
         context.prec = DIGITS
         return Fraction((Decimal(square.numerator) / Decimal(square.denominator)).sqrt())
 
 
-def _times(values: NDArray[Any], factor: int) -> NDArray[Any]:
-    """Whole numbers times another, which may be longer than a machine word."""
-    return values if factor == 1 else values.astype(object) * factor
+def _times(values: Whole, factor: int) -> Whole:
+    """Return whole numbers times a factor, which may be longer than a machine word."""
+    if factor == 1:
+        return values
+    return values.astype(object) * factor
 
 
-def _bandwidth(z: NDArray[Any], slopes: NDArray[Any], curvatures: NDArray[Any]) -> float:
-    """Nayak's m0 m4 / m2^2 along one axis."""
-    if not curvatures.size or not (m2 := _mean_square(slopes)):
+def _bandwidth(z: Whole, slopes: Whole, curvatures: Whole) -> float:
+    """Return Nayak's bandwidth m0 m4 / m2^2 along an axis [1]; NaN without curvatures or slopes.
+
+    `z` are heights, `slopes` and `curvatures` their first and second differences along the axis.
+    """
+    if not curvatures.size:
         return nan
-    mean = Fraction(sum(value * count for value, count in _counts(z)), z.size)
-    return float((_mean_square(z) - mean**2) * _mean_square(curvatures) / m2**2)
+    m2 = _mean_square(slopes)
+    if not m2:
+        return nan
+    mean = Fraction(_total(_counts(z)), z.size)
+    m0 = _mean_square(z) - mean**2
+    return float(m0 * _mean_square(curvatures) / m2**2)
 
 
-def _mean_square(values: NDArray[Any]) -> Fraction:
-    return Fraction(
-        sum(value * value * count for value, count in _counts(values)), values.size
-    )
+def _mean_square(values: Whole) -> Fraction:
+    """Return the mean of the squares of whole numbers."""
+    squares = ((value * value, count) for value, count in _counts(values))
+    return Fraction(_total(squares), values.size)
 
 
-def _counts(values: NDArray[Any]) -> list[tuple[int, int]]:
-    """Each value, and how often it is there."""
+def _total(counts: Iterable[tuple[int, int]]) -> int:
+    """Return the sum of numbers, given as pairs of a number and its count."""
+    return sum(value * count for value, count in counts)
+
+
+def _counts(values: Whole) -> list[tuple[int, int]]:
+    """Return pairs of each distinct number, in rising order, and its count."""
     distinct, counts = np.unique(values, return_counts=True)
     return list(zip(distinct.tolist(), counts.tolist(), strict=True))

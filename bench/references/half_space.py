@@ -1,7 +1,7 @@
-"""The elastic half-space, written independently of `bem`, whose results are checked against it.
+"""The elastic half-space, written independently of `bem`, whose results are compared with it.
 
-Lengths are in units of a cell's first side and E* = 1. Love's closed form serves at every
-distance, SciPy convolves and solves.
+Lengths are in units of a cell's first side, and E* = 1. Love's closed form gives the coefficients
+at every distance; SciPy convolves and solves.
 """
 
 from functools import lru_cache
@@ -14,22 +14,41 @@ from scipy.sparse.linalg import LinearOperator, cg
 from bem.influence import Kernel
 
 Field = NDArray[np.float64]
-Long = NDArray[np.longdouble]
+"""Values at the nodes, of shape (nx, ny) unless a function states another one."""
 
-FLAT_PUNCH_RTOL = 1e-13  # of conjugate gradients, in the 2-norm
+Long = NDArray[np.longdouble]
+"""Numbers of the machine's longest floating-point type."""
+
+FLAT_PUNCH_RTOL = 1e-13
+"""Relative residual at which the conjugate gradients of `flat_punch` end, in the 2-norm [1]."""
 
 
 @lru_cache(maxsize=16)
 def influence_coefficients(
     shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0
 ) -> Field:
-    """Displacement at a cell's centre from unit pressure on the cell (i, j) away.
+    """Compute the displacement at a cell's centre by unit pressure on the cell (i, j) away.
 
-    The kernel is "uniform-pressure", after Love (1929), or "concentrated-force", as in MIRCO, which
-    is for square cells; the aspect is the second side of a cell over its first side [1]. Return a
-    read-only array of the shape [first side of a cell x pressure / E*].
+    Calls with equal arguments return one array.
+
+    Parameters
+    ----------
+    shape : (int, int)
+        Numbers of offsets along x and y.
+    kernel : {"uniform-pressure", "concentrated-force"}
+        Uniform pressure on the cell, after Love (1929), or MIRCO's force on a disc, which is for
+        square cells.
+    aspect : float
+        Second side of a cell over its first [1].
+
+    Returns
+    -------
+    ndarray, shape `shape`
+        Coefficients, read-only [first side of a cell / E*].
     """
-    x, y = (index.astype(np.longdouble) for index in np.indices(shape))
+    rows, columns = np.indices(shape)
+    x = rows.astype(np.longdouble)
+    y = columns.astype(np.longdouble)
     if kernel == "uniform-pressure":
         table = _uniform_pressure(x, y * aspect, aspect)
     else:
@@ -40,25 +59,36 @@ def influence_coefficients(
 
 
 def _uniform_pressure(x: Long, y: Long, aspect: float) -> Long:
-    """Johnson (1985), eq. 3.25, in the machine's longest numbers: far away it cancels."""
-    left, right = x - 0.5, x + 0.5
-    lower, upper = y - 0.5 * aspect, y + 0.5 * aspect
-    total: Long = right * _log_ratio(right, upper, lower) - left * _log_ratio(
-        left, upper, lower
-    )
-    total += upper * _log_ratio(upper, right, left) - lower * _log_ratio(
-        lower, right, left
-    )
+    """Return the displacement at the offset (x, y) by unit pressure on a cell of 1 by `aspect`.
+
+    Johnson (1985), eq. 3.25. Its terms cancel far away, which the longest numbers allow for.
+    """
+    x_low = x - 0.5
+    x_high = x + 0.5
+    y_low = y - 0.5 * aspect
+    y_high = y + 0.5 * aspect
+    of_x_high = x_high * _log_ratio(x_high, y_high, y_low)
+    of_x_low = x_low * _log_ratio(x_low, y_high, y_low)
+    total: Long = of_x_high - of_x_low
+    of_y_high = y_high * _log_ratio(y_high, x_high, x_low)
+    of_y_low = y_low * _log_ratio(y_low, x_high, x_low)
+    total += of_y_high - of_y_low
     return total / np.pi
 
 
 def _log_ratio(across: Long, far: Long, near: Long) -> Long:
-    ratio = (far + np.hypot(across, far)) / (near + np.hypot(across, near))
+    """Return the logarithm in a term of Love's solution, for an edge at the distance `across`."""
+    to_far = np.hypot(across, far)
+    to_near = np.hypot(across, near)
+    ratio = (far + to_far) / (near + to_near)
     return np.asarray(np.log(ratio))
 
 
 def _concentrated_force(distance: Long) -> Long:
-    """A force on a disc of half a cell's radius, 2/pi asin(1/(2 r)); MIRCO's diagonal is 2/pi."""
+    """Return the displacement 2/pi asin(1/(2 r)) by a force on a disc of half a cell's radius.
+
+    `distance` holds r, and its first entry is overwritten; there the result is MIRCO's 2/pi.
+    """
     distance[0, 0] = 0.5
     table: Long = 2 / np.pi * np.arcsin(0.5 / distance)
     table[0, 0] = 2 / np.pi
@@ -66,29 +96,60 @@ def _concentrated_force(distance: Long) -> Long:
 
 
 def displacement(pressure: Field, kernel: Kernel, aspect: float = 1.0) -> Field:
-    """Return the displacement [first side of a cell] under a pressure [E*], convolved by SciPy."""
+    """Compute the displacement under a pressure by SciPy's convolution.
+
+    Parameters
+    ----------
+    pressure : ndarray, shape (nx, ny)
+        Contact pressure [E*].
+    kernel : {"uniform-pressure", "concentrated-force"}
+        Kernel, as for `influence_coefficients`.
+    aspect : float
+        Second side of a cell over its first [1].
+
+    Returns
+    -------
+    ndarray, shape (nx, ny)
+        Displacement [first side of a cell].
+    """
     table = influence_coefficients(pressure.shape, kernel, aspect)
-    mirrored = table[
-        np.ix_(*(np.abs(np.arange(1 - nodes, nodes)) for nodes in table.shape))
-    ]
+    offsets = [np.abs(np.arange(1 - nodes, nodes)) for nodes in table.shape]
+    mirrored = table[np.ix_(*offsets)]
     moved: Field = fftconvolve(mirrored, pressure, mode="valid")
     return moved
 
 
 @lru_cache(maxsize=16)
 def flat_punch(shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0) -> Field:
-    """Return the read-only pressure that moves every node by one unit [E* / first side of a cell].
+    """Find the pressure that moves every node by one unit, by SciPy's conjugate gradients.
 
-    By SciPy's conjugate gradients; raises ArithmeticError if they do not reach `FLAT_PUNCH_RTOL`.
+    Calls with equal arguments return one array.
+
+    Parameters
+    ----------
+    shape : (int, int)
+        Nodes along x and y.
+    kernel : {"uniform-pressure", "concentrated-force"}
+        Kernel, as for `influence_coefficients`.
+    aspect : float
+        Second side of a cell over its first [1].
+
+    Returns
+    -------
+    ndarray, shape `shape`
+        Pressure, read-only [E* / first side of a cell].
+
+    Raises
+    ------
+    ArithmeticError
+        If the residual does not fall to `FLAT_PUNCH_RTOL`.
     """
+
+    def moved(pressure: Field) -> Field:
+        return displacement(pressure.reshape(shape), kernel, aspect).reshape(-1)
+
     nodes = shape[0] * shape[1]
-    matrix = LinearOperator(
-        (nodes, nodes),
-        matvec=lambda values: displacement(values.reshape(shape), kernel, aspect).reshape(
-            -1
-        ),
-        dtype=np.float64,
-    )
+    matrix = LinearOperator((nodes, nodes), matvec=moved, dtype=np.float64)
     values, failure = cg(matrix, np.ones(nodes), rtol=FLAT_PUNCH_RTOL)
     if failure:
         raise ArithmeticError(
@@ -100,6 +161,24 @@ def flat_punch(shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0) -> F
 
 
 def critical_delta(heights: Field, kernel: Kernel, aspect: float = 1.0) -> float:
-    """Delta* of a compliant far field: the flat punch's mean of the depth below the top [um]."""
+    """Compute Delta*, below which a displacement of a compliant far field has a solution.
+
+    It is the mean depth below the highest node, weighted by the pressure of a flat punch.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights of the surface [um].
+    kernel : {"uniform-pressure", "concentrated-force"}
+        Kernel, as for `influence_coefficients`.
+    aspect : float
+        Second side of a cell over its first [1].
+
+    Returns
+    -------
+    float
+        Displacement Delta* [um].
+    """
     depth = heights.max() - heights
-    return float(np.average(depth, weights=flat_punch(heights.shape, kernel, aspect)))
+    weights = flat_punch(heights.shape, kernel, aspect)
+    return float(np.average(depth, weights=weights))

@@ -1,4 +1,8 @@
-"""Random surfaces of every kind, on any grid, for properties that hold on all of them."""
+"""Random surfaces of many kinds, on any grid, for properties that hold on all of them.
+
+A kind is a function of a random generator, whose state it moves, and of the shape. It returns
+heights in any unit.
+"""
 
 from collections.abc import Callable
 
@@ -8,45 +12,151 @@ from bench.references.half_space import Field
 
 Random = np.random.Generator
 Shape = tuple[int, int]
+"""Nodes along x and y."""
+
+HURST = 0.7
+"""Hurst exponent of the self-affine surfaces [1]."""
 
 
 def self_affine(random: Random, shape: Shape) -> Field:
-    """Random phases under a power law, Hurst exponent 0.7; periodic, so cut from a larger one."""
-    periods = 2 * shape[0], 2 * shape[1]
-    frequency = np.hypot(np.fft.fftfreq(periods[0])[:, None], np.fft.rfftfreq(periods[1]))
+    """Draw random phases under a power law.
+
+    The waves are periodic; the surface is cut out of one of twice as many nodes a side, so that it
+    is not.
+
+    Parameters
+    ----------
+    random : numpy.random.Generator
+        Source of random numbers, whose state moves.
+    shape : (int, int)
+        Nodes along x and y.
+
+    Returns
+    -------
+    ndarray, shape `shape`
+        Heights.
+    """
+    rows, columns = shape
+    periods = (2 * rows, 2 * columns)
+    along = np.fft.fftfreq(2 * rows)[:, None]
+    across = np.fft.rfftfreq(2 * columns)
+    frequency = np.hypot(along, across)
     frequency[0, 0] = np.inf
     noise = np.fft.rfft2(random.standard_normal(periods))
-    heights = np.fft.irfft2(noise * frequency ** -(1 + 0.7), s=periods)
-    return np.asarray(heights[: shape[0], : shape[1]])
+    amplitudes = noise * frequency ** -(1 + HURST)
+    heights = np.fft.irfft2(amplitudes, s=periods)
+    return np.asarray(heights[:rows, :columns])
 
 
 def paraboloid(random: Random, shape: Shape) -> Field:
-    """A body of revolution, its tip anywhere on the patch."""
-    (x, y), tip = np.ogrid[: shape[0], : shape[1]], random.uniform(0, shape)
-    return np.asarray(-((x - tip[0]) ** 2) - (y - tip[1]) ** 2)
+    """Draw a paraboloid with its tip anywhere on the patch.
+
+    Parameters
+    ----------
+    random : numpy.random.Generator
+        Source of random numbers, whose state moves.
+    shape : (int, int)
+        Nodes along x and y.
+
+    Returns
+    -------
+    ndarray, shape `shape`
+        Heights.
+    """
+    rows, columns = shape
+    x, y = np.ogrid[:rows, :columns]
+    tip_x, tip_y = random.uniform(0, shape)
+    along = x - tip_x
+    across = y - tip_y
+    return np.asarray(-(along**2) - across**2)
 
 
 def tilted_plane(random: Random, shape: Shape) -> Field:
-    """A plane of any slope."""
-    (x, y), slope = np.ogrid[: shape[0], : shape[1]], random.standard_normal(2)
-    return np.asarray(slope[0] * x + slope[1] * y)
+    """Draw a plane of any slope.
+
+    Parameters
+    ----------
+    random : numpy.random.Generator
+        Source of random numbers, whose state moves.
+    shape : (int, int)
+        Nodes along x and y.
+
+    Returns
+    -------
+    ndarray, shape `shape`
+        Heights.
+    """
+    rows, columns = shape
+    x, y = np.ogrid[:rows, :columns]
+    slope_x, slope_y = random.standard_normal(2)
+    return np.asarray(slope_x * x + slope_y * y)
 
 
 def waves(random: Random, shape: Shape) -> Field:
-    """Crossed or parallel ridges, down to two nodes a wave."""
-    along, across = random.uniform(0, np.pi, 2) * random.integers(0, 2, 2)
-    x, y = np.ogrid[: shape[0], : shape[1]]
-    return np.asarray(np.cos(along * x) + np.cos(across * y))
+    """Draw crossed or parallel ridges, or a flat surface; the shortest waves have two nodes.
+
+    Parameters
+    ----------
+    random : numpy.random.Generator
+        Source of random numbers, whose state moves.
+    shape : (int, int)
+        Nodes along x and y.
+
+    Returns
+    -------
+    ndarray, shape `shape`
+        Heights.
+    """
+    # An axis has a wave or none, with even chances.
+    rows, columns = shape
+    angles = random.uniform(0, np.pi, 2)
+    along, across = angles * random.integers(0, 2, 2)
+    x, y = np.ogrid[:rows, :columns]
+    waves_x = np.cos(along * x)
+    waves_y = np.cos(across * y)
+    return np.asarray(waves_x + waves_y)
 
 
 def spikes(random: Random, shape: Shape) -> Field:
-    """A few nodes of various heights on a plain."""
-    return np.where(random.random(shape) < 0.1, random.random(shape), 0.0)
+    """Draw a plain from which about one node in ten rises to a random height.
+
+    Parameters
+    ----------
+    random : numpy.random.Generator
+        Source of random numbers, whose state moves.
+    shape : (int, int)
+        Nodes along x and y.
+
+    Returns
+    -------
+    ndarray, shape `shape`
+        Heights from 0 to 1.
+    """
+    is_spike = random.random(shape) < 0.1
+    heights = random.random(shape)
+    return np.where(is_spike, heights, 0.0)
 
 
 def plateaus(random: Random, shape: Shape) -> Field:
-    """Two heights with straight borders and corners."""
-    rows, columns = (np.cumsum(random.random(nodes) < 0.3) % 2 for nodes in shape)
+    """Draw plateaus of two heights with straight borders and corners.
+
+    Parameters
+    ----------
+    random : numpy.random.Generator
+        Source of random numbers, whose state moves.
+    shape : (int, int)
+        Nodes along x and y.
+
+    Returns
+    -------
+    ndarray, shape `shape`
+        Heights of 0 and 1.
+    """
+    # Along each axis the height changes at three nodes in ten.
+    changes_x = random.random(shape[0]) < 0.3
+    changes_y = random.random(shape[1]) < 0.3
+    rows = np.cumsum(changes_x) % 2
+    columns = np.cumsum(changes_y) % 2
     return (rows[:, None] ^ columns).astype(float)
 
 
@@ -65,9 +175,25 @@ SURFACES: dict[str, Callable[[Random, Shape], Field]] = {
     "pits": lambda random, shape: -spikes(random, shape),
     "plateaus": plateaus,
 }
+"""The function that draws each kind of surface."""
 
 
 def surface(kind: str, shape: Shape, seed: int = 0) -> Field:
-    """(nx, ny) heights with a range of 1, or of 0 where the kind has none."""
+    """Draw a surface of a kind.
+
+    Parameters
+    ----------
+    kind : str
+        Name of the kind in `SURFACES`.
+    shape : (int, int)
+        Nodes along x and y.
+    seed : int
+        Seed of the surface.
+
+    Returns
+    -------
+    ndarray, shape `shape`
+        Heights with a range of 1, or of 0 if the surface is flat.
+    """
     heights = SURFACES[kind](np.random.default_rng(seed), shape)
     return heights / (np.ptp(heights) or 1.0)

@@ -1,18 +1,21 @@
 """Solvers by other people that can be compared with ours.
 
 **ContactMechanics** (Pastewka and others, MIT licence), free or periodic, controls displacement or
-force. It convolves on exactly twice the nodes a side, a period with a large prime factor for 257
-nodes: the variant with a margin runs on a size that the FFT likes, which its users would have to
-know. Version 1.8.3: `dual_minimize_proxy` needs `init_force` in spite of its default None.
+force. It convolves on exactly twice the nodes a side. For 257 nodes this has a large prime factor,
+which slows the FFT. The variant with a margin runs on more nodes that the FFT likes; users of the
+package would have to know this. In version 1.8.3, `dual_minimize_proxy` needs `init_force` in spite
+of its default None.
 
 **Tamaas** (Frérot and others, AGPL), non-periodic or periodic, controls force only. It solves the
-periodic problem, without a word, unless the operator is registered and the solver is told to use
-it, both. Version 2.9: the displacement it leaves lacks the far field's part, which is computed from
-the pressure, and not counted here.
+periodic problem without a warning unless the operator is registered and the solver is told to use
+it. In version 2.9, the displacement that it leaves lacks the far field's part; the reports compute
+it from the pressure, and do not count the time.
 
-**ASPHER** (Yastrebov, BSD), free or periodic, controls force only. Building it takes a C++17
-compiler, CMake and the headers of Eigen. Its nested grids need nodes = coarsest x 2^k a side, which
-2^k + 1 are not: they run with a margin.
+**ASPHER** (Yastrebov, BSD), free or periodic, controls force only. To build it one needs a C++17
+compiler, CMake and the headers of Eigen. Its nested grids need coarsest x 2^k nodes a side, which
+2^k + 1 nodes are not: they run with a margin.
+
+The functions that set a solver up import its package.
 """
 
 import importlib
@@ -34,12 +37,29 @@ from bench.solvers.solver import (
     Solver,
 )
 
-# Stiffness of the mean displacement of a periodic patch, which is to be zero [MPa / um].
 RIGID = 1e30
+"""Stiffness of the mean displacement of a periodic patch, which makes it zero [MPa / um]."""
+
+OPERATOR = "dcfft"
+"""Name under which Tamaas knows its operator for free boundaries."""
+
+COARSEST = 32
+"""Fewest nodes a side of the coarsest of ASPHER's nested grids."""
 
 
 def fast_grid(nodes: int) -> int:
-    """Smallest number of nodes a side without prime factors above 5."""
+    """Return the smallest number of nodes a side whose FFT has no prime factors above 5.
+
+    Parameters
+    ----------
+    nodes : int
+        Fewest nodes a side.
+
+    Returns
+    -------
+    int
+        Nodes a side.
+    """
     return int(fft.next_fast_len(nodes, real=True))
 
 
@@ -49,66 +69,101 @@ def primal_gradients(
     control: Control = "displacement",
     boundary: Boundary = "free",
 ) -> Press:
-    """Open ContactMechanics' default, Polonsky and Keer's conjugate gradients.
+    """Set up ContactMechanics' default, Polonsky and Keer's conjugate gradients.
 
-    The tolerance is the largest penetration over Delta, and the last change of the force over the
-    force; tension cut off in a step, or pressure above the hardness, is not bounded.
+    The tolerance bounds the largest penetration over Delta, and the last change of the force over
+    the force. It bounds neither tension that a step cuts off nor pressures above the hardness.
+
+    Parameters
+    ----------
+    nodes : int
+        Nodes a side.
+    spacing : float
+        Spacing of the nodes [um].
+    control : {"displacement", "force"}
+        Quantity that the solver is given.
+    boundary : {"free", "periodic"}
+        Boundary of the patch.
+
+    Returns
+    -------
+    callable
+        Function that solves a case.
     """
-    system = _systems(nodes, spacing, boundary)
+    system_of = _systems(nodes, spacing, boundary)
 
     def press(case: Case, force: float, tolerance: float) -> Answer:
-        by_force = {"external_force": force}
-        result = system(case).minimize_proxy(
-            **(
-                by_force
-                if control == "force"
-                else {"offset": case.delta - case.heights.max()}
-            ),
+        load = {"offset": case.delta - case.heights.max()}
+        if control == "force":
+            load = {"external_force": force}
+        result = system_of(case).minimize_proxy(
+            **load,
             pentol=tolerance * case.delta,
             thermotol=tolerance,
             forcetol=np.inf,
             maxiter=MAX_ITERATIONS,
         )
-        return _cm_answer(result, result.jac / spacing**2, int(result.nfev))
+        pressure = result.jac / spacing**2
+        return _cm_answer(result, pressure, convolutions=int(result.nfev))
 
     return press
 
 
 def dual_gradients(nodes: int, spacing: float, boundary: Boundary = "free") -> Press:
-    """Open ContactMechanics' gradients in pressures, after Bugnicourt and others (2018).
+    """Set up ContactMechanics' gradients in pressures, after Bugnicourt and others (2018).
 
-    The tolerance is the largest residual gap over Delta. Starts from the overlap as a pressure,
-    with which it is faster than from zero.
+    The tolerance bounds the largest residual gap over Delta. The solver starts from the overlap as
+    a pressure, which is faster than starting from zero.
+
+    Parameters
+    ----------
+    nodes : int
+        Nodes a side.
+    spacing : float
+        Spacing of the nodes [um].
+    boundary : {"free", "periodic"}
+        Boundary of the patch.
+
+    Returns
+    -------
+    callable
+        Function that solves a case.
     """
-    system = _systems(nodes, spacing, boundary)
+    system_of = _systems(nodes, spacing, boundary)
 
     def press(case: Case, force: float, tolerance: float) -> Answer:
         offset = case.delta - case.heights.max()
-        result = system(case).dual_minimize_proxy(
+        result = system_of(case).dual_minimize_proxy(
             offset=offset,
             init_force=np.maximum(case.heights + offset, 0) * spacing,
             solver="ccg-without-restart",
             gtol=tolerance * case.delta,
             maxiter=MAX_ITERATIONS,
         )
-        return _cm_answer(result, np.reshape(result.x, case.heights.shape) / spacing**2)
+        pressure = np.reshape(result.x, case.heights.shape) / spacing**2
+        return _cm_answer(result, pressure)
 
     return press
 
 
 def _systems(nodes: int, spacing: float, boundary: Boundary) -> Callable[[Case], Any]:
-    """Return what poses a case on the substrate, whose coefficients are kept for all contacts."""
-    package, surface = map(
-        importlib.import_module, ("ContactMechanics", "SurfaceTopography")
-    )
-    sides = nodes * spacing, nodes * spacing
-    if boundary == "free":
-        half_space, more = package.FreeFFTElasticHalfSpace, {}
-    else:
-        half_space, more = package.PeriodicFFTElasticHalfSpace, {"stiffness_q0": RIGID}
-    substrate = half_space((nodes, nodes), young=1.0, physical_sizes=sides, **more)
+    """Return a function that makes ContactMechanics' system of a case.
 
-    def system(case: Case) -> Any:
+    All systems share one substrate of `nodes` a side at a spacing [um], with its coefficients.
+    """
+    package = importlib.import_module("ContactMechanics")
+    surface = importlib.import_module("SurfaceTopography")
+    sides = (nodes * spacing, nodes * spacing)
+    if boundary == "free":
+        substrate = package.FreeFFTElasticHalfSpace(
+            (nodes, nodes), young=1.0, physical_sizes=sides
+        )
+    else:
+        substrate = package.PeriodicFFTElasticHalfSpace(
+            (nodes, nodes), young=1.0, physical_sizes=sides, stiffness_q0=RIGID
+        )
+
+    def system_of(case: Case) -> Any:
         topography = surface.Topography(
             case.heights, physical_sizes=sides, periodic=boundary == "periodic"
         )
@@ -117,22 +172,34 @@ def _systems(nodes: int, spacing: float, boundary: Boundary) -> Callable[[Case],
         plastic = surface.PlasticTopography(topography, case.hardness)
         return package.make_plastic_system(substrate=substrate, surface=plastic)
 
-    return system
+    return system_of
 
 
 def _cm_answer(result: Any, pressure: Any, convolutions: int | None = None) -> Answer:
+    """Return ContactMechanics' pressure [MPa] as an answer; raises Failure if it was not found."""
     if not result.success:
         raise Failure(str(result.message))
     return Answer(np.asarray(pressure), convolutions)
 
 
-OPERATOR = "dcfft"
-
-
 def projected_gradients(nodes: int, spacing: float, boundary: Boundary = "free") -> Press:
-    """Open Tamaas' projected conjugate gradients, `PolonskyKeerRey`.
+    """Set up Tamaas' projected conjugate gradients, `PolonskyKeerRey`.
 
-    The tolerance is on its own measure of the sum of pressure times gap.
+    The tolerance bounds Tamaas' own measure of the sum of pressure times gap.
+
+    Parameters
+    ----------
+    nodes : int
+        Nodes a side.
+    spacing : float
+        Spacing of the nodes [um].
+    boundary : {"free", "periodic"}
+        Boundary of the patch.
+
+    Returns
+    -------
+    callable
+        Function that solves a case.
     """
     package = importlib.import_module("tamaas")
     package.set_log_level(package.LogLevel.error)
@@ -140,7 +207,8 @@ def projected_gradients(nodes: int, spacing: float, boundary: Boundary = "free")
     model = package.ModelFactory.createModel(
         package.model_type.basic_2d, sides, [nodes, nodes]
     )
-    model.E, model.nu = 1.0, 0.0
+    model.E = 1.0
+    model.nu = 0.0
     if boundary == "free":
         package.ModelFactory.registerNonPeriodic(model, OPERATOR)
 
@@ -159,16 +227,35 @@ def projected_gradients(nodes: int, spacing: float, boundary: Boundary = "free")
     return press
 
 
-COARSEST = 32  # nodes a side that the coarsest of the nested grids has at least
-
-
 def levels(nodes: int) -> int:
-    """How often a grid may be halved."""
+    """Count how often a grid may be halved to no fewer than `COARSEST` nodes a side.
+
+    Parameters
+    ----------
+    nodes : int
+        Nodes a side.
+
+    Returns
+    -------
+    int
+        Number of halvings, at least 0.
+    """
     return max((nodes // COARSEST).bit_length() - 1, 0)
 
 
 def nested_grid(nodes: int) -> int:
-    """Smallest number of nodes a side that can be halved that often."""
+    """Return the smallest grid, no smaller than the given one, that can be halved `levels` times.
+
+    Parameters
+    ----------
+    nodes : int
+        Fewest nodes a side.
+
+    Returns
+    -------
+    int
+        Nodes a side.
+    """
     step: int = 2 ** levels(nodes)
     return -(-nodes // step) * step
 
@@ -176,10 +263,26 @@ def nested_grid(nodes: int) -> int:
 def single_grid(
     nodes: int, spacing: float, precond: str = "fourier", backend: str = "fft"
 ) -> Press:
-    """Open ASPHER's Polonsky and Keer with its |q| preconditioner, a stencil or "fourier-fft".
+    """Set up ASPHER's Polonsky and Keer with its |q| preconditioner, in double precision.
 
-    In double precision. The tolerance is on Frank and Wolfe's duality gap over the force, and on
-    the largest penetration, both over the range of heights.
+    The tolerance bounds Frank and Wolfe's duality gap over the force, and the largest penetration,
+    both over the range of heights.
+
+    Parameters
+    ----------
+    nodes : int
+        Nodes a side.
+    spacing : float
+        Spacing of the nodes [um].
+    precond : {"fourier", "fourier-fft"}
+        Preconditioner: by a stencil, or by transforms of the grid.
+    backend : {"fft", "periodic"}
+        Boundary of the patch, "fft" for a free one.
+
+    Returns
+    -------
+    callable
+        Function that solves a case.
     """
     solver = importlib.import_module("aspher").ContactSolver(
         grid_size=nodes, domain_size=nodes * spacing, E_star=1.0, backend=backend
@@ -188,10 +291,25 @@ def single_grid(
 
 
 def nested_grids(nodes: int, spacing: float, engine: str, backend: str = "fft") -> Press:
-    """Open ASPHER from coarse to fine grids, in single and then double precision.
+    """Set up ASPHER from coarse to fine grids, in single and then double precision.
 
-    Every call sets up every grid: that is in the time of the solve. The engine of the
-    preconditioner is "stencil", on the nodes in contact, or "fft", by transforms of the grid.
+    Every solve sets up every grid, which its time includes. The tolerance is that of `single_grid`.
+
+    Parameters
+    ----------
+    nodes : int
+        Nodes a side.
+    spacing : float
+        Spacing of the nodes [um].
+    engine : {"stencil", "fft"}
+        Preconditioner: on the nodes in contact, or by transforms of the grid.
+    backend : {"fft", "periodic"}
+        Boundary of the patch, "fft" for a free one.
+
+    Returns
+    -------
+    callable
+        Function that solves a case.
     """
     solve = partial(
         importlib.import_module("aspher").solve_nested,
@@ -207,6 +325,7 @@ def nested_grids(nodes: int, spacing: float, engine: str, backend: str = "fft") 
 
 
 def _press_aspher(solve: Any, case: Case, force: float, tolerance: float) -> Answer:
+    """Solve a case by a function of ASPHER; raises Failure if it does not converge."""
     result = solve(
         -case.heights.ravel(),
         p_nominal=case.mean_pressure(force),
@@ -218,38 +337,71 @@ def _press_aspher(solve: Any, case: Case, force: float, tolerance: float) -> Ans
     return Answer(np.array(result.pressure).reshape(case.heights.shape))
 
 
-_cm = partial(Solver, package="ContactMechanics", install="pip install ContactMechanics")
-_by_force = partial(Solver, control="force")
+_contact_mechanics = partial(
+    Solver, package="ContactMechanics", install="pip install ContactMechanics"
+)
 _aspher = partial(
-    _by_force,
+    Solver,
     package="aspher",
     install="pip install aspher, which builds with C++17, CMake 3.18 and Eigen"
     " (Debian: apt-get install g++ cmake libeigen3-dev)",
+    control="force",
 )
-_nested = partial(_aspher, grid=nested_grid)
 
 OTHERS: tuple[Solver, ...] = (
-    _cm("ContactMechanics primal", primal_gradients, plastic=True),
-    _cm("ContactMechanics dual", dual_gradients),
-    _cm("ContactMechanics dual, margin", dual_gradients, grid=fast_grid),
-    _by_force(
+    _contact_mechanics("ContactMechanics primal", primal_gradients, plastic=True),
+    _contact_mechanics("ContactMechanics dual", dual_gradients),
+    _contact_mechanics("ContactMechanics dual, margin", dual_gradients, grid=fast_grid),
+    Solver(
         "Tamaas, margin",
         projected_gradients,
-        "tamaas",
-        "pip install tamaas",
+        package="tamaas",
+        install="pip install tamaas",
+        control="force",
         grid=fast_grid,
     ),
     _aspher("ASPHER", single_grid),
-    _nested("ASPHER nested, stencil, margin", partial(nested_grids, engine="stencil")),
-    _nested("ASPHER nested, FFT, margin", partial(nested_grids, engine="fft")),
+    _aspher(
+        "ASPHER nested, stencil, margin",
+        partial(nested_grids, engine="stencil"),
+        grid=nested_grid,
+    ),
+    _aspher(
+        "ASPHER nested, FFT, margin",
+        partial(nested_grids, engine="fft"),
+        grid=nested_grid,
+    ),
 )
+"""The solvers on free patches, whether they are installed or not."""
 
 
 def installed(solvers: Iterable[Solver] = OTHERS) -> list[Solver]:
-    """Return the solvers whose packages are installed."""
+    """Return the solvers whose packages are installed.
+
+    Parameters
+    ----------
+    solvers : iterable of Solver
+        The solvers.
+
+    Returns
+    -------
+    list of Solver
+        The installed ones, in their order.
+    """
     return [solver for solver in solvers if solver.version]
 
 
 def missing(solvers: Iterable[Solver] = OTHERS) -> dict[str, str]:
-    """Return the packages that are not installed, each with how to get it."""
+    """Return the packages of solvers that are not installed.
+
+    Parameters
+    ----------
+    solvers : iterable of Solver
+        The solvers.
+
+    Returns
+    -------
+    dict
+        Commands that install the packages, by package.
+    """
     return {solver.package: solver.install for solver in solvers if not solver.version}

@@ -1,11 +1,10 @@
-"""Cases of stiff and extreme input as data, their verdicts, and the tables that they make."""
+"""Cases of stiff and extreme input as data, their verdicts, and the tables of these verdicts."""
 
 import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pkgutil import resolve_name
-from typing import NamedTuple
 
 from bench.files import Row
 from bench.report import Report, remark
@@ -13,179 +12,315 @@ from gen.quantities import AREA, FORCE
 from gen.runtime.errors import InputError
 
 
-class Finding(NamedTuple):
-    """One number of a check, and the largest that passes; NaN counts as failed."""
+@dataclass(frozen=True)
+class Finding:
+    """One number of a check, and the largest number that passes."""
 
-    what: str
-    error: float
-    allowed: float
+    name: str  # name of the number in the table, as "force off its pressure"
+    error: float  # the number, in the unit that its check states; NaN never passes
+    allowed: float  # largest number that passes, in the same unit
 
     @property
     def passed(self) -> bool:
-        """Whether the deviation is small enough."""
+        """Whether the number is at most the allowed one."""
         return self.error <= self.allowed
 
     @property
     def rank(self) -> tuple[bool, float]:
-        """Order of findings: failed ones are the largest, then the share of the bound."""
+        """Key that sorts findings from good to bad: whether it failed, then its share of the bound.
+
+        The share is the number over the allowed one, or the number itself if zero is allowed. It
+        is infinite if the number is NaN.
+        """
         share = self.error / (self.allowed or 1.0)
-        return not self.passed, math.inf if math.isnan(share) else share
+        if math.isnan(share):
+            share = math.inf
+        return not self.passed, share
 
     def __str__(self) -> str:
-        """Both numbers, and which one is the larger."""
-        return f"{self.what} {self.error:.2g} {'≤' if self.passed else '>'} {self.allowed:.2g}"
+        """Return the name and both numbers, with the sign that tells which one is larger."""
+        sign = "≤" if self.passed else ">"
+        return f"{self.name} {self.error:.2g} {sign} {self.allowed:.2g}"
 
 
-class Refusal(NamedTuple):
-    """How input has to be refused: by exactly this error, in one line with these words."""
+@dataclass(frozen=True)
+class Refusal:
+    """The error with which input has to be refused."""
 
-    error: type[Exception]
-    words: tuple[str, ...]
+    error: type[Exception]  # exact class of the error; a subclass fails
+    words: tuple[str, ...]  # texts that the message has to contain
 
     def judge(self, raised: Exception | None) -> Iterator[Finding]:
-        """Compare an error with the wanted one."""
+        """Compare an error with the required one: its class, its lines and its words.
+
+        Parameters
+        ----------
+        raised : Exception or None
+            Error that the case has raised, None if it has raised none.
+
+        Yields
+        ------
+        Finding
+            Whether the class is another one, number of lines of the message (one is allowed), and
+            number of words that the message lacks.
+        """
         message = str(raised)
         missing = [word for word in self.words if word not in message]
+        is_other = type(raised) is not self.error
         yield Finding(
-            f"other than {self.error.__name__}", int(type(raised) is not self.error), 0
+            name=f"other than {self.error.__name__}",
+            error=int(is_other),
+            allowed=0,
         )
-        yield Finding("lines", len(message.splitlines()), 1)
-        yield Finding(", ".join(["words missing", *missing]), len(missing), 0)
+        yield Finding(
+            name="lines",
+            error=len(message.splitlines()),
+            allowed=1,
+        )
+        yield Finding(
+            name=", ".join(["words missing", *missing]),
+            error=len(missing),
+            allowed=0,
+        )
 
 
 @dataclass(frozen=True)
 class Answer:
-    """The answer to a case, judged.
+    """The answer to a case, and the findings that judge it.
 
-    `run_case` adds whether the case was refused as it should be, warnings, and its input in words.
+    `run_case` adds the input if the answer has none, the findings about a refusal, and a finding
+    for each warning.
     """
 
     out: str  # the answer in words, or the message of the error
-    findings: Sequence[Finding] = ()  # whether it is right
-    asked: str = ""  # the input in words
-    numbers: Mapping[str, object] = field(
-        default_factory=dict
-    )  # further columns of the table
-    raised: Exception | None = None  # the error, if there was no answer
+    findings: Sequence[Finding] = ()
+    input: str = ""  # the input in words; empty if the case describes it
+    # Further values of the row, by the names of the columns `NUMBERS`.
+    numbers: Mapping[str, object] = field(default_factory=dict)
+    raised: Exception | None = None  # the error, None if there was an answer
 
     @property
     def passed(self) -> bool:
-        """Whether there are findings, all within their bounds."""
+        """Whether there are findings, and all are within their bounds."""
         return bool(self.findings) and all(finding.passed for finding in self.findings)
 
     @property
     def failed(self) -> str:
-        """The findings beyond their bounds."""
+        """The findings beyond their bounds, in one line; empty if there are none."""
         return "; ".join(str(finding) for finding in self.findings if not finding.passed)
 
     @property
     def worst(self) -> Finding:
-        """The finding that is nearest to its bound, or furthest beyond."""
-        nothing = Finding("nothing was looked for", 1, 0)
+        """The finding with the highest rank; without any findings, one that fails."""
+        nothing = Finding("nothing was looked for", error=1, allowed=0)
         return max(self.findings, key=lambda finding: finding.rank, default=nothing)
 
 
 @dataclass(frozen=True)
 class Case:
-    """A row of a table: the kind of extreme, a name, the input in words, and how it is examined.
+    """A row of a table: input of one kind, and the function that examines the answer to it."""
 
-    `examine` returns an `Answer`, unless `refusal` says how the input has to be refused. Only the
-    full table has cases that are slow.
-    """
-
-    family: str
-    name: str
-    asked: str
+    family: str  # kind of the extreme, as "size"
+    name: str  # name of the case within its family
+    input: str  # the input in words; empty if the answer describes it
+    # Asks and judges. Returns an `Answer`; any other result counts as an answer without findings.
     examine: Callable[[], object]
-    refusal: Refusal | None = None
-    slow: bool = False
+    refusal: Refusal | None = (
+        None  # how the input has to be refused; None if it has an answer
+    )
+    slow: bool = False  # whether only the full table has the case
 
 
 def run_case(case: Case) -> Answer:
-    """Ask and judge; raises ModuleNotFoundError where an extra is missing."""
-    with warnings.catch_warnings(record=True) as warned:
+    """Run a case and judge it. Errors and warnings of the run become findings.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+
+    Returns
+    -------
+    Answer
+        The answer with all findings: about the refusal, of the case, and one for each warning.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If a package of an extra is not installed, which is no fault of the case.
+    """
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        try:
-            found = case.examine()
-            answer = found if isinstance(found, Answer) else Answer("an answer")
-        except ModuleNotFoundError:  # of an extra: nothing that the case is about
-            raise
-        except Exception as error:  # whatever else it is, the table is to show it
-            answer = Answer(one_line(error), raised=error)
-    conduct: list[Finding] = []
+        answer = _examined(case)
+    texts = dict.fromkeys(one_line(warning.message) for warning in caught)
+    of_warnings = [Finding(f"warning {text[:200]}", error=1, allowed=0) for text in texts]
+    findings = (*_refusal_findings(case, answer), *answer.findings, *of_warnings)
+    return replace(answer, input=answer.input or case.input, findings=findings)
+
+
+def _examined(case: Case) -> Answer:
+    """Return the answer of a case; an error becomes an answer that holds it."""
+    try:
+        answer = case.examine()
+    except ModuleNotFoundError:  # an extra is missing: this says nothing about the case
+        raise
+    except Exception as error:  # any error belongs into the table
+        return Answer(one_line(error), raised=error)
+    if isinstance(answer, Answer):
+        return answer
+    return Answer("an answer")
+
+
+def _refusal_findings(case: Case, answer: Answer) -> list[Finding]:
+    """Return the findings about the error of an answer; none if an answer was due and is there."""
     if case.refusal is not None:
-        conduct += case.refusal.judge(answer.raised)
-    elif answer.raised is not None:
-        conduct.append(
-            Finding(f"{type(answer.raised).__name__} instead of an answer", 1, 0)
-        )
-    texts = dict.fromkeys(one_line(warning.message) for warning in warned)
-    warnings_too = [Finding(f"warning {text[:200]}", 1, 0) for text in texts]
-    findings = (*conduct, *answer.findings, *warnings_too)
-    return replace(answer, asked=answer.asked or case.asked, findings=findings)
+        return list(case.refusal.judge(answer.raised))
+    if answer.raised is not None:
+        name = f"{type(answer.raised).__name__} instead of an answer"
+        return [Finding(name, error=1, allowed=0)]
+    return []
 
 
 def one_line(message: object) -> str:
-    """Return the words of an error or a warning in one line."""
+    """Return the words of an error or a warning in one line.
+
+    Parameters
+    ----------
+    message : object
+        The error or warning, or its text.
+
+    Returns
+    -------
+    str
+        The text, in which runs of white space are single blanks.
+    """
     return " ".join(str(message).split())
 
 
+@dataclass(frozen=True)
+class CaseTable:
+    """A table of cases."""
+
+    file: str  # name of the CSV file without its ending
+    title: str  # title in the text of the report
+    cases: str  # function that yields the cases, as "module:name" in this package
+
+
 TABLES = {
-    "surfaces": ("surfaces", "Generators and statistics", "surfaces:cases"),
-    "solver": ("stability", "The contact solver", "solver:cases"),
-    "hardness": ("hardness", "Random contacts that yield", "random_contacts:yielding"),
-    "edgeless": ("edgeless", "Random contacts without edges", "random_contacts:edgeless"),
-    "models": ("models", "The nine models", "models:cases"),
+    "surfaces": CaseTable("surfaces", "Generators and statistics", "surfaces:cases"),
+    "solver": CaseTable("stability", "The contact solver", "solver:cases"),
+    "hardness": CaseTable(
+        "hardness", "Random contacts that yield", "random_contacts:yielding"
+    ),
+    "edgeless": CaseTable(
+        "edgeless", "Random contacts without edges", "random_contacts:edgeless"
+    ),
+    "models": CaseTable("models", "The nine models", "models:cases"),
 }
-"""Files, titles and functions that yield the cases of tables, in the order of the work."""
+"""The tables by their names in the option --of, in the order in which they are made."""
 
 NUMBERS = (AREA.name, FORCE.in_tables, "residual", "iterations", "ordinary_iterations")
-"""Further columns of the solver's table."""
+"""Columns that only the solver's table has; the answers hold them as `Answer.numbers`."""
 
 
 def cases_of(table: str) -> list[Case]:
-    """Return the cases of a table, family after family; imports only what this table needs."""
-    return list(resolve_name(f"bench.stability.{TABLES[table][2]}")())
+    """Return the cases of a table; imports only the module that has them.
+
+    Parameters
+    ----------
+    table : str
+        Name of the table in `TABLES`.
+
+    Returns
+    -------
+    list of Case
+        All cases, also the slow ones, family after family.
+    """
+    cases = resolve_name(f"bench.stability.{TABLES[table].cases}")
+    return list(cases())
 
 
 def row_of(table: str, case: Case, answer: Answer) -> Row:
-    """Return a row of a table: the answer, its worst check, and all checks."""
+    """Return the row of a case.
+
+    Parameters
+    ----------
+    table : str
+        Name of the table in `TABLES`; the solver's table has further columns.
+    case : Case
+        The case.
+    answer : Answer
+        Its answer, from `run_case`.
+
+    Returns
+    -------
+    Row
+        The input, the answer, the worst finding, all findings, and the verdict "passed" or
+        "failed".
+    """
     worst = answer.worst
     row = {
         "family": case.family,
         "case": case.name,
-        "input": answer.asked,
+        "input": answer.input,
         "what_came_out": answer.out,
-        "check": worst.what,
+        "check": worst.name,
         "error": float(worst.error),
         "allowed": float(worst.allowed),
         "all_checks": "; ".join(map(str, answer.findings)),
         "verdict": "passed" if answer.passed else "failed",
     }
     if table == "solver":
-        row |= {"message": answer.out if answer.raised else "", "worst": str(worst)}
-        row |= {name: answer.numbers.get(name, "") for name in NUMBERS}
+        row["message"] = answer.out if answer.raised else ""
+        row["worst"] = str(worst)
+        for name in NUMBERS:
+            row[name] = answer.numbers.get(name, "")
     return row
 
 
 def report(full: bool, of: Sequence[str]) -> Report:
-    """Run the cases of some tables, of all unless named; only `full` tables have the slow ones.
+    """Run the cases of some tables, and print the progress on standard error.
 
-    An InputError is raised if there is no such table, before anything is run.
+    Parameters
+    ----------
+    full : bool
+        Whether the slow cases are run too.
+    of : sequence of str
+        Names of the tables in `TABLES`; empty for all of them.
+
+    Returns
+    -------
+    Report
+        The tables by the names of their files. The text counts the cases and names failed ones.
+
+    Raises
+    ------
+    InputError
+        If a name is that of no table, before any case is run.
     """
     unknown = [table for table in of if table not in TABLES]
     if unknown:
         raise InputError(f"--of {unknown[0]!r}: give one of {', '.join(TABLES)}")
-    tables, said = {}, []
+    tables: dict[str, list[Row]] = {}
+    lines: list[str] = []
     for table in of or TABLES:
-        cases = [case for case in cases_of(table) if full or not case.slow]
-        file, title, _ = TABLES[table]
-        remark(f"{title}: {len(cases)} cases")
-        judged = [(case, run_case(case)) for case in cases]
-        tables[file] = [row_of(table, *each) for each in judged]
-        failed = [(case, answer) for case, answer in judged if not answer.passed]
-        said.append(f"{title}: {len(judged)} cases, {len(failed)} failed")
-        said += [
-            f"  {case.family}, {case.name}: {answer.failed}" for case, answer in failed
-        ]
-    return Report(tables, text="\n".join(said))
+        answers = _run_table(table, full=full)
+        file = TABLES[table].file
+        tables[file] = [row_of(table, case, answer) for case, answer in answers]
+        lines.extend(_summary(table, answers))
+    return Report(tables, text="\n".join(lines))
+
+
+def _run_table(table: str, *, full: bool) -> list[tuple[Case, Answer]]:
+    """Return the cases of a table with their answers; only if `full`, the slow cases too."""
+    cases = [case for case in cases_of(table) if full or not case.slow]
+    remark(f"{TABLES[table].title}: {len(cases)} cases")
+    return [(case, run_case(case)) for case in cases]
+
+
+def _summary(table: str, answers: Sequence[tuple[Case, Answer]]) -> list[str]:
+    """Return the lines about a table: the counts, then a line for each failed case."""
+    failed = [(case, answer) for case, answer in answers if not answer.passed]
+    counts = f"{TABLES[table].title}: {len(answers)} cases, {len(failed)} failed"
+    names = [f"  {case.family}, {case.name}: {answer.failed}" for case, answer in failed]
+    return [counts, *names]

@@ -1,10 +1,12 @@
-"""Judgements of an answer of the solver that do not rely on it, and contacts as cases.
+"""Judgements of the solver's answers that do not rely on the solver, and contacts as cases.
 
-The problem is strictly convex: a pressure that is not negative, whose gap is not negative and
-which is zero where the gap is not, is its solution. `complementarity` proves that of every answer,
-with coefficients and a convolution of its own; the others look at what the answer states. Those
-that take further arguments before the problem and its contact are given them by
-`functools.partial`.
+The problem is strictly convex. Its solution is the only pressure that is not negative, whose gap
+is not negative, and which is zero where the gap is positive. `complementarity` proves this of
+every answer, with influence coefficients and a convolution that share no code with the solver. The
+other checks compare the numbers that an answer states.
+
+A check is called with the problem and its contact. `functools.partial` supplies the arguments that
+some checks take before these two.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -22,138 +24,387 @@ from bench.stability.case import Answer, Case, Finding, Refusal, one_line
 from bench.stability.setup import DELTA, Setup, cropped_paper, paper
 from gen.quantities import AREA, FORCE
 
-ROUNDING = 1e-9  # what two convolutions of the same pressure may differ by [Delta]
+ROUNDING = 1e-9
+"""Largest difference of two convolutions of one pressure through rounding [Delta]."""
 
 FOUR_ULP = 4 * float(np.finfo(np.float64).eps)
+"""Relative error that a handful of roundings may add up to."""
+
+MOST_TIMES_ORDINARY = 3.0
+"""Largest ratio of the iterations to the ordinary contact's, unless a case allows more."""
 
 Check = Callable[[Setup, bem.Contact], Iterable[Finding]]
+"""A function that judges the contact of a problem."""
+
 Displace = Callable[[Field, Kernel, float], Field]
+"""A function that returns the displacement under a pressure, as `half_space.displacement` does."""
 
 
-def complementarity(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
-    """The conditions of contact, from the pressure alone."""
+def complementarity(problem: Setup, contact: bem.Contact) -> Iterator[Finding]:
+    """Check the conditions of contact, from the pressure alone.
+
+    Parameters
+    ----------
+    problem : Setup
+        The problem.
+    contact : bem.Contact
+        Its contact.
+
+    Yields
+    ------
+    Finding
+        The largest violation by a gap [Delta]. Only if there are any, the number of nodes in
+        tension, and of those above the hardness.
+    """
     tension = int(np.count_nonzero(~(contact.pressure >= 0)))
-    beyond = int(np.count_nonzero(contact.pressure > asked.bound))
-    yield Finding("gap", violation(asked, contact.pressure), asked.rtol + ROUNDING)
+    too_high = int(np.count_nonzero(contact.pressure > problem.bound))
+    worst = violation(problem, contact.pressure)
+    yield Finding(
+        name="gap",
+        error=worst,
+        allowed=problem.rtol + ROUNDING,
+    )
     if tension:
-        yield Finding("nodes in tension", tension, 0)
-    if beyond:
-        yield Finding("nodes above the hardness", beyond, 0)
+        yield Finding(
+            name="nodes in tension",
+            error=tension,
+            allowed=0,
+        )
+    if too_high:
+        yield Finding(
+            name="nodes above the hardness",
+            error=too_high,
+            allowed=0,
+        )
 
 
 def honesty(
-    asked: Setup, contact: bem.Contact, displace: Displace = displacement
+    problem: Setup, contact: bem.Contact, displace: Displace = displacement
 ) -> Iterator[Finding]:
-    """Residual, force and area are those of the pressure."""
-    share = 100 * float(np.mean(contact.pressure > 0))
-    recomputed = violation(asked, contact.pressure, displace)
-    yield Finding("residual off", abs(contact.residual - recomputed), ROUNDING)
-    force = float(contact.pressure.sum()) * asked.cell_area
-    yield Finding("force off its pressure", deviation(contact.force, force), 1e-12)
-    yield Finding("area off its nodes", abs(contact.area_percent - share), 1e-12)
+    """Recompute the residual, force and area of a contact from its pressure, and compare.
+
+    Parameters
+    ----------
+    problem : Setup
+        The problem.
+    contact : bem.Contact
+        Its contact.
+    displace : callable
+        Function that returns the displacement under a pressure.
+
+    Yields
+    ------
+    Finding
+        Difference of the residual [Delta], of the force [1] and of the area [% of the patch].
+    """
+    recomputed = violation(problem, contact.pressure, displace)
+    yield Finding(
+        name="residual off",
+        error=abs(contact.residual - recomputed),
+        allowed=ROUNDING,
+    )
+    force = float(contact.pressure.sum()) * problem.cell_area
+    yield Finding(
+        name="force off its pressure",
+        error=deviation(contact.force, force),
+        allowed=1e-12,
+    )
+    percent = 100 * float(np.mean(contact.pressure > 0))
+    yield Finding(
+        name="area off its nodes",
+        error=abs(contact.area_percent - percent),
+        allowed=1e-12,
+    )
 
 
 def says_what_yields(
-    asked: Setup, contact: bem.Contact, displace: Displace = displacement
+    problem: Setup, contact: bem.Contact, displace: Displace = displacement
 ) -> Iterator[Finding]:
-    """Share, depth and flattened heights are those of the pressure."""
-    yielded = contact.pressure == asked.hardness
-    share = 100 * float(yielded.mean())
-    yield Finding("yielded share off", abs(contact.yielded_percent - share), 1e-12)
-    gap = gap_under(asked, contact.pressure, displace)
-    depth = np.where(yielded, np.maximum(-gap, 0.0), 0.0)
-    off = float(np.abs(contact.yielded_depth / asked.delta - depth).max())
-    yield Finding("yielded depth off", off, 1e-9)
-    off = float(np.abs(contact.flattened - (asked.surface - contact.yielded_depth)).max())
-    height = float(np.abs(asked.surface).max()) or 1.0
-    yield Finding("flattened heights off", off / height, 1e-15)
+    """Recompute from its pressure what a contact states about yielded nodes, and compare.
 
+    Parameters
+    ----------
+    problem : Setup
+        The problem, which has a hardness.
+    contact : bem.Contact
+        Its contact.
+    displace : callable
+        Function that returns the displacement under a pressure.
 
-def violation(asked: Setup, pressure: Field, displace: Displace = displacement) -> float:
-    """Largest |gap| under pressure or penetration elsewhere [Delta; um where Delta <= 0].
-
-    At yielded nodes only a gap counts, no penetration: that is the depth to which they yield.
+    Yields
+    ------
+    Finding
+        Difference of the yielded share [% of the patch], of the yielded depth [Delta], and of the
+        flattened heights [largest height].
     """
-    return worst_gap(pressure, gap_under(asked, pressure, displace), asked.bound)
+    yielded = contact.pressure == problem.hardness
+    percent = 100 * float(yielded.mean())
+    yield Finding(
+        name="yielded share off",
+        error=abs(contact.yielded_percent - percent),
+        allowed=1e-12,
+    )
+    gap = gap_under(problem, contact.pressure, displace)
+    depth = np.where(yielded, np.maximum(-gap, 0.0), 0.0)
+    stated = contact.yielded_depth / problem.delta
+    yield Finding(
+        name="yielded depth off",
+        error=float(np.abs(stated - depth).max()),
+        allowed=1e-9,
+    )
+    flattened = problem.surface - contact.yielded_depth
+    off = float(np.abs(contact.flattened - flattened).max())
+    largest = float(np.abs(problem.surface).max()) or 1.0
+    yield Finding(
+        name="flattened heights off",
+        error=off / largest,
+        allowed=1e-15,
+    )
+
+
+def violation(
+    problem: Setup, pressure: Field, displace: Displace = displacement
+) -> float:
+    """Compute the largest violation of the conditions of contact by a pressure.
+
+    Parameters
+    ----------
+    problem : Setup
+        The problem.
+    pressure : ndarray, shape (nx, ny)
+        Contact pressure [MPa].
+    displace : callable
+        Function that returns the displacement under a pressure.
+
+    Returns
+    -------
+    float
+        The largest violation as of `worst_gap` [Delta, or um if Delta <= 0].
+    """
+    gap = gap_under(problem, pressure, displace)
+    return worst_gap(pressure, gap, problem.bound)
 
 
 def worst_gap(pressure: Field, gap: Field, bound: float) -> float:
-    """Return the largest violation of the conditions of contact by a pressure and its gap."""
-    wrong = np.where(pressure > 0, np.abs(gap), -gap)
-    worst = float(np.where(pressure >= bound * (1 - 1e-15), gap, wrong).max())
-    return np.inf if np.isnan(worst) else max(0.0, worst)
+    """Return the largest violation of the conditions of contact by a pressure and its gap.
+
+    Nodes under pressure violate them by a gap or a penetration, nodes without pressure by a
+    penetration, and yielded nodes by a gap: these penetrate by the depth to which they yield.
+
+    Parameters
+    ----------
+    pressure : ndarray
+        Contact pressure, of any shape.
+    gap : ndarray
+        Distance of the surfaces, of the shape of the pressure, negative where they penetrate.
+    bound : float
+        Hardness in the unit of the pressure; infinite for elastic bodies.
+
+    Returns
+    -------
+    float
+        The largest violation, at least 0, in the unit of the gap; infinite if one is NaN.
+    """
+    elastic = np.where(pressure > 0, np.abs(gap), -gap)
+    yielded = pressure >= bound * (1 - 1e-15)
+    worst = float(np.where(yielded, gap, elastic).max())
+    if np.isnan(worst):
+        return np.inf
+    return max(0.0, worst)
 
 
-def gap_under(asked: Setup, pressure: Field, displace: Displace = displacement) -> Field:
-    """Return the (nx, ny) distance left between the surfaces [Delta; um where Delta <= 0]."""
-    unit = asked.delta if asked.delta > 0 else 1.0
-    with np.errstate(
-        all="ignore"
-    ):  # what no number can hold fails as such, in `violation`
-        reduced: Field = pressure * (asked.compliance / unit)
-        approach = asked.delta / unit
-        if asked.far_field == "compliant":
-            punch = flat_punch(pressure.shape, asked.kernel, asked.aspect)
+def gap_under(
+    problem: Setup, pressure: Field, displace: Displace = displacement
+) -> Field:
+    """Compute the distance that a pressure leaves between the surfaces.
+
+    Parameters
+    ----------
+    problem : Setup
+        The problem.
+    pressure : ndarray, shape (nx, ny)
+        Contact pressure [MPa].
+    displace : callable
+        Function that returns the displacement under a pressure.
+
+    Returns
+    -------
+    ndarray, shape (nx, ny)
+        Distance, negative where the surfaces penetrate [Delta, or um if Delta <= 0].
+    """
+    unit = problem.delta if problem.delta > 0 else 1.0
+    # Numbers that overflow here make an infinite gap, which `violation` reports.
+    with np.errstate(all="ignore"):
+        reduced: Field = pressure * (problem.compliance / unit)
+        approach = problem.delta / unit
+        if problem.far_field == "compliant":
+            punch = flat_punch(pressure.shape, problem.kernel, problem.aspect)
             approach += float(reduced.sum() / punch.sum())
-        overlap = (asked.surface - asked.surface.max()) / unit + approach
-        gap: Field = displace(reduced, asked.kernel, asked.aspect) - overlap
+        depth = (problem.surface - problem.surface.max()) / unit
+        overlap = depth + approach
+        moved = displace(reduced, problem.kernel, problem.aspect)
+        gap: Field = moved - overlap
     return gap
 
 
 def unlike(first: ArrayLike, second: ArrayLike, decided: ArrayLike = True) -> int:
-    """Count decided nodes at which two fields differ."""
+    """Count the nodes at which two fields differ.
+
+    Parameters
+    ----------
+    first, second : array_like
+        Fields of equal shape.
+    decided : array_like of bool
+        Nodes that are compared: a field of that shape, or True for all nodes.
+
+    Returns
+    -------
+    int
+        Number of nodes that are compared and differ.
+    """
     return int(np.count_nonzero(np.not_equal(first, second) & decided))
 
 
 def has_force(
-    name: str, force: float, allowed: float, _asked: Setup, contact: bem.Contact
+    name: str, force: float, allowed: float, _problem: Setup, contact: bem.Contact
 ) -> Iterator[Finding]:
-    """The force [uN] is that of a closed form; `allowed` includes what the grid costs [1]."""
-    yield Finding(f"force off {name}", deviation(contact.force, force), allowed)
+    """Compare the force of a contact with a closed form.
+
+    Parameters
+    ----------
+    name : str
+        Name of the closed form.
+    force : float
+        Its force [uN].
+    allowed : float
+        Largest relative deviation, which includes the error of the grid [1].
+    _problem : Setup
+        The problem, which is not needed.
+    contact : bem.Contact
+        Its contact.
+
+    Yields
+    ------
+    Finding
+        Relative deviation of the force [1].
+    """
+    yield Finding(
+        name=f"force off {name}",
+        error=deviation(contact.force, force),
+        allowed=allowed,
+    )
 
 
 @lru_cache(maxsize=1)
 def _ordinary_contact() -> bem.Contact:
+    """Return the contact of the paper's surface at an ordinary displacement; solved once."""
     return Setup(paper(), DELTA).solve()
 
 
 def scales(
-    force: float, allowed: float, _asked: Setup, contact: bem.Contact
+    force: float, allowed: float, _problem: Setup, contact: bem.Contact
 ) -> Iterator[Finding]:
-    """The ordinary contact in other units: its force times `force` [1], the same nodes."""
+    """Compare a contact with the ordinary one, of which it is a copy in other units.
+
+    Parameters
+    ----------
+    force : float
+        Expected force over that of the ordinary contact [1].
+    allowed : float
+        Largest relative deviation of the force [1].
+    _problem : Setup
+        The problem, which is not needed.
+    contact : bem.Contact
+        Its contact.
+
+    Yields
+    ------
+    Finding
+        Relative deviation of the force [1], and number of nodes in contact in one of both only.
+    """
     ordinary = _ordinary_contact()
     yield Finding(
-        "force off similarity", deviation(contact.force, force * ordinary.force), allowed
+        name="force off similarity",
+        error=deviation(contact.force, force * ordinary.force),
+        allowed=allowed,
     )
-    yield Finding("nodes off", unlike(contact.pressure > 0, ordinary.pressure > 0), 0)
-
-
-def is_nearly_elastic(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
-    """Force and contact nodes are those of the elastic contact, to the tolerance of both."""
-    elastic = replace(asked, hardness=None).solve()
     yield Finding(
-        "force off the elastic one", abs(contact.force / elastic.force - 1), asked.rtol
+        name="nodes off",
+        error=unlike(contact.pressure > 0, ordinary.pressure > 0),
+        allowed=0,
     )
-    off = unlike(contact.pressure > 0, elastic.pressure > 0)
-    yield Finding("nodes off the elastic contact", off, 0)
 
 
-def is_bearing_area(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
-    """The pressure is the hardness wherever the undeformed surfaces overlap."""
-    overlap = asked.surface - asked.surface.max() + asked.delta > 0
-    expected = np.where(overlap, asked.hardness or 0.0, 0.0)
-    yield Finding("nodes off the bearing area", unlike(contact.pressure, expected), 0)
+def is_nearly_elastic(problem: Setup, contact: bem.Contact) -> Iterator[Finding]:
+    """Compare the force and the nodes in contact with the elastic contact.
+
+    Parameters
+    ----------
+    problem : Setup
+        The problem, whose hardness is near the largest elastic pressure or above it.
+    contact : bem.Contact
+        Its contact.
+
+    Yields
+    ------
+    Finding
+        Relative deviation of the force [1], and number of nodes in contact in one of both only.
+    """
+    elastic = replace(problem, hardness=None).solve()
+    yield Finding(
+        name="force off the elastic one",
+        error=abs(contact.force / elastic.force - 1),
+        allowed=problem.rtol,
+    )
+    yield Finding(
+        name="nodes off the elastic contact",
+        error=unlike(contact.pressure > 0, elastic.pressure > 0),
+        allowed=0,
+    )
+
+
+def is_bearing_area(problem: Setup, contact: bem.Contact) -> Iterator[Finding]:
+    """Check that the pressure is the hardness wherever the undeformed surfaces overlap.
+
+    Parameters
+    ----------
+    problem : Setup
+        The problem, whose hardness is so small that nothing deforms elastically.
+    contact : bem.Contact
+        Its contact.
+
+    Yields
+    ------
+    Finding
+        Number of nodes at which the pressure is another one.
+    """
+    overlap = problem.surface - problem.surface.max() + problem.delta > 0
+    expected = np.where(overlap, problem.hardness or 0.0, 0.0)
+    yield Finding(
+        name="nodes off the bearing area",
+        error=unlike(contact.pressure, expected),
+        allowed=0,
+    )
 
 
 def deviation(value: float, expected: float) -> float:
-    """Relative deviation; zero where both are zero."""
+    """Return the relative deviation of a value from the expected one.
+
+    Parameters
+    ----------
+    value, expected : float
+        Numbers of the same unit.
+
+    Returns
+    -------
+    float
+        Relative deviation [1]: 0 if both are equal, infinite if only zero was expected.
+    """
     if value == expected:
         return 0.0
-    return abs(value / expected - 1) if expected else np.inf
-
-
-# Iterations over those of the ordinary contact on the same grid, unless a case takes more.
-MOST_TIMES_ORDINARY = 3.0
+    if not expected:
+        return np.inf
+    return abs(value / expected - 1)
 
 
 def contact_case(
@@ -163,66 +414,117 @@ def contact_case(
     delta: float | Callable[[Field], float] = DELTA,
     *,
     checks: Sequence[Check] = (),
-    most: float = MOST_TIMES_ORDINARY,
+    largest_ratio: float = MOST_TIMES_ORDINARY,
     refusal: Refusal | None = None,
     slow: bool = False,
     **arguments: Any,
 ) -> Case:
-    """Make a case that solves a contact.
+    """Make a case that solves a contact and judges it.
 
-    The surface may be a function that makes it when the case is run [um], and `delta` one of its
-    heights [um]. `checks` and `most` are those of `judge`, further arguments fields of `Setup`.
+    Parameters
+    ----------
+    family : str
+        Kind of the extreme.
+    name : str
+        Name of the case within its family.
+    surface : array_like, shape (nx, ny), or callable
+        Heights [um], or a function that makes them when the case is run.
+    delta : float or callable
+        Displacement [um], or a function that returns it for the heights. It is not used if the
+        further arguments hold a load.
+    checks : sequence of Check
+        Checks besides the ones of every contact.
+    largest_ratio : float
+        Largest ratio of the iterations to the ordinary contact's on the grid.
+    refusal : Refusal, optional
+        How the input has to be refused.
+    slow : bool
+        Whether only the full table has the case.
+    **arguments
+        Further fields of `Setup`.
+
+    Returns
+    -------
+    Case
+        The case, whose answer describes its input.
     """
 
     def examine() -> Answer:
         heights = surface() if callable(surface) else surface
-        wanted = delta(np.asarray(heights, np.float64)) if callable(delta) else delta
-        asked = Setup(heights, wanted, **arguments)
+        displacement = delta
+        if callable(displacement):
+            displacement = displacement(np.asarray(heights, np.float64))
+        problem = Setup(heights, displacement, **arguments)
         try:
-            contact = asked.solve()
-        except Exception as error:  # whatever it is, `run_case` judges it
-            return Answer(one_line(error), asked=asked.describe(), raised=error)
-        if asked.pressure is not None:
-            asked = replace(asked, delta=contact.approach)
-        return judge(asked, contact, checks, most)
+            contact = problem.solve()
+        except Exception as error:  # any error: `run_case` judges it
+            return Answer(one_line(error), input=problem.describe(), raised=error)
+        if problem.pressure is not None:
+            # The checks need the displacement that belongs to the mean pressure.
+            problem = replace(problem, delta=contact.approach)
+        return judge(problem, contact, checks, largest_ratio)
 
-    return Case(family, name, "", examine, refusal, slow)
+    return Case(family, name, input="", examine=examine, refusal=refusal, slow=slow)
 
 
 def judge(
-    asked: Setup,
+    problem: Setup,
     contact: bem.Contact,
     checks: Sequence[Check] = (),
-    most: float = MOST_TIMES_ORDINARY,
+    largest_ratio: float = MOST_TIMES_ORDINARY,
 ) -> Answer:
     """Judge the contact that the solver has returned.
 
-    `checks` come besides complementarity, which every answer has to fulfil. A contact may take
-    `most` times the iterations of the ordinary one on its grid.
+    Parameters
+    ----------
+    problem : Setup
+        The problem.
+    contact : bem.Contact
+        Its contact.
+    checks : sequence of Check
+        Checks besides complementarity and honesty, which every contact has to pass.
+    largest_ratio : float
+        Largest ratio of the iterations to the ordinary contact's on the grid.
+
+    Returns
+    -------
+    Answer
+        The findings of all checks, with the columns `NUMBERS` of the row.
     """
-    first = ordinary_iterations(contact.pressure.shape)
-    findings = [
-        finding
-        for check in (*checks, complementarity)
-        for finding in check(asked, contact)
-    ]
-    findings += [
-        Finding("iterations", contact.iterations, asked.max_iterations),
-        Finding("times ordinary", contact.iterations / first, most),
-        *honesty(asked, contact),
-    ]
+    ordinary = ordinary_iterations(contact.pressure.shape)
+    findings: list[Finding] = []
+    for check in (*checks, complementarity):
+        findings.extend(check(problem, contact))
+    ratio = contact.iterations / ordinary
+    findings.append(Finding("iterations", contact.iterations, problem.max_iterations))
+    findings.append(Finding("times ordinary", ratio, allowed=largest_ratio))
+    findings.extend(honesty(problem, contact))
     numbers = {
         AREA.name: contact.area_percent,
         FORCE.in_tables: contact.force,
         "residual": contact.residual,
         "iterations": contact.iterations,
-        "ordinary_iterations": first,
+        "ordinary_iterations": ordinary,
     }
     out = f"{contact.area_percent:.4g} %, {contact.force:.6g} µN"
-    return Answer(out, findings, asked.describe(), numbers)
+    return Answer(out, findings, problem.describe(), numbers)
 
 
 @lru_cache(maxsize=64)
 def ordinary_iterations(shape: tuple[int, int]) -> int:
-    """Count iterations for the paper's surface, cropped to this grid, at Delta = 25 um."""
-    return max(Setup(cropped_paper(shape), spacing=1.0).solve().iterations, 1)
+    """Count the iterations of the ordinary contact on a grid; solved once for each grid.
+
+    The ordinary contact is the paper's surface, cropped to the grid, at Delta = 25 um.
+
+    Parameters
+    ----------
+    shape : (int, int)
+        Nodes along x and y.
+
+    Returns
+    -------
+    int
+        Number of iterations, at least 1.
+    """
+    contact = Setup(cropped_paper(shape), spacing=1.0).solve()
+    return max(contact.iterations, 1)

@@ -1,6 +1,6 @@
-"""Cases of the nine models: ordinary rows, the changes that spoil them, and what fits must do.
+"""Cases of the nine models: ordinary rows, changes that spoil rows, and checks of the fits.
 
-Models are fitted and asked as the product does it.
+Models are fitted and asked by the functions with which the product does it.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -33,16 +33,34 @@ from learn.surrogate.fitting import fit_target
 from learn.surrogate.learnt import Fit
 
 Change = Callable[[Dataset], Dataset]
-Check = Callable[["Asked"], Iterator[Finding]]
+"""A function that returns a changed copy of rows."""
+
+Check = Callable[["FittedModel"], Iterator[Finding]]
+"""A function that judges a fitted model."""
 
 ROWS = 90
+"""Number of rows."""
+
 NODES = 33
-SEEN = 60  # the first rows train; of the others 10 calibrate and 20 test
+"""Nodes a side of their surfaces."""
+
+SEEN = 60
+"""Number of the first rows, which train; of the other rows 10 calibrate and 20 test."""
+
 CALIBRATING = 10
+"""Most rows that calibrate."""
+
 SCENE = Scene.parse(f"samples = {ROWS}\n[surface]\nnodes = {NODES}\n", "the cases' scene")
+"""The scene of the rows: the paper's on a small grid."""
+
 SIDE = SCENE.sides[0]
-# Residual of a linear system over the size of its terms, which good elimination leaves [1].
+"""Scan length of the surfaces [um]."""
+
 BACKWARD = 1e-12
+"""Largest residual of a linear system after good elimination, over the size of its terms [1]."""
+
+FAR = (1e-12, 1e-3, 1e3, 1e12, 1e150, 1e300)
+"""Factors that put statistics far outside of the range of the training rows [1]."""
 
 FEWER: dict[str, dict[str, Any]] = {
     "random-forest": {"n_estimators": 20},
@@ -51,127 +69,231 @@ FEWER: dict[str, dict[str, Any]] = {
     "xgboost": {"n_estimators": 50},
     "mlp": {"max_iter": 30},
 }
-"""Of the tuned settings: less work, which nothing here depends on."""
+"""Settings by model that replace tuned ones to save work; no check depends on them."""
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedRows:
+    """The rows of the cases' scene, solved."""
+
+    described: Values  # Delta [um], then the 22 statistics; shape (ROWS, 23)
+    areas: Values  # contact areas [% of the patch], shape (ROWS,)
 
 
 @lru_cache(maxsize=1)
-def solved() -> tuple[Values, Values]:
-    """Return Delta and the 22 statistics, (n, 23), and the areas, (n,) [%]."""
+def solved() -> SolvedRows:
+    """Generate, describe and solve the rows of the cases' scene; done once."""
     plan = parameters(load("paper"), 0, ROWS)
-    surfaces = [surface_of(SCENE, plan, row) for row in range(ROWS)]
-    statistics = [[*describe(each, SCENE.spacing).values.values()] for each in surfaces]
-    pairs = zip(surfaces, plan.load.tolist(), strict=True)
-    areas = [bem.solve(heights, SIDE, delta).area_percent for heights, delta in pairs]
-    return np.column_stack([plan.load, statistics]), np.array(areas)
+    deltas = plan.load.tolist()
+    statistics: list[list[float]] = []
+    areas: list[float] = []
+    for row in range(ROWS):
+        heights = surface_of(SCENE, plan, row)
+        description = describe(heights, SCENE.spacing)
+        statistics.append(list(description.values.values()))
+        areas.append(bem.solve(heights, SIDE, deltas[row]).area_percent)
+    described = np.column_stack([plan.load, statistics])
+    return SolvedRows(described, np.array(areas))
 
 
 @lru_cache(maxsize=8)
 def ordinary(features: str = "paper") -> Dataset:
-    """Return the rows as a dataset of paper or dimensionless features; the target is the area."""
-    described, areas = solved()
-    wanted, numbers = chosen(features), Rows(described[:, 1:], described[:, 0], SIDE)
-    scale, none = wanted.scale(AREA.powers, numbers, 1.0), np.zeros(ROWS, dtype=np.int64)
+    """Return the rows of the cases' scene as a dataset whose target is the area.
+
+    Parameters
+    ----------
+    features : str
+        Kind of features, "paper" or "dimensionless".
+
+    Returns
+    -------
+    Dataset
+        The rows, unchanged; calls with equal arguments return one object.
+    """
+    rows = solved()
+    kind = chosen(features)
+    delta = rows.described[:, 0]
+    numbers = Rows(rows.described[:, 1:], delta, SIDE)
+    scale = kind.scale(AREA.powers, numbers, 1.0)
+    zeros = np.zeros(ROWS, dtype=np.int64)
     return Dataset(
-        inputs=wanted.of(numbers),
-        target=areas / scale,
+        inputs=kind.of(numbers),
+        target=rows.areas / scale,
         rows=np.arange(ROWS),
         groups=np.arange(ROWS),
-        database=none,
-        population=none,
+        database=zeros,
+        population=zeros,
         target_name="area_percent",
         unit="%",
         dropped={},
-        described=described,
+        described=rows.described,
         origins=(Origin("the cases' rows", "", SCENE, ROWS),),
         name="the cases' rows",
         powers=AREA.powers,
         scale=scale,
-        features=wanted,
+        features=kind,
     )
 
 
 def altered(
     part: str, where: Any, to: float | None = None, factor: float = 1.0
 ) -> Change:
-    """Set some of the rows' `inputs` or `target` to a number, or multiply them.
+    """Return a change that sets some numbers of the rows, or multiplies them.
 
-    `where` is any index of the array.
+    Parameters
+    ----------
+    part : {"inputs", "target"}
+        Field of the dataset.
+    where : index
+        Any index of its array.
+    to : float, optional
+        Number that is set.
+    factor : float
+        Factor of the numbers if none is set [1].
+
+    Returns
+    -------
+    callable
+        The change.
     """
 
     def change(rows: Dataset) -> Dataset:
         values = getattr(rows, part).copy()
-        values[where] = values[where] * factor if to is None else to
+        if to is None:
+            values[where] = values[where] * factor
+        else:
+            values[where] = to
         return replace(rows, **{part: values})
 
     return change
 
 
 def collinear(rows: Dataset) -> Dataset:
-    """Make one input twice another, and one the sum of two."""
+    """Make one input twice another one, and one input the sum of two.
+
+    Parameters
+    ----------
+    rows : Dataset
+        The rows, which stay as they are.
+
+    Returns
+    -------
+    Dataset
+        The changed rows.
+    """
     inputs = rows.inputs.copy()
-    inputs[:, 1], inputs[:, 2] = 2 * inputs[:, 3], inputs[:, 3] + inputs[:, 0]
+    first = inputs[:, 0]
+    fourth = inputs[:, 3]
+    inputs[:, 1] = 2 * fourth
+    inputs[:, 2] = fourth + first
     return replace(rows, inputs=inputs)
 
 
 def doubled(rows: Dataset) -> Dataset:
-    """Take the first half of the training rows twice."""
-    return rows.at(np.r_[: SEEN // 2, : SEEN // 2, SEEN : rows.size])
+    """Replace the second half of the training rows by the first half.
+
+    Parameters
+    ----------
+    rows : Dataset
+        The rows, which stay as they are.
+
+    Returns
+    -------
+    Dataset
+        As many rows, of which the first half of the training rows appears twice.
+    """
+    half = SEEN // 2
+    return rows.at(np.r_[:half, :half, SEEN : rows.size])
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
-    """A model as the product has fitted it to the rows `train`, and a surrogate of it alone."""
+class FittedModel:
+    """A model that the product has fitted, and a surrogate with this model alone."""
 
-    name: str
+    name: str  # name of the model in `MODELS`
     fit: Fit
-    surrogate: Surrogate
-    train: Dataset
-    test: Dataset
+    surrogate: Surrogate  # its target is named "target"
+    train: Dataset  # rows that the model was fitted to
+    test: Dataset  # rows that it has not seen
 
     @property
     def estimator(self) -> Any:
-        """The fitted one, without its scaling."""
+        """The fitted estimator, without the scaling of inputs before it."""
         return self.fit.learnt.pipeline.named_steps[STEP]
 
     def predicted(self, rows: Dataset) -> Values:
-        """(n,) targets of some rows."""
+        """Predict the target of rows.
+
+        Parameters
+        ----------
+        rows : Dataset
+            The n rows.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Targets in the unit of the rows, not bounded to possible ones.
+        """
         return self.fit.learnt.raw(rows.inputs)
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """The warnings of the product about the rows and the fit."""
-        return (
-            *remarks(self.train, self.train.features.normalisation),
-            *self.fit.remarks,
-        )
+        """Warnings of the product about the training rows and the fit."""
+        of_rows = remarks(self.train, self.train.features.normalisation)
+        return (*of_rows, *self.fit.remarks)
 
     def score(self) -> float:
-        """R2 on the training rows [1]; nan where the target is constant."""
-        truth, found = self.train.target, self.predicted(self.train)
-        unit = float(np.ptp(truth)) or np.nan
-        rest, spread = (truth - found) / unit, (truth - truth.mean()) / unit
-        return 1 - float(rest @ rest) / float(spread @ spread)
+        """Return R2 on the training rows [1]; NaN if the target is constant."""
+        truth = self.train.target
+        predicted = self.predicted(self.train)
+        unit = float(np.ptp(truth)) or np.nan  # so that squares do not overflow
+        error = (truth - predicted) / unit
+        spread = (truth - truth.mean()) / unit
+        return 1 - float(error @ error) / float(spread @ spread)
 
     def worse_than_constant(self) -> bool:
-        """Whether the mean, and the median by absolute errors, would have served better."""
-        truth, found = self.train.target, self.predicted(self.train)
-        absolute = np.abs(truth - np.median(truth)).mean()
-        return self.score() < 0 and bool(np.abs(truth - found).mean() > 1.01 * absolute)
+        """Say whether a constant fits the training rows better.
+
+        The mean has to be better by squares, and the median by absolute errors.
+        """
+        truth = self.train.target
+        predicted = self.predicted(self.train)
+        by_median = np.abs(truth - np.median(truth)).mean()
+        by_model = np.abs(truth - predicted).mean()
+        return self.score() < 0 and bool(by_model > 1.01 * by_median)
 
 
 def fitted(
     name: str,
-    way: str,
+    tuning: str,
     rows: Dataset,
     settings: Mapping[str, Any] | None = None,
     seen: int = SEEN,
-) -> Asked:
-    """Fit a model with the settings of its library (`default`) or of the paper (`tuned`).
+) -> FittedModel:
+    """Fit a model to the first rows as the product does it.
 
-    The first `seen` rows train, of the others a third calibrates; `settings` come on top.
+    Parameters
+    ----------
+    name : str
+        Name of the model in `MODELS`.
+    tuning : {"default", "tuned"}
+        Whose settings are used: the defaults of the model's library, or the paper's tuned ones.
+    rows : Dataset
+        The rows.
+    settings : mapping, optional
+        Settings that replace these.
+    seen : int
+        Number of the first rows that train. Half of the other rows, at most `CALIBRATING`,
+        calibrate; the rest of them tests.
+
+    Returns
+    -------
+    FittedModel
+        The fitted model.
     """
-    ends = seen, seen + min(CALIBRATING, (rows.size - seen) // 2)
-    train, calibration, test = map(rows.at, np.split(np.arange(rows.size), ends))
+    calibrating = min(CALIBRATING, (rows.size - seen) // 2)
+    parts = np.split(np.arange(rows.size), [seen, seen + calibrating])
+    train, calibration, test = map(rows.at, parts)
     features = rows.features
     request = Request(
         (Path("rows.h5"),),
@@ -180,128 +302,263 @@ def fitted(
         features=features.name,
         normalisation=features.normalisation,
     )
-    values = baseline(name, features.name)
-    if way == "tuned":
-        values = space_of(name, features.name).default | FEWER.get(name, {})
-    wanted = Settings({**values, **(settings or {})}, way == "tuned", way)
+    is_tuned = tuning == "tuned"
+    if is_tuned:
+        values = {**space_of(name, features.name).default, **FEWER.get(name, {})}
+    else:
+        values = baseline(name, features.name)
+    values = {**values, **(settings or {})}
     plan = plan_calibration(name, train, calibration)
-    folds = np.zeros(train.size, np.int8)
-    fit = fit_target(request, train, plan, folds, settings=wanted, other=calibration)
-    known: dict[str, Any] = {"features": features.name, "nodes": NODES, "side": SIDE}
-    known |= {"spacing": SCENE.spacing, "modulus": 1.0}
-    known["columns"] = [(each, "1") for each in features.columns]
-    low, high = train.inputs.min(axis=0), train.inputs.max(axis=0)
-    surrogate = Surrogate(known, {"target": fit.learnt}, low, high, plan.distance)
-    return Asked(name, fit, surrogate, train, test)
-
-
-def sound(asked: Asked) -> Iterator[Finding]:
-    """Numbers, never worse than the mean without saying so."""
-    numbers = np.concatenate(
-        [asked.predicted(rows) for rows in (asked.test, asked.train)]
+    fit = fit_target(
+        request,
+        train,
+        plan,
+        np.zeros(train.size, np.int8),
+        settings=Settings(values, is_tuned, tuning),
+        other=calibration,
     )
-    yield Finding("not finite", int(np.count_nonzero(~np.isfinite(numbers))), 0)
-    unsaid = int(asked.worse_than_constant() and not asked.remarks)
-    yield Finding("worse than a constant, unsaid", unsaid, 0)
+    card: dict[str, Any] = {
+        "features": features.name,
+        "nodes": NODES,
+        "side": SIDE,
+        "spacing": SCENE.spacing,
+        "modulus": 1.0,
+        "columns": [(column, "1") for column in features.columns],
+    }
+    surrogate = Surrogate(
+        card,
+        {"target": fit.learnt},
+        train.inputs.min(axis=0),
+        train.inputs.max(axis=0),
+        plan.distance,
+    )
+    return FittedModel(name, fit, surrogate, train, test)
 
 
-def constant(asked: Asked) -> Iterator[Finding]:
-    """A constant target is predicted, by models that can."""
-    if asked.name in {"kernel-ridge", "gaussian-process", "mlp"}:
+def sound(model: FittedModel) -> Iterator[Finding]:
+    """Check that predictions are finite, and never worse than a constant without a warning.
+
+    Parameters
+    ----------
+    model : FittedModel
+        The model.
+
+    Yields
+    ------
+    Finding
+        Number of predictions that are not finite, and whether a warning is missing.
+    """
+    not_finite = 0
+    for rows in (model.test, model.train):
+        predicted = model.predicted(rows)
+        not_finite += int(np.count_nonzero(~np.isfinite(predicted)))
+    yield Finding(
+        name="not finite",
+        error=not_finite,
+        allowed=0,
+    )
+    unsaid = int(model.worse_than_constant() and not model.remarks)
+    yield Finding(
+        name="worse than a constant, unsaid",
+        error=unsaid,
+        allowed=0,
+    )
+
+
+def constant(model: FittedModel) -> Iterator[Finding]:
+    """Check that a constant target is predicted, by models that can.
+
+    Parameters
+    ----------
+    model : FittedModel
+        The model, fitted to a constant target.
+
+    Yields
+    ------
+    Finding
+        Largest relative error on the test rows [1]; nothing for models that only come near.
+    """
+    if model.name in {"kernel-ridge", "gaussian-process", "mlp"}:
         return
-    value = float(asked.train.target[0])
-    allowed = asked.estimator.epsilon / abs(value) if asked.name == "svm" else 1e-6
-    error = np.abs(asked.predicted(asked.test) - value).max() / abs(value)
-    yield Finding("off the constant", float(error), allowed)
+    value = float(model.train.target[0])
+    allowed = 1e-6
+    if model.name == "svm":  # which ignores errors below its epsilon
+        allowed = model.estimator.epsilon / abs(value)
+    error = np.abs(model.predicted(model.test) - value).max()
+    yield Finding(
+        name="off the constant",
+        error=float(error / abs(value)),
+        allowed=allowed,
+    )
 
 
-def flagged(asked: Asked) -> Iterator[Finding]:
-    """Rows far outside the training are said to be, or refused; values are possible ones."""
-    for factor in (1e-12, 1e-3, 1e3, 1e12, 1e150, 1e300):
-        statistics, delta = (
-            asked.test.described[:, 1:] * factor,
-            asked.test.described[:, 0],
-        )
+def flagged(model: FittedModel) -> Iterator[Finding]:
+    """Check that rows far outside of the training are refused or flagged, with possible areas.
+
+    Parameters
+    ----------
+    model : FittedModel
+        The model.
+
+    Yields
+    ------
+    Finding
+        For each factor of `FAR` whose rows are not refused, the number of rows without a flag, and
+        that of areas and bounds outside of 0 to 100 %.
+    """
+    delta = model.test.described[:, 0]
+    for factor in FAR:
+        statistics = model.test.described[:, 1:] * factor
         try:
-            rows = asked.surrogate.of_statistics(statistics, delta, SIDE)
-            found = asked.surrogate.predict_rows(rows)
+            rows = model.surrogate.of_statistics(statistics, delta, SIDE)
+            prediction = model.surrogate.predict_rows(rows)
         except InputError:
             continue
-        unsaid = sum(not reason for reason in found.reasons)
-        yield Finding(f"statistics times {factor:g} unflagged", unsaid, 0)
-        values = np.concatenate(
-            [found.values["target"], found.low["target"], found.high["target"]]
+        unflagged = sum(not reason for reason in prediction.reasons)
+        name = f"statistics times {factor:g}"
+        yield Finding(
+            name=f"{name} unflagged",
+            error=unflagged,
+            allowed=0,
         )
-        impossible = np.count_nonzero(~((values >= 0) & (values <= 100)))
-        yield Finding(f"statistics times {factor:g} impossible", int(impossible), 0)
+        areas = np.concatenate(
+            [
+                prediction.values["target"],
+                prediction.low["target"],
+                prediction.high["target"],
+            ]
+        )
+        is_possible = (areas >= 0) & (areas <= 100)
+        impossible = int(np.count_nonzero(~is_possible))
+        yield Finding(
+            name=f"{name} impossible",
+            error=impossible,
+            allowed=0,
+        )
 
 
-def solves_its_equations(asked: Asked) -> Iterator[Finding]:
-    """Kernel ridge, which is our own: the residual of (K + alpha I) a = y over |K| |a| + |y|."""
-    if asked.name != "kernel-ridge":
+def solves_its_equations(model: FittedModel) -> Iterator[Finding]:
+    """Check that kernel ridge, which is our own code, solves (K + alpha I) a = y.
+
+    Parameters
+    ----------
+    model : FittedModel
+        The model.
+
+    Yields
+    ------
+    Finding
+        Largest residual over |K| |a| + |y|, in the machine's longest numbers [1]; nothing for other
+        models.
+    """
+    if model.name != "kernel-ridge":
         return
-    learnt, ridge, inputs = asked.fit.learnt, asked.estimator, asked.train.inputs
+    learnt = model.fit.learnt
+    ridge = model.estimator
+    inputs = model.train.inputs
     scaling = learnt.pipeline.steps[0][1]
-    scaled = inputs if scaling == "passthrough" else scaling.transform(inputs)
-    x = np.asarray(scaled, dtype=np.longdouble)
+    if scaling != "passthrough":
+        inputs = scaling.transform(inputs)
+    x = np.asarray(inputs, dtype=np.longdouble)
     matrix = x @ x.T
     if ridge.kernel != "linear":
-        squares = ((x[:, None, :] - x[None, :, :]) ** 2).sum(axis=2)
-        gamma = 1 / np.longdouble(x.shape[1]) if ridge.gamma is None else ridge.gamma
+        gamma = ridge.gamma
+        if gamma is None:
+            gamma = 1 / np.longdouble(x.shape[1])
+        differences = x[:, None, :] - x[None, :, :]
+        squares = (differences**2).sum(axis=2)
         matrix = np.exp(-squares * gamma)
     matrix += np.longdouble(ridge.alpha_used_) * np.eye(len(x))
     a = ridge.dual_coef_.reshape(-1).astype(np.longdouble)
-    y = learnt.scaling.scaled(asked.train.target).astype(np.longdouble)
-    size = np.abs(matrix).sum(axis=1).max() * np.abs(a).max() + np.abs(y).max()
+    y = learnt.scaling.scaled(model.train.target).astype(np.longdouble)
+    norm = np.abs(matrix).sum(axis=1).max()
+    size = norm * np.abs(a).max() + np.abs(y).max()
     residual = np.abs(matrix @ a - y).max() / size
-    yield Finding("residual of its equations", float(residual), BACKWARD)
+    yield Finding(
+        name="residual of its equations",
+        error=float(residual),
+        allowed=BACKWARD,
+    )
+
+
+def unchanged(rows: Dataset) -> Dataset:
+    """Return the rows as they are.
+
+    Parameters
+    ----------
+    rows : Dataset
+        The rows.
+
+    Returns
+    -------
+    Dataset
+        The same object.
+    """
+    return rows
 
 
 @dataclass(frozen=True)
 class Spoilt:
-    """Rows of a kind: what is the matter with them, the input in words, and what is asked.
+    """A family of cases: rows that are spoilt in one way, for each of some models."""
 
-    `change` makes them from ordinary rows, `seen` of them train, `checks` come besides those that
-    every fit has to pass, and `settings` on top of the model's own.
-    """
-
-    family: str
-    asked: str
-    change: Change = lambda rows: rows
-    checks: tuple[Check, ...] = ()
-    features: str = "paper"
+    family: str  # fault of the rows
+    input: str  # the input in words
+    change: Change = unchanged  # makes the rows from ordinary ones
+    checks: tuple[Check, ...] = ()  # checks besides the ones of every fit
+    features: str = "paper"  # kind of features, "paper" or "dimensionless"
+    # Settings that replace the models' own.
     settings: Mapping[str, Any] = field(default_factory=dict)
-    models: tuple[str, ...] = tuple(MODELS)
-    seen: int = SEEN
+    models: tuple[str, ...] = tuple(MODELS)  # names of the models
+    seen: int = SEEN  # number of the first rows, which train
 
     def examine(self, name: str) -> Answer:
-        """Fit with the libraries' settings and with tuned ones."""
-        said: list[str] = []
+        """Fit a model with its library's settings and with tuned ones, and judge both fits.
+
+        Parameters
+        ----------
+        name : str
+            Name of the model in `MODELS`.
+
+        Returns
+        -------
+        Answer
+            R2 and warnings of both fits, with the findings of all checks.
+        """
+        parts: list[str] = []
         findings: list[Finding] = []
-        for way in ("default", "tuned"):
+        for tuning in ("default", "tuned"):
             rows = self.change(ordinary(self.features))
-            asked = fitted(name, way, rows, self.settings, self.seen)
-            score, remarks = asked.score(), ", ".join(asked.remarks)[:150]
-            told = (
-                "constant target"
-                if np.isnan(score)
-                else f"R2 {100 * score:.4g} % of seen rows"
-            )
-            said.append(f"{way}: {told}" + f" ({remarks})" * bool(remarks))
+            model = fitted(name, tuning, rows, self.settings, self.seen)
+            parts.append(f"{tuning}: {_in_words(model)}")
             for check in (sound, solves_its_equations, *self.checks):
-                findings += [
-                    each._replace(what=f"{way}: {each.what}") for each in check(asked)
-                ]
-        return Answer("; ".join(said), findings)
+                findings.extend(
+                    replace(finding, name=f"{tuning}: {finding.name}")
+                    for finding in check(model)
+                )
+        return Answer("; ".join(parts), findings)
+
+
+def _in_words(model: FittedModel) -> str:
+    """Return R2 on the training rows, then in brackets the beginning of the warnings, if any."""
+    score = model.score()
+    text = f"R2 {100 * score:.4g} % of seen rows"
+    if np.isnan(score):
+        text = "constant target"
+    warnings = ", ".join(model.remarks)[:150]
+    if warnings:
+        text += f" ({warnings})"
+    return text
 
 
 def cases() -> Iterator[Case]:
-    """Yield family after family."""
+    """Yield a case for each family and each of its models."""
     for spoilt in KINDS:
         for name in spoilt.models:
-            examine = partial(spoilt.examine, name)
             yield Case(
-                f"models: {spoilt.family}", MODELS[name].title, spoilt.asked, examine
+                family=f"models: {spoilt.family}",
+                name=MODELS[name].title,
+                input=spoilt.input,
+                examine=partial(spoilt.examine, name),
             )
 
 
@@ -310,26 +567,30 @@ KINDS = (
     Spoilt(
         "constant target",
         "area 3.7 % in all rows",
-        altered("target", ..., 3.7),
-        (constant,),
+        altered("target", ..., to=3.7),
+        checks=(constant,),
     ),
     Spoilt(
         "constant column",
         "an input is 0.25 in all rows",
-        altered("inputs", np.s_[:, 5], 0.25),
+        altered("inputs", np.s_[:, 5], to=0.25),
     ),
     Spoilt("collinear columns", "an input is twice another, one a sum of two", collinear),
     Spoilt("duplicated rows", "30 rows, each twice", doubled),
     Spoilt(
         "a row of zeros",
         "cannot be scaled to unit length",
-        altered("inputs", [3, SEEN + 15], 0.0),
+        altered("inputs", [3, SEEN + 15], to=0.0),
     ),
     Spoilt(
-        "tiny inputs", "all inputs times 2^-40", altered("inputs", ..., factor=2.0**-40)
+        "tiny inputs",
+        "all inputs times 2^-40",
+        altered("inputs", ..., factor=2.0**-40),
     ),
     Spoilt(
-        "huge inputs", "all inputs times 2^40", altered("inputs", ..., factor=2.0**40)
+        "huge inputs",
+        "all inputs times 2^40",
+        altered("inputs", ..., factor=2.0**40),
     ),
     Spoilt(
         "one huge input",
@@ -337,7 +598,7 @@ KINDS = (
         altered("inputs", np.s_[:, 20], factor=1e12),
     ),
     Spoilt("outlier among inputs", "one row times 1e9", altered("inputs", 3, factor=1e9)),
-    Spoilt("outlier among targets", "one area of 1e12 %", altered("target", 3, 1e12)),
+    Spoilt("outlier among targets", "one area of 1e12 %", altered("target", 3, to=1e12)),
     Spoilt(
         "few rows",
         "6 rows train, 2 calibrate, 2 test",
@@ -370,3 +631,4 @@ KINDS = (
         features="dimensionless",
     ),
 )
+"""The families of cases."""

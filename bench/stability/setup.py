@@ -16,123 +16,246 @@ from gen.generation.plan import parameters, surface_random
 from gen.scene import load
 from gen.surface import generate
 
-NODES = 129  # nodes a side, unless a case is about another grid
-SMALL = 33  # nodes a side where all may touch and the dense matrix is to judge
-SIDE = 1000.0  # scan length of the paper's surfaces [um]
-CELL = SIDE / (NODES - 1)  # spacing of the nodes then [um]
+NODES = 129
+"""Nodes a side, unless a case is about another grid."""
+
+SMALL = 33
+"""Nodes a side of cases in which all nodes may touch and the dense matrix is the judge."""
+
+SIDE = 1000.0
+"""Scan length of the paper's surfaces [um]."""
+
+CELL = SIDE / (NODES - 1)
+"""Spacing of `NODES` nodes on the paper's surfaces [um]."""
+
+DELTA = 25.0
+"""Displacement of an ordinary contact, unless a case is about another displacement [um]."""
+
+Lengths = float | tuple[float, float]
+"""A length along x and another one along y, or one for both [um]."""
 
 
 @lru_cache(maxsize=16)
 def paper(
     nodes: int = NODES, hurst: float | None = None, sigma0: float | None = None
 ) -> Field:
-    """The surface of the paper preset's first row, read-only; its coarse nodes are always the same.
+    """Generate the surface of the first row of the paper preset.
 
-    Hurst exponent [1] and standard deviation of the first displacement [um] may replace the row's.
+    All grids share their coarse nodes. Calls with equal arguments return one array.
+
+    Parameters
+    ----------
+    nodes : int
+        Nodes a side, 2^k + 1.
+    hurst : float, optional
+        Hurst exponent [1] instead of that of the row.
+    sigma0 : float, optional
+        Standard deviation of the first displacement [um] instead of that of the row.
+
+    Returns
+    -------
+    ndarray, shape (nodes, nodes)
+        Heights, read-only [um].
     """
     scene = load("paper")
     row = parameters(scene, 0, 1)
-    heights = generate(
-        scene.surface.generator,
-        nodes,
-        float(row.drawn["hurst"][0]) if hurst is None else hurst,
-        float(row.drawn["sigma0"][0]) if sigma0 is None else sigma0,
-        surface_random(scene, 0),
-    )
+    if hurst is None:
+        hurst = float(row.drawn["hurst"][0])
+    if sigma0 is None:
+        sigma0 = float(row.drawn["sigma0"][0])
+    random = surface_random(scene, 0)
+    heights = generate(scene.surface.generator, nodes, hurst, sigma0, random)
     heights.setflags(write=False)
     return heights
 
 
 def cropped_paper(shape: tuple[int, int]) -> Field:
-    """A corner of the smallest of these surfaces that holds the grid."""
-    nodes = 2 ** max(max(shape) - 2, 1).bit_length() + 1
-    return paper(nodes)[: shape[0], : shape[1]]
+    """Crop the smallest of the paper's surfaces that holds a grid.
+
+    Parameters
+    ----------
+    shape : (int, int)
+        Nodes along x and y.
+
+    Returns
+    -------
+    ndarray, shape `shape`
+        Heights of a corner, read-only [um].
+    """
+    rows, columns = shape
+    steps = max(rows - 1, columns - 1, 2)
+    k = (steps - 1).bit_length()  # of the smallest power of two that is at least as large
+    return paper(2**k + 1)[:rows, :columns]
 
 
 def terraces(nodes: int = NODES) -> Field:
-    """The paper's surface in steps of 10 um: plateaus of exact ties."""
+    """Round the paper's surface to steps of 10 um, which makes plateaus of exact ties.
+
+    Parameters
+    ----------
+    nodes : int
+        Nodes a side, 2^k + 1.
+
+    Returns
+    -------
+    ndarray, shape (nodes, nodes)
+        Heights [um].
+    """
     return np.asarray(np.round(paper(nodes) / 10.0) * 10.0)
 
 
 def flat(nodes: int = NODES) -> Field:
-    """All nodes at one height."""
+    """Make a flat surface.
+
+    Parameters
+    ----------
+    nodes : int
+        Nodes a side.
+
+    Returns
+    -------
+    ndarray, shape (nodes, nodes)
+        Heights of zero [um].
+    """
     return np.zeros((nodes, nodes))
 
 
 def with_middle_at(height: float, base: Field) -> Field:
-    """The middle node at another height: a spike, a needle, a pit."""
-    heights, middle = base.copy(), len(base) // 2
+    """Put the middle node of a surface at another height: a spike, a needle or a pit.
+
+    Parameters
+    ----------
+    height : float
+        Height of the middle node [um].
+    base : ndarray, shape (n, n)
+        Heights of the surface [um], which stay.
+
+    Returns
+    -------
+    ndarray, shape (n, n)
+        Heights [um].
+    """
+    heights = base.copy()
+    middle = len(base) // 2
     heights[middle, middle] = height
     return heights
 
 
 def checkerboard(nodes: int = NODES) -> Field:
-    """Heights of 0 and 1 in turn, the shortest waves of a grid; the corners are high."""
-    return np.where(np.indices((nodes, nodes)).sum(axis=0) % 2 == 0, 1.0, 0.0)
+    """Make a checkerboard of heights 1 and 0, which holds the shortest waves of a grid.
+
+    Parameters
+    ----------
+    nodes : int
+        Nodes a side.
+
+    Returns
+    -------
+    ndarray, shape (nodes, nodes)
+        Heights [um]; the first corner is high.
+    """
+    x, y = np.indices((nodes, nodes))
+    is_high = (x + y) % 2 == 0
+    return np.where(is_high, 1.0, 0.0)
 
 
 def step(nodes: int = NODES) -> Field:
-    """One half of the patch 1 um above the other."""
-    return np.where(np.indices((nodes, nodes))[0] < nodes // 2, 1.0, 0.0)
+    """Make a step: one half of the patch is 1 um above the other.
+
+    Parameters
+    ----------
+    nodes : int
+        Nodes a side.
+
+    Returns
+    -------
+    ndarray, shape (nodes, nodes)
+        Heights [um].
+    """
+    x, _ = np.indices((nodes, nodes))
+    is_high = x < nodes // 2
+    return np.where(is_high, 1.0, 0.0)
 
 
 def white_noise(nodes: int = NODES) -> Field:
-    """Independent normal heights of unit variance."""
+    """Draw independent normal heights of unit variance, always the same ones.
+
+    Parameters
+    ----------
+    nodes : int
+        Nodes a side.
+
+    Returns
+    -------
+    ndarray, shape (nodes, nodes)
+        Heights [um].
+    """
     return np.random.default_rng(0).standard_normal((nodes, nodes))
 
 
 def indenter(body: Indenter, nodes: int = NODES) -> Field:
-    """A body of revolution over the centre of the patch, its tip at height 0."""
+    """Make the surface of a body of revolution over the centre of the patch.
+
+    Parameters
+    ----------
+    body : Indenter
+        The body.
+    nodes : int
+        Nodes a side.
+
+    Returns
+    -------
+    ndarray, shape (nodes, nodes)
+        Heights [um]; the tip is at height 0.
+    """
     return body.heights(distances_to_centre((nodes, nodes), SIDE))
-
-
-DELTA = 25.0  # displacement of an ordinary contact, unless a case is about another [um]
-
-Lengths = float | tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """The arguments of `bem.solve`, which says what they are; a given load replaces `delta`."""
+    """A contact problem: the arguments of `bem.solve`, which documents them.
 
-    heights: ArrayLike
-    delta: float = DELTA
-    side: Lengths = SIDE
-    spacing: Lengths | None = None
-    modulus: float = 1.0
-    poisson: float = 0.0
+    A given pressure or force replaces `delta`.
+    """
+
+    heights: ArrayLike  # shape (nx, ny) [um]; other shapes belong to cases of wrong input
+    delta: float = DELTA  # displacement from first touch [um]
+    side: Lengths = SIDE  # scan length [um]
+    spacing: Lengths | None = None  # spacing of the nodes [um]; None if `side` counts
+    modulus: float = 1.0  # Young's modulus [MPa]
+    poisson: float = 0.0  # Poisson's ratio [1]
     kernel: Kernel = "uniform-pressure"
     far_field: FarField = "rigid"
-    rtol: float = 1e-6
+    rtol: float = 1e-6  # tolerance [Delta]
     max_iterations: int = MAX_ITERATIONS
-    hardness: float | None = None
-    pressure: float | None = None
-    force: float | None = None
+    hardness: float | None = None  # bound of the pressure [MPa]; None for elastic bodies
+    pressure: float | None = None  # mean pressure on the patch [MPa]
+    force: float | None = None  # normal force [uN]
     boundary: Boundary = "free"
 
     def solve(self) -> bem.Contact:
-        """The contact that `bem` computes."""
-        given: dict[str, Any] = {
-            each.name: getattr(self, each.name) for each in fields(self)
+        """Solve the problem by `bem.solve`."""
+        arguments: dict[str, Any] = {
+            argument.name: getattr(self, argument.name) for argument in fields(self)
         }
-        return bem.solve(
-            **given | ({"delta": None} if self.pressure or self.force else {})
-        )
+        if self.pressure or self.force:
+            arguments["delta"] = None
+        return bem.solve(**arguments)
 
     @cached_property
     def surface(self) -> Field:
-        """(nx, ny) heights as the checks use them [um]."""
+        """Heights in the form that the checks need, (nx, ny) [um]."""
         return np.asarray(self.heights, dtype=np.float64)
 
     @property
     def cell(self) -> tuple[float, float]:
-        """Sides of a cell [um]."""
+        """Sides of a cell along x and y [um]."""
         if self.spacing is not None:
             return _pair(self.spacing)
-        pairs = zip(self.surface.shape, _pair(self.side), strict=True)
-        first, second = (
-            node_spacing(nodes, side, self.boundary) for nodes, side in pairs
-        )
+        rows, columns = self.surface.shape
+        sides = _pair(self.side)
+        first = node_spacing(rows, sides[0], self.boundary)
+        second = node_spacing(columns, sides[1], self.boundary)
         return first, second
 
     @property
@@ -142,12 +265,14 @@ class Setup:
 
     @property
     def given_force(self) -> float:
-        """The force that is given, itself or as a mean pressure; 0 where Delta is given [uN]."""
-        return self.force or (self.pressure or 0.0) * self.surface.size * self.cell_area
+        """The force of the given load, also of a mean pressure [uN]; 0 if Delta is given."""
+        if self.force:
+            return self.force
+        return (self.pressure or 0.0) * self.surface.size * self.cell_area
 
     @property
     def bound(self) -> float:
-        """Largest pressure, the hardness or infinity [MPa]."""
+        """Largest pressure: the hardness, or infinity for elastic bodies [MPa]."""
         return np.inf if self.hardness is None else self.hardness
 
     @property
@@ -158,21 +283,27 @@ class Setup:
     @property
     def compliance(self) -> float:
         """First side of a cell over E* = E / (1 - nu^2) [um / MPa]."""
-        return self.cell[0] / (self.modulus / (1 - self.poisson**2))
+        e_star = self.modulus / (1 - self.poisson**2)
+        return self.cell[0] / e_star
 
     def describe(self) -> str:
-        """Return the input in one line: grid, lengths in um, and what is not the default."""
+        """Return the input in one line: grid, lengths in um, and fields that are no defaults."""
         heights = np.asarray(self.heights)
         parts = [" x ".join(str(nodes) for nodes in heights.shape)]
         if heights.size:
-            parts.append(f"z {heights.min():.9g} to {heights.max():.9g}")
+            lowest = heights.min()
+            highest = heights.max()
+            parts.append(f"z {lowest:.9g} to {highest:.9g}")
         parts.append(f"delta = {self.delta:.9g}")
-        for each in fields(self)[2:]:
-            value = getattr(self, each.name)
-            if value != each.default:
-                parts.append(f"{each.name} = {value}")
+        for argument in fields(self)[2:]:
+            value = getattr(self, argument.name)
+            if value != argument.default:
+                parts.append(f"{argument.name} = {value}")
         return ", ".join(parts)
 
 
 def _pair(lengths: Lengths) -> tuple[float, float]:
-    return lengths if isinstance(lengths, tuple) else (lengths, lengths)
+    """Return the lengths along x and y [um]."""
+    if isinstance(lengths, tuple):
+        return lengths
+    return lengths, lengths

@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import partial
-from itertools import chain, product
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -17,214 +18,310 @@ from bench.references.half_space import Field, critical_delta, influence_coeffic
 from bench.stability import checks as judged
 from bench.stability import setup as topographies
 from bench.stability.case import Case, Refusal
-from bench.stability.checks import contact_case
+from bench.stability.checks import Check, contact_case
 from bench.stability.setup import CELL, DELTA, NODES, SIDE, SMALL, Setup, flat, paper
 
-# Heights times a power of ten are rounded anew: two solves then differ by their tolerance.
 HEIGHT_ROUNDING = 1e-6
+"""Allowed error of the force if heights are multiplied by no power of two [1].
 
-# Solves that take many iterations: cells whose short side hardly counts; pressures by concentrated
-# forces, which resist a checkerboard seven times less than uniform ones do; compliant far fields
-# near Delta*; and bodies that yield, whose yielded nodes have to be found too.
-slow_case = partial(contact_case, most=math.inf)
+Each height is then rounded again, so that two solves differ by their tolerance.
+"""
+
+slow_case = partial(contact_case, largest_ratio=math.inf)
+"""Makes a case of a contact that may take any number of iterations.
+
+Many iterations are needed for long cells, whose short side matters little; for concentrated forces,
+which resist a checkerboard seven times less than uniform pressures do; for compliant far fields
+near Delta*; and for bodies that yield, whose yielded nodes have to be found too.
+"""
+
+LONG_CELLS = ((1000.0, 64000.0), (64000.0, 1000.0))
+"""Sides of patches whose cells are 64 times as long as wide [um]."""
 
 
 def cases() -> Iterator[Case]:
     """Yield elastic contacts, family after family, then bodies that yield."""
-    given = _materials_and_sizes(), _displacements(), _grids()
-    surfaces = _roughness(), _single_nodes(), _terraces(), _bodies()
-    models = _concentrated_forces(), _compliant_far_fields()
-    yielding = _hardnesses(), _limits(), _yielding_surfaces(), _loads()
-    return chain(*given, *surfaces, *models, *yielding)
+    yield from _materials()
+    yield from _sizes()
+    yield from _displacements()
+    yield from _grids()
+    yield from _roughness()
+    yield from _single_nodes()
+    yield from _terraces()
+    yield from _bodies()
+    yield from _concentrated_forces()
+    yield from _compliant_far_fields()
+    yield from _hardnesses()
+    yield from _limits()
+    yield from _yielding_surfaces()
+    yield from _loads()
 
 
-def _one_cell(delta: float, spacing: float) -> Any:
-    """One square cell carries the force that presses it down by Delta, E* = 1 MPa."""
-    force = (
-        delta * spacing / float(influence_coefficients((1, 1), "uniform-pressure")[0, 0])
-    )
+def _one_cell(delta: float, spacing: float) -> Check:
+    """Return the check that the force is that of one square cell pressed down by Delta [um].
+
+    The modulus is E* = 1 MPa, and `spacing` is the side of the cell [um].
+    """
+    compliance = float(influence_coefficients((1, 1), "uniform-pressure")[0, 0])
+    force = delta * spacing / compliance
     return partial(judged.has_force, "one cell", force, 1e-6)
 
 
-def _materials_and_sizes() -> Iterator[Case]:
-    def case(
-        family: str, name: str, factor: float, force: float, **arguments: Any
-    ) -> Case:
-        allowed = judged.FOUR_ULP if np.log2(factor).is_integer() else HEIGHT_ROUNDING
-        heights, check = paper() * factor, partial(judged.scales, force, allowed)
-        return contact_case(
-            family, name, heights, DELTA * factor, checks=(check,), **arguments
-        )
+def _scaled(
+    family: str, name: str, factor: float, force: float, **arguments: Any
+) -> Case:
+    """Make a case of the ordinary contact in other units.
 
+    Heights and Delta are multiplied by `factor`; the force has to be `force` times the ordinary
+    one. Further arguments are fields of `Setup`.
+    """
+    allowed = HEIGHT_ROUNDING
+    if np.log2(factor).is_integer():  # all heights keep their bits
+        allowed = judged.FOUR_ULP
+    check = partial(judged.scales, force, allowed)
+    heights = paper() * factor
+    return contact_case(
+        family, name, heights, DELTA * factor, checks=(check,), **arguments
+    )
+
+
+def _materials() -> Iterator[Case]:
+    """Yield the ordinary contact with extreme moduli and Poisson's ratios."""
     for modulus in (1e-12, 1e-6, 1e6, 1e15):
-        yield case("material", f"E = {modulus:g} MPa", 1, modulus, modulus=modulus)
+        name = f"E = {modulus:g} MPa"
+        yield _scaled("material", name, factor=1, force=modulus, modulus=modulus)
     for poisson in (-0.99, -0.5, 0.3, 0.5):
-        yield case(
-            "material", f"ν = {poisson:g}", 1, 1 / (1 - poisson**2), poisson=poisson
-        )
+        name = f"ν = {poisson:g}"
+        force = 1 / (1 - poisson**2)
+        yield _scaled("material", name, factor=1, force=force, poisson=poisson)
+
+
+def _sizes() -> Iterator[Case]:
+    """Yield the ordinary contact with extreme scan lengths, heights and displacements."""
     for side in (1e-9, 1.0, 1e9):
-        yield case("size", f"L = {side:g} um", 1, side / SIDE, side=side)
-    for name, factor in (
-        ("1e-12", 1e-12),
-        ("1e12", 1e12),
-        ("2^-40", 2.0**-40),
-        ("2^40", 2.0**40),
-    ):
-        yield case("size", f"heights and Δ times {name}", factor, factor)
+        name = f"L = {side:g} um"
+        yield _scaled("size", name, factor=1, force=side / SIDE, side=side)
+    factors = {
+        "1e-12": 1e-12,
+        "1e12": 1e12,
+        "2^-40": 2.0**-40,
+        "2^40": 2.0**40,
+    }
+    for text, factor in factors.items():
+        name = f"heights and Δ times {text}"
+        yield _scaled("size", name, factor=factor, force=factor)
     name = "E, L, heights and Δ"
-    yield case("size", f"{name} small", 1e-12, 1e-36, side=1e-9, modulus=1e-12)
-    yield case("size", f"{name} large", 1e12, 1e33, side=1e9, modulus=1e15)
+    yield _scaled("size", f"{name} small", 1e-12, 1e-36, side=1e-9, modulus=1e-12)
+    yield _scaled("size", f"{name} large", 1e12, 1e33, side=1e9, modulus=1e15)
 
 
 def _displacements() -> Iterator[Case]:
+    """Yield displacements from none to far beyond full contact."""
     case = partial(contact_case, "displacement")
     untouched = partial(judged.has_force, "nothing touches", 0.0, 0.0)
     for delta in (0.0, -1.0, -1e300):
         yield case(f"Δ = {delta:g}", paper, delta, checks=(untouched,))
     ulp = float(np.spacing(paper().max()))
-    for name, delta in (("one ulp of the highest node", ulp), ("1e-300 um", 1e-300)):
-        yield case(
-            f"first touch by {name}", paper, delta, checks=(_one_cell(delta, CELL),)
-        )
+    first_touches = {"one ulp of the highest node": ulp, "1e-300 um": 1e-300}
+    for name, delta in first_touches.items():
+        check = _one_cell(delta, CELL)
+        yield case(f"first touch by {name}", paper, delta, checks=(check,))
     shares = {
         "1e-3 short of": 1 - 1e-3,
         "at": 1.0,
         "1e-3 beyond": 1 + 1e-3,
         "10 times": 10.0,
     }
-    for name, factor in shares.items():
-        yield case(
-            f"{name} full contact", paper(SMALL), partial(_to_full_contact, factor)
-        )
-    for times in (1.0, 10.0, 1e3, 1e6):
-        yield case(f"Δ of {times:g} height ranges", paper, times * float(np.ptp(paper())))
+    for name, share in shares.items():
+        delta_of = partial(_to_full_contact, share)
+        yield case(f"{name} full contact", paper(SMALL), delta_of)
+    for ranges in (1.0, 10.0, 1e3, 1e6):
+        delta = ranges * float(np.ptp(paper()))
+        yield case(f"Δ of {ranges:g} height ranges", paper, delta)
 
 
-def _to_full_contact(factor: float, heights: Field) -> float:
-    return factor * dense.full_contact_delta(heights, "uniform-pressure")
+def _to_full_contact(share: float, heights: Field) -> float:
+    """Return a share of the displacement of full contact [um]."""
+    return share * dense.full_contact_delta(heights, "uniform-pressure")
 
 
 def _grids() -> Iterator[Case]:
-    """Numbers of nodes, and patches and cells that are not square."""
-    case, corner = partial(contact_case, "grid"), topographies.cropped_paper
+    """Yield numbers of nodes, and patches and cells that are not square."""
+    case = partial(contact_case, "grid")
+    corner = topographies.cropped_paper
     for k in range(1, 12):
-        yield case(f"k = {k}", partial(paper, 2**k + 1), slow=k >= 10)
-    yield case("a single node", flat(1), 3.0, spacing=2.0, checks=(_one_cell(3, 2),))
-    for name, shape in (
-        ("one row", (1, 129)),
-        ("one column", (129, 1)),
-        ("four nodes", (2, 2)),
-    ):
+        surface = partial(paper, 2**k + 1)
+        yield case(f"k = {k}", surface, slow=k >= 10)
+    check = _one_cell(3, 2)
+    yield case("a single node", flat(1), 3.0, spacing=2.0, checks=(check,))
+    shapes = {
+        "one row": (1, 129),
+        "one column": (129, 1),
+        "four nodes": (2, 2),
+    }
+    for name, shape in shapes.items():
         yield case(name, corner(shape), 10.0, spacing=7.8125)
-    yield case("a patch of 1:64", corner((3, 129)), side=(1000 / 64, 1000.0))
-    for sides in ((1000.0, 64000.0), (64000.0, 1000.0)):
-        name = f"cells of {sides[0] / 1000:g}:{sides[1] / 1000:g}"
+    narrow = corner((3, 129))
+    yield case("a patch of 1:64", narrow, side=(1000 / 64, 1000.0))
+    for sides in LONG_CELLS:
+        name = _cells(sides)
         long = partial(slow_case, "grid", side=sides)
         yield long(name, paper)
         yield long(f"{name}, large contact", paper, 500.0)
 
 
+def _cells(sides: tuple[float, float]) -> str:
+    """Return the name of cells, which states the sides of the patch [um] in mm."""
+    first, second = (side / 1000 for side in sides)
+    return f"cells of {first:g}:{second:g}"
+
+
 def _roughness() -> Iterator[Case]:
+    """Yield surfaces from smooth to white noise, and tilted ones."""
     case = partial(contact_case, "roughness")
     for hurst in (0.01, 0.99):
-        yield case(f"H = {hurst:g}", paper(NODES, hurst))
-        yield case(f"H = {hurst:g}, large contact", paper(NODES, hurst), 200.0)
+        heights = paper(NODES, hurst)
+        yield case(f"H = {hurst:g}", heights)
+        yield case(f"H = {hurst:g}, large contact", heights, 200.0)
     yield case("σ0 = 0: flat, edge singular", paper(sigma0=0.0))
     for delta in (1.0, 10.0, 100.0, 1000.0):
         yield case(f"white noise, Δ = {delta:g} σ", topographies.white_noise, delta)
     plane = np.linspace(0.0, SIDE, NODES)[:, None]
     for delta in (1.0, 25.0, 700.0, 5000.0):
-        yield case(f"rough, tilted by 45°, Δ = {delta:g}", paper() + plane, delta)
+        name = f"rough, tilted by 45°, Δ = {delta:g}"
+        yield case(name, paper() + plane, delta)
     yield case("a plane tilted by 45°", flat() + plane, 700.0)
 
 
 def _single_nodes() -> Iterator[Case]:
-    """One node above or below all others."""
-    case, middle = partial(contact_case, "feature"), topographies.with_middle_at
-    spike, needle, pit = middle(10.0, flat()), middle(1e6, paper()), middle(-1e6, flat())
-    yield case("a spike on a plane", spike, 5.0, checks=(_one_cell(5, CELL),))
+    """Yield surfaces with one node far above or far below all others."""
+    case = partial(contact_case, "feature")
+    spike = topographies.with_middle_at(10.0, flat())
+    check = _one_cell(5, CELL)
+    yield case("a spike on a plane", spike, 5.0, checks=(check,))
     yield case("spike and plane touch", spike, 20.0)
-    yield case("a needle carries all load", needle, 25.0, checks=(_one_cell(25, CELL),))
+    needle = topographies.with_middle_at(1e6, paper())
+    check = _one_cell(25, CELL)
+    yield case("a needle carries all load", needle, 25.0, checks=(check,))
     yield case("a needle in to its root", needle, 1.1e6)
+    pit = topographies.with_middle_at(-1e6, flat())
     for delta in (1.0, 1e7):
         yield case(f"a pit 1e6 deep, Δ = {delta:g}", pit, delta)
 
 
 def _terraces() -> Iterator[Case]:
-    """Steps and exact ties."""
+    """Yield steps and exact ties."""
     for name, surface, deltas in (
         ("a step of 1 um", topographies.step, (0.5, 1.0, 3.0)),
         ("a checkerboard of 1 um", topographies.checkerboard, (1.0, 1e3, 10.0)),
         ("plateaus of exact ties", topographies.terraces, (10.0, 25.0, 60.0)),
     ):
         for delta in deltas:
-            yield contact_case("feature", f"{name}, Δ = {delta:g}", surface, delta)
+            title = f"{name}, Δ = {delta:g}"
+            yield contact_case("feature", title, surface, delta)
+
+
+@dataclass(frozen=True)
+class _ClosedForm:
+    """A body of revolution whose force has a closed form."""
+
+    case: str  # name of the case
+    name: str  # name of the closed form in the finding
+    body: Indenter
+    delta: float  # displacement from the highest node [um]
+    nodes: int  # nodes a side
+    allowed: float  # relative error of the force by the grid [1]
+
+
+CLOSED_FORMS = (
+    _ClosedForm(
+        case="Hertz, even grid: four nodes tie",
+        name="Hertz's",
+        body=Paraboloid(5000.0),
+        delta=0.2,
+        nodes=128,
+        allowed=0.01,
+    ),
+    _ClosedForm(
+        case="Hertz",
+        name="Hertz",
+        body=Paraboloid(5000.0),
+        delta=5.0,
+        nodes=NODES,
+        allowed=0.001,
+    ),
+    _ClosedForm(
+        case="a cone",
+        name="a cone",
+        body=Cone(0.1),
+        delta=25.0,
+        nodes=NODES,
+        allowed=0.001,
+    ),
+    _ClosedForm(
+        case="a flat punch",
+        name="a flat punch",
+        body=FlatPunch(250.0),
+        delta=1.0,
+        nodes=NODES,
+        allowed=0.01,
+    ),
+)
+"""Bodies of the closed forms; the first is carried by some 60 nodes."""
 
 
 def _bodies() -> Iterator[Case]:
-    """Closed forms, within what the grid costs; some 60 nodes carry the first."""
-    bodies: tuple[tuple[str, str, Indenter, float, int, float], ...] = (
-        (
-            "Hertz, even grid: four nodes tie",
-            "Hertz's",
-            Paraboloid(5000.0),
-            0.2,
-            128,
-            0.01,
-        ),
-        ("Hertz", "Hertz", Paraboloid(5000.0), 5.0, NODES, 0.001),
-        ("a cone", "a cone", Cone(0.1), 25.0, NODES, 0.001),
-        ("a flat punch", "a flat punch", FlatPunch(250.0), 1.0, NODES, 0.01),
-    )
-    for name, whose, body, delta, nodes, allowed in bodies:
-        off_tip = (
-            0.0 if nodes % 2 else SIDE / (nodes - 1) * np.sqrt(0.5)
-        )  # of the nearest node
-        below_tip = -float(body.heights(np.array(off_tip)))
-        closed_form = partial(
-            judged.has_force, whose, body.force(delta + below_tip), allowed
-        )
-        surface = partial(topographies.indenter, body, nodes)
-        yield contact_case("closed form", name, surface, delta, checks=(closed_form,))
+    """Yield bodies of revolution, compared with their closed forms."""
+    for form in CLOSED_FORMS:
+        off_tip = 0.0  # distance of the highest nodes from the tip [um]
+        if form.nodes % 2 == 0:  # the tip is in the middle of four nodes
+            off_tip = SIDE / (form.nodes - 1) * np.sqrt(0.5)
+        below_tip = -float(form.body.heights(np.array(off_tip)))
+        force = form.body.force(form.delta + below_tip)
+        check = partial(judged.has_force, form.name, force, form.allowed)
+        surface = partial(topographies.indenter, form.body, form.nodes)
+        yield contact_case("closed form", form.case, surface, form.delta, checks=(check,))
 
 
 def _concentrated_forces() -> Iterator[Case]:
-    """The kernel that is nearly singular where much is in contact."""
+    """Yield contacts with concentrated forces, nearly singular if much is in contact."""
     case = partial(slow_case, "concentrated force", kernel="concentrated-force")
     for delta in (25.0, 80.0, 150.0, 500.0, 5000.0):
         yield case(f"Δ = {delta:g}", paper, delta)
     yield case("white noise", topographies.white_noise, 100.0)
     yield case("flat", flat)
     for nodes, delta in product((NODES, SMALL), (1.0, 10.0, 50.0, 1e3)):
-        name, board = f"a checkerboard of {nodes} nodes", topographies.checkerboard(nodes)
-        yield case(f"{name}, Δ = {delta:g}", board, delta)
+        name = f"a checkerboard of {nodes} nodes, Δ = {delta:g}"
+        yield case(name, topographies.checkerboard(nodes), delta)
 
 
 def _compliant_far_fields() -> Iterator[Case]:
+    """Yield displacements near Delta*, from which a compliant far field has no solution."""
     case = partial(contact_case, "compliant far field", far_field="compliant")
     refusal = Refusal(BeyondCriticalDelta, ("delta = ", "must stay below Delta* = "))
-    for kernel, share in product(KERNELS, (0.9, 0.99, 0.999, 1 + 1e-9, 2.0)):
-        name, delta = (
-            f"Δ = {share:.10g} Δ*, {kernel}",
-            partial(_of_critical, share, kernel),
-        )
-        judged_by: dict[str, Any] = (
-            {"most": math.inf} if share < 1 else {"refusal": refusal}
-        )
-        yield case(name, paper, delta, kernel=kernel, **judged_by)
-    nowhere = Refusal(
-        BeyondCriticalDelta, ("delta = 1e-09 um", "must stay below Delta* = 0 um")
-    )
-    yield case("flat: Δ* = 0", flat, 1e-9, refusal=nowhere)
+    shares = (0.9, 0.99, 0.999, 1 + 1e-9, 2.0)
+    for kernel, share in product(KERNELS, shares):
+        name = f"Δ = {share:.10g} Δ*, {kernel}"
+        delta_of = partial(_of_critical, share, kernel)
+        if share < 1:
+            yield case(name, paper, delta_of, kernel=kernel, largest_ratio=math.inf)
+        else:
+            yield case(name, paper, delta_of, kernel=kernel, refusal=refusal)
+    words = ("delta = 1e-09 um", "must stay below Delta* = 0 um")
+    at_zero = Refusal(BeyondCriticalDelta, words)
+    yield case("flat: Δ* = 0", flat, 1e-9, refusal=at_zero)
 
 
 def _of_critical(share: float, kernel: Kernel, heights: Field) -> float:
+    """Return a share of Delta* [um]."""
     return share * critical_delta(heights, kernel)
 
 
-# Of a half-space of E* = 1 MPa [MPa].
 CAPS = (1e-9, 1e-6, 1e-4, 1e-3, 5e-3, 2e-2, 5e-2, 0.1, 0.3, 1.0, 1e3)
+"""Hardnesses on a half-space of E* = 1 MPa, from nearly all to no nodes yielded [MPa]."""
+
 capped = partial(slow_case, "hardness")
+"""Makes a case of bodies that yield."""
 
 
 def _hardnesses() -> Iterator[Case]:
@@ -235,62 +332,64 @@ def _hardnesses() -> Iterator[Case]:
 
 
 def _limits() -> Iterator[Case]:
-    """The elastic contact from its largest pressure on, and the bearing area."""
+    """Yield hardnesses near the largest elastic pressure, of the bearing area, and wrong ones."""
     largest = float(Setup(paper()).solve().pressure.max())
-    for title, hardness in (
-        ("the largest elastic pressure", largest),
-        (
-            "one ulp above the largest elastic pressure",
-            float(np.nextafter(largest, np.inf)),
+    elastic = {
+        "the largest elastic pressure": largest,
+        "one ulp above the largest elastic pressure": float(
+            np.nextafter(largest, np.inf)
         ),
-        ("one ulp below the largest elastic pressure", float(np.nextafter(largest, 0))),
-        ("H = 1e90 E*", 1e90),
-    ):
-        yield capped(title, paper, hardness=hardness, checks=(judged.is_nearly_elastic,))
+        "one ulp below the largest elastic pressure": float(np.nextafter(largest, 0)),
+        "H = 1e90 E*": 1e90,
+    }
+    for name, hardness in elastic.items():
+        yield capped(name, paper, hardness=hardness, checks=(judged.is_nearly_elastic,))
     for hardness in (1e-12, 1e-90):
-        both = judged.is_bearing_area, judged.says_what_yields
+        checks = (judged.is_bearing_area, judged.says_what_yields)
         name = f"bearing area, H = {hardness:g} E*"
-        yield capped(name, paper, hardness=hardness, checks=both)
+        yield capped(name, paper, hardness=hardness, checks=checks)
+    refusal = Refusal(ValueError, ("hardness",))
     for hardness in (0.0, -1.0, np.nan):
-        refusal = Refusal(ValueError, ("hardness",))
         yield capped(f"H = {hardness:g}", paper, hardness=hardness, refusal=refusal)
 
 
+YIELDING_SURFACES: tuple[tuple[str, Callable[..., Field], float], ...] = (
+    ("flat", flat, 5.0),
+    ("sphere", partial(topographies.indenter, Paraboloid(5000.0)), 5.0),
+    ("white noise", topographies.white_noise, 10.0),
+    ("checkerboard", topographies.checkerboard, 10.0),
+    ("exact ties", topographies.terraces, 25.0),
+)
+"""Names of the surfaces that yield, the functions that make them, and displacements [um]."""
+
+
 def _yielding_surfaces() -> Iterator[Case]:
-    surfaces: tuple[tuple[str, Callable[..., Field], float], ...] = (
-        ("flat", flat, 5.0),
-        ("sphere", partial(topographies.indenter, Paraboloid(5000.0)), 5.0),
-        ("white noise", topographies.white_noise, 10.0),
-        ("checkerboard", topographies.checkerboard, 10.0),
-        ("exact ties", topographies.terraces, 25.0),
-    )
-    hardnesses = (1e-3, 1e-2, 5e-2)
-    for (name, surface, delta), hardness, kernel in product(
-        surfaces, hardnesses, KERNELS
-    ):
-        title = f"{name}, H = {hardness:g} E*, {kernel}"
-        yield capped(title, surface, delta, hardness=hardness, kernel=kernel)
-    for sides in ((1000.0, 64000.0), (64000.0, 1000.0)):
-        for hardness in (1e-4, 1e-3, 1e-2):
-            title = (
-                f"cells of {sides[0] / 1000:g}:{sides[1] / 1000:g}, H = {hardness:g} E*"
-            )
-            yield capped(title, paper, hardness=hardness, side=sides)
+    """Yield surfaces of extreme forms, and long cells, of bodies that yield."""
+    combinations = product(YIELDING_SURFACES, (1e-3, 1e-2, 5e-2), KERNELS)
+    for (surface, make, delta), hardness, kernel in combinations:
+        name = f"{surface}, H = {hardness:g} E*, {kernel}"
+        yield capped(name, make, delta, hardness=hardness, kernel=kernel)
+    for sides, hardness in product(LONG_CELLS, (1e-4, 1e-3, 1e-2)):
+        name = f"{_cells(sides)}, H = {hardness:g} E*"
+        yield capped(name, paper, hardness=hardness, side=sides)
 
 
 def _loads() -> Iterator[Case]:
-    """A given mean pressure up to the hardness, beyond which there is no solution."""
-    for hardness in (1e-3, 0.1):
-        for share in (1e-3, 0.5, 0.9, 0.99, 1 - 1e-6, 1.0, 2.0):
-            pressure = share * hardness
-            given = partial(
-                judged.has_force,
-                "the one given",
-                pressure * paper().size * CELL**2,
-                1e-12,
-            )
-            refusal = Refusal(bem.NoSolution, ("hardness",)) if share >= 1 else None
-            case = partial(capped, hardness=hardness, checks=(given,), refusal=refusal)
-            yield case(
-                f"p = {share:.7g} H, H = {hardness:g} E*", paper, pressure=pressure
-            )
+    """Yield mean pressures up to the hardness, from which there is no solution."""
+    for hardness, share in product(
+        (1e-3, 0.1), (1e-3, 0.5, 0.9, 0.99, 1 - 1e-6, 1.0, 2.0)
+    ):
+        pressure = share * hardness
+        force = pressure * paper().size * CELL**2
+        check = partial(judged.has_force, "the one given", force, 1e-12)
+        refusal = None
+        if share >= 1:
+            refusal = Refusal(bem.NoSolution, ("hardness",))
+        yield capped(
+            f"p = {share:.7g} H, H = {hardness:g} E*",
+            paper,
+            pressure=pressure,
+            hardness=hardness,
+            checks=(check,),
+            refusal=refusal,
+        )

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Iterator
 from functools import partial
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -17,289 +16,493 @@ from gen.statistics import NAMES, Description, describe
 from gen.surface import GENERATORS, generate
 
 Spacing = tuple[float, float]
+"""Spacing of the nodes along x and y [um]."""
 
 SEED = 3
-NODES = 33  # nodes a side of most surfaces
-G = 7.8125  # spacing of the paper's nodes [um]
-STEP = 1 / 1024  # steps of heights that are to take offsets exactly [um]
-EXACT = 1e-12  # what a few hundred roundings may add up to, relative to each statistic
-ROUNDING = (
-    1e-14  # what the roundings of a few levels may add up to, over the range of heights
-)
+"""Seed of the generated surfaces."""
+
+NODES = 33
+"""Nodes a side of the surfaces, unless a case is about another grid."""
+
+G = 7.8125
+"""Spacing of the nodes of the paper's surfaces [um]."""
+
+STEP = 1 / 1024
+"""Steps of heights to which offsets are added without rounding [um]."""
+
+EXACT = 1e-12
+"""Relative error of a statistic that a few hundred roundings may add up to [1]."""
+
+ROUNDING = 1e-14
+"""Error of heights that the roundings of a few levels may add up to [range of heights]."""
 
 LENGTHS = {name for name in NAMES if name.split("_")[-1] in {"mean", "rms", "max"}}
-CURVATURES = {name for name in LENGTHS if "curvature" in name}
-SHAPES = {name for name in NAMES if "kurtosis" in name or "skewness" in name}
+"""Names of the statistics with a unit: heights [um] and curvatures [um-1]."""
 
-# As near to 0 and 1 as numbers go.
-HURSTS = {"0": 0.0, "5e-324": 5e-324, "1e-3": 1e-3, "1 - 1e-3": 0.999}
-HURSTS |= {"1 less one ulp": math.nextafter(1.0, 0.0), "1": 1.0}
-FACTORS = {"2^-40": 2.0**-40, "2^40": 2.0**40, "1e-12": 1e-12, "1e12": 1e12}
-# From nothing to all that numbers hold [um].
-AMPLITUDES = {"0": 0.0} | FACTORS | {"1e-300": 1e-300, "1e300": 1e300}
+CURVATURES = {name for name in LENGTHS if "curvature" in name}
+"""Names of the statistics in um-1."""
+
+SHAPES = {name for name in NAMES if "kurtosis" in name or "skewness" in name}
+"""Names of the statistics of the form of a distribution [1]."""
+
+HURSTS = {
+    "0": 0.0,
+    "5e-324": 5e-324,
+    "1e-3": 1e-3,
+    "1 - 1e-3": 0.999,
+    "1 less one ulp": math.nextafter(1.0, 0.0),
+    "1": 1.0,
+}
+"""Hurst exponents, some as near to 0 and 1 as floats are, by their names."""
+
+FACTORS = {
+    "2^-40": 2.0**-40,
+    "2^40": 2.0**40,
+    "1e-12": 1e-12,
+    "1e12": 1e12,
+}
+"""Factors of heights by their names [1]."""
+
+AMPLITUDES = {"0": 0.0, **FACTORS, "1e-300": 1e-300, "1e300": 1e300}
+"""Amplitudes sigma0, from zero to the range of floats, by their names [um]."""
 
 
 def cases() -> Iterator[Case]:
-    """Yield the generators' families, then those of the statistics."""
+    """Yield the families of the generators, then the families of the statistics."""
     yield from generator_cases()
-    yield from chain(_offsets(), _cancellation(), _sizes(), _grids(), _features())
+    yield from _offsets()
+    yield from _cancellation()
+    yield from _sizes()
+    yield from _grids()
+    yield from _bodies()
+    yield from _peaks()
 
 
 def generator_cases() -> Iterator[Case]:
     """Yield the families of each generator."""
     for generator in GENERATORS:
-        for name, hurst in HURSTS.items():
-            examine = partial(_nested, generator, NODES, hurst)
-            title = f"H = {name}, {generator}"
-            yield Case(
-                "generator: Hurst exponent", title, "33 x 33, beside 17 x 17", examine
-            )
-        for name, sigma0 in AMPLITUDES.items():
-            asked = "129 x 129, H = 0.65" + ", beside σ0 = 1 um" * bool(sigma0)
-            allowed = 0.0 if name.startswith(("0", "2^")) else ROUNDING
-            title = f"σ0 = {name}{' um' * bool(sigma0)}, {generator}"
-            examine = partial(_scaled, generator, sigma0, allowed)
-            yield Case("generator: amplitude", title, asked, examine)
-        for k in range(1, 12):
-            nodes = 2**k + 1
-            asked = f"{nodes} x {nodes}, H = 0.65, σ0 = 12 um, beside k = {max(k - 1, 1)}"
-            examine = partial(_nested, generator, nodes)
-            yield Case("generator: levels", f"k = {k}, {generator}", asked, examine)
+        yield from _hurst_exponents(generator)
+        yield from _amplitudes(generator)
+        yield from _levels(generator)
+
+
+def _hurst_exponents(generator: str) -> Iterator[Case]:
+    """Yield Hurst exponents from 0 to 1."""
+    for name, hurst in HURSTS.items():
+        yield Case(
+            family="generator: Hurst exponent",
+            name=f"H = {name}, {generator}",
+            input="33 x 33, beside 17 x 17",
+            examine=partial(_nested, generator, NODES, hurst),
+        )
+
+
+def _amplitudes(generator: str) -> Iterator[Case]:
+    """Yield amplitudes from 0 to the range of floats, beside an amplitude of 1 um."""
+    for name, sigma0 in AMPLITUDES.items():
+        surface = "129 x 129, H = 0.65"
+        title = f"σ0 = {name}"
+        if sigma0:
+            surface += ", beside σ0 = 1 um"
+            title += " um"
+        allowed = ROUNDING
+        if name.startswith(("0", "2^")):  # factors that round nothing
+            allowed = 0.0
+        yield Case(
+            family="generator: amplitude",
+            name=f"{title}, {generator}",
+            input=surface,
+            examine=partial(_scaled, generator, sigma0, allowed),
+        )
+
+
+def _levels(generator: str) -> Iterator[Case]:
+    """Yield grids of 2^k + 1 nodes a side, beside the next coarser grid."""
+    for k in range(1, 12):
+        nodes = 2**k + 1
+        grid = f"{nodes} x {nodes}, H = 0.65, σ0 = 12 um"
+        yield Case(
+            family="generator: levels",
+            name=f"k = {k}, {generator}",
+            input=f"{grid}, beside k = {max(k - 1, 1)}",
+            examine=partial(_nested, generator, nodes),
+        )
 
 
 def _surface(
     generator: str, nodes: int, hurst: float = 0.65, sigma0: float = 12.0
 ) -> Field:
-    return generate(generator, nodes, hurst, sigma0, np.random.default_rng(SEED))
+    """Generate heights [um] of 2^k + 1 nodes a side; `sigma0` is in um."""
+    random = np.random.default_rng(SEED)
+    return generate(generator, nodes, hurst, sigma0, random)
 
 
 def _answer(heights: Field, *findings: Finding) -> Answer:
+    """Return the answer of a generator's case, which states the range and the rms height."""
     largest = float(heights.max()) or 1.0
-    rms = float((heights / largest).std()) * largest  # without the overflow of squares
-    return Answer(f"range {np.ptp(heights):.4g} um, rms {rms:.4g} um", findings)
+    # Heights over the largest, so that no squares overflow.
+    rms = float((heights / largest).std()) * largest
+    span = np.ptp(heights)
+    return Answer(f"range {span:.4g} um, rms {rms:.4g} um", findings)
 
 
 def _scaled(generator: str, sigma0: float, allowed: float) -> Answer:
-    """Heights are proportional to sigma0."""
-    unit, heights = (_surface(generator, 129, sigma0=each) for each in (1.0, sigma0))
-    error = float(
-        np.abs(heights / (sigma0 or 1.0) - unit * bool(sigma0)).max() / unit.max()
-    )
+    """Check that heights are proportional to sigma0 [um], within `allowed` [range of heights]."""
+    unit = _surface(generator, 129, sigma0=1.0)
+    heights = _surface(generator, 129, sigma0=sigma0)
+    off = heights
+    if sigma0:
+        off = heights / sigma0 - unit
+    error = float(np.abs(off).max() / unit.max())
     return _answer(heights, Finding("off proportion [range]", error, allowed))
 
 
 def _nested(generator: str, nodes: int, hurst: float = 0.65) -> Answer:
-    """The same seed gives the same coarse nodes, the same bits, and the lowest node is 0."""
-    heights, again = (_surface(generator, nodes, hurst) for _ in range(2))
+    """Check that a seed gives one surface, with equal coarse nodes on all grids, and a lowest 0."""
+    heights = _surface(generator, nodes, hurst)
+    repeated = _surface(generator, nodes, hurst)
     coarse = _surface(generator, max((nodes + 1) // 2, 3), hurst)
     step = (nodes - 1) // (len(coarse) - 1)
     shared = heights[::step, ::step]
-    off = np.abs((shared - shared[0, 0]) - (coarse - coarse[0, 0])).max() / np.ptp(
-        heights
-    )
-    unlike = int(np.count_nonzero(heights != again)) + abs(heights.shape[0] - nodes)
+    above_corner = shared - shared[0, 0]
+    expected = coarse - coarse[0, 0]
+    difference = np.abs(above_corner - expected).max()
+    off = float(difference / np.ptp(heights))
+    unlike = int(np.count_nonzero(heights != repeated))
+    unlike += abs(heights.shape[0] - nodes)
+    lowest = abs(float(heights.min()))
     return _answer(
         heights,
-        Finding("coarse nodes off [range]", float(off), ROUNDING),
-        Finding("nodes unlike a second time", unlike, 0),
-        Finding("lowest height", abs(float(heights.min())), 0),
+        Finding("coarse nodes off [range]", off, allowed=ROUNDING),
+        Finding("nodes unlike a second time", unlike, allowed=0),
+        Finding("lowest height", lowest, allowed=0),
     )
 
 
 def described(heights: ArrayLike, spacing: Spacing = (G, G)) -> Answer:
-    """Describe a surface of any type, and compare with whole numbers."""
-    given = np.asanyarray(heights)
-    expected = exact.statistics(np.array(given, dtype=np.float64), spacing)
-    found = describe(given, spacing)
-    errors = [
-        _error(name, found.values[name], expected[name], expected) for name in NAMES
-    ]
+    """Describe a surface, and compare the statistics with those in whole numbers.
+
+    Parameters
+    ----------
+    heights : array_like, shape (nx, ny)
+        Heights of any type [um].
+    spacing : (float, float)
+        Spacing of the nodes along x and y [um].
+
+    Returns
+    -------
+    Answer
+        The worst error of a statistic, and the number of statistics that are defined in only one of
+        both descriptions.
+    """
+    surface = np.asanyarray(heights)
+    expected = exact.statistics(np.array(surface, dtype=np.float64), spacing)
+    description = describe(surface, spacing)
+    values = description.values
+    errors = [_error(name, values[name], expected) for name in NAMES]
     worst = int(np.argmax(errors))
-    unlike = [n for n in NAMES if math.isnan(found.values[n]) != math.isnan(expected[n])]
-    error = Finding(f"off exact: {NAMES[worst]}", errors[worst], EXACT)
-    undefined = Finding(", ".join(["defined unlike", *unlike]), len(unlike), 0)
-    return Answer(in_words(found), [error, undefined])
+    undefined = {name for name in NAMES if math.isnan(values[name])}
+    to_be_undefined = {name for name in NAMES if math.isnan(expected[name])}
+    in_one_only = undefined ^ to_be_undefined
+    unlike = [name for name in NAMES if name in in_one_only]
+    findings = [
+        Finding(f"off exact: {NAMES[worst]}", errors[worst], allowed=EXACT),
+        Finding(", ".join(["defined unlike", *unlike]), len(unlike), allowed=0),
+    ]
+    return Answer(in_words(description), findings)
 
 
-def _error(name: str, value: float, expected: float, beside: dict[str, float]) -> float:
-    """Relative, over 1 or the largest of its kind where the expected value is smaller."""
+def _error(name: str, value: float, exact_values: dict[str, float]) -> float:
+    """Return the error of a statistic [1]; 0 if it or the exact value is undefined.
+
+    It is relative to the exact value. That of kurtosis and skewness counts as at least 1. If a
+    length is exactly 0, the error is relative to the largest length of its unit.
+    """
+    expected = exact_values[name]
     if value == expected or math.isnan(value) or math.isnan(expected):
         return 0.0
     if name in SHAPES:
         return abs(value - expected) / max(1.0, abs(expected))
     if expected:
         return abs(value / expected - 1)
-    kind = CURVATURES if name in CURVATURES else LENGTHS - CURVATURES
-    largest = max(
-        (abs(beside[each]) for each in kind if beside[each] == beside[each]), default=0.0
-    )
-    return abs(value) / largest if largest else math.inf
+    same_unit = CURVATURES if name in CURVATURES else LENGTHS - CURVATURES
+    sizes = [abs(exact_values[length]) for length in same_unit]
+    largest = max((size for size in sizes if not math.isnan(size)), default=0.0)
+    if not largest:
+        return math.inf
+    return abs(value) / largest
 
 
 def says(heights: ArrayLike, *words: str) -> Answer:
-    """Describe a surface that does not define everything, for a reason with these words."""
-    found = describe(np.asanyarray(heights), (G, G))
-    missing = [word for word in words if word not in found.reason]
-    said = Finding(", ".join(["words missing in the reason", *missing]), len(missing), 0)
-    defined = not any(map(math.isnan, found.values.values()))
-    return Answer(
-        in_words(found), [said, Finding("undefined without a reason", int(defined), 0)]
-    )
+    """Describe a surface some of whose statistics are undefined, and check the stated reason.
+
+    Parameters
+    ----------
+    heights : array_like, shape (nx, ny)
+        Heights of any type, at the paper's spacing [um].
+    *words : str
+        Texts that the reason has to contain.
+
+    Returns
+    -------
+    Answer
+        The number of words that the reason lacks, and whether all statistics are defined.
+    """
+    description = describe(np.asanyarray(heights), (G, G))
+    missing = [word for word in words if word not in description.reason]
+    defined = not any(map(math.isnan, description.values.values()))
+    name = ", ".join(["words missing in the reason", *missing])
+    findings = [
+        Finding(name, len(missing), allowed=0),
+        Finding("undefined without a reason", int(defined), allowed=0),
+    ]
+    return Answer(in_words(description), findings)
 
 
-def in_words(found: Description) -> str:
-    """Return the result in a line."""
-    values = found.values
-    said = f"rms {values['height_rms']:.4g} um, mean {values['height_mean']:.4g} um"
-    if not math.isnan(values["asperity_density"]):
-        said += f", {values['asperity_density']:.3g} asperities a node"
-    undefined = sum(map(math.isnan, values.values()))
-    return f"{said}; {undefined} undefined ({found.reason})" if undefined else said
+def in_words(description: Description) -> str:
+    """Put a description into a line: heights, density of asperities, and undefined statistics.
+
+    Parameters
+    ----------
+    description : Description
+        The 22 statistics, with the reason why some are undefined.
+
+    Returns
+    -------
+    str
+        The line.
+    """
+    values = description.values
+    rms = values["height_rms"]
+    mean = values["height_mean"]
+    density = values["asperity_density"]
+    line = f"rms {rms:.4g} um, mean {mean:.4g} um"
+    if not math.isnan(density):
+        line += f", {density:.3g} asperities a node"
+    undefined = [name for name, value in values.items() if math.isnan(value)]
+    if undefined:
+        line += f"; {len(undefined)} undefined ({description.reason})"
+    return line
 
 
 def rough(nodes: int = NODES, sigma0: float = 12.0) -> Field:
-    """Make a surface of the paper's kind."""
-    return generate("diamond-square", nodes, 0.65, sigma0, np.random.default_rng(0))
+    """Generate a surface like the paper's, always the same one.
+
+    Parameters
+    ----------
+    nodes : int
+        Nodes a side, 2^k + 1.
+    sigma0 : float
+        Standard deviation of the first displacement [um].
+
+    Returns
+    -------
+    ndarray, shape (nodes, nodes)
+        Heights [um].
+    """
+    random = np.random.default_rng(0)
+    return generate("diamond-square", nodes, hurst=0.65, sigma0=sigma0, random=random)
 
 
 def stepped(nodes: int = NODES, step: float = STEP) -> Field:
-    """Make the same on steps: heights that tie, whose sums and differences are exact."""
+    """Round a surface like the paper's to steps: heights tie, and their sums are exact.
+
+    Parameters
+    ----------
+    nodes : int
+        Nodes a side, 2^k + 1.
+    step : float
+        Steps of the heights [um].
+
+    Returns
+    -------
+    ndarray, shape (nodes, nodes)
+        Heights [um].
+    """
     return np.asarray(np.round(rough(nodes) / step) * step)
 
 
 def _case(
     family: str,
     name: str,
-    asked: str,
+    text: str,
     surface: ArrayLike | Callable[[], ArrayLike],
     *words: str,
     spacing: Spacing = (G, G),
 ) -> Case:
-    """Make a case of heights, or of a function that makes them when it is run.
+    """Make a case of the statistics from heights, or from a function that makes them when it runs.
 
-    With words the surface has to be undefined for that reason, else it is compared with whole
-    numbers.
+    `text` is the input in words. With `words`, statistics have to be undefined for a reason with
+    these words. Without any, the statistics are compared with those in whole numbers.
     """
 
     def examine() -> Answer:
         heights: Any = surface() if callable(surface) else surface
-        return says(heights, *words) if words else described(heights, spacing)
+        if words:
+            return says(heights, *words)
+        return described(heights, spacing)
 
-    return Case(f"statistics: {family}", name, asked, examine)
+    return Case(f"statistics: {family}", name, input=text, examine=examine)
+
+
+LOST = "heights lost in rounding"
+"""Words of the reason why a surface far above zero has no statistics."""
+
+LOST_HEIGHTS = (
+    (1e14, 12.0),
+    (1e16, 12.0),
+    (1e8, 1e-6),
+    (-1e300, 1e284),
+)
+"""Offsets at which rounding destroys surfaces, and amplitudes sigma0 of these [um]."""
 
 
 def _offsets() -> Iterator[Case]:
+    """Yield surfaces far above or below zero, some of which rounding destroys."""
     case = partial(_case, "offset")
+    grid = f"{NODES} x {NODES}"
     for offset in (1e4, -1e8, 1e8, 1e10, 1e12):
-        asked = f"{NODES} x {NODES}, σ0 = 12 um in steps of 1/1024 um"
-        yield case(f"{offset:g} um", asked, stepped() + offset)
+        text = f"{grid}, σ0 = 12 um in steps of 1/1024 um"
+        heights = stepped() + offset
+        yield case(f"{offset:g} um", text, heights)
     for offset in (1e8, 1e12):
         name = f"{offset:g} um, heights as they were rounded"
-        yield case(name, f"{NODES} x {NODES}, σ0 = 12 um", rough() + offset)
-    lost = "heights lost in rounding"
-    for offset, sigma0 in ((1e14, 12.0), (1e16, 12.0), (1e8, 1e-6), (-1e300, 1e284)):
-        name, far = f"{offset:g} um, σ0 = {sigma0:g} um", rough(sigma0=sigma0) + offset
-        yield case(f"{name}: lost in rounding", f"{NODES} x {NODES}", far, lost)
-    name, far = "1e6 um in single precision", (rough() + 1e6).astype(np.float32)
-    yield case(f"{name}: lost in rounding", f"{NODES} x {NODES}, float32", far, lost)
+        yield case(name, f"{grid}, σ0 = 12 um", rough() + offset)
+    for offset, sigma0 in LOST_HEIGHTS:
+        name = f"{offset:g} um, σ0 = {sigma0:g} um: lost in rounding"
+        heights = rough(sigma0=sigma0) + offset
+        yield case(name, grid, heights, LOST)
+    name = "1e6 um in single precision: lost in rounding"
+    heights = rough() + 1e6
+    yield case(name, f"{grid}, float32", heights.astype(np.float32), LOST)
 
 
 def _cancellation() -> Iterator[Case]:
     """Yield surfaces whose variance is a small difference of large numbers."""
     case = partial(_case, "cancellation")
     for spread in (1e-3, 1e-6, 1e-9, 1e-11):
-        asked = f"high nodes of a checkerboard differ by {spread:g} of their height"
-        noise = 1.0 + spread * np.random.default_rng(5).random((NODES, NODES))
-        yield case(f"asperities within {spread:g}", asked, checkerboard(NODES) * noise)
-    asked = "the others σ0 = 12 um"
+        text = f"high nodes of a checkerboard differ by {spread:g} of their height"
+        noise = np.random.default_rng(5).random((NODES, NODES))
+        heights = checkerboard(NODES) * (1.0 + spread * noise)
+        yield case(f"asperities within {spread:g}", text, heights)
+    text = "the others σ0 = 12 um"
     for depth in (1e4, 1e8, 1e10):
-        yield case(f"one node {depth:g} um deep", asked, _with(stepped(), -depth))
-    yield case(
-        "one node 1e16 um deep", asked, _with(stepped(), -1e16), "lost in rounding"
-    )
+        heights = _with(stepped(), -depth)
+        yield case(f"one node {depth:g} um deep", text, heights)
+    deepest = _with(stepped(), -1e16)
+    yield case("one node 1e16 um deep", text, deepest, "lost in rounding")
+    text = "σ0 = 12 um in steps of 1/1024 um"
     for slope in (1e3, 1e6):
-        asked, plane = (
-            "σ0 = 12 um in steps of 1/1024 um",
-            slope * np.arange(NODES)[:, None],
-        )
-        yield case(f"tilted by {slope:g} um a node", asked, stepped() + plane)
+        plane = slope * np.arange(NODES)
+        heights = stepped() + plane[:, None]
+        yield case(f"tilted by {slope:g} um a node", text, heights)
 
 
 def _with(heights: Field, height: float, at: tuple[int, int] = (5, 7)) -> Field:
+    """Put the node `at` at a height [um]; changes the heights and returns them."""
     heights[at] = height
     return heights
 
 
+SPACINGS = (
+    (1e-15, 1e-15),
+    (1e15, 1e15),
+    (1e-15, 1e15),
+    (1e15, 1e-15),
+    (0.3, 0.7),
+)
+"""Spacings along x and y [um]."""
+
+
 def _sizes() -> Iterator[Case]:
+    """Yield extreme units of heights and spacings."""
     case = partial(_case, "size")
-    for name, factor in (FACTORS | {"1e-290": 1e-290, "1e290": 1e290}).items():
+    factors = {**FACTORS, "1e-290": 1e-290, "1e290": 1e290}
+    for name, factor in factors.items():
         yield case(f"heights times {name}", "σ0 = 12 um", rough() * factor)
-    for pair in ((1e-15, 1e-15), (1e15, 1e15), (1e-15, 1e15), (1e15, 1e-15), (0.3, 0.7)):
-        name = f"spacings {pair[0]:g} and {pair[1]:g} um"
-        yield case(name, "σ0 = 12 um", rough(), spacing=pair)
+    for dx, dy in SPACINGS:
+        name = f"spacings {dx:g} and {dy:g} um"
+        yield case(name, "σ0 = 12 um", rough(), spacing=(dx, dy))
+
+
+SHAPES_OF_GRIDS = (
+    (2, 2),
+    (2, 3),
+    (3, 2),
+    (3, 3),
+    (2, 129),
+    (129, 2),
+    (9, 100),
+    (128, 17),
+)
+"""Nodes along x and y of grids that are not of 2^k + 1 nodes a side."""
 
 
 def _grids() -> Iterator[Case]:
-    case, oblong = partial(_case, "grid"), (0.5, 2.0)
+    """Yield numbers of nodes, and arrays that are views with other strides."""
+    case = partial(_case, "grid")
     for k in range(1, 12):
         nodes = 2**k + 1
-        asked, surface = f"{nodes} x {nodes}", partial(rough, nodes)
-        if k > 5:  # whole numbers of small steps are counted much faster
-            asked += ", heights in steps of 1/16 um"
+        text = f"{nodes} x {nodes}"
+        surface = partial(rough, nodes)
+        if k > 5:  # the whole numbers of small steps are counted much faster
+            text += ", heights in steps of 1/16 um"
             surface = partial(stepped, nodes, 1 / 16)
-        yield case(f"k = {k}", asked, surface)
-    for rows, columns in (
-        (2, 2),
-        (2, 3),
-        (3, 2),
-        (3, 3),
-        (2, 129),
-        (129, 2),
-        (9, 100),
-        (128, 17),
-    ):
-        corner, asked = (
-            rough(129)[:rows, :columns],
-            "a corner of 129 x 129, g = 0.5 and 2 um",
-        )
-        yield case(f"{rows} x {columns}", asked, corner, spacing=oblong)
-    turned = {"turned by 180°": rough()[::-1, ::-1], "axes swapped": rough().T}
-    for name, image in (turned | {"turned by 90°": np.rot90(rough())}).items():
-        yield case(
-            name, "seen otherwise in memory, g = 0.5 and 2 um", image, spacing=oblong
-        )
+        yield case(f"k = {k}", text, surface)
+    oblong = (0.5, 2.0)
+    text = "a corner of 129 x 129, g = 0.5 and 2 um"
+    for rows, columns in SHAPES_OF_GRIDS:
+        corner = rough(129)[:rows, :columns]
+        yield case(f"{rows} x {columns}", text, corner, spacing=oblong)
+    views = {
+        "turned by 180°": rough()[::-1, ::-1],
+        "axes swapped": rough().T,
+        "turned by 90°": np.rot90(rough()),
+    }
+    text = "seen otherwise in memory, g = 0.5 and 2 um"
+    for name, view in views.items():
+        yield case(name, text, view, spacing=oblong)
 
 
-def _features() -> Iterator[Case]:
-    """Yield bodies with closed forms, and peaks that are few, equal or none."""
-    case, x = partial(_case, "feature"), np.arange(NODES) - NODES // 2
-    bowl = (x[:, None] ** 2 + x**2) / 64
-    for name, asked, heights, word in (
+def _bodies() -> Iterator[Case]:
+    """Yield bodies with one peak or none: their statistics, then the reason for undefined ones."""
+    case = partial(_case, "feature")
+    x = np.arange(NODES) - NODES // 2
+    squares = x**2
+    bowl = (squares[:, None] + squares) / 64
+    plane = 3.0 * x[:, None] - 2.0 * x
+    level = np.full((NODES, NODES), 3.3)
+    far_up = np.full((9, 9), 1e308)
+    for name, text, heights, word in (
         ("one peak", "a paraboloid", -bowl, "asperity or one"),
         ("no peak", "a bowl", bowl, "no asperity"),
-        ("a plane", "h = 3 i - 2 j um", 3.0 * x[:, None] - 2.0 * x, "no asperity"),
-        ("flat", "all nodes at 3.3 um", np.full((NODES, NODES), 3.3), "flat surface"),
-        ("flat, far up", "all nodes at 1e308 um", np.full((9, 9), 1e308), "flat surface"),
+        ("a plane", "h = 3 i - 2 j um", plane, "no asperity"),
+        ("flat", "all nodes at 3.3 um", level, "flat surface"),
+        ("flat, far up", "all nodes at 1e308 um", far_up, "flat surface"),
     ):
-        yield case(name, asked, heights)
-        yield case(f"{name}: said", asked, heights, word)
-    apart = checkerboard(NODES) * (0.1 + 0.2) + 0.1
-    plain, spike = np.zeros((NODES, NODES)), _with(np.zeros((9, 9)), 1.0, (2, 2))
+        yield case(name, text, heights)
+        yield case(f"{name}: said", text, heights, word)
+
+
+def _peaks() -> Iterator[Case]:
+    """Yield surfaces with few, equal or very different peaks."""
+    case = partial(_case, "feature")
+    board = checkerboard(NODES)
+    yield case("exact ties", "a checkerboard of 0 and 1 um", board)
+    ties = board * (0.1 + 0.2) + 0.1
+    yield case("ties of 0.1 + 0.2", "a checkerboard of 0.1 and 0.1 + 0.2 um", ties)
+    plateaus = np.kron(stepped(17), np.ones((2, 2)))
+    yield case("plateaus", "each node four times", plateaus)
+    yield case("ties and steps", "heights in steps of 5 um", stepped(step=5.0))
+    spike = _with(np.zeros((NODES, NODES)), 1.0)
+    yield case("a spike", "flat but for one node of 1 um", spike)
+    in_corner = _with(np.zeros((9, 9)), 1.0, at=(0, 0))
+    yield case("a spike in a corner", "no interior node", in_corner)
+    first = _with(np.zeros((9, 9)), 1.0, at=(2, 2))
+    yield case("two spikes", "of 1 and 2 um", _with(first, 2.0, at=(5, 5)))
+    ridges = np.repeat(stepped()[:, :1], 9, axis=1)
+    yield case("ridges", "profiles along y flat", ridges)
     noise = np.random.default_rng(1).standard_normal((NODES, NODES))
-    for name, asked, heights in (
-        ("exact ties", "a checkerboard of 0 and 1 um", checkerboard(NODES)),
-        ("ties of 0.1 + 0.2", "a checkerboard of 0.1 and 0.1 + 0.2 um", apart),
-        ("plateaus", "each node four times", np.kron(stepped(17), np.ones((2, 2)))),
-        ("ties and steps", "heights in steps of 5 um", stepped(step=5.0)),
-        ("a spike", "flat but for one node of 1 um", _with(plain, 1.0)),
-        ("a spike in a corner", "no interior node", _with(np.zeros((9, 9)), 1.0, (0, 0))),
-        ("two spikes", "of 1 and 2 um", _with(spike, 2.0, (5, 5))),
-        ("ridges", "profiles along y flat", np.repeat(stepped()[:, :1], 9, axis=1)),
-        ("white noise", "σ = 1 um", noise),
-        (
-            "an outlier",
-            "one node of 1e6 um, the others σ0 = 12 um",
-            _with(stepped(), 1e6),
-        ),
-    ):
-        yield case(name, asked, heights)
+    yield case("white noise", "σ = 1 um", noise)
+    outlier = _with(stepped(), 1e6)
+    yield case("an outlier", "one node of 1e6 um, the others σ0 = 12 um", outlier)

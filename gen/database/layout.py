@@ -151,8 +151,8 @@ def _describe(dataset: h5py.Dataset, column: Column) -> None:
     """Add the attributes of a column to its dataset.
 
     These are its meaning, its unit, the powers that were measured for it, and for a column of codes
-    the meaning of each code. The names of the attributes are those of the CF conventions, but for
-    the powers.
+    the meaning of each code. The attributes have the names of the CF conventions,
+    apart from "powers".
     """
     _set(dataset, "long_name", column.long_name)
     if column.unit:

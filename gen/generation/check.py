@@ -170,7 +170,7 @@ def repair(path: Path, faults: Sequence[Fault]) -> Repair:
     """Make the damaged rows of a database pending, so that the next run computes them again.
 
     No row is changed if another physics number computed the database, because this version cannot
-    compute such rows. Rows whose faults are not damage are not changed either.
+    compute its rows again. Rows whose faults are not damage are not changed either.
 
     Parameters
     ----------

@@ -192,8 +192,8 @@ def completed(
 def _with_outputs(scene: Scene, limit: float | None) -> Scene:
     """Try the function on the first row that has a solution, and return the scene with its outputs.
 
-    If the scene lists its outputs, they are compared with those of the function, and the scene is
-    returned unchanged. Otherwise the names and units that the function returns are added to it.
+    If the scene lists its outputs, the outputs of the function are compared with this list, and the
+    scene is returned unchanged. Otherwise the names and units of the function's outputs are added.
     `limit` is the largest time of the trial [s]. Raises SourceError if the function fails or its
     outputs are not the listed ones, and InputError if outputs are not listed and the trial finds
     none.

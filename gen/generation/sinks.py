@@ -33,7 +33,7 @@ class Sink:
     def deliver(self, block: range, rows: Columns) -> Columns:
         """Take the rows of a block on the process that has computed them.
 
-        The process writes the rows if it is to write its own ones.
+        With the parallel writer, this process writes them.
 
         Parameters
         ----------
@@ -51,14 +51,14 @@ class Sink:
         Raises
         ------
         InputError
-            If this process is to write the rows and cannot.
+            If this process has to write the rows and cannot.
         """
         return rows
 
     def receive(self, block: range, rows: Columns) -> None:
         """Take the rows of a block on the master.
 
-        The master writes the rows if it is to write those of all processes.
+        With the single writer, the master writes them.
 
         Parameters
         ----------
@@ -70,7 +70,7 @@ class Sink:
         Raises
         ------
         InputError
-            If the master is to write the rows and cannot.
+            If the master has to write the rows and cannot.
         """
 
     def sync_when_due(self) -> None:

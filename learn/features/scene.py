@@ -61,12 +61,12 @@ class Limits:
 
 
 def load_of(scene: Scene) -> str:
-    """Return the name of the load that a scene draws.
+    """Return the name of the load that a scene draws, as it is in `LOADS`.
 
     Parameters
     ----------
     scene : Scene
-        The scene.
+        The scene, in which relative loads have the names in `RELATIVE`.
 
     Returns
     -------
@@ -263,6 +263,7 @@ def columns_of(scenes: Sequence[Scene], load: str) -> tuple[str, ...]:
                 f"--features {SCENE}: {name} is a number of some of the databases only: they cannot"
                 " be learnt together"
             )
+        # A constant number tells a model nothing.
         if ends is not None and ends.low < ends.high:
             columns.append(_column(name, ends))
     load = load or load_of(scenes[0])
@@ -289,7 +290,11 @@ def _numbers_of(scenes: Sequence[Scene]) -> list[str]:
 
 
 def _column(name: str, ends: Limits) -> str:
-    """Return the column of a number between two limits: its logarithm, or the number itself."""
+    """Return the column of a number between two limits.
+
+    It is the logarithm if the limits are above 0 and their ratio is at least `SPAN`, otherwise the
+    number itself.
+    """
     if ends.low > 0 and ends.high >= SPAN * ends.low:
         return f"log({name})"
     return name
@@ -309,7 +314,8 @@ def _joint_limits(scenes: Sequence[Scene], name: str) -> Limits | None:
 def _limits(scene: Scene, name: str) -> Limits | None:
     """Return the limits of a parameter, hardness or load in a scene.
 
-    They are None if the scene does not draw the parameter or load, or if its bodies are elastic.
+    They are None if the scene does not draw this parameter or load. Those of a hardness are None if
+    the bodies are elastic.
     """
     if name in scene.drawn_parameters:
         return Limits(*limits(scene.drawn_parameters[name]))

@@ -255,9 +255,7 @@ class FeatureSet(ABC):
         ones = np.ones(len(rows.delta))
         if not self.scaled or powers is None:
             return ones
-        heights = rows.height_unit
-        if powers.modulus:
-            heights = rows.delta
+        heights = rows.delta if powers.modulus else rows.height_unit
         length = np.asarray(rows.length, dtype=np.float64)
         scale = modulus**powers.modulus * length ** float(powers.lengths)
         scale = scale * heights ** float(powers.heights) * ones

@@ -1,6 +1,6 @@
-"""Growth of a database and its surrogate until the surrogate is as accurate as asked for.
+"""Growth of a database and its surrogate until the surrogate is accurate enough.
 
-`rounds` is the loop, and the report of its end: rows of a scene are generated, a surrogate is
-fitted and judged on those held out, with a learning curve that says how many rows are needed
-(`accuracy`).
+`rounds` is the loop with its report: rows of a scene are generated, and a surrogate is fitted to
+them and judged. `accuracy` estimates the errors from rows that are held out, and the number of rows
+that is needed from a learning curve.
 """

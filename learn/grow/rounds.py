@@ -1,8 +1,9 @@
 """The loop of a growth, and the report at its end.
 
-A growth generates the rows of one size of the database, fits a surrogate to them and judges it (a
-"look"), and goes on with the next size until the surrogate is accurate enough. All processes of the
-run compute rows, and the master writes them to the database.
+A growth generates the rows of one size of the database, fits a surrogate to them and judges it by
+rows that are held out (a "look"). It goes on with the next size until the bounds of the errors of
+all targets are below the mark, the largest nMAE that the user accepts. All processes of the run
+compute rows, and the master writes them to the database.
 """
 
 import math
@@ -79,7 +80,7 @@ WORDS: dict[Ending, str] = {
     "rows": "The allowed rows are used up before the mark is met",
     "hopeless": "The mark is out of reach of this model with these features",
 }
-"""Words of the report for each reason, the first half of a sentence."""
+"""Beginning of the report for each reason."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +112,7 @@ def stock(path: Path) -> Stock:
         If the file is no database, or only a part of one.
     """
     if not path.exists():
-        return Stock(0, 0, 0.0)
+        return Stock(finished=0, rows=0, seconds=0.0)
     with Reader(path) as reader:
         if reader.rows != range(reader.scene.samples):
             raise InputError(
@@ -146,7 +147,7 @@ class LookTime:
 
 
 NO_LOOK = LookTime(rows=1, seconds=0.0)
-"""Time of the last look before the first one."""
+"""Value of `Growth.last_look` before the first look, by which looks take no time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +160,7 @@ class Attempt:
 
 @dataclass(frozen=True, eq=False)
 class FitOrder:
-    """A fit that a process makes."""
+    """The input of a fit, which a second process makes if there is a budget."""
 
     request: Request
     sets: list[Dataset]  # one dataset for each target, with equal rows
@@ -168,18 +169,18 @@ class FitOrder:
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """A fitted surrogate."""
+    """The result of a fit."""
 
     surrogate: Surrogate
-    lines: list[str]  # for the user: scores and warnings of the fit
+    lines: list[str]  # lines for the user: scores and warnings
 
 
 @dataclass(frozen=True)
 class RowsOrder:
-    """The scene whose rows the processes of a run compute."""
+    """The data that all processes share when they compute rows."""
 
     scene: Scene
-    folder: Path  # of the database, where files that surfaces are made of are searched
+    folder: Path  # folder of the database, from which paths of maps start
 
 
 def _never() -> bool:
@@ -203,9 +204,11 @@ class Growth:
     say: Callable[[str], None]  # called with each line for the user
     stopping: Callable[[], bool] = _never  # called between rows; True ends the growth
     until: float = math.inf  # time of `time.time` at which the budget ends [s]
-    # Time of a row if all workers compute rows at once, 0 before the first row [s].
+    # Time in which all workers together compute a row, 0 before the first row [s].
     row_seconds: float = 0.0
-    last_look: LookTime = NO_LOOK
+    last_look: LookTime = (
+        NO_LOOK  # time of the last look, from which that of the next is estimated
+    )
     # Errors of all looks, by the number of rows and the name of the target.
     errors: dict[int, dict[str, Accuracy]] = field(default_factory=dict)
 
@@ -217,7 +220,7 @@ class Growth:
 
     @property
     def per_surface(self) -> int:
-        """Rows of one surface."""
+        """Number of rows of one surface."""
         return self.scene.samples_per_surface
 
     def grow(self) -> End:
@@ -238,7 +241,7 @@ class Growth:
         """
         scene = completed(self.scene, self.path.parent, rehearsed=True)
         with database.lock(self.path):
-            _refuse_others(self.request, scene)
+            _check_request(self.request, scene)
             for doubt in doubts_before(scene, self.row_limit):
                 self.say(f"warning: {doubt}")
             smallest = min(size(0, self.per_surface), self.row_limit)
@@ -246,7 +249,10 @@ class Growth:
             return self._grow_from(scene, target)
 
     def _grow_from(self, scene: Scene, target: int) -> End:
-        """Generate `target` rows and look, then go on with larger sizes until the growth ends."""
+        """Repeat rows and looks until the growth ends; return the reason and the last look.
+
+        `target` is the number of rows of the first look. The caller holds the lock of the database.
+        """
         last: Look | None = None
         while True:
             rows = self.generate(scene, target)
@@ -272,8 +278,8 @@ class Growth:
     def _try_to_look(self, rows: int, *, required: bool) -> Attempt:
         """Look at the first rows of the database, and set `last_look`.
 
-        Rows that are too few for a fit raise InputError if a look is `required`, or if the database
-        has the size of number `PATIENT`. Otherwise the attempt says why there is no look.
+        Rows may be too few for a fit. This raises InputError if a look is `required`, or if they
+        are as many as the size of number `PATIENT` has. Otherwise the attempt has no look.
         """
         start = time.time()
         look = None
@@ -471,6 +477,7 @@ class Growth:
             start = time.time()
 
             def write(block: range, columns: Columns) -> None:
+                """Write a block, and estimate the time of a row anew."""
                 nonlocal computed
                 writer.write_block(block.start, block.stop, columns)
                 computed += len(block)
@@ -484,6 +491,7 @@ class Growth:
                 under_way = farm.IN_FLIGHT * workers
 
             def is_over() -> bool:
+                """Tell whether to stop, so that the rows under way and a look fit the budget."""
                 return self.stopping() or not self.suffices(before + computed, under_way)
 
             blocks = blocks_of(writer.scene, pending, workers)
@@ -495,14 +503,17 @@ class Growth:
 
 
 def _fit(order: FitOrder, _: None) -> Fitted:
-    """Fit a surrogate to the training rows of an order; the second argument is not used."""
+    """Fit a surrogate to the training rows of an order.
+
+    `within` also passes a task, which is not used: the order has all data of the fit.
+    """
     lines: list[str] = []
     surrogate = fitting.fit_parts(order.request, order.sets, order.parts, lines.append)
     return Fitted(surrogate, lines)
 
 
-def _refuse_others(request: Request, scene: Scene) -> None:
-    """Refuse targets that the scene does not store, and a database of another scene."""
+def _check_request(request: Request, scene: Scene) -> None:
+    """Refuse targets that the scene does not store, and a database that is of another scene."""
     columns = results(scene, request.load or "delta")
     for target in request.targets:
         if TARGETS.get(target, target) not in columns:
@@ -650,8 +661,8 @@ def _draw_learning_curve(axis: Any, last: Look) -> None:
         capsize=4,
         label="all rows, with their bound",
     )
-    asked = f"asked for, {last.mark:g} %"
-    axis.axhline(last.mark, color=OUTSIDE_COLOUR, ls="--", label=asked)
+    label = f"asked for, {last.mark:g} %"
+    axis.axhline(last.mark, color=OUTSIDE_COLOUR, ls="--", label=label)
     axis.set(xlabel="rows of the database", ylabel="nMAE [%]")
     axis.set_title(f"Learning curve, {last.worst}")
     log_axis(axis.xaxis)

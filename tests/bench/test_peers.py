@@ -1,6 +1,8 @@
 """The comparison with other solvers: fair, told as it is, and complete without any of them."""
 
+from contextlib import redirect_stderr
 from dataclasses import dataclass, field, replace
+from io import StringIO
 
 import numpy as np
 import pytest
@@ -51,21 +53,58 @@ class Stub:
         return Answer(find_exact(case).pressure * (1 + rtol))
 
 
-def test_each_is_timed_at_the_tolerance_that_it_needs(capsys):
-    stub = Stub()
+@dataclass
+class Compared:
+    """Three stubs that were compared on one contact, with their rows and what was printed."""
+
+    good: Stub
+    limited: Stub
+    rows: list[dict[str, object]]
+    printed: str
+
+
+@pytest.fixture(scope="module")
+def compared():
+    good = Stub()
+    failing = Stub(name="failing", fails=True)
     limited = Stub(name="limited", largest_contact=5)
-    rows = compare([SMALL], [stub, Stub(name="failing", fails=True), limited], 2)
-    good, failing, skipped = rows
-    assert good["tolerance"] == 10.0**-6
-    assert good["load_error"] == pytest.approx(1e-6, rel=1e-6)
-    assert good["times_ours"] == 1
-    assert good["seconds"] is not None
-    assert good["contact_nodes"] == np.count_nonzero(find_exact(SMALL).pressure)
-    assert stub.asked[-1] == good["tolerance"]
-    assert (failing["seconds"], failing["remark"]) == (None, "tolerance 1e-01: stalled")
-    assert (skipped["seconds"], limited.asked) == (None, [])
-    assert skipped["remark"] == "not tried above 5 nodes in contact"
-    assert capsys.readouterr().err == "33 nodes a side, H = 0.65, Delta = 25 um\n"
+    printed = StringIO()
+    with redirect_stderr(printed):
+        rows = compare([SMALL], [good, failing, limited], 2)
+    return Compared(good, limited, rows, printed.getvalue())
+
+
+def test_a_solver_is_timed_at_the_tolerance_that_it_needs(compared):
+    row = compared.rows[0]
+    assert row["tolerance"] == 10.0**-6
+    assert row["load_error"] == pytest.approx(1e-6, rel=1e-6)
+    assert compared.good.asked[-1] == row["tolerance"]
+
+
+def test_the_first_solver_is_the_unit_of_times(compared):
+    row = compared.rows[0]
+    assert row["times_ours"] == 1
+    assert row["seconds"] is not None
+
+
+def test_a_row_has_the_nodes_in_contact_of_the_reference(compared):
+    nodes = np.count_nonzero(find_exact(SMALL).pressure)
+    assert {row["contact_nodes"] for row in compared.rows} == {nodes}
+
+
+def test_a_solver_that_fails_has_a_remark_and_no_time(compared):
+    row = compared.rows[1]
+    assert (row["seconds"], row["remark"]) == (None, "tolerance 1e-01: stalled")
+
+
+def test_a_solver_is_not_tried_above_its_largest_contact(compared):
+    row = compared.rows[2]
+    assert (row["seconds"], compared.limited.asked) == (None, [])
+    assert row["remark"] == "not tried above 5 nodes in contact"
+
+
+def test_the_progress_is_the_contact_in_words(compared):
+    assert compared.printed == "33 nodes a side, H = 0.65, Delta = 25 um\n"
 
 
 def test_times_over_ours_are_of_the_same_round(monkeypatch):
@@ -82,8 +121,11 @@ def test_times_over_ours_are_of_the_same_round(monkeypatch):
         trial.take_turn()
     assert (ours.times(ours), theirs.times(ours)) == (1.0, pytest.approx(2.0))
     assert (ours.seconds, theirs.seconds) == (0.2, 0.3)
+
+
+def test_times_that_are_too_long_to_be_repeated_are_compared_as_they_are():
     ours, theirs = Trial(Stub(), SMALL), Trial(Stub(), SMALL)
-    ours._seconds, theirs._seconds = [6.0], [9.0]  # too long to be repeated
+    ours._seconds, theirs._seconds = [6.0], [9.0]
     assert theirs.times(ours) == 1.5
 
 
@@ -121,7 +163,7 @@ def test_periodic_patches_are_the_same_problem_for_all(solver, load):
     assert errors.pressure_error < 1e-8
 
 
-def test_command_compares_periodic_patches_and_bodies_that_yield(tmp_path):
+def test_command_compares_periodic_patches(tmp_path):
     arguments = ["--nodes", "32", "--rounds", "1"]
     assert main(["periodic", "-o", str(tmp_path), *arguments]) == 0
     _, rows = read_table(tmp_path / "periodic.csv")
@@ -129,6 +171,10 @@ def test_command_compares_periodic_patches_and_bodies_that_yield(tmp_path):
     assert [row["times_ours"] for row in ours] == ["1.0"] * 5
     assert float(ours[0]["area_percent"]) < 5
     assert float(ours[4]["area_percent"]) > 95
+    assert [len(tables_of(each)) for each in part_of("periodic").show(tmp_path)] == [1, 1]
+
+
+def test_command_compares_bodies_that_yield(tmp_path):
     arguments = ["--nodes", "17", "--deltas", "25", "--rounds", "1", "--hardness", "0.02"]
     assert main(["hardness", "-o", str(tmp_path), *arguments]) == 0
     found = read_table(tmp_path / "hardness.csv")[
@@ -138,8 +184,7 @@ def test_command_compares_periodic_patches_and_bodies_that_yield(tmp_path):
     assert (elastic["hardness"], elastic["yielded_nodes"]) == ("", "0")
     assert int(yielding["yielded_nodes"]) > 0
     assert float(yielding["load_error"]) <= 1e-6
-    for name in ("periodic", "hardness"):
-        assert [len(tables_of(each)) for each in part_of(name).show(tmp_path)] == [1, 1]
+    assert [len(tables_of(each)) for each in part_of("hardness").show(tmp_path)] == [1, 1]
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,10 @@
 
 import csv
 import math
+from contextlib import redirect_stdout
 from dataclasses import replace
 from functools import partial
+from io import StringIO
 
 import numpy as np
 import pytest
@@ -54,32 +56,47 @@ def test_case(case):
     assert result.passed, result.failed
 
 
-def test_what_was_to_be_refused_fails_without_an_error():
-    refusal = Refusal(InputError, ("give less",))
-
-    def refuse():
-        raise InputError("too much: give less")
-
-    def in_two_lines():
-        raise InputError("too much:\ngive less")
-
-    assert run_case(Case("test", "test", "", refuse, refusal)).passed
-    assert not run_case(Case("test", "test", "", in_two_lines, refusal)).passed
-    assert not run_case(Case("test", "test", "", dict, refusal)).passed
-    assert not run_case(Case("test", "test", "", refuse, Refusal(ValueError, ()))).passed
+def refuse():
+    raise InputError("too much: give less")
 
 
-def test_warnings_and_errors_fail():
+def refuse_in_two_lines():
+    raise InputError("too much:\ngive less")
+
+
+TOO_MUCH = Refusal(InputError, ("give less",))
+
+
+@pytest.mark.parametrize(
+    ("examine", "refusal", "passed"),
+    [
+        pytest.param(refuse, TOO_MUCH, True, id="as it has to be"),
+        pytest.param(refuse_in_two_lines, TOO_MUCH, False, id="in two lines"),
+        pytest.param(dict, TOO_MUCH, False, id="no error"),
+        pytest.param(refuse, Refusal(ValueError, ()), False, id="another error"),
+    ],
+)
+def test_input_has_to_be_refused_by_its_error_in_a_line(examine, refusal, passed):
+    assert run_case(Case("test", "test", "", examine, refusal)).passed is passed
+
+
+def test_a_warning_fails():
     def warn():
         np.float64(1.0) / np.float64(0.0)
         return Answer("", [Finding("nothing", 0, 0)])
 
     result = run_case(Case("test", "test", "", warn))
     assert not result.passed
-    assert "warning divide by zero" in result.worst.what
+    assert "warning divide by zero" in result.worst.name
+
+
+def test_an_error_fails():
     broken = run_case(Case("test", "test", "", lambda: 1 / 0))
     assert broken.out == "division by zero"
     assert not broken.passed
+
+
+def test_an_answer_without_findings_fails():
     assert not Answer("").passed
 
 
@@ -93,40 +110,71 @@ BROKEN = contact_case("two", "broken", SMALL, 12.0, checks=WRONG_FORCE)
 SLOW = replace(SOUND, family="two", name="slow", slow=True)
 
 
-def test_command_writes_the_table_and_fails_with_a_case(tmp_path, monkeypatch, capsys):
-    cases = [SOUND, REFUSED, SLOW]
-    monkeypatch.setattr(tables, "cases_of", lambda _name: cases)
-    solver = ["stability", "--of", "solver"]
-    assert command.main([*solver, "-o", str(tmp_path / "new")]) == 0
-    assert "2 cases, 0 failed" in capsys.readouterr().out
-    with (tmp_path / "new" / "stability.csv").open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
+def run_solver_table(cases, *options):
+    """Exit code and output of the report on the solver with other cases."""
+    output = StringIO()
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(output):
+        patch.setattr(tables, "cases_of", lambda _name: cases)
+        code = command.main(["stability", "--of", "solver", *options])
+    return code, output.getvalue()
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """Exit code, output and rows of a short run over three cases, one of which is slow."""
+    folder = tmp_path_factory.mktemp("stability") / "new"
+    code, output = run_solver_table([SOUND, REFUSED, SLOW], "-o", str(folder))
+    with (folder / "stability.csv").open(encoding="utf-8", newline="") as file:
+        return code, output, list(csv.DictReader(file))
+
+
+def test_a_run_whose_cases_pass_succeeds_and_counts_them(written):
+    code, output, _ = written
+    assert code == 0
+    assert "2 cases, 0 failed" in output
+
+
+def test_a_short_run_leaves_out_slow_cases(written):
+    _, _, rows = written
     assert [row["case"] for row in rows] == ["sound", "refused"]
     assert {row["verdict"] for row in rows} == {"passed"}
-    force = Setup(SMALL(), 12.0).solve().force
-    assert float(rows[0]["force_uN"]) == pytest.approx(force, rel=1e-6)
-    assert int(rows[0]["ordinary_iterations"]) > 0
-    assert "heights have shape (3,)" in rows[1]["message"]
-    assert rows[1]["force_uN"] == rows[1]["iterations"] == ""
-    assert command.main([*solver, "--full"]) == 0
-    assert "3 cases, 0 failed" in capsys.readouterr().out
-    cases.append(BROKEN)
-    assert command.main([*solver, "-o", str(tmp_path)]) == 1
-    printed = capsys.readouterr().out
-    assert "3 cases, 1 failed" in printed
-    assert "two, broken: force off nothing" in printed
 
 
-ASKED = Setup(SMALL(), 12.0)
-CONTACT = ASKED.solve()
+def test_a_row_holds_the_numbers_of_the_contact(written):
+    _, _, (sound, _) = written
+    assert float(sound["force_uN"]) == pytest.approx(CONTACT.force, rel=1e-6)
+    assert int(sound["ordinary_iterations"]) > 0
+
+
+def test_a_row_of_refused_input_holds_the_message_and_no_numbers(written):
+    _, _, (_, refused) = written
+    assert "heights have shape (3,)" in refused["message"]
+    assert refused["force_uN"] == refused["iterations"] == ""
+
+
+def test_a_full_run_has_slow_cases_too():
+    code, output = run_solver_table([SOUND, REFUSED, SLOW], "--full")
+    assert code == 0
+    assert "3 cases, 0 failed" in output
+
+
+def test_a_run_with_a_failed_case_fails_and_names_it():
+    code, output = run_solver_table([SOUND, BROKEN])
+    assert code == 1
+    assert "2 cases, 1 failed" in output
+    assert "two, broken: force off nothing" in output
+
+
+PROBLEM = Setup(SMALL(), 12.0)
+CONTACT = PROBLEM.solve()
 
 
 def with_pressure(change):
     """The contact with another pressure, and all that it states about it made to fit."""
     pressure = change(CONTACT.pressure.copy())
     share = 100 * float((pressure > 0).mean())
-    residual = checks.violation(ASKED, pressure)
-    force = float(pressure.sum()) * ASKED.cell[0] * ASKED.cell[1]
+    residual = checks.violation(PROBLEM, pressure)
+    force = float(pressure.sum()) * PROBLEM.cell[0] * PROBLEM.cell[1]
     return replace(
         CONTACT, pressure=pressure, force=force, area_percent=share, residual=residual
     )
@@ -145,23 +193,25 @@ WRONG = {
 }
 
 
-def verdict(check, asked, contact):
-    return all(finding.passed for finding in check(asked, contact))
+def passes(findings):
+    return all(finding.passed for finding in findings)
 
 
 @pytest.mark.parametrize("wrong", WRONG)
 def test_another_pressure_is_told(wrong):
     spoilt = with_pressure(WRONG[wrong])
-    assert verdict(checks.complementarity, ASKED, CONTACT)
-    assert not verdict(checks.complementarity, ASKED, spoilt)
-    other = replace(ASKED, far_field="compliant").solve()
-    assert not verdict(checks.complementarity, ASKED, other)
+    assert passes(checks.complementarity(PROBLEM, CONTACT))
+    assert not passes(checks.complementarity(PROBLEM, spoilt))
+    other = replace(PROBLEM, far_field="compliant").solve()
+    assert not passes(checks.complementarity(PROBLEM, other))
 
 
 def failed(asked, contact, **more):
     """Names of the findings that an answer fails by."""
     return [
-        each.what for each in judge(asked, contact, **more).findings if not each.passed
+        finding.name
+        for finding in judge(asked, contact, **more).findings
+        if not finding.passed
     ]
 
 
@@ -174,16 +224,16 @@ def failed(asked, contact, **more):
     ],
 )
 def test_numbers_that_the_pressure_does_not_bear_out_fail(stated, told):
-    assert not failed(ASKED, CONTACT)
-    assert told in failed(ASKED, replace(CONTACT, **stated))
+    assert not failed(PROBLEM, CONTACT)
+    assert told in failed(PROBLEM, replace(CONTACT, **stated))
 
 
 def test_many_iterations_fail_unless_a_case_takes_them():
     slow = replace(CONTACT, iterations=200)
-    assert failed(ASKED, slow) == ["times ordinary"]
-    assert not failed(ASKED, slow, most=math.inf)
-    endless = replace(CONTACT, iterations=ASKED.max_iterations + 1)
-    assert failed(ASKED, endless, most=math.inf) == ["iterations"]
+    assert failed(PROBLEM, slow) == ["times ordinary"]
+    assert not failed(PROBLEM, slow, largest_ratio=math.inf)
+    endless = replace(CONTACT, iterations=PROBLEM.max_iterations + 1)
+    assert failed(PROBLEM, endless, largest_ratio=math.inf) == ["iterations"]
 
 
 @pytest.mark.parametrize(
@@ -243,18 +293,31 @@ def test_a_statistic_that_is_wrong_fails(name, monkeypatch):
         assert not surfaces.described(rough, (2.0, 2.0)).passed
 
 
-def test_wrong_coefficients_an_unflagged_row_and_silent_nonsense_fail():
-    ridge = fitted("kernel-ridge", "tuned", ordinary())
-    assert all(finding.passed for finding in models.flagged(ridge))
-    low, high = ridge.surrogate.low - np.inf, ridge.surrogate.high + np.inf
+@pytest.fixture(scope="module")
+def ridge():
+    """Our kernel ridge regression, fitted to ordinary rows."""
+    return fitted("kernel-ridge", "tuned", ordinary())
+
+
+def test_rows_far_outside_that_are_not_flagged_fail(ridge):
+    assert passes(models.flagged(ridge))
+    low = ridge.surrogate.low - np.inf
+    high = ridge.surrogate.high + np.inf
     near = replace(ridge.surrogate.distance, limit=np.inf)
     wide = replace(ridge.surrogate, low=low, high=high, distance=near)
-    assert not all(each.passed for each in models.flagged(replace(ridge, surrogate=wide)))
-    assert all(finding.passed for finding in solves_its_equations(ridge))
-    ridge.estimator.dual_coef_ = ridge.estimator.dual_coef_ * (1 + 1e-6)
-    assert not all(finding.passed for finding in solves_its_equations(ridge))
+    assert not passes(models.flagged(replace(ridge, surrogate=wide)))
+
+
+def test_coefficients_that_do_not_solve_the_equations_fail(ridge, monkeypatch):
+    assert passes(solves_its_equations(ridge))
+    wrong = ridge.estimator.dual_coef_ * (1 + 1e-6)
+    monkeypatch.setattr(ridge.estimator, "dual_coef_", wrong)
+    assert not passes(solves_its_equations(ridge))
+
+
+def test_a_fit_worse_than_a_constant_without_a_warning_fails():
     tree = fitted("decision-tree", "default", ordinary())
     other = replace(tree, train=replace(tree.train, target=tree.train.target[::-1]))
-    assert [f.what for f in models.sound(other) if not f.passed] == [
+    assert [f.name for f in models.sound(other) if not f.passed] == [
         "worse than a constant, unsaid"
     ]

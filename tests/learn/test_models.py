@@ -171,23 +171,35 @@ def test_a_growth_to_a_negative_target_does_not_meet_its_mark_by_the_sign(
 
 
 @pytest.mark.long
-def test_columns_are_cut_at_their_own_bounds_only(kinds, tmp_path):
-    """An output without bounds may be negative; with `store.least` and `most` it keeps to them."""
+def test_a_share_is_cut_at_100_percent_and_an_output_without_bounds_is_not(kinds):
     surrogate = fitted(kinds / "free.h5", targets=("area", "negative"))
     assert surrogate.learnt["area"].bounds == (0.0, 100.0)
     assert surrogate.learnt["negative"].bounds == (-np.inf, np.inf)
-    text = (
-        kinds / "free.toml"
-    ).read_text() + "least = { signed = -4 }\nmost = { signed = 96 }\n"
+
+
+@pytest.fixture(scope="module")
+def bounded(kinds, tmp_path_factory):
+    """A loaded surrogate of an output with bounds in `[store]`, and its database."""
+    bounds = "least = { signed = -4 }\nmost = { signed = 96 }\n"
+    text = (kinds / "free.toml").read_text() + bounds
     with contextlib.chdir(kinds):
-        bounded = fitted(
-            database_of(Path(), text, "bounded", "--trust"), targets=("signed",)
-        )
-    bounded.save(tmp_path / "b.surrogate")
-    loaded = Surrogate.load(tmp_path / "b.surrogate")
-    assert loaded.learnt["signed"].bounds == (-4.0, 96.0)
-    tight = {"signed": replace(loaded.learnt["signed"], bounds=(0.0, 0.5))}
-    cut = answers(replace(loaded, learnt=tight), kinds / "bounded.h5")
+        database_of(Path(), text, "bounded", "--trust")
+    path = tmp_path_factory.mktemp("bounded") / "b.surrogate"
+    fitted(kinds / "bounded.h5", targets=("signed",)).save(path)
+    return Surrogate.load(path), kinds / "bounded.h5"
+
+
+@pytest.mark.long
+def test_an_output_has_the_bounds_that_its_scene_gives(bounded):
+    surrogate, _ = bounded
+    assert surrogate.learnt["signed"].bounds == (-4.0, 96.0)
+
+
+@pytest.mark.long
+def test_answers_and_intervals_are_cut_at_the_bounds_of_their_column(bounded):
+    surrogate, path = bounded
+    tight = {"signed": replace(surrogate.learnt["signed"], bounds=(0.0, 0.5))}
+    cut = answers(replace(surrogate, learnt=tight), path)
     for each in (cut.values, cut.low, cut.high):
         assert each["signed"].min() >= 0.0
         assert each["signed"].max() <= 0.5

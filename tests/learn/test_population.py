@@ -283,31 +283,45 @@ def test_a_growth_of_scene_features_takes_no_model_without_an_error_of_its_mean(
     assert "population alone knows the error" in told
 
 
-@pytest.mark.long
-def test_compare_and_tune_know_it_and_say_what_fit_takes(tmp_path, capsys):
-    database, folder = str(database_of(tmp_path, SCENE)), tmp_path / "compared"
-    asked = [database, "-o", str(folder), "--features", "scene", "--model", "population"]
+@pytest.fixture(scope="module")
+def compared(tmp_path_factory):
+    """Options of a database, the folder of its comparison, and R2 of both models compared."""
+    made = tmp_path_factory.mktemp("compared")
+    folder = made / "out"
+    of_scene = ["--features", "scene", "--model", "population"]
+    asked = [str(database_of(made, SCENE)), "-o", str(folder), *of_scene]
     assert learn_cli.main(["compare", *asked, "--model", "decision-tree"]) == 0
-    found = Folder(folder / "area").results()
-    r2 = {stored.model: stored.result.test.r2 for stored in found}
+    results = Folder(folder / "area").results()
+    return asked, folder, {stored.model: stored.result.test.r2 for stored in results}
+
+
+@pytest.mark.long
+def test_a_comparison_of_scene_features_has_the_population_ahead(compared):
+    _, _, r2 = compared
     assert r2["population"] > r2["decision-tree"]
+
+
+@pytest.mark.long
+def test_a_comparison_of_scene_features_says_which_model_fit_takes(compared, capsys):
+    asked, _, _ = compared
+    assert learn_cli.main(["compare", *asked]) == 0
     assert "takes Population Mean unless told otherwise" in capsys.readouterr().out
-    assert learn_cli.main(["tune", *asked]) == 0
-    line = [
-        "fit",
-        database,
-        "--features",
-        "scene",
-        "--model",
-        "population",
-        "--target",
-        "area",
-    ]
-    for options in ([], ["--from", str(folder)]):
-        kept = str(tmp_path / "s.surrogate")
-        assert learn_cli.main([*line, *options, "-o", kept]) == 0
-        scores = Surrogate.load(kept).card["targets"]["area"]["scores"]
-        assert scores["r2"] == pytest.approx(r2["population"], rel=0.01)  # cut at 100 %
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("tuned", [False, True])
+def test_a_fit_to_a_scene_is_as_good_as_its_comparison(compared, tmp_path, tuned):
+    asked, folder, r2 = compared
+    database, _, _, *of_scene = asked
+    options = []
+    if tuned:
+        assert learn_cli.main(["tune", *asked]) == 0
+        options = ["--from", str(folder)]
+    path = tmp_path / "s.surrogate"
+    line = ["fit", database, *of_scene, "--target", "area", *options, "-o", str(path)]
+    assert learn_cli.main(line) == 0
+    scores = Surrogate.load(path).card["targets"]["area"]["scores"]
+    assert scores["r2"] == pytest.approx(r2["population"], rel=0.01)  # cut at 100 %
 
 
 def test_the_force_is_no_target_at_a_pressure(small, refused):

@@ -1,5 +1,7 @@
 """Features of one surface, on any grid."""
 
+import functools
+
 import numpy as np
 import pytest
 from scipy.special import erf
@@ -23,6 +25,7 @@ FEW_NODES = [(33, 33), (20, 20)]
 MANY_NODES = [(40, 57), (129, 129), (130, 130), (34, 100)]
 
 
+@functools.cache
 def patch_of(shape):
     """A surface on a grid with cells of 1 um, and its columns at Delta = 3 um by their names."""
     z = np.random.default_rng(0).normal(size=shape).cumsum(axis=0)
