@@ -559,18 +559,18 @@ def _outputs_of(surrogate: "Surrogate") -> dict[str, SurrogateOutput]:
     from learn.models import POPULATION
 
     outputs = {target: SurrogateOutput(target) for target in surrogate.learnt}
-    of_targets = {"inside": SurrogateOutput("")}
+    further_outputs = {"inside": SurrogateOutput("")}
     for target in surrogate.learnt:
-        of_targets[f"{target}_low"] = SurrogateOutput(target, "low")
-        of_targets[f"{target}_high"] = SurrogateOutput(target, "high")
+        further_outputs[f"{target}_low"] = SurrogateOutput(target, "low")
+        further_outputs[f"{target}_high"] = SurrogateOutput(target, "high")
         if surrogate.features.of_scene:
-            of_targets[f"{target}_mean"] = SurrogateOutput(target, mean=True)
+            further_outputs[f"{target}_mean"] = SurrogateOutput(target, mean=True)
         if surrogate.card["model"] == POPULATION.name:
             low = SurrogateOutput(target, "low", mean=True)
             high = SurrogateOutput(target, "high", mean=True)
-            of_targets[f"{target}_mean_low"] = low
-            of_targets[f"{target}_mean_high"] = high
-    for name, output in of_targets.items():
+            further_outputs[f"{target}_mean_low"] = low
+            further_outputs[f"{target}_mean_high"] = high
+    for name, output in further_outputs.items():
         outputs.setdefault(name, output)
     return outputs
 
@@ -588,9 +588,8 @@ class PredictedPoints:
     """The outputs of a surrogate at the n points of a call."""
 
     outputs: Values  # (n, outputs)
-    reasons: list[
-        str
-    ]  # for each point why it is outside the training; "" if it is inside
+    # For each point, why it is outside the training; "" if it is inside.
+    reasons: list[str]
 
 
 class SurrogateFunction(Function):
@@ -700,7 +699,7 @@ class SurrogateFunction(Function):
         return self._withheld(derivatives, reasons_of_point * len(steps)).T
 
     def _predicted(self, points: Points) -> PredictedPoints:
-        """Predict the n points of a call."""
+        """Predict the n points of a call; intervals are computed only if an output needs them."""
         question = self._rows(points)
         needs_ends = any(out.end and not out.mean for out in self._descriptions)
         needs_ends_of_mean = any(out.end and out.mean for out in self._descriptions)
@@ -786,9 +785,14 @@ def _inputs_of_numbers(surrogate: "Surrogate") -> Inputs:
     from learn.features.scene import HARDNESSES
 
     *drawn, load = surrogate.features.names
-    parameters = [name for name in drawn if name not in HARDNESSES]
-    hardnesses = [name for name in drawn if name in HARDNESSES]  # one, or none
-    return Inputs(tuple(parameters), load, *hardnesses)
+    parameters: list[str] = []
+    hardness = ""
+    for name in drawn:
+        if name in HARDNESSES:  # a scene gives one of them, or none
+            hardness = name
+        else:
+            parameters.append(name)
+    return Inputs(tuple(parameters), load, hardness)
 
 
 def _scene_without_code(surrogate: "Surrogate", path: Path | str) -> Scene:

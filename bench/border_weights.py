@@ -9,7 +9,7 @@ squares over all waves, with a variance in proportion to the number of edges.
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,16 +19,31 @@ from bench.files import Row
 from bench.report import Report, remark
 from gen.arrays import Heights, Values
 
-SEED = 11  # of the waves to which the weights of the product are fitted
-AMPLITUDE = 0.01  # of a single wave, over the side of the patch; crossed ones have half of it each
-FINE_NODES = 128  # nodes a wave of the grid that gives the area of crossed waves
-FEWEST_NODES = 12  # bounds of the nodes a side, their geometric mean on oblong cells
+# Seed of the random waves to which the weights of the product are fitted.
+SEED = 11
+
+# Amplitude of a single wave [side of the patch]. Each of two crossed waves has half of it.
+AMPLITUDE = 0.01
+
+# Nodes a wave of the grid that gives the area of crossed waves in the continuum.
+FINE_NODES = 128
+
+# Phases of the waves on that grid [rad]: any values that place the crests between nodes.
+FINE_PHASES = np.array([0.3, 0.7])
+
+# Bounds of the number of nodes a side; on oblong cells, of its geometric mean over both sides.
+FEWEST_NODES = 12
 MOST_NODES = 260
-TERMS = ("one", "f", "pressure ratio", "gap ratio")  # columns of `WEIGHTS`
-ON_THE_GRID = (
-    0.2  # share of the waves along an axis or the diagonal, rarely met otherwise
-)
-PROGRESS = 500  # waves between two remarks on the progress
+
+# Names of the terms, which are the columns of `WEIGHTS`.
+TERMS = ("one", "f", "pressure ratio", "gap ratio")
+
+# Share of the waves that are along an axis or the diagonal, directions that random angles rarely
+# have [1].
+ON_THE_GRID = 0.2
+
+# Number of waves between two remarks on the progress.
+PROGRESS = 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,27 +60,20 @@ class Wave:
         Whether there is a second wave.
     load : float
         Mean pressure over that at which a single wave of `AMPLITUDE` is in full contact [1].
+    shape : tuple of int
+        Nodes (nx, ny) of the grid.
     """
 
     periods: tuple[int, int]
     phases: Values
     crossed: bool
     load: float
+    shape: tuple[int, int]
 
-    def heights(self, shape: tuple[int, int]) -> Heights:
-        """Return the heights at the nodes of a grid.
-
-        Parameters
-        ----------
-        shape : tuple of int
-            Nodes (nx, ny).
-
-        Returns
-        -------
-        ndarray, shape (nx, ny)
-            Heights [side of the patch].
-        """
-        x, y = (2 * np.pi * np.arange(nodes) / nodes for nodes in shape)
+    @property
+    def heights(self) -> Heights:
+        """Heights at the nodes, (nx, ny) [side of the patch]."""
+        x, y = (2 * np.pi * np.arange(nodes) / nodes for nodes in self.shape)
         along, across = self.periods
         first = np.cos(np.add.outer(along * x, across * y) + self.phases[0])
         if not self.crossed:
@@ -73,22 +81,17 @@ class Wave:
         second = np.cos(np.add.outer(-across * x, along * y) + self.phases[1])
         return np.asarray(AMPLITUDE / 2 * (first + second))
 
-    def pressed(self, shape: tuple[int, int]) -> bem.Contact:
-        """Solve the contact on a grid.
-
-        Parameters
-        ----------
-        shape : tuple of int
-            Nodes (nx, ny).
+    def pressed(self) -> bem.Contact:
+        """Solve the contact, with lengths in sides of the patch and E* = 1.
 
         Returns
         -------
         bem.Contact
-            The contact, with lengths in sides of the patch and E* = 1.
+            The contact.
         """
         full = np.pi * AMPLITUDE * np.hypot(*self.periods)
         return bem.solve(
-            self.heights(shape),
+            self.heights,
             (1.0, 1.0),
             pressure=self.load * full,
             boundary="periodic",
@@ -106,8 +109,10 @@ class Wave:
         """
         if not self.crossed:
             return float(200 / np.pi * np.arcsin(np.sqrt(self.load)))
-        cell = Wave((1, 0), np.array([0.3, 0.7]), crossed=True, load=self.load)
-        return cell.pressed((FINE_NODES, FINE_NODES)).continuum_area_percent
+        period = replace(
+            self, periods=(1, 0), phases=FINE_PHASES, shape=(FINE_NODES, FINE_NODES)
+        )
+        return period.pressed().continuum_area_percent
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,32 +195,42 @@ def border_weights(waves: int, aspect: float) -> Report:
 
 
 def _samples(waves: int, aspect: float, random: np.random.Generator) -> Iterator[Sample]:
-    """Yield a number of samples; contacts without a border, and too fine grids, are drawn anew."""
+    """Yield a sample for each of a number of waves, without contacts that have no border."""
     done = 0
     while done < waves:
-        crossed = bool(random.random() < 0.5)
-        size = random.uniform(2, 12)
-        angle = random.uniform(0, np.pi / 2)
-        if random.random() < ON_THE_GRID:
-            angle = np.pi / 4 * random.integers(3)
-        periods = round(size * np.cos(angle)), round(size * np.sin(angle))
-        nodes_a_wave = np.exp(random.uniform(np.log(3), np.log(64)))
-        shape = _shape(round(np.hypot(*periods) * nodes_a_wave), aspect)
-        if not FEWEST_NODES <= math.sqrt(shape[0] * shape[1]) <= MOST_NODES:
+        wave = _draw_wave(aspect, random)
+        if wave is None:
             continue
-        load = float(np.exp(random.uniform(np.log(0.003), np.log(0.85))))
-        if not crossed:  # the area of single waves rises with the root of the load
-            load = random.uniform(0.02, 0.85)
-        phases = random.uniform(0, 2 * np.pi, 2)
-        wave = Wave(periods, phases, crossed, load)
-        contact = wave.pressed(shape)
+        contact = wave.pressed()
         exact_percent = wave.exact_area_percent()
         if not 0 < contact.area_percent < 100 or not 0 < exact_percent < 100:
             continue
-        yield _sample(contact, exact_percent, crossed=crossed)
+        yield _sample(contact, exact_percent, crossed=wave.crossed)
         done += 1
         if done % PROGRESS == 0:
             remark(f"{done} of {waves} waves")
+
+
+def _draw_wave(aspect: float, random: np.random.Generator) -> Wave | None:
+    """Draw a wave on a grid with cells of about this aspect, None if it has too many nodes or few.
+
+    A change in the order of the draws changes the fitted weights by their standard deviations.
+    """
+    crossed = bool(random.random() < 0.5)
+    size = random.uniform(2, 12)  # periods a side
+    angle = random.uniform(0, np.pi / 2)
+    if random.random() < ON_THE_GRID:
+        angle = np.pi / 4 * random.integers(3)
+    periods = round(size * np.cos(angle)), round(size * np.sin(angle))
+    nodes_a_wave = np.exp(random.uniform(np.log(3), np.log(64)))
+    shape = _shape(round(np.hypot(*periods) * nodes_a_wave), aspect)
+    if not FEWEST_NODES <= math.sqrt(shape[0] * shape[1]) <= MOST_NODES:
+        return None
+    load = float(np.exp(random.uniform(np.log(0.003), np.log(0.85))))
+    if not crossed:  # the area of single waves rises with the root of the load
+        load = random.uniform(0.02, 0.85)
+    phases = random.uniform(0, 2 * np.pi, 2)
+    return Wave(periods, phases, crossed, load, shape)
 
 
 def _shape(nodes: int, aspect: float) -> tuple[int, int]:

@@ -19,10 +19,17 @@ from gen.generation.plan import parameters
 from gen.generation.sample import settings_of, surface_of
 from gen.scene import Scene, load
 
-LADDER = (1e-3, 1e-4, 1e-5, 3e-6, 1e-6, 5e-7, RTOL, 1e-7, 1e-8)  # from loose to tight
-EXACT_RTOL = 1e-12  # tolerance of the solution that counts as exact
-RIGHT_PERCENT = 99.9  # share of samples that need the exact number of contact nodes [%]
-PROGRESS = 100  # samples between two remarks on the progress
+# Tolerances that are compared, from loose to tight [Delta].
+LADDER = (1e-3, 1e-4, 1e-5, 3e-6, 1e-6, 5e-7, RTOL, 1e-7, 1e-8)
+
+# Tolerance of the solution that counts as exact [Delta].
+EXACT_RTOL = 1e-12
+
+# Share of the samples that have to have the exact number of contact nodes [%].
+RIGHT_PERCENT = 99.9
+
+# Number of samples between two remarks on the progress.
+PROGRESS = 100
 
 
 @dataclass(frozen=True)

@@ -155,8 +155,8 @@ def read(
     Raises
     ------
     InputError
-        If a file is no database or lacks a target, if databases cannot be learnt together, if too
-        few rows are usable, or if a target is constant.
+        If an option of the request is wrong, a file is no database or lacks a target, databases
+        cannot be learnt together, too few rows are usable, or a target is constant.
     """
     if request.area_max is not None and not request.area_max > 0:
         raise InputError(f"--area-max {request.area_max:g}: give a percentage above 0")
@@ -400,7 +400,7 @@ class Selection:
         usable = [database.part for database in databases]
         sizes = [database.target.size for database in databases]
         unit = column.unit
-        if (scale != 1).any():
+        if (scale != 1).any():  # the scale has the unit of the target
             unit = "1"
         return Dataset(
             inputs=np.concatenate([database.inputs for database in databases]),

@@ -308,6 +308,7 @@ def _begin(parent: int) -> None:
     """
 
     def end_with_parent() -> None:
+        """End this process within a second after its parent."""
         while os.getppid() == parent:
             time.sleep(1.0)
         os._exit(1)

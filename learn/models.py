@@ -222,7 +222,8 @@ def models_named(names: list[str] | None, features: str = "") -> list[Model]:
     Parameters
     ----------
     names : list of str or None
-        Names of models from the command line; None or an empty list for all models.
+        Names of models from the command line; None or an empty list for all models that can be
+        fitted to these features.
     features : str
         Name of the feature set.
 
@@ -374,9 +375,10 @@ def scaling_of(dataset: Dataset, train: Indices, *, standard: bool = False) -> S
     Returns
     -------
     Scaling
-        With `standard`, or for features without units, the target (or its square root, if the
-        features have roots and `learns_root` is true) is scaled to mean 0 and deviation 1.
-        Otherwise a target that is very large or small is divided by a power of two.
+        With `standard`, and for features without units, a scaling to mean 0 and deviation 1. It is
+        that of the square root if the features have roots and `learns_root` is true. Otherwise a
+        scaling that leaves targets of the size of areas in percent as they are, subtracts a mean
+        that is far larger than the deviation, and divides by a power of two.
     """
     target = dataset.target[train]
     if not (standard or dataset.features.scaled):

@@ -666,8 +666,8 @@ def _direction_scores(equations: Equations, inside: NDArray[np.bool_]) -> Direct
 def _error_factor(equations: Equations, first_half: NDArray[np.bool_]) -> float:
     """Return the factor of errors of the mean over those of the process.
 
-    Takes True for the rows of the first half of the surfaces, (n,). The mean of each half is judged
-    by the rows of the other half. The factor is the most probable one, and at least
+    `first_half`, (n,), is True for the rows of one half of the surfaces. The mean of each half is
+    judged by the rows of the other half. The factor is the most probable one, and at least
     `SMALLEST_FACTOR`.
     """
     halves = [_direction_scores(equations, half) for half in (first_half, ~first_half)]
@@ -726,10 +726,11 @@ def _most_likely_correlation(
 ) -> ScatterCorrelation:
     """Return the most likely correlation of the scatter of a surface's rows, with its size.
 
-    `scatter`, (n,), is over its fitted size.
+    `scatter`, (n,), are the distances of the ratio from the cubic over their fitted size.
     """
 
     def minus_likelihood(settings: Values) -> float:
+        """Return minus the logarithm of the likelihood of three settings; see `_sized`."""
         return _sized(settings, X, scatter, blocks).minus_likelihood
 
     search = minimize(

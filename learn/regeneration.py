@@ -263,6 +263,7 @@ class Regeneration:
             )
 
             def keep(block: Block, features: BlockFeatures) -> None:
+                """Keep the features of a block, and write the file after `SAVE_SECONDS`."""
                 self._keep(block, features)
                 progress.advance(rows=block.end - block.first)
                 if time.monotonic() > self.saved + SAVE_SECONDS:
@@ -455,6 +456,7 @@ def features_in(
             old_values = file["values"]
     except (OSError, ValueError, KeyError, BadZipFile, EOFError, MemoryError, zlib.error):
         return values
+    # A file of another scene or version, or with arrays of another form, is not used.
     if key_of_file != key or old_inputs.ndim != 2:
         return values
     if old_inputs.shape[1] != inputs.shape[1]:

@@ -129,8 +129,8 @@ def _shuffled(groups: Indices, random: np.random.Generator) -> Indices:
 def _test_size(groups: Indices) -> int:
     """Return how many of the first rows are test rows.
 
-    Takes the number of the group of each row, (n,), sorted into groups. The test rows are whole
-    groups: at most a fifth of the rows, but at least one group.
+    Takes the number of the group of each row, (n,), with the rows of a group in succession. The
+    test rows are whole groups: at most a fifth of the rows, but at least one group.
     """
     ends = np.flatnonzero(np.diff(groups, append=-1)) + 1
     limit = int(TEST_SHARE * groups.size)
@@ -162,7 +162,7 @@ def _constant_part(datasets: Sequence[Dataset], train: Indices, test: Indices) -
 def _folds(groups: Indices) -> Folds:
     """Return the fold of each row, (m,); folds are of about equal size and share no group.
 
-    Takes the number of the group of each row, (m,), sorted into groups.
+    Takes the number of the group of each row, (m,), with the rows of a group in succession.
     """
     starts = np.flatnonzero(np.diff(groups, prepend=-1))
     sizes = np.diff(starts, append=groups.size)

@@ -112,8 +112,8 @@ def serve(
 def _own_names(host: str) -> tuple[str, ...]:
     """Return the names under which clients reach a server that listens on an address.
 
-    There are none if it listens on all addresses: who lets other machines in knows their names for
-    this one, and the server does not check them.
+    There are none if it listens on all addresses: other machines may have names for this one that
+    the server does not know, so that it cannot check any.
     """
     if host in ALL_ADDRESSES:
         return ()
@@ -123,7 +123,10 @@ def _own_names(host: str) -> tuple[str, ...]:
 def _run_server(
     app: web.Application, models: Sequence[Model], ctrl_c: _CtrlC, host: str, port: int
 ) -> None:
-    """Serve until Ctrl-C; print the models when the server listens. Raises OSError if it cannot."""
+    """Serve until Ctrl-C, and print the models as soon as the server listens.
+
+    Raises OSError if it cannot listen on the address and port.
+    """
     from aiohttp import web
 
     from asperity.serving.protocol import SLOW
@@ -158,7 +161,7 @@ def _run_server(
 
 
 class _CtrlC:
-    """The handling of Ctrl-C: the first one lets the server shut down, the second ends its workers.
+    """The handling of Ctrl-C: the first lets the server shut down, the second ends its workers.
 
     The questions of workers that end are answered with an error, so that the shutdown has nothing
     to wait for.

@@ -59,7 +59,7 @@ class Server:
         The processes that evaluate the models.
     hosts : collection of str
         Names of this server, in lower case, under which questions are answered. Questions to IP
-        addresses are answered too. Without names every question is.
+        addresses are answered too. Without names all questions are answered.
     """
 
     def __init__(

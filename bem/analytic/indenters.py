@@ -202,9 +202,10 @@ class PowerLaw:
         radius = self.contact_radius(delta)
         if not radius:
             return np.zeros_like(radii, dtype=np.float64)
-        inside = np.clip(1 - (radii / radius) ** 2, 0, None)
-        shape = np.sqrt(inside) * hyp2f1(1 - self.exponent / 2, 1.0, 1.5, inside)
-        return np.asanyarray(self.exponent * modulus * delta / (np.pi * radius) * shape)
+        q = np.clip(1 - (radii / radius) ** 2, 0, None)
+        shape = np.sqrt(q) * hyp2f1(1 - self.exponent / 2, 1.0, 1.5, q)
+        scale = self.exponent * modulus * delta / (np.pi * radius)
+        return np.asanyarray(scale * shape)
 
 
 class Paraboloid(PowerLaw):
@@ -355,9 +356,11 @@ def distances_to_centre(
     sides = side if isinstance(side, tuple) else (side, side)
     if len(sides) != 2:
         raise ValueError(f"side = {side!r}: one length or two are needed, in um")
-    axes = [
-        (np.arange(nodes) - (nodes - 1) / 2) * (length / (nodes - 1)) - offset
-        for nodes, length, offset in zip(shape, sides, shift, strict=True)
-    ]
-    distances: Field = np.hypot(axes[0][:, None], axes[1][None, :])
+    axes = []
+    for nodes, length, offset in zip(shape, sides, shift, strict=True):
+        from_centre = np.arange(nodes) - (nodes - 1) / 2
+        spacing = length / (nodes - 1)
+        axes.append(from_centre * spacing - offset)
+    along, across = axes
+    distances: Field = np.hypot(along[:, None], across[None, :])
     return distances

@@ -58,9 +58,8 @@ def area_share(reduced_pressure: Values, slope: float = PERSSON) -> Values:
     ndarray, shape of reduced_pressure
         Contact area as a share of the whole [1].
     """
-    return np.asanyarray(
-        erf(math.sqrt(math.pi) / 2 * slope * np.asanyarray(reduced_pressure))
-    )
+    scale = math.sqrt(math.pi) / 2 * slope
+    return np.asanyarray(erf(scale * np.asanyarray(reduced_pressure)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,7 +220,10 @@ def _work(ratios: Values, gamma: float) -> Values:
     total = np.zeros(ratios.shape)
     near = np.minimum(ratios, FAR)
     nodes, weights = QUADRATURE
-    for node, weight in zip(nodes, weights, strict=True):
+    for node, weight in zip(
+        nodes, weights, strict=True
+    ):  # from each ratio to FAR beyond it
         x = near + FAR * (node + 1) / 2
         total += weight * FAR / 2 * np.exp(-(x**2)) * erf(x) ** 2 / x
-    return np.asanyarray(gamma * exp1(ratios**2) / 2 + 3 * (1 - gamma) * total)
+    first_term = gamma * exp1(ratios**2) / 2
+    return np.asanyarray(first_term + 3 * (1 - gamma) * total)

@@ -94,7 +94,8 @@ class WavySurface:
         float
             Contact area as a share of the whole, from 0 to 1 [1].
         """
-        return 2 / np.pi * math.asin(math.sqrt(self._load(mean_pressure, modulus)))
+        load = self._load(mean_pressure, modulus)
+        return 2 / np.pi * math.asin(math.sqrt(load))
 
     def pressure(self, x: Field, mean_pressure: float, modulus: float = 1.0) -> Field:
         """Compute the contact pressure.
@@ -120,8 +121,10 @@ class WavySurface:
         angle = np.pi * x / self.wavelength
         if mean_pressure >= full:
             return np.asanyarray(mean_pressure + full * np.cos(2 * angle))
-        inside = np.clip(max(mean_pressure, 0.0) / full - np.sin(angle) ** 2, 0, None)
-        return np.asanyarray(2 * full * np.abs(np.cos(angle)) * np.sqrt(inside))
+        load = max(mean_pressure, 0.0) / full
+        inside = np.clip(load - np.sin(angle) ** 2, 0, None)
+        cosine = np.abs(np.cos(angle))
+        return np.asanyarray(2 * full * cosine * np.sqrt(inside))
 
     def gap(self, x: Field, mean_pressure: float, modulus: float = 1.0) -> Field:
         """Compute the gap between the surface and the half-space.
@@ -144,10 +147,12 @@ class WavySurface:
             Gap, zero inside contact [um].
         """
         load = self._load(mean_pressure, modulus)
-        sine = np.abs(np.sin(np.pi * x / self.wavelength))
+        angle = np.pi * x / self.wavelength
+        sine = np.abs(np.sin(angle))
         if not load:
             return np.asanyarray(2 * self.amplitude * sine**2)
-        t = np.arccosh(np.maximum(sine / math.sqrt(load), 1.0))
+        cosh = np.maximum(sine / math.sqrt(load), 1.0)  # 1 inside contact
+        t = np.arccosh(cosh)
         return np.asanyarray(self.amplitude * load * (np.sinh(2 * t) - 2 * t))
 
     def approach(self, mean_pressure: float, modulus: float = 1.0) -> float:
@@ -169,7 +174,9 @@ class WavySurface:
             Approach Delta [um].
         """
         load = self._load(mean_pressure, modulus)
-        return self.amplitude * load * (1 - math.log(load)) if load else 0.0
+        if not load:
+            return 0.0
+        return self.amplitude * load * (1 - math.log(load))
 
     def mean_gap(self, mean_pressure: float, modulus: float = 1.0) -> float:
         """Return the mean gap, amplitude - Delta [um].
@@ -217,7 +224,8 @@ class WavySurface:
             )
         if approach <= 0:
             return 0.0
-        branch = lambertw(-approach / (np.e * self.amplitude), -1)
+        argument = -approach / (np.e * self.amplitude)
+        branch = lambertw(argument, -1)
         return self.full_contact_pressure(modulus) * math.exp(1 + branch.real)
 
     def stiffness(self, mean_pressure: float, modulus: float = 1.0) -> float:
@@ -244,7 +252,8 @@ class WavySurface:
 
     def _load(self, mean_pressure: float, modulus: float) -> float:
         """Return the mean pressure over that of full contact, bounded to 0 and 1 [1]."""
-        return min(max(mean_pressure / self.full_contact_pressure(modulus), 0.0), 1.0)
+        load = mean_pressure / self.full_contact_pressure(modulus)
+        return min(max(load, 0.0), 1.0)
 
 
 def refuse_flat(amplitude: float, wavelength: float) -> None:

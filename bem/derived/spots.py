@@ -81,16 +81,16 @@ class Regions:
 
 @dataclass(frozen=True)
 class _Link:
-    """Two labels that meet across a border of a patch that repeats itself.
+    """A step across a border of a patch that repeats itself, from a label to another one.
 
     Attributes
     ----------
     label : int
-        Label at the end of the patch.
+        Label on this side of the border.
     following : int
-        Label at the start of the next patch, which continues it.
+        Label on the other side, in the next patch.
     step : tuple of int
-        Patches from the first to the second, along the first and the second axis.
+        Number of patches along the first and the second axis: 1 or -1 along one of them.
     """
 
     label: int
@@ -134,13 +134,16 @@ def spots_of(touching: NDArray[np.bool_], cell: float, *, periodic: bool) -> Spo
     """
     contact = regions(touching, periodic=periodic)
     gap = regions(~touching, periodic=periodic)
-    spots = len(contact.crosses)  # and one for the nodes out of contact
-    cells = np.bincount(contact.labels.reshape(-1), minlength=spots)[1:]
+    count = len(
+        contact.crosses
+    )  # of labels: the spots, and 0 for the nodes out of contact
+    cells = np.bincount(contact.labels.reshape(-1), minlength=count)[1:]
     largest_first = np.argsort(-cells, kind="stable")
-    ranks = np.zeros(spots, dtype=np.int32)
-    ranks[largest_first + 1] = np.arange(1, spots)
+    ranks = np.zeros(count, dtype=np.int32)
+    ranks[largest_first + 1] = np.arange(1, count)
     labels = ranks[contact.labels]
-    open_gap = np.any(gap.crosses, axis=1, keepdims=True)[gap.labels, 0]
+    is_open = np.any(gap.crosses, axis=1)  # by the label of a region of the gap
+    open_gap = is_open[gap.labels]
     labels.setflags(write=False)
     open_gap.setflags(write=False)
     areas: Values = cells[largest_first].astype(np.float64) * cell
@@ -224,7 +227,7 @@ def _links(labels: Labels) -> Iterator[_Link]:
 
 
 def _neighbours(links: Iterable[_Link]) -> dict[int, list[_Link]]:
-    """Return the links that leave each label, in both directions, by the label."""
+    """Return the links that leave each label, by the label; each link also leads back."""
     neighbours: dict[int, list[_Link]] = {}
     for link in links:
         along, across = link.step

@@ -115,7 +115,7 @@ def spectral_filter(
     dtype : str
         Precision: "float64", or "float32", which takes less time and rounds to 1e-7.
     periods : tuple of int
-        Periods (px, py) of the kernel [nodes], py even.
+        Periods (px, py) of the kernel [nodes].
 
     Returns
     -------
@@ -478,7 +478,15 @@ class Plan(Protocol):
         """Transform the present source into the present target."""
 
     def update_arrays(self, source: Any, target: Any) -> None:
-        """Replace source and target by arrays of the same shape, strides and alignment."""
+        """Replace source and target.
+
+        Parameters
+        ----------
+        source : ndarray
+            Array to transform, with the shape, strides and alignment of the present source.
+        target : ndarray
+            Array of the results, with the shape, strides and alignment of the present target.
+        """
 
 
 def _plan(source: Any, target: Any, *, backward: bool = False) -> Plan:

@@ -396,7 +396,7 @@ class Patch:
             images = [(rows, columns)]
         table = _edgeless_coefficients(periods, self._aspect, dtype)
         width = 2 * periods[1]  # columns of the table
-        # Offsets are at least minus a period, which the table's second half avoids.
+        # Offsets may be negative: the offset (0, 0) is one period into the table of two.
         places = rows * width + columns + (periods[0] * width + periods[1])
         count = len(nodes)
         matrix = np.zeros((count, count), dtype)

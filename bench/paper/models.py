@@ -24,7 +24,8 @@ from gen.schema import Status
 from learn.comparison import paper, tables
 from learn.comparison.folder import Folder, Result, SearchReport, StoredScores, Times
 from learn.comparison.paper import OPTIMA, SPACES
-from learn.comparison.tables import DOTS, NOT_SEARCHED
+from learn.comparison.plots import DOTS
+from learn.comparison.tables import NOT_SEARCHED
 from learn.metrics import Scores
 from learn.models import MODELS
 
@@ -282,7 +283,7 @@ def _row_of_4(scored: ScoredResult, our_spread: float) -> Row:
     theirs = paper.TEST.get(scored.kind, {}).get(scored.model)
     row: Row = {
         "model": MODELS[scored.model].title,
-        "result": tables.label(scored.model, scored.kind),
+        "result": tables.kind_text(scored.model, scored.kind),
     }
     for name, title in tables.SCORES.items():
         row[title] = f"{getattr(scored.test, name):.2f}"

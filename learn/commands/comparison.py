@@ -202,7 +202,7 @@ def _write_and_print(folder: Path, *, pictures: bool) -> list[Tables]:
 
     With `pictures`, also draw the pictures into the folder.
     """
-    from learn.comparison import tables
+    from learn.comparison import plots, printing, tables
     from learn.comparison.folder import targets
 
     tables_of_targets = [
@@ -210,9 +210,9 @@ def _write_and_print(folder: Path, *, pictures: bool) -> list[Tables]:
     ]
     for tables_of_target in tables_of_targets:
         tables.write(tables_of_target)
-        tables.show(tables_of_target)
+        printing.show(tables_of_target)
         if pictures:
-            for path in tables.draw(tables_of_target):
+            for path in plots.draw(tables_of_target):
                 echo(f"wrote {path}")
     return tables_of_targets
 

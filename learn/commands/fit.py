@@ -112,8 +112,8 @@ class Choice(NamedTuple):
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="A database whose rows calibrate the intervals; rows of the first if"
-            " left out.",
+            help="A database whose rows calibrate the intervals; if left out, rows of"
+            " the training do.",
         ),
     ] = None
 
@@ -124,9 +124,8 @@ def fit(
 ) -> int:
     """Fit a surrogate: area and force with intervals, in one file that holds its own model card.
 
-    Features are dimensionless ones if left out.
-    Several databases are learnt together; where their grids differ, the number of nodes is an
-    input.
+    Without --features they are dimensionless. Several databases are learnt together; where their
+    grids differ, the number of nodes is an input.
 
     The training rows calibrate the intervals, each predicted by a model that has not seen its
     surface, or its map. The test rows give the scores. Started as

@@ -290,7 +290,11 @@ def _numbers_of(scenes: Sequence[Scene]) -> list[str]:
 
 
 def _column(name: str, ends: Limits) -> str:
-    """Return the column of a number between two limits: its logarithm, or the number itself."""
+    """Return the column of a number between two limits.
+
+    It is the logarithm if the limits are above 0 and their ratio is at least `SPAN`, otherwise the
+    number itself.
+    """
     if ends.low > 0 and ends.high >= SPAN * ends.low:
         return f"log({name})"
     return name

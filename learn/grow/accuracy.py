@@ -371,7 +371,7 @@ class Curve(NamedTuple):
         return float(np.clip(-slope, *EXPONENTS))
 
     def at(self, rows: Values) -> Values:
-        """Return the errors, (n,) [%], at numbers of rows, (n,)."""
+        """Return the errors that the curve has at numbers of rows, (n,), in percent, (n,)."""
         ratio = rows / self.rows[-1]
         return np.asarray(self.nmae[-1] * ratio**-self.exponent)
 

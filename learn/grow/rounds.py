@@ -220,7 +220,7 @@ class Growth:
 
     @property
     def per_surface(self) -> int:
-        """Rows of one surface."""
+        """Number of rows of one surface."""
         return self.scene.samples_per_surface
 
     def grow(self) -> End:
@@ -241,7 +241,7 @@ class Growth:
         """
         scene = completed(self.scene, self.path.parent, rehearsed=True)
         with database.lock(self.path):
-            _require_scene(self.request, scene)
+            _check_request(self.request, scene)
             for doubt in doubts_before(scene, self.row_limit):
                 self.say(f"warning: {doubt}")
             smallest = min(size(0, self.per_surface), self.row_limit)
@@ -477,6 +477,7 @@ class Growth:
             start = time.time()
 
             def write(block: range, columns: Columns) -> None:
+                """Write a block, and estimate the time of a row anew."""
                 nonlocal computed
                 writer.write_block(block.start, block.stop, columns)
                 computed += len(block)
@@ -490,6 +491,7 @@ class Growth:
                 under_way = farm.IN_FLIGHT * workers
 
             def is_over() -> bool:
+                """Tell whether to stop, so that the rows under way and a look fit the budget."""
                 return self.stopping() or not self.suffices(before + computed, under_way)
 
             blocks = blocks_of(writer.scene, pending, workers)
@@ -501,14 +503,17 @@ class Growth:
 
 
 def _fit(order: FitOrder, _: None) -> Fitted:
-    """Fit a surrogate to the training rows of an order; the second argument is not used."""
+    """Fit a surrogate to the training rows of an order.
+
+    `within` also passes a task, which is not used: the order has all data of the fit.
+    """
     lines: list[str] = []
     surrogate = fitting.fit_parts(order.request, order.sets, order.parts, lines.append)
     return Fitted(surrogate, lines)
 
 
-def _require_scene(request: Request, scene: Scene) -> None:
-    """Refuse targets that the scene does not store, and a database of another scene."""
+def _check_request(request: Request, scene: Scene) -> None:
+    """Refuse targets that the scene does not store, and a database that is of another scene."""
     columns = results(scene, request.load or "delta")
     for target in request.targets:
         if TARGETS.get(target, target) not in columns:
