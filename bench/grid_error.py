@@ -166,9 +166,8 @@ class _Load:
 
     pressure: float  # mean pressure [MPa]
     hardness: float | None  # [MPa]; None for elastic bodies
-    by_displacement: (
-        bool  # whether both grids are given the displacement, or else the force
-    )
+    # Whether the exact grid is given the displacement of the judged contact, or else its force.
+    by_displacement: bool
 
 
 def _drawn_load(random: np.random.Generator, slope: float) -> _Load:

@@ -162,9 +162,8 @@ class Errors:
     load_error: float
     # Nodes in contact in one solution only, plus nodes that yield in one solution only.
     misplaced_nodes: int
-    pressure_error: (
-        float  # largest difference of pressures, over the largest pressure [1]
-    )
+    # Largest difference of pressures, over the largest pressure [1].
+    pressure_error: float
 
 
 def find_errors(pressure: Values, control: Control, case: Case, exact: Exact) -> Errors:

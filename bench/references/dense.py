@@ -389,7 +389,10 @@ class _ActiveSet:
         self.count += 1
 
     def balance(self, interference: Field) -> Field:
-        """Return the pressures of the nodes in contact, (count,), which close their gaps."""
+        """Return the pressures of the nodes in contact, (count,), which close their gaps.
+
+        Raises ArithmeticError if rounding has made the matrix indefinite.
+        """
         inside = self.inside
         block = self.rows[: self.count, inside].T
         pressures: Field

@@ -49,9 +49,8 @@ class _Profiles:
     """
 
     def __init__(self, before: Whole, inner: Whole, after: Whole) -> None:
-        self.curvatures = (
-            2 * inner - before - after
-        )  # second differences, positive on peaks
+        # Second differences with the opposite sign, positive on peaks.
+        self.curvatures = 2 * inner - before - after
         self.is_peak = (inner > before) & (inner > after)
         self.peaks = inner[self.is_peak]  # heights of the peaks, (number of peaks,)
 
