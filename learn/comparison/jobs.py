@@ -150,7 +150,7 @@ def compare(request: Request, executor: Executor) -> int:
                         break
                     if request.again or _lacks_result(target, task):
                         _measure(target, task, executor, progress.say)
-                    progress.advance(1)
+                    progress.advance(rows=1)
     return interruption.signal
 
 
@@ -255,12 +255,12 @@ def _search_of(
     space = grids.space_of(model.name, features)
     grid = grids.Grid(model, space.values, target.training.inputs.shape[1])
     return GridSearch(
-        model,
-        grid,
-        target.training,
-        trials,
-        executor,
-        stopping,
+        model=model,
+        grid=grid,
+        training=target.training,
+        trials=trials,
+        executor=executor,
+        stopping=stopping,
         source=space.name,
         baseline=grids.baseline(model.name, features),
         optimum=grid.name_of(space.default),

@@ -274,9 +274,10 @@ def _most_likely(request: Request, inputs: Values, target: Values) -> Settings:
 def _fit_process(
     request: Request, inputs: Values, target: Values, lengths: Values
 ) -> Any:
-    """Return a Gaussian process whose amplitude, lengths and noise are the most likely ones.
+    """Return a fitted Gaussian process whose amplitude, lengths and noise are the most likely ones.
 
-    The search starts from one length for all inputs, (1,), or from a length for each input, (d,).
+    `inputs` are the features, (n, d), and `target` the scaled targets, (n,). The search starts from
+    `lengths`: one for all inputs, (1,), or one for each input, (d,).
     """
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
@@ -421,10 +422,11 @@ def fit_parts(
     whole_card = card.make(request, rows, parts.train, sizes, fitted.entries)
     whole_card["calibration"] = {**plan.entry, "largest_level": largest_level}
     if not all(keeps_its_scale(model.powers, rows.features) for model in models):
+        # Rows outside these ranges of heights, lengths and E* are flagged.
         whole_card["own_scale"] = scale_ranges(rows, parts.train)
     scenes = [origin.scene for origin in rows.origins]
+    # Rows with a feature outside these ranges are flagged.
     ranges = rows.features.ranges(scenes, rows.inputs[parts.train])
-    # The training ranges flag rows of predictions.
     return Surrogate(
         card=whole_card,
         learnt=fitted.learnt,
