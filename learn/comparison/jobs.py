@@ -230,7 +230,7 @@ def tune(request: Request, executor: Executor) -> int:
             path = inside(target.folder.path, f"trials/{model.name}.jsonl")
             with Trials(path, conditions) as trials:
                 search = _search_of(target, model, trials, executor, stopping)
-                search.searches = len(searches)
+                search.searches = len(searches)  # They share the budget.
                 if math.isinf(until):  # There is time for the whole grid.
                     search.exhaust()
                 else:

@@ -101,8 +101,9 @@ def choose(request: Request, train: Dataset, target: Values, folds: Folds) -> Se
 
     They are those of a comparison's winner if the request names its folder. Otherwise the kernel of
     a Gaussian process is the most likely one. Kernel ridge and the SVM are searched for the
-    candidate with the smallest error on the first fold. The other models, and kernel ridge and the
-    SVM under the paper's conditions, have fixed settings.
+    candidate with the smallest error on the first fold. The other models have fixed settings, from
+    `BUILT_IN` or the paper's optimum. With the paper's features and rows of unit length, all models
+    but the Gaussian process have the paper's optimum.
 
     Parameters
     ----------
