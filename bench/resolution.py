@@ -40,9 +40,13 @@ TRUTH = 128
 """Nodes in the shortest wave of the grid whose answers count as exact."""
 
 CONTINUUM = "area in the continuum"
+"""Name of the area that a contact computes from pressures and gaps at the border."""
+
 COUNT = "count of nodes"
+"""Name of the area of the nodes in contact."""
+
 TWO_GRIDS = "counts of two grids"
-"""Names of the methods to compute an area, beside the ones in `PERIMETER`."""
+"""Name of the area that the counts of two grids extrapolate to."""
 
 PERIMETER = {
     # Yastrebov and others.
@@ -95,6 +99,7 @@ def random_waves(
     slope = 2 * np.pi * np.sqrt(np.sum(squares))
 
     def heights(places: Values) -> Heights:
+        """Return the heights at places along both axes."""
         exponents = 2j * np.pi * np.outer(places, k)
         basis = np.exp(exponents)
         surface: Heights = (basis @ waves @ basis.T).real * (SLOPE / slope)

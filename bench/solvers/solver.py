@@ -234,6 +234,7 @@ Control = Literal["displacement", "force"]
 """The quantity that a solver is given."""
 
 Item = TypeVar("Item")
+"""Type of the items of `back_and_forth`."""
 
 MAX_ITERATIONS = 1000
 """Most steps of a solver; a run that takes them all counts as failed."""
