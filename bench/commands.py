@@ -98,7 +98,7 @@ def run(
         typer.Option("--plan", help="List the parts with their times, and make nothing."),
     ] = False,
 ) -> int:
-    """Make all reports, or the named ones, and one page of them: DIR/index.html, without network.
+    """Make all reports, or the named ones, and their page DIR/index.html, which needs no network.
 
     Every part runs as a command of its own, in DIR/PART. A part stays if the same command has made
     it from the same inputs, with the same code and packages: after Ctrl-C the same command goes on.
