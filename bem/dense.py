@@ -113,7 +113,8 @@ class ContactFactor:
             raise np.linalg.LinAlgError
         self.nodes = nodes
         matrix = self._entries(nodes)
-        self._routines = routines("s" if matrix.dtype == np.float32 else "d")
+        is_single = matrix.dtype == np.float32
+        self._routines = routines("s" if is_single else "d")
         self._lower = self._by(self._routines.potrf, matrix, clean=0, overwrite_a=1)
         self._fixed = np.zeros(0, np.intp)  # positions of the fixed nodes in `nodes`
         self._at = np.zeros(0)  # their pressures, zero or the hardness
@@ -165,8 +166,8 @@ class ContactFactor:
                 return DenseSolution(
                     self.nodes, pressure, backward.shift, sets, settled=True
                 )
-            many = np.count_nonzero(tension) > MANY * len(pressure)
-            if many and self._hardness == np.inf:
+            much_tension = np.count_nonzero(tension) > MANY * len(pressure)
+            if much_tension and self._hardness == np.inf:
                 self._factorise(self.nodes[free & ~tension])
                 forward = self._forward(interference[self.nodes], load)
             else:
@@ -202,13 +203,15 @@ class ContactFactor:
 
         `interference` is u on the nodes of the factor.
         """
-        columns = 1 if load is None else 2
+        columns = 1
+        if load is not None:
+            columns = 2
         sides = np.ones((len(interference), columns), self._lower.dtype, order="F")
         sides[:, 0] = interference
         return self._by(self._routines.trtrs, self._lower, sides)
 
     def _backward(self, forward: Real, at: Values, load: float | None) -> _Backward:
-        """Return pressure, residual and shift for what `_forward` has returned.
+        """Return pressure, residual and shift for the columns that `_forward` has returned.
 
         `at` holds the pressures of the fixed nodes. Raise LinAlgError if no displacement carries
         the load, or pressures are not finite.
@@ -264,7 +267,7 @@ class ContactFactor:
         self._gram = None
 
     def _by(self, routine: Callable[..., Any], *matrices: Real, **options: int) -> Real:
-        """Return what one of LAPACK's routines computes; its first matrix is a lower triangle.
+        """Return the result of one of LAPACK's routines, whose first matrix is a lower triangle.
 
         Raise LinAlgError if the routine reports a failure.
         """

@@ -3,7 +3,8 @@
 Displacements are in units of a length of the problem. Pressures are in units of this length times
 E* over the first side of a cell; pressures and loads in these units are called reduced. Few nodes
 that may touch are solved by dense algebra alone. Every other problem is solved by one active set
-(`bem.active_set`), which begins from a pressure near by, from a loose solution on a coarser grid,
+(`bem.active_set`), which begins from a pressure near the
+solution, from a loose solution on a coarser grid,
 or from a first guess.
 
 Which counts of the ledger a constant moves: `python -m tests.ledger --halved bem.equilibrium.NAME`,
@@ -29,10 +30,10 @@ from bem.threads import on_one_blas_thread
 # (`pytest bench -k few_candidates`).
 FEW_NODES = 250
 
-# Least number of nodes a side with which a solve starts from a loose solve on a coarser grid.
+# Least number of nodes a side of grids whose solve starts from a loose solve on a coarser grid.
 NESTED = 500
 
-# That number where little comes into contact, so that such a start pays on larger grids only.
+# This number where little comes into contact: a coarser grid then saves work on larger grids only.
 NESTED_FAINT = 1000
 
 # Tolerance of the loose solve [displacement].
@@ -190,7 +191,9 @@ def equilibrium_of(problem: Problem, near: Start | None = None) -> Equilibrium |
     if not _is_loaded(problem):
         return None
     compliant = problem.far_field == "compliant"
-    give = give_of(problem) if compliant else 0.0
+    give = 0.0
+    if compliant:
+        give = give_of(problem)
     solution = None
     if problem.boundary == "free":
         solution = _on_few_nodes(problem, give)
@@ -213,7 +216,7 @@ def _is_loaded(problem: Problem) -> bool:
 
 
 def _on_many_nodes(problem: Problem, near: Start | None, give: float) -> Equilibrium:
-    """Solve by one active set, from a pressure near by or from one on a coarser grid.
+    """Solve by one active set, from a start near the solution or from one on a coarser grid.
 
     `give` is how far the far field gives way under a unit load [reduced].
     """
@@ -224,7 +227,7 @@ def _on_many_nodes(problem: Problem, near: Start | None, give: float) -> Equilib
 
 
 def _start_of(problem: Problem, near: Start | None) -> Start | None:
-    """Return the start near by, or one on a coarser grid if the grid is large; None without any."""
+    """Return the given start, else one on a coarser grid if the grid is large, else None."""
     if near is None and min(problem.heights.shape) >= NESTED:
         return _on_coarser_grid(problem)
     return near
@@ -311,7 +314,7 @@ def _solve_densely(
     below = touching.below.reshape(-1)
     nodes = np.flatnonzero(below > -1)
     nodes = nodes[np.argsort(-below[nodes], kind="stable")]
-    shift = 0.0 if problem.delta is None else problem.delta / length
+    shift = (problem.delta or 0.0) / length
     solution = _dense_solution(problem, matrix, nodes, below + shift, length, give)
     if solution is None:
         return None
@@ -331,10 +334,13 @@ def _solve_densely(
     violation = max(float(departures.max()), 0.0) / shift
     if not violation <= problem.rtol:
         return None
+    delta = problem.delta
+    if delta is None:
+        delta = shift * length
     return Equilibrium(
         pressure=touching.unfolded(values.reshape(touching.below.shape)),
         length=length,
-        delta=shift * length if problem.delta is None else problem.delta,
+        delta=delta,
         approach=approach * length,
         violation=violation,
         effort=Effort(iterations=solution.sets, convolutions=solution.sets),
@@ -355,7 +361,9 @@ def _dense_solution(
     `nodes` are flat indices of the box, highest first; `interference` is flat, of the whole box
     [length]. Return None if a matrix is not positive definite, or numbers overflow.
     """
-    load = None if problem.delta is not None else _reduced_load(problem) / length
+    load = None
+    if problem.delta is None:
+        load = _reduced_load(problem) / length
     hardness = problem.reduced_hardness(length)
     sets = min(MOST_SETS, problem.max_iterations)
     try:
@@ -383,10 +391,14 @@ def _at_displacement(problem: Problem, near: Start | None, give: float) -> Equil
     edgeless = problem.boundary != "free"
     if edgeless and problem.hardness is not None and np.ptp(problem.heights) <= delta:
         return _all_yielded(problem, delta)
-    all_may_touch = edgeless or give > 0
-    touching = overlap(problem, math.inf if all_may_touch else delta, delta)
+    reached = delta
+    if edgeless or give > 0:  # all nodes may touch
+        reached = math.inf
+    touching = overlap(problem, reached, delta)
     iterate = _new(problem, touching, delta, give=give)
-    with np.errstate(over="ignore", invalid="ignore"):  # such starts are worthless
+    with np.errstate(
+        over="ignore", invalid="ignore"
+    ):  # a start that overflows is worthless
         if near is not None:
             _begin_from(iterate, problem, near, touching, delta)
             is_poor = iterate.worthless(FARTHEST)
@@ -394,7 +406,9 @@ def _at_displacement(problem: Problem, near: Start | None, give: float) -> Equil
             is_poor = edgeless and not _begun_nearly_full(iterate)
     if is_poor:
         iterate = _new(problem, touching, delta, give=give)
-    spent = 0 if near is None else near.spent
+    spent = 0
+    if near is not None:
+        spent = near.spent
     del near  # its memory is free again
     if edgeless and problem.hardness is not None:
         iterate.expect_yielding()  # elastic contacts may be full before this displacement
@@ -422,9 +436,9 @@ def _begun_nearly_full(iterate: Iterate) -> bool:
         constant = -scale * math.log(max(1 - 1 / depth, LEAST_GAP))
         pressure = np.maximum(full + constant, 0)
         iterate.begin(pressure)
-        left = float(iterate.residual.mean(where=pressure > 0))
-        gap = 1 - (1 - left) / depth
-        if left > 0 or not 0 < gap < 1:
+        penetration = float(iterate.residual.mean(where=pressure > 0))
+        gap = 1 - (1 - penetration) / depth
+        if penetration > 0 or not 0 < gap < 1:
             break
         scale = constant / -math.log(gap)
     return not iterate.worthless(math.inf)
@@ -501,17 +515,24 @@ def _solved(
     assert iterate.displacement is not None
     unit = 1.0
     if iterate.load is not None:
-        unit = iterate.shift if iterate.shift > 0 else LEAST
+        unit = LEAST
+        if iterate.shift > 0:
+            unit = iterate.shift
     exact_residual = iterate.below + iterate.shift
     exact_residual -= iterate.displacement
     violation = iterate.violation(exact_residual).largest / unit
     give = iterate.patch.give
-    given_way = give * float(iterate.pressure.sum()) if give else 0.0
+    given_way = 0.0
+    if give:
+        given_way = give * float(iterate.pressure.sum())
+    delta = problem.delta
+    if delta is None:
+        delta = iterate.shift * length
     displacement = iterate.displacement.copy()  # the next solve overwrites the original
     return Equilibrium(
         pressure=touching.unfolded(iterate.pressure),
         length=length,
-        delta=iterate.shift * length if problem.delta is None else problem.delta,
+        delta=delta,
         approach=(iterate.shift + given_way) * length,
         violation=violation,
         effort=Effort(
@@ -559,9 +580,13 @@ def _under_load(problem: Problem, near: Start | None) -> Equilibrium:
             return _full_contact(problem, full, length)
         else:
             iterate.begin(cut_to_load(full, load / length))
-    spent = 0 if near is None else near.spent
-    first_guess = problem.boundary == "free" and (near is None or spent > 0)
-    enough = iterate.patch.few * (ENOUGH_FREE if first_guess else ENOUGH)
+    spent = 0
+    enough = ENOUGH_FREE if problem.boundary == "free" else ENOUGH
+    if near is not None:
+        spent = near.spent
+        if not spent > 0:  # a contact near the solution, not a first guess
+            enough = ENOUGH
+    enough *= iterate.patch.few
     del near  # its memory is free again
     iterate.approach(enough, interpolated=spent > 0)
     solution = _solved(problem, iterate, touching, length, spent)
@@ -648,7 +673,9 @@ def _relative_load(problem: Problem) -> float:
     across = np.diff(problem.heights[::SAMPLED], axis=1) / unit
     slope = math.sqrt(_mean_square(along) + _mean_square(across) / problem.aspect**2)
     load = _reduced_load(problem) / problem.heights.size / unit
-    return load / slope if slope > 0 else math.inf
+    if not slope > 0:
+        return math.inf
+    return load / slope
 
 
 def _mean_square(differences: Field) -> float:
@@ -680,7 +707,9 @@ def _full_contact(problem: Problem, pressure: Field, length: float) -> Equilibri
 
 def _on_coarser_grid(problem: Problem) -> Start | None:
     """Solve loosely on a grid with twice the spacing; return None where that gains nothing."""
-    coarse = _coarse_problem(problem) if _gains_by_nesting(problem) else None
+    coarse = None
+    if _gains_by_nesting(problem):
+        coarse = _coarse_problem(problem)
     if coarse is None:
         return None
     loose = equilibrium_of(coarse)

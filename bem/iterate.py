@@ -2,7 +2,7 @@
 
 The gap is w = H p - u - s, with the influence matrix H, the pressure p, the interference u and the
 displacement s of the far field. The residual is -w. `bem.active_set` takes an `Iterate` to
-equilibrium; the energies, balances and bounds in this file are what it computes with.
+equilibrium; it uses the energies, balances and bounds in this file.
 """
 
 import math
@@ -113,7 +113,7 @@ class Violation(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """A pressure, with what follows from it, to which a solve may go back.
+    """A pressure with its residual and shift, to which a solve may go back.
 
     Attributes
     ----------
@@ -205,7 +205,7 @@ class Iterate:
         self.limit = math.inf
         self.soft = load is None and patch.soft
         self.pressure = np.zeros(below.shape)
-        self.shift = 0.0 if shift is None else shift
+        self.shift = shift or 0.0
         self.residual: Real = np.add(
             below, self.shift, dtype=np.float32, casting="same_kind"
         )
@@ -228,6 +228,16 @@ class Iterate:
             return self.rtol * self.shift
         return self.rtol * self.least_displacement
 
+    @property
+    def given_shift(self) -> float:
+        """Displacement s of the far field if it is given, 0 under a given load."""
+        return self.shift if self.load is None else 0.0
+
+    @property
+    def load_of_change(self) -> float | None:
+        """Load that changes of pressure carry: 0 under a given load, None if it is free."""
+        return None if self.load is None else 0.0
+
     def violation(self, residual: Real | None = None) -> Violation:
         """Measure the departures of the pressure from equilibrium.
 
@@ -242,7 +252,8 @@ class Iterate:
         Violation
             The largest departures of each kind; nan may appear where the residual is nan.
         """
-        residual = self.residual if residual is None else residual
+        if residual is None:
+            residual = self.residual
         loaded = self.pressure > 0
         opening = 0.0
         if self.yields:
@@ -283,7 +294,9 @@ class Iterate:
 
     def energy(self) -> float:
         """Compute p H p / 2 - p u, which is least for the solution [reduced]."""
-        carried = float(self.pressure.sum()) if self.load is None else -self.load
+        carried = float(self.pressure.sum())
+        if self.load is not None:
+            carried = -self.load
         work = inner(self.pressure, self.below) + inner(self.pressure, self.residual)
         return -(work + self.shift * carried) / 2
 
@@ -308,8 +321,9 @@ class Iterate:
         if self.hardness == math.inf:
             return 0.0
         carried = float(pressure.sum())
-        over = float(np.maximum(pressure - self.hardness, 0).sum())
-        return over / carried if carried > 0 else 0.0
+        if not carried > 0:
+            return 0.0
+        return float(np.maximum(pressure - self.hardness, 0).sum()) / carried
 
     # Starts, exact residuals, and the far field that balances a load
 
@@ -398,7 +412,9 @@ class Iterate:
             loaded = self.pressure > 0
             inside = float(residual.min(where=loaded, initial=math.inf))
             outside = float(residual.max(where=~loaded, initial=-math.inf))
-            mean = inside if outside <= inside else (inside + outside) / 2
+            mean = inside
+            if outside > inside:
+                mean = (inside + outside) / 2
         residual -= residual.dtype.type(mean)
         self.shift -= mean
 
@@ -423,9 +439,9 @@ class Iterate:
             else:
                 pressure *= self.load / carried
         if self.yields:
-            self.snap(pressure)
+            self.snap(pressure, LOST)
 
-    def snap(self, pressure: Field, share: float = LOST) -> None:
+    def snap(self, pressure: Field, share: float) -> None:
         """Set pressures just above zero or just below the hardness to it, in place.
 
         Parameters
@@ -579,7 +595,9 @@ class Iterate:
 
         Return whether a step lowers the energy; else nothing changes.
         """
-        capped = float(ahead.sum(where=ahead >= self.limit)) if self.yields else 0.0
+        capped = 0.0
+        if self.yields:
+            capped = float(ahead.sum(where=ahead >= self.limit))
         if capped > MOSTLY_CAPPED * float(ahead.sum()):
             return self._step_towards(ahead)
         least_scale = None
@@ -603,11 +621,11 @@ class Iterate:
         self.pressure = self.pressure + scale * change
         return True
 
-    def _scale_to(self, ahead: Field, interference: Real, least: float | None) -> bool:
+    def _scale_to(self, ahead: Field, interference: Real, smallest: float | None) -> bool:
         """Replace the pressure by a multiple of another one: the one of the least energy.
 
-        With `least`, the factor is kept between it and 1. Return whether a positive factor exists;
-        else nothing changes.
+        With `smallest`, the factor is kept between it and 1. Return whether a positive factor
+        exists; else nothing changes.
         """
         image = self.patch.displace(ahead)
         stiffness = inner(ahead, image)
@@ -615,8 +633,8 @@ class Iterate:
         if not (stiffness > 0 and work > 0):
             return False
         scale = work / stiffness
-        if least is not None:
-            scale = min(max(scale, least), 1.0)
+        if smallest is not None:
+            scale = min(max(scale, smallest), 1.0)
         self.residual = interference - np.float32(scale) * image
         self.pressure = scale * ahead
         return True
@@ -643,8 +661,11 @@ class Iterate:
             rise, as they may at first.
         """
         largest = self.violation().largest
-        for _ in range(INTERPOLATED_STEPS if interpolated else FIRST_STEPS):
-            touching = self.pressure > 0 if interpolated else self.touching()
+        steps = INTERPOLATED_STEPS if interpolated else FIRST_STEPS
+        for _ in range(steps):
+            touching = self.touching()
+            if interpolated:
+                touching = self.pressure > 0
             if largest <= NEAR * self.shift or np.count_nonzero(touching) <= enough:
                 return
             self._approach_on(touching)
@@ -693,7 +714,7 @@ def cut_to_load(pressure: Field, load: float, hardness: float = math.inf) -> Fie
 
     Returns
     -------
-    ndarray of the same shape
+    ndarray, shape of `pressure`
         Pressure between zero and the hardness [reduced].
     """
     remaining = pressure.reshape(-1)
@@ -737,5 +758,7 @@ def inner(a: Real, b: Real) -> float:
     float
         Sum of the products of their entries.
     """
-    products = a * b if a.ndim == 1 else np.einsum("ij,ij->i", a, b)
+    if a.ndim == 1:
+        return float(np.add.reduce(a * b, dtype=np.float64))
+    products = np.einsum("ij,ij->i", a, b)
     return float(np.add.reduce(products, dtype=np.float64))

@@ -34,11 +34,11 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
         ),
     ),
     "bem/contact.py": (
-        ("touching[:, :-1], touching[:-1]", "touching[:-1], touching[:, :-1]"),
         (
-            "along[:-1]) * self.problem.spacing[1]",
-            "along[:-1]) * self.problem.spacing[0]",
+            "along = wrapped[:, :-1]\n            across = wrapped[:-1]",
+            "along = wrapped[:-1]\n            across = wrapped[:, :-1]",
         ),
+        ("edges_along * dy", "edges_along * dx"),
         ("- ((heights - heights.max())", "- ((heights - heights.mean())"),
         ("np.maximum(interference - self", "np.maximum(interference + self"),
         (
@@ -49,8 +49,8 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "bem/solving.py": (
         (
-            "* (problem.spacing[0] * problem.spacing[1])",
-            "* problem.spacing[0] ** 2",
+            "cell_area = problem.spacing[0] * problem.spacing[1]",
+            "cell_area = problem.spacing[0] ** 2",
         ),
         ("np.abs(contact.gap), -contact.gap)", "np.abs(contact.gap), contact.gap)"),
         ("not contact.residual <= problem.rtol", "contact.residual > problem.rtol"),
