@@ -21,28 +21,39 @@ from gen.runtime.files import check_folder
 from gen.runtime.terminal import echo
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
+"""The program `bench` with all of its commands."""
 
 _output = typer.Option("--output", "-o", metavar="DIR", help="The folder to write into.")
+"""The option of the folder that a command writes into."""
 
-# Types of the parameters of commands, with their options.
+# The types of parameters that several commands share, with their options.
 Folder = Annotated[Path, _output]
 OptionalFolder = Annotated[Path | None, _output]
 Database = Annotated[
     Path | None,
     typer.Option(
-        metavar="FILE", help="A database of the paper preset, not generated anew."
+        metavar="FILE",
+        help="A database of the paper preset; without it, one is generated.",
     ),
 ]
 Comparison = Annotated[
     Path | None,
     typer.Option(
-        metavar="DIR", help="Folder of learn compare and tune; made if left out."
+        metavar="DIR",
+        help="Folder of learn compare and tune; without it, `comparison` in the folder of the run.",
     ),
 ]
 Full = Annotated[
-    bool, typer.Option("--full", help="Everything: hours. Else ten minutes.")
+    bool,
+    typer.Option(
+        "--full",
+        help="Full runs of all parts, for hours; without it, short ones of ten minutes.",
+    ),
 ]
-Names = Annotated[list[str] | None, typer.Argument(metavar="NAME", help="All if none.")]
+Names = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="NAME", help="Reports to make; all of them if none is named."),
+]
 
 KEYWORD = inspect.Parameter.KEYWORD_ONLY
 """Kind of the parameters of a command's function."""
@@ -87,7 +98,7 @@ def run(
         typer.Option("--plan", help="List the parts with their times, and make nothing."),
     ] = False,
 ) -> int:
-    """Make all reports, or the named ones, and one page of them: DIR/index.html, without network.
+    """Make all reports, or the named ones, and their page DIR/index.html, which needs no network.
 
     Every part runs as a command of its own, in DIR/PART. A part stays if the same command has made
     it from the same inputs, with the same code and packages: after Ctrl-C the same command goes on.

@@ -241,11 +241,12 @@ def cell(text: str) -> Cell:
         value = float(text)
     except ValueError:
         value = math.nan
-    # Words as "infinity" also become floats. Numbers are written only as in `SPECIAL`.
+    # Python also takes words as "infinity" for numbers. Tables have infinite numbers only as in
+    # `SPECIAL`, so that any other word is a word.
     if not math.isfinite(value):
         return Cell(text=text, number=False)
     if value.is_integer() and abs(value) < 1e7:
-        # Small integers, as years and nodes a side, have no commas.
+        # Integers of up to four digits, as years and nodes a side, have no comma.
         form = ",.0f" if abs(value) >= 1e4 else ".0f"
         return Cell(text=format(value, form), number=True)
     return Cell(text=f"{value:.{DIGITS}g}", number=True)

@@ -391,6 +391,7 @@ def write(
     with open_sink(path, scene, world, parallel=parallel) as sink:
 
         def work(block: range) -> Columns:
+            """Deliver the rows of a block, and return what the sink has to receive."""
             rows = {name: values[: len(block)] for name, values in template.items()}
             return sink.deliver(block, rows)
 

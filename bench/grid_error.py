@@ -32,7 +32,7 @@ LOADS = 2
 """Number of loads on every surface."""
 
 ENOUGH = 32
-"""Nodes in the shortest wave of an exact grid, if it is fine enough for that."""
+"""Fewest nodes in the shortest wave of an exact grid, unless `FINEST` forbids as many."""
 
 FINEST = 1040
 """Most nodes a side of an exact grid, unless it is only twice as fine."""
@@ -166,9 +166,8 @@ class _Load:
 
     pressure: float  # mean pressure [MPa]
     hardness: float | None  # [MPa]; None for elastic bodies
-    by_displacement: (
-        bool  # whether both grids are given the displacement, or else the force
-    )
+    # Whether the exact grid is given the displacement of the judged contact, or else its force.
+    by_displacement: bool
 
 
 def _drawn_load(random: np.random.Generator, slope: float) -> _Load:
@@ -263,6 +262,7 @@ def _mirrored(random: np.random.Generator) -> Sample:
     surface = random_waves(2, 2 * shortest, random.uniform(0.2, 0.9), random)
 
     def even(n: int) -> Heights:
+        """Return the heights of n nodes a side."""
         # The sum of the surface and its mirror images is even along both axes.
         places = (np.arange(n) + 0.5) / (2 * n)
         heights = surface(np.concatenate([places, -places]))
@@ -279,6 +279,7 @@ def _sphere(random: np.random.Generator) -> Sample:
     tip = random.uniform(0.4, 0.6, 2)
 
     def heights(n: int) -> Heights:
+        """Return the heights of n nodes a side."""
         x = np.linspace(0, 1, n) - tip[0]
         y = np.linspace(0, 1, n) - tip[1]
         squares = np.add.outer(x**2, y**2)
@@ -295,6 +296,7 @@ def _regular(random: np.random.Generator, *, crossed: bool) -> Sample:
     phases = random.uniform(0, 2 * np.pi, 2)
 
     def heights(n: int) -> Heights:
+        """Return the heights of n nodes a side."""
         angles = 2 * np.pi * np.arange(n) / n
         phase = np.add.outer(along * angles, across * angles)
         wave = np.cos(phase + phases[0])
@@ -315,6 +317,7 @@ def _turned(random: np.random.Generator) -> Sample:
     share = random.uniform(0, 0.3)
 
     def heights(n: int) -> Heights:
+        """Return the heights of n nodes a side."""
         places = np.arange(n) / n
         from_middle = (places * grooves + 0.37) % 1 - 0.5
         groove = 0.2 / grooves * from_middle**2
@@ -337,6 +340,7 @@ def _paper(random: np.random.Generator) -> Sample:
     finest = generate("diamond-square", nodes, random.uniform(0.3, 0.9), 0.01, random)
 
     def heights(n: int) -> Heights:
+        """Return the heights of n nodes a side."""
         step = (len(finest) - 1) // (n - 1)
         return finest[::step, ::step]
 
@@ -359,6 +363,7 @@ def _made_map(random: np.random.Generator) -> Sample:
     spline = RectBivariateSpline(places, places, surface / (nodes - 1))
 
     def heights(n: int) -> Heights:
+        """Return the heights of n nodes a side."""
         along = np.linspace(0, 1, n)
         return np.asarray(spline(along, along))
 

@@ -81,7 +81,7 @@ LOAD_ERROR = 1e-6
 """Allowed relative error of the force, or of the displacement if the force is given [1]."""
 
 MISPLACED_SHARE = 5e-4
-"""Allowed number of nodes in contact in one solution only, over those in contact [1].
+"""Allowed number of nodes in contact in one solution only, over all nodes in contact [1].
 
 One node is always allowed.
 """
@@ -162,9 +162,8 @@ class Errors:
     load_error: float
     # Nodes in contact in one solution only, plus nodes that yield in one solution only.
     misplaced_nodes: int
-    pressure_error: (
-        float  # largest difference of pressures, over the largest pressure [1]
-    )
+    # Largest difference of pressures, over the largest pressure [1].
+    pressure_error: float
 
 
 def find_errors(pressure: Values, control: Control, case: Case, exact: Exact) -> Errors:
@@ -389,7 +388,10 @@ def compare(
 
 
 _peer = partial(Solver, install="peers", ladder=PERIODIC_LADDER)
+"""Makes another solver that is given the displacement of a periodic patch."""
+
 _peer_by_force = partial(_peer, control="force")
+"""Makes another solver that is given the force on a periodic patch."""
 
 PERIODIC_SOLVERS = (
     replace(BEM, control="force", ladder=PERIODIC_LADDER),

@@ -137,10 +137,10 @@ def _write_files(files: Mapping[Path, bytes]) -> None:
 def _files_to_publish(folder: PartsOfFolder) -> Iterator[tuple[Path, bytes]]:
     """Yield the files of a folder's finished parts: the published path, and the content.
 
-    Large tables and lines of JSON are compressed. In other files `report` replaces the path of the
-    folder above, which is of no use to readers.
+    Large tables and lines of JSON are compressed. In other files "report" replaces the absolute
+    path of the run's folder, which is of no use to readers.
     """
-    above = bytes(folder.folder.resolve().parent)
+    run_folder = bytes(folder.folder.resolve().parent)
     for path in _paths_to_publish(folder):
         published = folder.home / path.relative_to(folder.folder)
         content = path.read_bytes()
@@ -149,7 +149,7 @@ def _files_to_publish(folder: PartsOfFolder) -> Iterator[tuple[Path, bytes]]:
             compressed = published.with_name(published.name + COMPRESSED)
             yield compressed, lzma.compress(content)
         else:
-            yield published, content.replace(above, b"report")
+            yield published, content.replace(run_folder, b"report")
 
 
 def _paths_to_publish(folder: PartsOfFolder) -> Iterator[Path]:

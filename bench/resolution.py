@@ -40,9 +40,13 @@ TRUTH = 128
 """Nodes in the shortest wave of the grid whose answers count as exact."""
 
 CONTINUUM = "area in the continuum"
+"""Name of the area that a contact computes from pressures and gaps at the border."""
+
 COUNT = "count of nodes"
+"""Name of the area of the nodes in contact."""
+
 TWO_GRIDS = "counts of two grids"
-"""Names of the methods to compute an area, beside the ones in `PERIMETER`."""
+"""Name of the area that the counts of two grids extrapolate to."""
 
 PERIMETER = {
     # Yastrebov and others.
@@ -95,6 +99,7 @@ def random_waves(
     slope = 2 * np.pi * np.sqrt(np.sum(squares))
 
     def heights(places: Values) -> Heights:
+        """Return the heights at places along both axes."""
         exponents = 2j * np.pi * np.outer(places, k)
         basis = np.exp(exponents)
         surface: Heights = (basis @ waves @ basis.T).real * (SLOPE / slope)
@@ -167,23 +172,23 @@ def _answers(
     The grids are nodes in the shortest wave, rising.
     """
     exact = _pressed(surface(_grid(TRUTH)), pressure)
+    true_area = exact.continuum_area_percent
     answers: list[_GridAnswer] = []
     counts: dict[int, float] = {}  # share of nodes in contact of each grid [%]
     for nodes in grids:
         contact = _TimedContact(surface(_grid(nodes)), pressure)
         counts[nodes] = contact.count
-        by_method = {CONTINUUM: contact.errors(exact)}
+        by_method = {CONTINUUM: contact.errors(exact, true_area)}
         areas = contact.corrected_counts()
         for method, area in areas.items():
-            by_method[method] = contact.errors_of_area(area, exact)
+            by_method[method] = contact.errors_of_area(area, true_area)
         half = nodes // 2
         if nodes % 2 == 0 and half in counts:
             # The error of a count is proportional to the spacing.
             area = 2 * contact.count - counts[half]
-            errors = contact.errors_of_area(area, exact)
-            errors["seconds"] *= (
-                1.25  # with the coarser grid, which has a quarter of the nodes
-            )
+            errors = contact.errors_of_area(area, true_area)
+            # The coarser grid has a quarter of the nodes, and takes a quarter of the time.
+            errors["seconds"] *= 1.25
             by_method[TWO_GRIDS] = errors
         answers += [
             _GridAnswer(method, nodes, errors) for method, errors in by_method.items()
@@ -205,18 +210,30 @@ def _pressed(heights: Heights, pressure: float) -> bem.Contact:
 
 
 class _TimedContact:
-    """A contact on one grid, with the times of the solve and of the area in the continuum [s]."""
+    """A contact on one grid, with the times that it takes.
+
+    Attributes
+    ----------
+    contact : bem.Contact
+        The contact under a mean pressure [E* slope] on a periodic surface of heights [side].
+    solve_seconds : float
+        Time of the solve [s].
+    area : float
+        Area in the continuum [%].
+    seconds : float
+        Time of the solve and of the area in the continuum [s].
+    perimeter : float
+        Perimeter times spacing [% of the patch].
+    """
 
     def __init__(self, heights: Heights, pressure: float) -> None:
         _pressed(heights, pressure)  # the first contact of a grid plans its transforms
         began = time.perf_counter()
         self.contact = _pressed(heights, pressure)
         self.solve_seconds = time.perf_counter() - began
-        self.area = self.contact.continuum_area_percent  # [%]
+        self.area = self.contact.continuum_area_percent
         self.seconds = time.perf_counter() - began
-        self.perimeter = (
-            100 * self.contact.perimeter / len(heights)
-        )  # [% of cells x side]
+        self.perimeter = 100 * self.contact.perimeter / len(heights)
 
     @property
     def count(self) -> float:
@@ -230,16 +247,18 @@ class _TimedContact:
             areas[method] = self.count - share * self.perimeter
         return areas
 
-    def errors_of_area(self, area: float, exact: bem.Contact) -> Errors:
+    def errors_of_area(self, area: float, true_area: float) -> Errors:
         """Return the error of an area [%] that takes no time beside the solve."""
-        error = area / exact.continuum_area_percent - 1
-        return {"area": error, "seconds": self.solve_seconds}
+        return {"area": area / true_area - 1, "seconds": self.solve_seconds}
 
-    def errors(self, exact: bem.Contact) -> Errors:
-        """Return the errors of the area in the continuum, displacement, mean gap and stiffness."""
+    def errors(self, exact: bem.Contact, true_area: float) -> Errors:
+        """Return the errors of the area in the continuum, displacement, mean gap and stiffness.
+
+        `exact` is the contact on the exact grid, `true_area` its area in the continuum [%].
+        """
         contact = self.contact
         return {
-            "area": self.area / exact.continuum_area_percent - 1,
+            "area": self.area / true_area - 1,
             DELTA.name: contact.delta / exact.delta - 1,
             MEAN_GAP.name: contact.mean_gap / exact.mean_gap - 1,
             UNLOADING.name: contact.stiffness / exact.stiffness - 1,

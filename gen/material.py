@@ -308,7 +308,9 @@ class Bodies(NamedTuple):
         e_star: float | None,
         hardness: float | None,
     ) -> Self:
-        """Return the bodies of the options, with an E* of 1 MPa if there is no modulus.
+        """Return the bodies of the options.
+
+        Without any number E* is 1 MPa. With Poisson's ratios alone, Young's moduli are 1 MPa.
 
         Parameters
         ----------
@@ -329,8 +331,8 @@ class Bodies(NamedTuple):
         Raises
         ------
         InputError
-            If a number is not allowed, the numbers of moduli and ratios do not match, or a
-            hardness comes without a modulus.
+            If a number is out of range, E* comes with moduli or ratios, there are more than two
+            moduli or not as many ratios as moduli, or a hardness comes without a modulus.
         """
         has_modulus = bool(young) or e_star is not None
         if hardness is not None:

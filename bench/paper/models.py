@@ -471,7 +471,10 @@ def _panels_of_bars(shown: dict[str, ScoredResult]) -> dict[str, list[Pair]]:
 def _draw_bars(
     axis: Any, label: str, pairs: list[Pair], names: list[str], *, legend: bool
 ) -> None:
-    """Draw one panel of bars; R2 as its difference to 100 %, in which good models differ."""
+    """Draw one panel with a pair of bars for each model, on a logarithmic axis.
+
+    Of R2 the difference to 100 % is drawn, because good models differ in it.
+    """
     drawn = pd.DataFrame(
         [(pair.ours, pair.paper) for pair in pairs],
         index=names,

@@ -75,7 +75,7 @@ def paper(
 
 
 def _fine_database(folder: Path, coarse: Path) -> Path:
-    """Generate rows of the finer grid that test a surrogate of the coarse database."""
+    """Generate the rows of the finer grid for a database of the coarse grid; return their path."""
     number = of_database.number_of_fine_rows(len(of_database.finished(coarse)))
     text = f"samples = {number}\nseed = {OTHER_SEED}\n{of_database.FINE_SCENE}"
     return databases.generated(folder / "databases", "fine", text)

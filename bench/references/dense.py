@@ -389,13 +389,17 @@ class _ActiveSet:
         self.count += 1
 
     def balance(self, interference: Field) -> Field:
-        """Return the pressures of the nodes in contact, (count,), which close their gaps."""
+        """Return the pressures of the nodes in contact, (count,), which close their gaps.
+
+        Raises ArithmeticError if rounding has made the matrix indefinite.
+        """
         inside = self.inside
         block = self.rows[: self.count, inside].T
+        pressures: Field
         _, pressures, failed = dposv(block, interference[inside], overwrite_a=True)
         if failed:
             raise ArithmeticError("the influence matrix is not positive definite")
-        return np.asarray(pressures)
+        return pressures
 
     def release(self, pressure: Field, balanced: Field) -> None:
         """Move towards balanced pressures until one becomes zero, and release its node.

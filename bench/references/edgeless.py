@@ -161,9 +161,11 @@ class Patch:
         """
 
         def solve(sprung: float) -> Field:
+            """Return the pressure, (m,), under a displacement of the spring [um]."""
             return dense.solve(self.sprung, self.below + sprung, hardness=self.hardness)
 
         def excess(sprung: float) -> float:
+            """Return by how much the sum of pressures exceeds the load [MPa]."""
             return float(solve(sprung).sum()) - load
 
         # Beside the spring, no load displaces the patch by more than the range of its heights.

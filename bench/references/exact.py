@@ -41,6 +41,20 @@ class Moments:
         return self.kurtosis - 3
 
 
+class _Profiles:
+    """The profiles along an axis, at the nodes that have both neighbours on it.
+
+    `inner` holds the heights of these nodes, `before` and `after` the heights of their neighbours.
+    All three arrays have one shape.
+    """
+
+    def __init__(self, before: Whole, inner: Whole, after: Whole) -> None:
+        # Second differences with the opposite sign, positive on peaks.
+        self.curvatures = 2 * inner - before - after
+        self.is_peak = (inner > before) & (inner > after)
+        self.peaks = inner[self.is_peak]  # heights of the peaks, (number of peaks,)
+
+
 def statistics(heights: Field, spacing: tuple[float, float]) -> dict[str, float]:
     """Compute the 22 statistics of Table 1, each rounded once.
 
@@ -60,30 +74,20 @@ def statistics(heights: Field, spacing: tuple[float, float]) -> dict[str, float]
     dx2 = Fraction(spacing[0]) ** 2
     dy2 = Fraction(spacing[1]) ** 2
     ratio = dx2 / dy2
-    # Nodes with both neighbours on an axis: second differences with the opposite sign, and which
-    # of the nodes are peaks of the profile.
-    inner_x = z[1:-1]
-    before = z[:-2]
-    after = z[2:]
-    along_x = 2 * inner_x - before - after
-    on_x = (inner_x > before) & (inner_x > after)
-    inner_y = z[:, 1:-1]
-    before = z[:, :-2]
-    after = z[:, 2:]
-    along_y = 2 * inner_y - before - after
-    on_y = (inner_y > before) & (inner_y > after)
+    along_x = _Profiles(z[:-2], z[1:-1], z[2:])
+    along_y = _Profiles(z[:, :-2], z[:, 1:-1], z[:, 2:])
+    peaks = np.concatenate((along_x.peaks, along_y.peaks))
     # Asperities are peaks along both axes.
-    summits = on_x[:, 1:-1] & on_y[1:-1]
-    peaks = np.concatenate((inner_x[on_x], inner_y[on_y]))
+    summits = along_x.is_peak[:, 1:-1] & along_y.is_peak[1:-1]
     # Curvatures in whole numbers of unit / (dx2 denominator); the unit of sums of two is half.
-    over = ratio.numerator
-    under = ratio.denominator
-    peaks_x = _times(along_x[on_x], under)
-    peaks_y = _times(along_y[on_y], over)
-    on_peaks = np.concatenate((peaks_x, peaks_y))
-    summits_x = _times(along_x[:, 1:-1][summits], under)
-    summits_y = _times(along_y[1:-1][summits], over)
-    per_length = unit / dx2 / under
+    curvatures_x = _times(along_x.curvatures, ratio.denominator)
+    curvatures_y = _times(along_y.curvatures, ratio.numerator)
+    per_length = unit / dx2 / ratio.denominator
+    on_peaks = np.concatenate(
+        (curvatures_x[along_x.is_peak], curvatures_y[along_y.is_peak])
+    )
+    summits_x = curvatures_x[:, 1:-1][summits]
+    summits_y = curvatures_y[1:-1][summits]
 
     height = moments(z.ravel(), unit)
     peak = moments(peaks, unit)
@@ -100,8 +104,8 @@ def statistics(heights: Field, spacing: tuple[float, float]) -> dict[str, float]
         "peak_curvature_mean": peak_curvature.mean,
         "peak_curvature_kurtosis_excess": peak_curvature.excess,
         "peak_curvature_skewness": peak_curvature.skewness,
-        "bandwidth_x": _bandwidth(z, np.diff(z, axis=0), along_x),
-        "bandwidth_y": _bandwidth(z, np.diff(z, axis=1), along_y),
+        "bandwidth_x": _bandwidth(z, np.diff(z, axis=0), along_x.curvatures),
+        "bandwidth_y": _bandwidth(z, np.diff(z, axis=1), along_y.curvatures),
         "asperity_mean": asperity.mean,
         "asperity_rms": asperity.rms,
         "asperity_kurtosis_excess": asperity.excess,
@@ -171,6 +175,7 @@ def moments(values: Whole, unit: Fraction) -> Moments:
     total = _total(counts)
 
     def central(power: int) -> Fraction:
+        """Return the central moment of a power, in units to that power."""
         # Deviations from the mean, times the number of values: whole numbers.
         deviations = ((number * value - total, count) for value, count in counts)
         powers = (count * deviation**power for deviation, count in deviations)

@@ -146,6 +146,7 @@ def flat_punch(shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0) -> F
     """
 
     def moved(pressure: Field) -> Field:
+        """Return the displacement, (nodes,), under a pressure, (nodes,)."""
         return displacement(pressure.reshape(shape), kernel, aspect).reshape(-1)
 
     nodes = shape[0] * shape[1]

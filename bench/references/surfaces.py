@@ -11,6 +11,8 @@ import numpy as np
 from bench.references.half_space import Field
 
 Random = np.random.Generator
+"""A source of random numbers."""
+
 Shape = tuple[int, int]
 """Nodes along x and y."""
 

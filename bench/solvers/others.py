@@ -93,6 +93,7 @@ def primal_gradients(
     system_of = _systems(nodes, spacing, boundary)
 
     def press(case: Case, force: float, tolerance: float) -> Answer:
+        """Solve a case under its force [uN] or displacement; raise Failure if this fails."""
         load = {"offset": case.delta - case.heights.max()}
         if control == "force":
             load = {"external_force": force}
@@ -132,6 +133,7 @@ def dual_gradients(nodes: int, spacing: float, boundary: Boundary = "free") -> P
     system_of = _systems(nodes, spacing, boundary)
 
     def press(case: Case, force: float, tolerance: float) -> Answer:
+        """Solve a case at its displacement; raise Failure if this fails."""
         offset = case.delta - case.heights.max()
         result = system_of(case).dual_minimize_proxy(
             offset=offset,
@@ -164,6 +166,7 @@ def _systems(nodes: int, spacing: float, boundary: Boundary) -> Callable[[Case],
         )
 
     def system_of(case: Case) -> Any:
+        """Return ContactMechanics' system of the substrate and the surface of a case."""
         topography = surface.Topography(
             case.heights, physical_sizes=sides, periodic=boundary == "periodic"
         )
@@ -213,6 +216,7 @@ def projected_gradients(nodes: int, spacing: float, boundary: Boundary = "free")
         package.ModelFactory.registerNonPeriodic(model, OPERATOR)
 
     def press(case: Case, force: float, tolerance: float) -> Answer:
+        """Solve a case under its force [uN]; raise Failure if this fails."""
         model.traction[:] = 0  # every solve starts afresh
         model.displacement[:] = 0
         solver = package.PolonskyKeerRey(model, case.heights, tolerance)
@@ -340,6 +344,8 @@ def _press_aspher(solve: Any, case: Case, force: float, tolerance: float) -> Ans
 _contact_mechanics = partial(
     Solver, package="ContactMechanics", install="pip install ContactMechanics"
 )
+"""Makes a solver of ContactMechanics."""
+
 _aspher = partial(
     Solver,
     package="aspher",
@@ -347,6 +353,7 @@ _aspher = partial(
     " (Debian: apt-get install g++ cmake libeigen3-dev)",
     control="force",
 )
+"""Makes a solver of ASPHER."""
 
 OTHERS: tuple[Solver, ...] = (
     _contact_mechanics("ContactMechanics primal", primal_gradients, plastic=True),

@@ -48,9 +48,7 @@ class Case:
     delta: float  # displacement of the far field from first touch [um]
     kernel: Kernel = "uniform-pressure"
     hardness: float | None = None  # bound of the pressure [MPa]; None for elastic bodies
-    hurst: float | None = (
-        None  # Hurst exponent of the surface [1]; None if no table has it
-    )
+    hurst: float | None = None  # Hurst exponent [1]; None if no table has it
     # Mean pressure on a periodic patch, which takes the displacement `delta` [MPa]; None for a
     # free patch.
     load: float | None = None
@@ -234,6 +232,7 @@ Control = Literal["displacement", "force"]
 """The quantity that a solver is given."""
 
 Item = TypeVar("Item")
+"""Type of the items of `back_and_forth`."""
 
 MAX_ITERATIONS = 1000
 """Most steps of a solver; a run that takes them all counts as failed."""
@@ -253,9 +252,8 @@ class Answer:
     pressure: Field  # contact pressure, (n, n) [MPa]
     # Number of applications of the influence matrix; None if the solver does not count them.
     convolutions: int | None = None
-    seconds: float = (
-        math.nan
-    )  # wall time of the solve, without the set-up of its grid [s]
+    # Wall time of the solve, without the set-up of its grid [s].
+    seconds: float = math.nan
 
 
 Press = Callable[[Case, float, float], Answer]

@@ -125,9 +125,8 @@ class Case:
     input: str  # the input in words; empty if the answer describes it
     # Asks and judges. Returns an `Answer`; any other result counts as an answer without findings.
     examine: Callable[[], object]
-    refusal: Refusal | None = (
-        None  # how the input has to be refused; None if it has an answer
-    )
+    # How the input has to be refused; None if it has an answer.
+    refusal: Refusal | None = None
     slow: bool = False  # whether only the full table has the case
 
 

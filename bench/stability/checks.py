@@ -450,6 +450,7 @@ def contact_case(
     """
 
     def examine() -> Answer:
+        """Solve the contact and judge it, or return the error of the solve."""
         heights = surface() if callable(surface) else surface
         displacement = delta
         if callable(displacement):

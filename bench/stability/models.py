@@ -24,7 +24,7 @@ from learn.comparison.folder import Settings
 from learn.comparison.grid import baseline, space_of
 from learn.database_rows import Dataset, Origin
 from learn.dataset import Request, remarks
-from learn.features import chosen
+from learn.features import FeatureSet, chosen
 from learn.features.rows import Rows
 from learn.models import MODELS, STEP
 from learn.surrogate import Surrogate
@@ -158,6 +158,7 @@ def altered(
     """
 
     def change(rows: Dataset) -> Dataset:
+        """Return a copy of the rows with the changed numbers."""
         values = getattr(rows, part).copy()
         if to is None:
             values[where] = values[where] * factor
@@ -317,7 +318,19 @@ def fitted(
         settings=Settings(values, is_tuned, tuning),
         other=calibration,
     )
-    card: dict[str, Any] = {
+    surrogate = Surrogate(
+        _card(features),
+        {"target": fit.learnt},
+        train.inputs.min(axis=0),
+        train.inputs.max(axis=0),
+        plan.distance,
+    )
+    return FittedModel(name, fit, surrogate, train, test)
+
+
+def _card(features: FeatureSet) -> dict[str, Any]:
+    """Return the entries of a surrogate's file that its answers need, by their names."""
+    return {
         "features": features.name,
         "nodes": NODES,
         "side": SIDE,
@@ -325,14 +338,6 @@ def fitted(
         "modulus": 1.0,
         "columns": [(column, "1") for column in features.columns],
     }
-    surrogate = Surrogate(
-        card,
-        {"target": fit.learnt},
-        train.inputs.min(axis=0),
-        train.inputs.max(axis=0),
-        plan.distance,
-    )
-    return FittedModel(name, fit, surrogate, train, test)
 
 
 def sound(model: FittedModel) -> Iterator[Finding]:

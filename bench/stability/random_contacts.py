@@ -585,6 +585,7 @@ def judge_shift(problem: Setup, contact: bem.Contact) -> Iterator[Finding]:
     steps = tuple(nodes // 3 for nodes in problem.surface.shape)
 
     def shift(field: Field) -> Field:
+        """Return a field that begins at another node, (nx, ny)."""
         return np.roll(field, steps, (0, 1))
 
     shifted = replace(problem, heights=shift(problem.surface)).solve()

@@ -15,11 +15,34 @@ from bem.far_field import BeyondCriticalDelta
 from bem.influence import KERNELS, Kernel
 from bench.references import dense
 from bench.references.half_space import Field, critical_delta, influence_coefficients
-from bench.stability import checks as judged
-from bench.stability import setup as topographies
 from bench.stability.case import Case, Refusal
-from bench.stability.checks import Check, contact_case
-from bench.stability.setup import CELL, DELTA, NODES, SIDE, SMALL, Setup, flat, paper
+from bench.stability.checks import (
+    FOUR_ULP,
+    Check,
+    contact_case,
+    has_force,
+    is_bearing_area,
+    is_nearly_elastic,
+    says_what_yields,
+    scales,
+)
+from bench.stability.setup import (
+    CELL,
+    DELTA,
+    NODES,
+    SIDE,
+    SMALL,
+    Setup,
+    checkerboard,
+    cropped_paper,
+    flat,
+    indenter,
+    paper,
+    step,
+    terraces,
+    white_noise,
+    with_middle_at,
+)
 
 HEIGHT_ROUNDING = 1e-6
 """Allowed error of the force if heights are multiplied by no power of two [1].
@@ -28,7 +51,7 @@ Each height is then rounded again, so that two solves differ by their tolerance.
 """
 
 slow_case = partial(contact_case, largest_ratio=math.inf)
-"""Makes a case of a contact that may take any number of iterations.
+"""Makes a case of a contact that may take many more iterations than the ordinary one.
 
 Many iterations are needed for long cells, whose short side matters little; for concentrated forces,
 which resist a checkerboard seven times less than uniform pressures do; for compliant far fields
@@ -64,7 +87,7 @@ def _one_cell(delta: float, spacing: float) -> Check:
     """
     compliance = float(influence_coefficients((1, 1), "uniform-pressure")[0, 0])
     force = delta * spacing / compliance
-    return partial(judged.has_force, "one cell", force, 1e-6)
+    return partial(has_force, "one cell", force, 1e-6)
 
 
 def _scaled(
@@ -77,8 +100,8 @@ def _scaled(
     """
     allowed = HEIGHT_ROUNDING
     if np.log2(factor).is_integer():  # all heights keep their bits
-        allowed = judged.FOUR_ULP
-    check = partial(judged.scales, force, allowed)
+        allowed = FOUR_ULP
+    check = partial(scales, force, allowed)
     heights = paper() * factor
     return contact_case(
         family, name, heights, DELTA * factor, checks=(check,), **arguments
@@ -118,7 +141,7 @@ def _sizes() -> Iterator[Case]:
 def _displacements() -> Iterator[Case]:
     """Yield displacements from none to far beyond full contact."""
     case = partial(contact_case, "displacement")
-    untouched = partial(judged.has_force, "nothing touches", 0.0, 0.0)
+    untouched = partial(has_force, "nothing touches", 0.0, 0.0)
     for delta in (0.0, -1.0, -1e300):
         yield case(f"Δ = {delta:g}", paper, delta, checks=(untouched,))
     ulp = float(np.spacing(paper().max()))
@@ -148,7 +171,6 @@ def _to_full_contact(share: float, heights: Field) -> float:
 def _grids() -> Iterator[Case]:
     """Yield numbers of nodes, and patches and cells that are not square."""
     case = partial(contact_case, "grid")
-    corner = topographies.cropped_paper
     for k in range(1, 12):
         surface = partial(paper, 2**k + 1)
         yield case(f"k = {k}", surface, slow=k >= 10)
@@ -160,8 +182,8 @@ def _grids() -> Iterator[Case]:
         "four nodes": (2, 2),
     }
     for name, shape in shapes.items():
-        yield case(name, corner(shape), 10.0, spacing=7.8125)
-    narrow = corner((3, 129))
+        yield case(name, cropped_paper(shape), 10.0, spacing=7.8125)
+    narrow = cropped_paper((3, 129))
     yield case("a patch of 1:64", narrow, side=(1000 / 64, 1000.0))
     for sides in LONG_CELLS:
         name = _cells(sides)
@@ -185,7 +207,7 @@ def _roughness() -> Iterator[Case]:
         yield case(f"H = {hurst:g}, large contact", heights, 200.0)
     yield case("σ0 = 0: flat, edge singular", paper(sigma0=0.0))
     for delta in (1.0, 10.0, 100.0, 1000.0):
-        yield case(f"white noise, Δ = {delta:g} σ", topographies.white_noise, delta)
+        yield case(f"white noise, Δ = {delta:g} σ", white_noise, delta)
     plane = np.linspace(0.0, SIDE, NODES)[:, None]
     for delta in (1.0, 25.0, 700.0, 5000.0):
         name = f"rough, tilted by 45°, Δ = {delta:g}"
@@ -196,15 +218,15 @@ def _roughness() -> Iterator[Case]:
 def _single_nodes() -> Iterator[Case]:
     """Yield surfaces with one node far above or far below all others."""
     case = partial(contact_case, "feature")
-    spike = topographies.with_middle_at(10.0, flat())
+    spike = with_middle_at(10.0, flat())
     check = _one_cell(5, CELL)
     yield case("a spike on a plane", spike, 5.0, checks=(check,))
     yield case("spike and plane touch", spike, 20.0)
-    needle = topographies.with_middle_at(1e6, paper())
+    needle = with_middle_at(1e6, paper())
     check = _one_cell(25, CELL)
     yield case("a needle carries all load", needle, 25.0, checks=(check,))
     yield case("a needle in to its root", needle, 1.1e6)
-    pit = topographies.with_middle_at(-1e6, flat())
+    pit = with_middle_at(-1e6, flat())
     for delta in (1.0, 1e7):
         yield case(f"a pit 1e6 deep, Δ = {delta:g}", pit, delta)
 
@@ -212,9 +234,9 @@ def _single_nodes() -> Iterator[Case]:
 def _terraces() -> Iterator[Case]:
     """Yield steps and exact ties."""
     for name, surface, deltas in (
-        ("a step of 1 um", topographies.step, (0.5, 1.0, 3.0)),
-        ("a checkerboard of 1 um", topographies.checkerboard, (1.0, 1e3, 10.0)),
-        ("plateaus of exact ties", topographies.terraces, (10.0, 25.0, 60.0)),
+        ("a step of 1 um", step, (0.5, 1.0, 3.0)),
+        ("a checkerboard of 1 um", checkerboard, (1.0, 1e3, 10.0)),
+        ("plateaus of exact ties", terraces, (10.0, 25.0, 60.0)),
     ):
         for delta in deltas:
             title = f"{name}, Δ = {delta:g}"
@@ -278,8 +300,8 @@ def _bodies() -> Iterator[Case]:
             off_tip = SIDE / (form.nodes - 1) * np.sqrt(0.5)
         below_tip = -float(form.body.heights(np.array(off_tip)))
         force = form.body.force(form.delta + below_tip)
-        check = partial(judged.has_force, form.name, force, form.allowed)
-        surface = partial(topographies.indenter, form.body, form.nodes)
+        check = partial(has_force, form.name, force, form.allowed)
+        surface = partial(indenter, form.body, form.nodes)
         yield contact_case("closed form", form.case, surface, form.delta, checks=(check,))
 
 
@@ -288,11 +310,11 @@ def _concentrated_forces() -> Iterator[Case]:
     case = partial(slow_case, "concentrated force", kernel="concentrated-force")
     for delta in (25.0, 80.0, 150.0, 500.0, 5000.0):
         yield case(f"Δ = {delta:g}", paper, delta)
-    yield case("white noise", topographies.white_noise, 100.0)
+    yield case("white noise", white_noise, 100.0)
     yield case("flat", flat)
     for nodes, delta in product((NODES, SMALL), (1.0, 10.0, 50.0, 1e3)):
         name = f"a checkerboard of {nodes} nodes, Δ = {delta:g}"
-        yield case(name, topographies.checkerboard(nodes), delta)
+        yield case(name, checkerboard(nodes), delta)
 
 
 def _compliant_far_fields() -> Iterator[Case]:
@@ -327,7 +349,7 @@ capped = partial(slow_case, "hardness")
 def _hardnesses() -> Iterator[Case]:
     """Yield the paper's surface with fewer and fewer yielded nodes."""
     for hardness in CAPS:
-        checks = (judged.says_what_yields,)
+        checks = (says_what_yields,)
         yield capped(f"H = {hardness:g} E*", paper, hardness=hardness, checks=checks)
 
 
@@ -343,9 +365,9 @@ def _limits() -> Iterator[Case]:
         "H = 1e90 E*": 1e90,
     }
     for name, hardness in elastic.items():
-        yield capped(name, paper, hardness=hardness, checks=(judged.is_nearly_elastic,))
+        yield capped(name, paper, hardness=hardness, checks=(is_nearly_elastic,))
     for hardness in (1e-12, 1e-90):
-        checks = (judged.is_bearing_area, judged.says_what_yields)
+        checks = (is_bearing_area, says_what_yields)
         name = f"bearing area, H = {hardness:g} E*"
         yield capped(name, paper, hardness=hardness, checks=checks)
     refusal = Refusal(ValueError, ("hardness",))
@@ -355,10 +377,10 @@ def _limits() -> Iterator[Case]:
 
 YIELDING_SURFACES: tuple[tuple[str, Callable[..., Field], float], ...] = (
     ("flat", flat, 5.0),
-    ("sphere", partial(topographies.indenter, Paraboloid(5000.0)), 5.0),
-    ("white noise", topographies.white_noise, 10.0),
-    ("checkerboard", topographies.checkerboard, 10.0),
-    ("exact ties", topographies.terraces, 25.0),
+    ("sphere", partial(indenter, Paraboloid(5000.0)), 5.0),
+    ("white noise", white_noise, 10.0),
+    ("checkerboard", checkerboard, 10.0),
+    ("exact ties", terraces, 25.0),
 )
 """Names of the surfaces that yield, the functions that make them, and displacements [um]."""
 
@@ -381,7 +403,7 @@ def _loads() -> Iterator[Case]:
     ):
         pressure = share * hardness
         force = pressure * paper().size * CELL**2
-        check = partial(judged.has_force, "the one given", force, 1e-12)
+        check = partial(has_force, "the one given", force, 1e-12)
         refusal = None
         if share >= 1:
             refusal = Refusal(bem.NoSolution, ("hardness",))

@@ -337,6 +337,7 @@ def _case(
     """
 
     def examine() -> Answer:
+        """Describe the surface and judge the description."""
         heights: Any = surface() if callable(surface) else surface
         if words:
             return says(heights, *words)

@@ -268,7 +268,7 @@ def measure_surrogate(fitted: Fitted, features: str, queries: list[Query]) -> An
     new_surface_seconds = mean_seconds(
         partial(of_new_surface, query) for query in queries
     )
-    # Each surface keeps the features that do not depend on Delta once they are computed.
+    # A surface keeps its features that do not depend on Delta: only its first use computes them.
     surfaces = [described(query.heights) for query in queries]
     deltas = np.linspace(*DELTAS, LOADS)
     rows = np.concatenate([features_of(surface, deltas) for surface in surfaces])
@@ -404,7 +404,7 @@ def _queries(surfaces: int) -> list[Query]:
 
 
 def _rows_of_times(subject: str, values: dict[str, float]) -> list[Row]:
-    """Return a row for each time of the solver or of a feature set."""
+    """Return a row for each of the named times of a subject, the solver or a feature set."""
     return [{"of": subject, "what": name, "value": values[name]} for name in values]
 
 
@@ -607,8 +607,8 @@ def sizes(rows: int) -> list[int]:
 def _learning_curve(studied: Studied) -> Iterator[Row]:
     """Yield the points of a feature set's learning curve, all judged by the same test rows.
 
-    The times of a point are for the rows that had to be solved for its training rows, also for
-    those that were left out.
+    The cost of a point is that of its share of all solved rows, test rows and rows that were left
+    out included.
     """
     all_rows = studied.parts.train.size
     on_new_surface = studied.answer.surface + studied.answer.batched

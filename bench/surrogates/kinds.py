@@ -102,7 +102,7 @@ def _axes(shape: Shape) -> tuple[Heights, Heights]:
 def _across(x: Heights, y: Heights, angle: float, rng: np.random.Generator) -> Heights:
     """Return the signed distances over the side from a straight line through a drawn point.
 
-    `angle` is the direction of the distances [rad], from x to y.
+    The line is normal to the direction with this angle from x towards y [rad].
     """
     along_x = (x - rng.uniform()) * np.cos(angle)
     along_y = (y - rng.uniform()) * np.sin(angle)

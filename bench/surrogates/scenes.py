@@ -300,7 +300,10 @@ def _plain_process(rows: Dataset, inputs: Values, truth: Values) -> Row:
 
 
 def _other_models(study: Study) -> Iterator[Row]:
-    """Yield error and coverage of each of `MODELS` for each target."""
+    """Yield, for each of `MODELS` and each target, the error of the mean [%] and the coverage.
+
+    The coverage is the share of results inside the interval of their point, 0 to 1.
+    """
     for model in MODELS:
         request = replace(study.request, models=(model,), train_rows=MODEL_ROWS)
         surrogate, seconds = _fitted(request)

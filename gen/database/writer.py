@@ -109,6 +109,8 @@ class Writer(Reader):
                 column.name: file[stored_path(file, column)] for column in self._columns
             }
             self._status = self._datasets[STATUS.name]
+            # Remember the bytes that no writer changes. The path was opened twice, by `HeldFile`
+            # and by HDF5: check that it has not been replaced in between.
             self._held.remember(*self._outside_of_columns())
             self.confirm()
             self.push(opened.pop_all())
@@ -281,7 +283,7 @@ class Writer(Reader):
         This is called before the file closes. A file that another program has overwritten is left
         alone. A file that was moved or deleted still gets its statuses.
         """
-        # The first block that is written is synced at once, so that a writer without a sync has
+        # The first block that is written is synced at once, so a writer that has not synced has
         # written nothing.
         nothing_written = self._last_sync == -math.inf
         if nothing_written or not self._held.intact():

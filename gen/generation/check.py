@@ -128,11 +128,10 @@ def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[Fault]:
     Raises
     ------
     InputError
-        If the file is no database, or if rows are to be computed again and a file that their
-        surfaces need is missing.
+        If the file is no database.
     SourceError
-        If rows are to be computed again and a user's function, which they need, fails or is not
-        trusted. It is a kind of InputError.
+        If rows are to be computed again, and an original map is missing or has changed, or a user's
+        function fails or is not trusted. It is a kind of InputError.
     """
     finished = []  # numbers of the finished rows, one array for each chunk
     damaged = []  # numbers of the rows with a wrong checksum, one array for each chunk
@@ -158,6 +157,8 @@ def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[Fault]:
         if not finished:
             return
         if recompute:
+            # The surfaces are made from the original files of maps, not from the prepared copies
+            # that a run keeps, because these may be damaged.
             reader.scene.surface.make_ready(path.parent, sources=True)
         random = np.random.default_rng(seed)
         chosen = random.permutation(np.concatenate(finished))[:recompute]
@@ -250,9 +251,9 @@ def _violations(chunk: _Chunk) -> Iterator[_Violation]:
 def _rules_of_finite_numbers(chunk: _Chunk) -> Iterator[_Violation]:
     """Yield, for each column of floating-point numbers, the rows whose number is not finite.
 
-    Two kinds of numbers are allowed: NaN in a statistic if the row's reason says that statistics
-    are undefined, and infinity in a quantity that is infinite at full contact. The last rule is
-    about rows with this reason that have all statistics. The rules hold for done rows; the caller
+    Two kinds of numbers are allowed: NaN in a statistic if the row has the reason NO_STATISTICS,
+    and infinity in a quantity that is infinite at full contact. The last rule finds rows with the
+    reason NO_STATISTICS whose statistics are all defined. The rules hold for done rows; the caller
     removes the other ones.
     """
     undefined = chunk.columns["reason"] == Reason.NO_STATISTICS

@@ -175,8 +175,8 @@ class _Samples:
     def _solve(self, heights: Heights, row: int) -> Reason:
         """Solve the contact of a row on a surface with these heights [um], and fill in its columns.
 
-        Return the reason for which the row fails, or NONE if it is done. A SourceError of the
-        user's function for outputs is raised.
+        Return why the row fails, or NONE if it is done. A SourceError of the user's function for
+        outputs is raised.
         """
         scene = self.scene
         try:
@@ -211,7 +211,8 @@ class _Samples:
         store = self.scene.store
         outputs = {}
         if store.function:
-            # Before any column is filled in, so that a row of an error has no results.
+            # Called before any column is filled in, so that a row whose function fails keeps no
+            # results.
             outputs = outputs_for_row(store, contact, self.plan.first + row)
         filled = {"heights"}  # filled in with the surface
         if self.scene.quantity == "delta":
@@ -227,7 +228,12 @@ class _Samples:
 
 
 def _reason_without_solution(scene: Scene) -> Reason:
-    """Return the reason of a row for whose contact `bem.solve` has raised NoSolution."""
+    """Return the reason of a row for whose contact `bem.solve` has raised NoSolution.
+
+    The scene's settings tell it, because each of them allows only one cause: with a hardness, a
+    load that the hardness does not bear; on a free patch, a Delta beyond the one that a compliant
+    far field can have; on a patch without edges, a Delta beyond full contact.
+    """
     if scene.contact.hardness_limits is not None:
         return Reason.BEYOND_HARDNESS
     if scene.contact.boundary == "free":

@@ -106,16 +106,17 @@ def _by_ranks(values: Values, level: float) -> Band:
     return Band(low, high)
 
 
-def _students(numbers: Values, level: float) -> Band:
-    """Return Student's prediction interval of one more number, if numbers are normal.
+def _students(values: Values, level: float) -> Band:
+    """Return Student's prediction interval of one more value at each load, if values are normal.
 
-    `numbers` has shape (K, k): K numbers at each of k loads.
+    `values` has shape (K, k): those of K surfaces at k loads. `level` is the chance that the
+    further value is inside the interval.
     """
-    number = len(numbers)
-    factor = stdtrit(number - 1, (1 + level) / 2) * math.sqrt(1 + 1 / number)
-    reach = factor * numbers.std(axis=0, ddof=1)
-    mean = numbers.mean(axis=0)
-    return Band(mean - reach, mean + reach)
+    surfaces = len(values)
+    factor = stdtrit(surfaces - 1, (1 + level) / 2) * math.sqrt(1 + 1 / surfaces)
+    reach = factor * values.std(axis=0, ddof=1)
+    mean = values.mean(axis=0)
+    return Band(low=mean - reach, high=mean + reach)
 
 
 def described(number: int, level: float) -> str:

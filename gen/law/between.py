@@ -200,7 +200,7 @@ def _doubtful(solved: Curves, at_loads: NDArray[np.bool_], nodes: int) -> Values
         values=np.append(at_rest, conductances),
         at_loads=np.append(True, at_loads),
         inside=np.append(False, close),
-        powers=True,
+        power_law=True,
     )
     line = column.laid(CALCULIX_POINTS)
     lines = np.interp(pressures, line.at, line.values)
@@ -262,7 +262,7 @@ def _missed(solved: Curves, contacts: Curves) -> Values:
         at = contacts.curves[CLOSURE.in_laws].value
         missed = np.maximum(missed, np.abs(foreseen(at) / contacts.at - 1))
     if name := solved.conducting:
-        foreseen = curve_through(solved.at, solved.curves[name].value, powers=True)
+        foreseen = curve_through(solved.at, solved.curves[name].value, power_law=True)
         values = contacts.curves[name].value
         with np.errstate(divide="ignore", invalid="ignore"):
             missed = np.fmax(missed, np.abs(foreseen(contacts.at) / values - 1))

@@ -42,8 +42,7 @@ PARTS = {
     "_slope": "slope",
     "_std": "std",
 }
-"""Attributes of `Curve` that tables have, by the end of the name of the column. The name of the
-quantity comes before it."""
+"""Attributes of `Curve` by the suffix of their columns, which follows the name of the quantity."""
 
 FORMAT_VERSION = 1
 """Version of the JSON document. It is raised when a reader of the last version would misread a
@@ -173,10 +172,10 @@ def cells(table: Curves) -> list[Row]:
     """
     rows: list[Row] = [{table.against: argument} for argument in table.at.tolist()]
     for name, curve in table.curves.items():
-        for end, part in PARTS.items():  # `end` of the column's name
+        for suffix, part in PARTS.items():
             numbers = getattr(curve, part).tolist()
             for row, number in zip(rows, numbers, strict=True):
-                row[f"{name}{end}"] = _cell(number)
+                row[f"{name}{suffix}"] = _cell(number)
     return rows
 
 
@@ -209,10 +208,12 @@ def write_table(path: Path, law: Law) -> list[Path]:
 def _rows(law: Law, table: Curves) -> list[Row]:
     """Return the rows of a table for CSV. Both tables of a law have the same columns.
 
-    A table against Delta has "" in the columns of Delta, which are needed by the other table.
+    In a table's own argument, such as delta_um, the column of the value has the argument. The
+    columns of its band, slope and deviation are "", and are there because the other table needs
+    them.
     """
     quantities = [DELTA.in_laws, *law.over_delta.curves]
-    columns = [f"{name}{end}" for name in quantities for end in PARTS]
+    columns = [f"{name}{suffix}" for name in quantities for suffix in PARTS]
     rows: list[Row] = []
     sources = law.sources
     for place, numbers in enumerate(cells(table)):
@@ -460,9 +461,11 @@ def _draw_panel(axis: Any, pressures: Values, panel: Panel, scale: str) -> None:
 def _mark_area_of_nodes(
     axis: Any, pressures: Values, panel: Panel, drawn: NDArray[np.bool_]
 ) -> None:
-    """Mark the points that are areas of the nodes with circles, but for the one at 0 MPa.
+    """Mark with circles the points at which the area of the nodes replaces that in the continuum.
 
-    `drawn` is True at the points of the panel that are drawn, (k,).
+    These are the areas at loads where the grid does not resolve the contact. A point at 0 MPa is
+    not marked. `pressures` are those of the panel, (k,) [MPa]. `drawn` is True at its points that
+    are drawn, (k,).
     """
     marked = drawn & panel.of_nodes & (pressures > 0)
     if not marked.any():

@@ -146,7 +146,7 @@ class Column:
         at_loads: NDArray[np.bool_],
         inside: NDArray[np.bool_],
         *,
-        powers: bool,
+        power_law: bool,
     ) -> Column:
         """Make a column of known points, of which the first is at the argument 0.
 
@@ -160,7 +160,7 @@ class Column:
             True at the first point and at the loads that the law was asked for.
         inside : ndarray of bool, shape (k + 1,)
             True where neither few nor nearly all nodes touch.
-        powers : bool
+        power_law : bool
             True if the law is a power of its argument rather than an exponential of it.
 
         Returns
@@ -172,10 +172,10 @@ class Column:
         points = np.arange(last + 1)
         steps = np.arange(FINE * last + 1) / FINE
         fine = np.interp(steps, points, at)
-        if powers and last > 1:  # parts of even ratio, but for the interval at 0
+        if power_law and last > 1:  # parts of even ratio, but for the interval at 0
             fine[FINE:] = np.exp(np.interp(steps[FINE:], points[1:], np.log(at[1:])))
         curve = np.interp(fine, at[:2], values[:2])  # right up to the first load
-        curve[FINE:] = curve_through(at[1:], values[1:], powers=powers)(fine[FINE:])
+        curve[FINE:] = curve_through(at[1:], values[1:], power_law=power_law)(fine[FINE:])
         # Remove the rounding of the logarithms at the known points.
         fine[::FINE] = at
         curve[::FINE] = values
@@ -478,7 +478,7 @@ class Column:
 
 
 def curve_through(
-    at: Values, values: Values, *, powers: bool = False
+    at: Values, values: Values, *, power_law: bool = False
 ) -> Callable[[Values], Values]:
     """Return the monotone cubic through the logarithms of values.
 
@@ -488,8 +488,9 @@ def curve_through(
         Ascending arguments above 0, at least one.
     values : ndarray, shape (k,)
         Values at the arguments, 0 or more.
-    powers : bool
-        True to take the logarithms of the arguments too.
+    power_law : bool
+        True to take the logarithms of the arguments too: values are powers of them, not
+        exponentials.
 
     Returns
     -------
@@ -504,7 +505,7 @@ def curve_through(
     if not (values > 0).all():
         plain = PchipInterpolator(at, values)
         return lambda places: np.asarray(plain(places))
-    if powers:
+    if power_law:
         power = PchipInterpolator(np.log(at), np.log(values))
         return lambda places: np.asarray(np.exp(power(np.log(places))))
     exponential = PchipInterpolator(at, np.log(values))

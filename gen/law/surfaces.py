@@ -377,9 +377,11 @@ def _source_file(path: Path) -> SourceFile:
 
 
 def _sources_of_scene(scene: Scene, text: str) -> list[Source]:
-    """Return one source with the file of a scene and the maps that it names.
+    """Return a list of one source: the file of a scene, and the files that its surfaces need.
 
-    A scene that is shipped has no file. The list is empty if there are no maps either.
+    The latter are maps, or the module of a user's function. `text` is the scene as the user named
+    it: the path of a scene or a database, or the name of a shipped scene, which has no file. The
+    list is empty without any file.
     """
     files: list[SourceFile] = []
     steps: list[str] = []

@@ -269,6 +269,8 @@ class FoldScore:
 def fit(training: Training, task: Task) -> list[Trial]:
     """Fit the candidates of a task, and score each of them on the fold that is left out.
 
+    If a fit of several candidates fails, they are fitted one by one.
+
     Parameters
     ----------
     training : Training
@@ -279,8 +281,8 @@ def fit(training: Training, task: Task) -> list[Trial]:
     Returns
     -------
     list of Trial
-        One trial for each candidate. Trials of a fit that failed have the reason in place of a
-        score.
+        One trial for each candidate. The trial of a candidate whose fit failed has the reason in
+        place of a score.
 
     Raises
     ------
@@ -288,6 +290,7 @@ def fit(training: Training, task: Task) -> list[Trial]:
         If this machine lacks the memory for the fit.
     """
     training = training.seen_by(task.model)
+    # Positions of the rows that are fitted.
     inside = np.flatnonzero(training.folds != task.fold)[: task.rows]
     check_memory(task.model, inside.size)
     with remarks() as warnings:

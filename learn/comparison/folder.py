@@ -295,7 +295,7 @@ class Folder:
     path: Path  # folder of the target
 
     def begin(self, dataset: Dataset, split: Split, request: Request) -> None:
-        """Write rows.csv and comparison.json into a new folder, or check those of an old one.
+        """Write rows.csv and comparison.json, or compare conditions if the folder has them already.
 
         Parameters
         ----------

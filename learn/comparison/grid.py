@@ -392,11 +392,11 @@ def _ignored_settings(model: str, candidate: Mapping[str, Any]) -> set[str]:
 
 
 def _merge_equal_trees(settings: SettingValues) -> None:
-    """Change the settings of trees in place, so that equal trees have equal settings."""
+    """Change the settings of trees in place: settings that lead to equal trees become equal."""
     leaf = settings.get("min_samples_leaf", 1)
     split = settings.get("min_samples_split", 2)
     if isinstance(leaf, int) and isinstance(split, int):
-        # A node that is split needs the samples of two leaves: scikit-learn raises the limit.
+        # A node that is split needs the samples of two leaves. scikit-learn raises the limit, too.
         settings["min_samples_split"] = max(split, 2 * leaf)
     if settings.get("criterion") == "friedman_mse":
         # Both criteria are equal for a single target.

@@ -150,7 +150,7 @@ def compare(request: Request, executor: Executor) -> int:
                         break
                     if request.again or _lacks_result(target, task):
                         _measure(target, task, executor, progress.say)
-                    progress.advance(1)
+                    progress.advance(rows=1)
     return interruption.signal
 
 
@@ -230,7 +230,7 @@ def tune(request: Request, executor: Executor) -> int:
             path = inside(target.folder.path, f"trials/{model.name}.jsonl")
             with Trials(path, conditions) as trials:
                 search = _search_of(target, model, trials, executor, stopping)
-                search.searches = len(searches)
+                search.searches = len(searches)  # They share the budget.
                 if math.isinf(until):  # There is time for the whole grid.
                     search.exhaust()
                 else:
@@ -255,12 +255,12 @@ def _search_of(
     space = grids.space_of(model.name, features)
     grid = grids.Grid(model, space.values, target.training.inputs.shape[1])
     return GridSearch(
-        model,
-        grid,
-        target.training,
-        trials,
-        executor,
-        stopping,
+        model=model,
+        grid=grid,
+        training=target.training,
+        trials=trials,
+        executor=executor,
+        stopping=stopping,
         source=space.name,
         baseline=grids.baseline(model.name, features),
         optimum=grid.name_of(space.default),

@@ -217,7 +217,7 @@ def _remarks_on_ends(row: TableRow, search: SearchReport, features: str) -> Iter
     """
     values = space_of(row.model, features).values
     for name, value in row.result.settings.items():
-        # A setting that the grid lacks has a single value, which is not outside of it.
+        # A setting without values in the grid is never outside of it.
         values_of_grid = values.get(name, [value])
         is_number = isinstance(value, int | float)
         if is_number and value not in values_of_grid:

@@ -151,6 +151,7 @@ class GridSearch:
         """
 
         def is_over() -> bool:
+            """Return whether no further fit may begin."""
             return self.stopping() or time.time() > until
 
         if not tasks or is_over():
@@ -160,8 +161,10 @@ class GridSearch:
             progress.say(f"{self.model.title}: {title}")
 
             def on_result(task: Task, result: list[Trial] | Ended) -> None:
+                """Keep the result of a fit, and count the fit in the progress bar."""
                 has_failed = self._keep(task, result)
-                progress.advance(1, failed=int(has_failed), work=expected_work(task))
+                work_done = expected_work(task)
+                progress.advance(rows=1, failed=int(has_failed), work=work_done)
 
             self.executor.run(
                 fit, self.training, tasks, on_result, stopping=is_over, until=until
@@ -202,6 +205,8 @@ class GridSearch:
     def halve(self, until: float) -> None:
         """Search the grid within a time, by successive halving; see `run`.
 
+        If not all candidates were judged, `how` becomes a description of the steps.
+
         The steps on fewer rows and the judgement on all rows have equal shares of the share
         `JUDGED` of the time. A fit that does not end within its share is stopped. The rest of the
         time is for the last fit of the winner. The optimum takes part in every step and is judged
@@ -214,17 +219,18 @@ class GridSearch:
         """
         total = self.training.rows
         began = time.time()
-        share = JUDGED * (until - began) / len(self._sizes)
-        end = began + len(self._sizes) * share
+        seconds_of_step = JUDGED * (until - began) / len(self._sizes)
+        end_of_judging = began + len(self._sizes) * seconds_of_step
         baseline = self.tasks([self.baseline_family], total)
-        self.run(baseline, f"the baseline on {total} rows", end)
+        self.run(baseline, f"the baseline on {total} rows", end_of_judging)
         order = self._with_optimum_first(self._drawn_families())
         remaining = order  # families that take part in the next step
         steps = []
         for number, rows in enumerate(self._sizes[:-1], start=1):
             on_rows = f"on {rows} rows, {STEP_FOLDS} folds"
             tasks = self.tasks(remaining, rows, STEP_FOLDS)
-            self.run(tasks, f"candidates {on_rows}", began + number * share)
+            end_of_step = began + number * seconds_of_step
+            self.run(tasks, f"candidates {on_rows}", end_of_step)
             scored = len(self.means(self.grid.differing, rows, STEP_FOLDS))
             if scored:
                 steps.append(f"{_counted(scored)} {on_rows}")
@@ -234,8 +240,8 @@ class GridSearch:
             remaining = order[: math.ceil(len(ranked) / FACTOR)]
         on_rows = f"on {total} rows, {FOLDS} folds"
         tasks = self.tasks(order, total)
-        self.run(tasks, f"the best candidates first, {on_rows}", end)
-        self._go_beyond(end)
+        self.run(tasks, f"the best candidates first, {on_rows}", end_of_judging)
+        self._go_beyond(end_of_judging)
         if self.judged < len(self.grid.differing):
             steps.append(f"{_counted(self.judged)} {on_rows}")
             self.how = f"successive halving: {', '.join(steps)}"
@@ -251,7 +257,8 @@ class GridSearch:
     def _with_optimum_first(self, families: list[Family]) -> list[Family]:
         """Return families without repetition, the family of the optimum first."""
         first = [family for family in self.grid.families if self.optimum in family]
-        return [*dict.fromkeys([*first, *families])]
+        # A dictionary keeps the first of equal keys.
+        return list(dict.fromkeys([*first, *families]))
 
     def _drawn_families(self) -> list[Family]:
         """Return all families in a random order, in which families of quick fits tend to be first.
@@ -414,6 +421,7 @@ class GridSearch:
     @property
     def fault(self) -> str:
         """Reason why the search has no winner; "" if it has one."""
+        # A winner has to be compared with the baseline.
         if self.tasks([self.baseline_family], self.training.rows):
             return (
                 f"not searched: the baseline was not finished on {FOLDS} folds within the time:"
@@ -422,11 +430,13 @@ class GridSearch:
         failures = self.failures
         if failures and not self.best:
             return "; ".join(failures)
+        # More time would allow enough candidates.
         if self.judged < self._least_judged:
             return (
                 f"not searched: {self.judged} of {len(self.grid.differing)} candidates were judged"
                 f" over {FOLDS} folds of all rows, {self._least_judged} are needed: {self.advice}"
             )
+        # Few rows must not hide the optimum. If fits failed, it may have no score for that reason.
         if self.optimum and not failures and not self.means([self.optimum]):
             return f"not searched: the paper's optimum was not judged: {self.advice}"
         return ""
@@ -510,7 +520,7 @@ class GridSearch:
             The report. The search must have a winner.
         """
         grid = self.grid
-        # If no candidate has a score, the baseline has won; the ends of the first one are reported.
+        # The best candidate; the first one if none has a score.
         best = grid.first.get(self.best, grid.candidates[0])
         baseline_fits = int(np.isfinite(self.folds(self.baseline_name)).sum())
         return SearchReport(

@@ -366,7 +366,10 @@ def _entry(groups: Groups, database: str = "", sha256: str = "") -> dict[str, An
 
 
 def _remark(groups: Groups) -> str:
-    """Return the line for the user on the groups that calibrate; "" if there is only one group."""
+    """Return the line for the user on the groups that calibrate; "" if there is only one group.
+
+    It is as "intervals by 17 maps, each predicted without it".
+    """
     if groups.scheme == "surfaces":
         return ""
     how = "by surfaces that the model has not seen"
@@ -404,18 +407,21 @@ def calibrate(rows: Dataset, plan: Plan, raw: Values, *, root: bool) -> Calibrat
     errors = _absolute_errors(raw, rows.target, root=root)
     if not groups.are_left_out:
         errors = errors / GROWTH.at(plan.measured.nearest.distance, training.limit)
+    # Usual errors of each part, fitted to the rows of the other parts.
     usual = np.empty(errors.size)
     for part in np.unique(parts):
         inside = parts == part
-        scale = _usual_errors(rows.inputs, errors, groups, ~inside)
-        usual[inside] = scale.at(rows.inputs[inside])
-    everywhere = np.ones(rows.size, dtype=np.bool_)
-    scale = _usual_errors(rows.inputs, errors, groups, everywhere)
+        without_part = _usual_errors(rows.inputs, errors, groups, ~inside)
+        usual[inside] = without_part.at(rows.inputs[inside])
+    # Usual errors of predictions, fitted to all rows.
+    all_rows = np.ones(rows.size, dtype=np.bool_)
+    scale = _usual_errors(rows.inputs, errors, groups, all_rows)
     if groups.are_left_out:
+        # All groups together are one entry, which holds for any new group.
         together = Scores.of(errors / usual, groups.labels)
-        return Calibration((together,), scale, distance=None, root=root)
+        return Calibration(scores=(together,), usual=scale, distance=None, root=root)
     scores = _scores_of_clouds(errors / usual, rows, plan.measured)
-    return Calibration(scores, scale, distance=training, root=root)
+    return Calibration(scores=scores, usual=scale, distance=training, root=root)
 
 
 def _absolute_errors(raw: Values, truth: Values, *, root: bool) -> Values:

@@ -101,8 +101,9 @@ def choose(request: Request, train: Dataset, target: Values, folds: Folds) -> Se
 
     They are those of a comparison's winner if the request names its folder. Otherwise the kernel of
     a Gaussian process is the most likely one. Kernel ridge and the SVM are searched for the
-    candidate with the smallest error on the first fold. The other models, and kernel ridge and the
-    SVM under the paper's conditions, have fixed settings.
+    candidate with the smallest error on the first fold. The other models have fixed settings, from
+    `BUILT_IN` or the paper's optimum. With the paper's features and rows of unit length, all models
+    but the Gaussian process have the paper's optimum.
 
     Parameters
     ----------
@@ -274,9 +275,10 @@ def _most_likely(request: Request, inputs: Values, target: Values) -> Settings:
 def _fit_process(
     request: Request, inputs: Values, target: Values, lengths: Values
 ) -> Any:
-    """Return a Gaussian process whose amplitude, lengths and noise are the most likely ones.
+    """Return a fitted Gaussian process whose amplitude, lengths and noise are the most likely ones.
 
-    The search starts from one length for all inputs, (1,), or from a length for each input, (d,).
+    `inputs` are the features, (n, d), and `target` the scaled targets, (n,). The search starts from
+    `lengths`: one for all inputs, (1,), or one for each input, (d,).
     """
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
@@ -421,10 +423,11 @@ def fit_parts(
     whole_card = card.make(request, rows, parts.train, sizes, fitted.entries)
     whole_card["calibration"] = {**plan.entry, "largest_level": largest_level}
     if not all(keeps_its_scale(model.powers, rows.features) for model in models):
+        # Rows outside these ranges of heights, lengths and E* are flagged.
         whole_card["own_scale"] = scale_ranges(rows, parts.train)
     scenes = [origin.scene for origin in rows.origins]
+    # Rows with a feature outside these ranges are flagged.
     ranges = rows.features.ranges(scenes, rows.inputs[parts.train])
-    # The training ranges flag rows of predictions.
     return Surrogate(
         card=whole_card,
         learnt=fitted.learnt,

@@ -547,8 +547,9 @@ class Calibration:
         Returns
         -------
         (ndarray, ndarray), each of shape (n,)
-            Lower and upper ends, over the scale of the target. An end is infinite if too few
-            surfaces or maps calibrate the level; the lower end is 0 if errors are those of roots.
+            Lower and upper ends, over the scale of the target. If too few surfaces or maps
+            calibrate the level, both are infinite; if errors are those of roots, the lower end is
+            then 0.
 
         Raises
         ------

@@ -193,6 +193,7 @@ class Learnt:
             Predictions over the scale of the target; NaN where a feature is NaN. They may be
             infinite far from the training.
         """
+        # The steps are pairs of a name and an object.
         (_, scaling), (_, model) = self.pipeline.steps
         predictions = np.full(len(inputs), np.nan)
         # `Surrogate.predict_rows` names rows without a finite prediction.
