@@ -12,6 +12,7 @@ Constants say how far they move the counts of the ledger, see `bem.active_set`.
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -595,14 +596,11 @@ def _under_load(problem: Problem, near: Start | None) -> Equilibrium:
     if near is not None and near.pressure[touching.box].any():
         _begin_from(iterate, problem, near, touching, length)
     else:
-        relative_load = _relative_load(problem)
-        full = _full_pressure(problem, iterate, relative_load)
-        if full is None:
-            iterate.begin(_pressure_on_summits(problem, iterate, relative_load))
-        elif full.min() >= 0 and full.max() <= iterate.hardness:
-            return _full_contact(problem, full, length)
-        else:
-            iterate.begin(cut_to_load(full, load / length))
+        guess = _first_guess(problem, iterate, load / length)
+        if guess.is_solution:
+            return _full_contact(problem, guess.pressure, length)
+        iterate.begin(guess.pressure)
+        del guess  # `begin` has copied it
     spent = 0
     enough = ENOUGH_FREE if problem.boundary == "free" else ENOUGH
     if near is not None:
@@ -643,6 +641,33 @@ def _guessed_reach(problem: Problem) -> float:
     if not depth > 0:
         return math.inf
     return math.nextafter(depth, math.inf)  # nodes of this height overlap too
+
+
+class Guess(NamedTuple):
+    """A first pressure that carries a load.
+
+    Attributes
+    ----------
+    pressure : ndarray, shape (nx, ny)
+        Pressure, nowhere negative [reduced].
+    is_solution : bool
+        Whether it is the pressure of full contact within its bounds, and so the solution.
+    """
+
+    pressure: Field
+    is_solution: bool
+
+
+def _first_guess(problem: Problem, iterate: Iterate, load: float) -> Guess:
+    """Guess a pressure that carries a load [reduced]: from full contact, or on the summits."""
+    relative_load = _relative_load(problem)
+    full = _full_pressure(problem, iterate, relative_load)
+    if full is None:
+        summits = _pressure_on_summits(problem, iterate, relative_load)
+        return Guess(summits, is_solution=False)
+    if full.min() >= 0 and full.max() <= iterate.hardness:
+        return Guess(full, is_solution=True)
+    return Guess(cut_to_load(full, load), is_solution=False)
 
 
 def _full_pressure(
