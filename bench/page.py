@@ -99,7 +99,7 @@ def part_to_show(part: Part, inputs: Inputs) -> PartToShow:
         return PartToShow(part=part, record=None)
     command = ""
     if record is not None:
-        command = inputs.command(part, record.command)
+        command = inputs.portable(part, record.command)
     return PartToShow(part=part, record=record, command=command, contents=contents)
 
 
@@ -318,7 +318,7 @@ def _how_made(shown: PartToShow) -> str:
     if part.retired:
         retired = f" The code up to commit {part.retired} has the command."
     return (
-        f"Made by `{PUBLISHED.command(part, record.command)}` on {record.machine.processor},"
+        f"Made by `{PUBLISHED.portable(part, record.command)}` on {record.machine.processor},"
         f" {record.created[:10]}, commit {record.commit[:7]}.{retired}"
     )
 
