@@ -4,6 +4,8 @@ Where few nodes are in contact, a Cholesky factor of their matrix costs less tha
 Nodes under tension are fixed at zero pressure, and nodes beyond the hardness at the hardness. The
 factor stays and is bordered by the fixed nodes, which costs far less than factorising the matrix of
 the free nodes.
+
+Constants say how far they move the counts of the ledger, see `bem.active_set`.
 """
 
 from collections.abc import Callable
@@ -15,10 +17,11 @@ import numpy as np
 from bem.arrays import Mask, Nodes, Real, Values
 
 # Sets of fixed nodes that are tried before iterations take over. Sets that do not cycle need fewer.
+# This number matters in rare cases.
 MOST_SETS = 20
 
 # Share of the nodes under tension above which factorising the matrix of the rest is cheaper than
-# fixing them [1].
+# fixing them [1]. This number matters little.
 MANY = 0.15
 
 # BLAS may set the processor's flag of an invalid operation for numbers that no result contains, of

@@ -7,12 +7,12 @@ that may touch are solved by dense algebra alone. Every other problem is solved 
 solution, from a loose solution on a coarser grid,
 or from a first guess.
 
-Which counts of the ledger a constant moves: `python -m tests.ledger --halved bem.equilibrium.NAME`,
-or `--doubled`.
+Constants say how far they move the counts of the ledger, see `bem.active_set`.
 """
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,83 +27,107 @@ from bem.problem import Overlap, Problem, overlap
 from bem.threads import on_one_blas_thread
 
 # Largest number of nodes that may touch for which dense algebra alone is faster than convolutions
-# (`pytest bench -k few_candidates`).
+# (`pytest bench -k few_candidates`). It is chosen by the time: solves take up to 33 % fewer
+# convolutions if it is halved, and up to 18 % more if it is doubled
+# (`python -m tests.ledger --halved bem.equilibrium.FEW_NODES`).
 FEW_NODES = 250
 
 # Least number of nodes a side of grids whose solve starts from a loose solve on a coarser grid.
+# Solves of large grids take up to 30 % more iterations if it is doubled
+# (`python -m tests.ledger --doubled bem.equilibrium.NESTED`).
 NESTED = 500
 
 # This number where little comes into contact: a coarser grid then saves work on larger grids only.
+# This number matters little.
 NESTED_FAINT = 1000
 
-# Tolerance of the loose solve [displacement].
+# Tolerance of the loose solve [displacement]. This number matters little.
 NESTED_RTOL = 6e-2
 
 # Mean pressure, over E* times the rms slope, below which little comes into contact [1]. This and
-# `FAINT_DELTA` were measured on diamond-square surfaces of 512 and 513 nodes a side.
+# `FAINT_DELTA` were measured on diamond-square surfaces of 512 and 513 nodes a side. This number
+# matters in rare cases.
 FAINT_PRESSURE = 4e-3
 
-# Delta, over the mean depth of the surface, below which little comes into contact [1].
+# Delta, over the mean depth of the surface, below which little comes into contact [1]. Solves of
+# large grids take up to 25 % more iterations if it is doubled
+# (`python -m tests.ledger --doubled bem.equilibrium.FAINT_DELTA`).
 FAINT_DELTA = 0.6
 
 # Mean pressure, over E* times the rms slope, above which full contact on its own grid is nearer to
 # the solution of a patch without edges than a coarser grid is [1]. Measured on spectral and
-# diamond-square surfaces of 512 and 1,024 nodes a side.
+# diamond-square surfaces of 512 and 1,024 nodes a side. This number matters in rare cases.
 NESTED_FULL = 1.1
 
 # Largest Delta at which the coarser grid is solved, over its own Delta of full contact or Delta*
-# [1]: it has no equilibrium beyond, where the finer grid still may have one.
+# [1]: it has no equilibrium beyond, where the finer grid still may have one. This number matters in
+# rare cases.
 NESTED_BELOW = 0.9999
 
 # Contact set up to which no first step is taken before dense algebra, as a share of the largest set
-# worth factorising [1]: on free patches from a first guess.
+# worth factorising [1]: on free patches from a first guess. This number matters little.
 ENOUGH_FREE = 0.5
 
-# That share for all other starts, where a step gains less [1].
+# That share for all other starts, where a step gains less [1]. Ladders take up to 7 % more
+# iterations if it is doubled (`python -m tests.ledger --doubled bem.equilibrium.ENOUGH`).
 ENOUGH = 0.9
 
 # Mean pressure, over E* times the rms slope, up to which a start on the highest nodes of a patch
-# without edges is nearer to the solution than a start from full contact [1].
+# without edges is nearer to the solution than a start from full contact [1]. Solves without edges
+# take up to 19 % fewer iterations if it is halved
+# (`python -m tests.ledger --halved bem.equilibrium.LIGHT`).
 LIGHT = 0.1
 
 # Share of the nodes that a start on the highest nodes takes, over the mean pressure divided by E*
-# times the rms slope [1].
+# times the rms slope [1]. Solves under a load take up to 26 % more iterations if it is halved, and
+# from 19 % fewer to 13 % more if it is doubled
+# (`python -m tests.ledger --halved bem.equilibrium.PEAKS`).
 PEAKS = 8.0
 
-# Distance, in nodes, of the rows and columns from which the rms slope is computed.
+# Distance, in nodes, of the rows and columns from which the rms slope is computed. This number
+# matters little.
 SAMPLED = 16
 
-# Shares of the nodes of a free patch that overlap at least and at most under a light load, over the
-# mean pressure divided by E* times the rms slope [1]. Shares from 6 to 30 were seen on
-# diamond-square surfaces of 129 to 513 nodes a side.
+# Least share of the nodes of a free patch that overlap under a light load, over the mean pressure
+# divided by E* times the rms slope [1]. Shares from 6 to 30 were seen on diamond-square surfaces of
+# 129 to 513 nodes a side. This number matters in rare cases.
 LEAST_OVERLAPPING = 6.0
+
+# Share of the nodes that are solved first under a light load, over the same quotient [1]. Ladders
+# take up to 16 % more convolutions if it is halved
+# (`python -m tests.ledger --halved bem.equilibrium.OVERLAPPING`).
 OVERLAPPING = 20.0
 
-# Share of overlapping nodes above which the whole grid is solved [1].
+# Share of overlapping nodes above which the whole grid is solved [1]. This number matters little.
 MOST_OVERLAPPING = 0.3
 
 # Factor on a displacement that is known from a coarser grid, or from a part that was too small [1].
+# This number matters in rare cases.
 FURTHER = 1.1
 
 # Unit of length under the smallest loads, over the displacement of one cell that carries all of the
 # load [1]. Single precision holds pressures and depths at once only where they are not too far
-# apart.
+# apart. This number matters in rare cases.
 REACH = 1e3
 
 # Displacement, over the unit of length, that the tolerance refers to while a load has brought none
-# [1].
+# [1]. This number matters in rare cases.
 LEAST = 1e-3
 
-# Delta, over that of full contact, above which full contact is the better start [1].
+# Delta, over that of full contact, above which full contact is the better start [1]. This number
+# matters in rare cases.
 NEARLY_FULL = 0.9
 
-# Trials of the constant that is added to the pressure of full contact.
+# Trials of the constant that is added to the pressure of full contact. This number matters in rare
+# cases.
 CONSTANTS = 4
 
-# Least mean gap that these trials aim at, over Delta of full contact [1].
+# Least mean gap that these trials aim at, over Delta of full contact [1]. This number matters in
+# rare cases.
 LEAST_GAP = 1e-6
 
-# Largest residual of a start that is better than no pressure [Delta].
+# Largest residual of a start that is better than no pressure [Delta]. This number matters in rare
+# cases.
 FARTHEST = 10.0
 
 
@@ -572,14 +596,11 @@ def _under_load(problem: Problem, near: Start | None) -> Equilibrium:
     if near is not None and near.pressure[touching.box].any():
         _begin_from(iterate, problem, near, touching, length)
     else:
-        relative_load = _relative_load(problem)
-        full = _full_pressure(problem, iterate, relative_load)
-        if full is None:
-            iterate.begin(_pressure_on_summits(problem, iterate, relative_load))
-        elif full.min() >= 0 and full.max() <= iterate.hardness:
-            return _full_contact(problem, full, length)
-        else:
-            iterate.begin(cut_to_load(full, load / length))
+        guess = _first_guess(problem, iterate, load / length)
+        if guess.is_solution:
+            return _full_contact(problem, guess.pressure, length)
+        iterate.begin(guess.pressure)
+        del guess  # `begin` has copied it
     spent = 0
     enough = ENOUGH_FREE if problem.boundary == "free" else ENOUGH
     if near is not None:
@@ -620,6 +641,33 @@ def _guessed_reach(problem: Problem) -> float:
     if not depth > 0:
         return math.inf
     return math.nextafter(depth, math.inf)  # nodes of this height overlap too
+
+
+class Guess(NamedTuple):
+    """A first pressure that carries a load.
+
+    Attributes
+    ----------
+    pressure : ndarray, shape (nx, ny)
+        Pressure, nowhere negative [reduced].
+    is_solution : bool
+        Whether it is the pressure of full contact within its bounds, and so the solution.
+    """
+
+    pressure: Field
+    is_solution: bool
+
+
+def _first_guess(problem: Problem, iterate: Iterate, load: float) -> Guess:
+    """Guess a pressure that carries a load [reduced]: from full contact, or on the summits."""
+    relative_load = _relative_load(problem)
+    full = _full_pressure(problem, iterate, relative_load)
+    if full is None:
+        summits = _pressure_on_summits(problem, iterate, relative_load)
+        return Guess(summits, is_solution=False)
+    if full.min() >= 0 and full.max() <= iterate.hardness:
+        return Guess(full, is_solution=True)
+    return Guess(cut_to_load(full, load), is_solution=False)
 
 
 def _full_pressure(

@@ -116,6 +116,11 @@ def on_threads(threads: int | None) -> Iterator[None]:
     threads : int or None
         Number of threads, this one included; no more are used than there are processors. None
         takes the number of an outer block, else that of `OMP_NUM_THREADS`, else one.
+
+    Yields
+    ------
+    None
+        Once, when the helper threads are ready.
     """
     threads_before = _CURRENT.threads
     helpers_before = _CURRENT.helpers
