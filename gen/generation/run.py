@@ -244,9 +244,10 @@ def _serve(request: _Request, world: farm.World) -> RunResult:
     MasterLeft if the master has ended the command.
     """
     with Interruption(listening=False):
-        job: _Job = world.broadcast(None)
+        job: _Job = world.broadcast(None)  # receives; only the master's argument is sent
         with _sink_of(job, request, world) as sink:
             worker = _worker_of(job, request, sink, world)
+            # Only the master uses the tasks and `on_result`.
             farm.run(worker.compute, tasks=iter(()), on_result=sink.receive, world=world)
         result: RunResult = world.broadcast(None)
         return result

@@ -85,11 +85,11 @@ def further_surface(values: Values, level: float, *, percent: bool = False) -> B
         band = _by_ranks(values[:, places], level)
     elif percent:
         logits = _students(logit(values[:, places] / 100), level)
-        band = Band(100 * expit(logits.low), 100 * expit(logits.high))
+        band = Band(low=100 * expit(logits.low), high=100 * expit(logits.high))
     else:
         logarithms = _students(np.log(values[:, places]), level)
         with np.errstate(over="ignore", under="ignore"):
-            band = Band(np.exp(logarithms.low), np.exp(logarithms.high))
+            band = Band(low=np.exp(logarithms.low), high=np.exp(logarithms.high))
     bounded = np.isfinite(band.low + band.high)
     low[places] = np.where(bounded, band.low, np.nan)
     high[places] = np.where(bounded, band.high, np.nan)

@@ -181,8 +181,8 @@ def _goes_on(quantity: str) -> bool:
     """Return whether a quantity follows its last slope beyond the last point; otherwise it stays.
 
     Pressure, force, Delta and closure follow it, because a joint that is pressed further gives way
-    further. Others have a bound. A conductance has none that is known; it stays constant, as in
-    CalculiX and Abaqus.
+    further. All other quantities stay: areas and gaps because they have a bound, and a conductance,
+    which has none that is known, because CalculiX and Abaqus keep it constant.
     """
     law = IN_LAWS[quantity].law
     return law is not None and law.goes_on
@@ -209,9 +209,8 @@ class Function:
     argument: str  # name of the argument: "delta", "pressure" or "closure"
     at: Values  # ascending arguments of the points [um or MPa], (k,)
     values: Values  # values at the points, in the unit of the quantity, (k,)
-    goes_on: (
-        bool  # True if it follows its last slope beyond the last point, else it stays
-    )
+    # True if it follows its last slope beyond the last point, False if it stays constant there.
+    goes_on: bool
     tangent: bool  # True if the header has a function for its slope, too
     between: Between
     falls: bool = False  # True for a quantity that falls with the load, as a gap
@@ -232,7 +231,7 @@ class Function:
         """
         usable = np.isfinite(self.between.values)
         if not usable.any() or self.at.size < 2 or not np.isfinite(self.values).all():
-            return Deviation(np.nan, np.nan)
+            return Deviation(inside=np.nan, outside=np.nan)
         from scipy.interpolate import PchipInterpolator
 
         contacts = self.between.values[usable]

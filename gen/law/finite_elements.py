@@ -281,12 +281,10 @@ class Tables:
     """The tables of an input file, whose points straight lines join."""
 
     behaviour: Line  # pressure [MPa] over closure [um]
-    conducting: (
-        Line | None
-    )  # conductance [W/(mm2 K)] over pressure [MPa]; None if there is none
-    pressures: (
-        Values  # 0 and the pressures of all contacts behind the tables [MPa], (k + 1,)
-    )
+    # Conductance [W/(mm2 K)] over pressure [MPa]; None if the law has none.
+    conducting: Line | None
+    # 0 and the pressures of all contacts from which the tables were made [MPa], (k + 1,).
+    pressures: Values
     # Distances of the lines from the law, of "pressure" and, if there is one, "conductance".
     deviations: dict[str, Deviation]
 
@@ -297,10 +295,11 @@ def _tables(law: Law, side: str, *, calculix: bool) -> Tables:
     For a side, contacts between the loads of the law are not used: `outwards` moves the ends of the
     band at the loads.
     """
-    joint = rising(law, side, between=not side)
+    joint = rising(law, side, between=(side == ""))
     pressure = _pressure_column(joint)
     behaviour = pressure.laid()
-    if calculix:  # one of its points is the first of `FAR`
+    if calculix:
+        # One of its points is the first of `FAR`. All others are laid, even if fewer are enough.
         behaviour = pressure.laid(CALCULIX_POINTS - 1, filled=True)
     deviations = {"pressure": pressure.deviation(behaviour)}
     if not side:
@@ -409,7 +408,7 @@ def _off_checks(law: Law, line: Line, quantity: str) -> Deviation:
     """
     checks = law.checks
     if checks is None or quantity not in checks.curves:
-        return Deviation(np.nan, np.nan)
+        return Deviation(inside=np.nan, outside=np.nan)
     values = checks.curves[quantity].value
     if quantity == CLOSURE.in_laws:  # the closure is the argument of its line
         at = values
@@ -461,6 +460,7 @@ def in_words(deviations: Mapping[str, Deviation]) -> str:
         Part of a sentence, without a full stop. If all numbers are NaN, it says that there is one
         load.
     """
+    # Numbers that are NaN fail the comparison.
     inside = {name: off.inside for name, off in deviations.items() if off.inside >= 0}
     outside = {name: off.outside for name, off in deviations.items() if off.outside >= 0}
     texts: list[str] = []

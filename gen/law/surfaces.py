@@ -54,7 +54,7 @@ class LawSurface(Topography):
         return pose(
             self.heights,
             self.sides,
-            None,
+            delta=None,
             force=0.0,
             spacing=self.spacing,
             boundary=self.boundary,
@@ -187,7 +187,7 @@ class LawSurfaces:
         return moduli.pop()
 
     def hardness_ratio(self) -> float | None:
-        """Return the hardness over E* that all scenes share; no scene may vary it.
+        """Return the hardness over E* that all scenes share; no scene may draw a hardness.
 
         Returns
         -------
