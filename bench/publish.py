@@ -134,8 +134,7 @@ def _write_files(files: Mapping[Path, bytes]) -> None:
             path.unlink(
                 missing_ok=True
             )  # `write` does not replace a file that is no text
-        kind = "picture" if path.suffix == ".png" else "text"
-        write(path, content, kind)
+        write(path, content, kind="picture" if path.suffix == ".png" else "text")
 
 
 def _files_to_publish(folder: PartsOfFolder) -> Iterator[tuple[Path, bytes]]:
