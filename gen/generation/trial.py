@@ -1,5 +1,8 @@
 """Doubts about the results of a scene, from a trial before a run or from its rows after it.
 
+A doubt is a reason to distrust results, in one line for the user, see `gen.doubts`. It follows from
+a tally: counts and extremes of rows, such as the number of rows in full contact.
+
 A trial computes up to three of the first rows of the plan: those with the middle, the largest and
 the smallest load. It writes nothing. It does not call the user's function for outputs. A user's
 generator is called, which the user has trusted when the scene was completed.
