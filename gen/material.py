@@ -244,11 +244,11 @@ def _are_loads(load: str, values: Sequence[float]) -> bool:
     They have to be between `SMALLEST` and `LARGEST`. Some pressures may be 0, too, but not all.
     """
     if not any(values):
-        return False
+        return False  # all loads are 0
     nonzero = [value for value in values if value != 0]
     has_zeros = len(nonzero) < len(values)
     if has_zeros and load != "pressure":
-        return False
+        return False  # only a pressure may be 0
     return all(SMALLEST < value < LARGEST for value in nonzero)
 
 
@@ -296,7 +296,7 @@ class Bodies(NamedTuple):
 
     e_star: float
     hardness: float | None = None  # None for elastic bodies
-    # True if the user gave E* or Young's modulus, so that warnings about pressures apply.
+    # True if the user gave E* or Young's modulus. Warnings depend on it, see `gen.doubts`.
     has_modulus: bool = False
     # The elastic body, if the user gave exactly one Young's modulus; None otherwise.
     only: ElasticBody | None = None

@@ -163,7 +163,7 @@ def _describe(dataset: h5py.Dataset, column: Column) -> None:
     flags = FLAGS.get(column)  # meaning of each code; None for a column without codes
     if flags:
         dataset.attrs["flag_values"] = np.array(list(flags), dtype=column.dtype)
-        # Blanks separate the meanings, so that each of them has to be one word.
+        # Blanks separate the meanings, so each of them has to be one word.
         words = [_one_word(text) for text in flags.values()]
         _set(dataset, "flag_meanings", " ".join(words))
 

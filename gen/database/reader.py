@@ -51,7 +51,7 @@ FLAGS: dict[Column, dict[int, str]] = {
 """Columns that hold codes, with the meaning of each code in words."""
 
 NO_QUANTITIES = (*FLAGS, CHECKSUM)
-"""Columns of whole numbers that are no quantities, so that they have no range."""
+"""Columns of whole numbers that are no quantities, and therefore have no range."""
 
 CODES = 256
 """Number of different codes that a column of codes can hold: each is one byte."""

@@ -76,7 +76,7 @@ class SampleProblem:
     def solve(self, doubled: Powers = PURE) -> bem.Contact:
         """Solve the contact, with heights, lengths or E* at twice their size.
 
-        The load and the hardness change with them by their own powers, so that the contact is a
+        The load and the hardness change with them by their own powers, so the contact is a
         scaled copy of the original one: the same nodes touch.
 
         Parameters
@@ -307,7 +307,7 @@ def measured_powers(scene: Scene, limit: float | None = None) -> dict[str, Power
         # This includes a SourceError: the run itself meets it again, and tells the user.
         return {}
     if not measured:
-        return {}
+        return {}  # none of the first rows has a solution
     powers = measured[0]
     for powers_at_load in measured[1:]:
         powers = {
@@ -331,7 +331,7 @@ def _problems_over_the_loads(
     with time_limit(limit):
         first = first_problem(scene)
     if first is None:
-        return
+        return  # there is no surface to try the loads on
     ranges = [limits(piece.range) for piece in scene.pieces]
     largest = max(ends.largest for ends in ranges)
     smallest = min(ends.smallest for ends in ranges)
@@ -402,7 +402,7 @@ def _power(before: FunctionOutput, after: FunctionOutput | None) -> int | None:
     if after is None:
         return None  # the function has not returned this output again
     if before.value == 0.0 or after.value == 0.0:
-        return None
+        return None  # a zero does not show any power
     if not (math.isfinite(before.value) and math.isfinite(after.value)):
         return None
     ratio = after.value / before.value
@@ -411,7 +411,7 @@ def _power(before: FunctionOutput, after: FunctionOutput | None) -> int | None:
     power = math.log2(ratio)
     nearest = round(power)
     if abs(power - nearest) > WHOLE:
-        return None
+        return None  # the output does not scale with a whole power
     return nearest
 
 

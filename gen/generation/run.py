@@ -227,7 +227,7 @@ def generate_database(
     ):
         world.broadcast(preparation.job)
         overdue = _farm_out(preparation, request, world, interruption)
-        # Every writer has closed the file, so that its rows can be counted.
+        # Every writer has closed the file, so its rows can be counted now.
         from gen.database import Reader
 
         with Reader(path) as reader:
@@ -405,7 +405,7 @@ def _remarks_on_maps(scene: Scene) -> list[str]:
     """Return the generator's lines about its maps, or an empty list if it uses no maps."""
     cuts_windows = bool(scene.surface.PLACES)
     if not cuts_windows:
-        return []
+        return []  # the generator uses no maps
     return scene.surface.remarks()
 
 

@@ -154,7 +154,7 @@ class _Samples:
                 heights = surface_of(self.scene, self.plan, first)
                 description = describe(heights, self.scene.grid.spacing)
         except Overtime:
-            return None
+            return None  # the rows stay pending
         except SourceError:
             raise  # the user's function or a map is wrong, which ends the run
         except (ArithmeticError, InputError):  # numbers are beyond the range of floats

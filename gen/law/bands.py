@@ -6,8 +6,8 @@ is smaller. The K surfaces and the further one are assumed to be drawn from the 
 and independently.
 
 - If (K - 1) / (K + 1) is at the level or above, no form of this distribution is assumed. A further
-  surface has each rank among all K + 1 with the same chance, so that it lies below the j-th
-  smallest of the K with a chance of j / (K + 1). The ends are the order statistics at the ranks
+  surface has each rank among all K + 1 with the same chance. So it lies below the j-th smallest of
+  the K with a chance of j / (K + 1). The ends are the order statistics at the ranks
   p (K + 1), interpolated between whole ranks. For 90 % that takes 19 surfaces.
 - Fewer surfaces have no such ranks. Then the logarithms of a quantity, and the logits of areas in
   percent, are assumed to be normal. The ends are those of Student's prediction interval, the mean

@@ -172,7 +172,7 @@ def solve_for_lines(table: Curves, nodes: int, solve: Solve) -> Curves | None:
         return solve_between(table, nodes, solve)
     between = solve_between(table, nodes, solve, rounds=LINE_ROUNDS)
     if between is None:
-        return None
+        return None  # the table has fewer than two usable loads, or no contact was solved
     for _ in range(IMPROVEMENTS):
         solved = merged(_usable(table), between)
         middles = _doubtful(solved, np.isin(solved.at, table.at), nodes)
@@ -197,6 +197,7 @@ def _doubtful(solved: Curves, at_loads: NDArray[np.bool_], nodes: int) -> Values
     conductances = solved.curves[solved.conducting].value
     close = in_range(solved, nodes)
     at_rest = solved.at_rest.get(solved.conducting, 0.0)
+    # First touch, at a pressure of 0, comes before the contacts.
     column = Column.through(
         at=np.append(0.0, pressures),
         values=np.append(at_rest, conductances),

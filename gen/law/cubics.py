@@ -5,7 +5,8 @@ its file, so that one program can include several laws.
 
 4C imports a Python file. It calls the functions there with the gap at a node, which is negative
 where the bodies overlap, and with the offset of its input: the overlap at which they touch. The law
-acts where gap + offset <= 0. Pressures of 4C are negative, so that derivatives are positive.
+acts where gap + offset <= 0. Pressures of 4C are negative, so their derivatives with respect to the
+gap are positive.
 """
 
 import re
@@ -301,6 +302,8 @@ def _function(
 def _at_first_touch(law: Law, quantity: str, part: str) -> float:
     """Return a part of a quantity ("value", "low" or "high") at first touch, in its unit."""
     curves = law.over_delta.curves
+    # A quantity whose `at_rest` is None is 0 at first touch. Delta, which is 0 there too, has no
+    # curve in the table over Delta.
     if IN_LAWS[quantity].at_rest is None or quantity not in curves:
         return 0.0
     return float(getattr(curves[quantity], part)[0])

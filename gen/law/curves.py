@@ -57,8 +57,8 @@ class Points:
     # For each load inside the training without an interval, why it has none; "" for other loads.
     # Empty if all loads have one.
     endless: tuple[str, ...] = ()
-    # For each load, why the grid does not resolve the contact, so that the area in the continuum is
-    # not known; "" where it does. Empty if that was not judged.
+    # For each load, why the grid does not resolve the contact, where the area in the continuum is
+    # then not known; "" where it does. Empty if that was not judged.
     grid: tuple[str, ...] = ()
 
     def changed(
@@ -192,8 +192,8 @@ class Curves:
     at_rest: Mapping[str, float]
     # True where most surfaces are outside a surrogate's training, (k,).
     flagged: NDArray[np.bool_]
-    # For each argument, why the grid does not resolve the contact, so that the area in the
-    # continuum is not known; "" where it does. A population is judged on its first surface. Empty
+    # For each argument, why the grid does not resolve the contact, where the area in the continuum
+    # is then not known; "" where it does. A population is judged on its first surface. Empty
     # if that was not judged.
     grid: tuple[str, ...] = ()
 
@@ -241,7 +241,7 @@ class Curves:
         Returns
         -------
         Curves
-            The shorter table. Slopes are those of the cubics through its own points, so that they
+            The shorter table. Slopes are those of the cubics through its own points, so they
             differ from the slopes of this table.
         """
         at = self.at[places]

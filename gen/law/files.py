@@ -474,7 +474,7 @@ def _mark_area_of_nodes(
     """
     marked = drawn & panel.of_nodes & (pressures > 0)
     if not marked.any():
-        return
+        return  # no point to mark, and no legend
     axis.plot(
         pressures[marked],
         panel.curve.value[marked],

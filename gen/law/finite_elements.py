@@ -267,8 +267,9 @@ def outwards(ends: Values, part: str) -> Values:
 def _apart(closures: Values, side: str) -> NDArray[np.bool_]:
     """Return True at the points that a table keeps, so that its closures rise, (k,).
 
-    Of neighbouring points with the same closure one is kept: the last on the stiff side of a band,
-    else the first. Then the straight line to the next point has no dropped point outside it.
+    Of neighbouring points with the same closure one is kept: the last, which has the largest
+    pressure, on the stiff side of a band, else the first. Then no dropped point is beyond the
+    straight lines of a side of the band.
     """
     if side != "stiff":
         return risen(closures, LEVEL)

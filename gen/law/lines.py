@@ -301,7 +301,7 @@ class Column:
         while path is None or path.size > room:
             high *= 2
             if high > MOST_WIDTH:
-                return None
+                return None  # the widest corridor has no such path
             path = self._path(high, kept)
         best = path
         # Search between the last width that failed and the first that fitted.
@@ -390,7 +390,7 @@ class Column:
         """Return the matrix of falls between m neighbouring values, and the largest falls allowed.
 
         A row of the matrix, (r, m), takes the values to the fall from one place to the next. Where
-        the law rises, values have to rise by `LEAST_RISE` of it, so that the largest fall, (r,), is
+        the law rises, values have to rise by `LEAST_RISE` of it: the largest fall, (r,), is then
         negative. Steps at which the law falls have no row.
         """
         on_law = self.curve[places]

@@ -377,7 +377,7 @@ def _unresolved_remark(
         return []
     up_to = f"up to {unresolved[-1]:.4g} {LOADS[load].unit}"
     where = f"at {unresolved.size} of {loads.size} loads, {up_to}"
-    first = next(filter(None, reasons))
+    first = next(reason for reason in reasons if reason)
     return [
         f"{surface.name}: the area is that of the grid {where}; at the first, {first}"
     ]

@@ -179,7 +179,7 @@ class LawSurfaces:
         """
         scenes = self._scenes_alone()
         if not scenes:
-            return None
+            return None  # files do not give a modulus
         moduli = {scene.contact.e_star for scene in scenes}
         if len(moduli) > 1:
             listed = " and ".join(f"{modulus:g}" for modulus in sorted(moduli))
@@ -201,7 +201,7 @@ class LawSurfaces:
         """
         scenes = self._scenes_alone()
         if not scenes:
-            return None
+            return None  # files do not give a hardness
         ratios: set[float | None] = set()
         for scene in scenes:
             if scene.contact.hardness_limits is None:
@@ -468,7 +468,7 @@ def scene_of(text: str, *, ready: bool = True) -> Scene | None:
         scene = load(text)
         return scene.resolved() if ready else scene
     if suffix != ".h5":
-        return None
+        return None  # a surface or a folder
     from gen.database import Reader  # here, so that other inputs do not load h5py
 
     with Reader(Path(text)) as reader:
