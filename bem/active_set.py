@@ -239,9 +239,13 @@ class _Directions:
     Arrays are values in contact, see `Patch.in_contact`.
     """
 
-    def __init__(self, constraint: Constraint, *, longest: float) -> None:
-        """Begin without a direction; no node may change by more than `longest` in a step."""
+    def __init__(self, constraint: Constraint, *, singular: bool, longest: float) -> None:
+        """Begin without a direction; no node may change by more than `longest` in a step.
+
+        `singular` says whether a uniform pressure of the free nodes displaces none of them.
+        """
         self.constraint = constraint
+        self.singular = singular
         self.longest = longest
         self.direction: Real = np.zeros(constraint.base.shape, np.float32)
         self.change: Real = np.zeros(constraint.base.shape, np.float32)
@@ -712,12 +716,16 @@ class ActiveSet:
         """Run conjugate gradients on the free nodes until their set has to change.
 
         Sets are checked, if `checked`, whenever the residual has fallen by the goals' reduction.
-        The residual of all nodes is updated, because the convolution yields it at no extra cost.
-        Return the largest residual of the free nodes [unit of displacement].
+        The residual of all nodes is updated, because the convolution yields it at no extra cost. On
+        all nodes of a patch without edges a uniform pressure displaces nothing. Unless the load
+        fixes the mean, steps may then go far, and are cut off at the hardness. Return the largest
+        residual of the free nodes [unit of displacement].
         """
         iterate = self.iterate
         constraint = self._constraint(yielded)
-        directions = _Directions(constraint, longest=self._longest_change())
+        singular = iterate.load is None and self._patch.singular
+        longest = iterate.hardness if singular and iterate.yields else math.inf
+        directions = _Directions(constraint, singular=singular, longest=longest)
         watch = _Watch(goals, iterate.iterations)
         largest = math.inf
         while iterate.iterations < iterate.max_iterations:
@@ -739,19 +747,6 @@ class ActiveSet:
         self._patch.add_to(iterate.pressure, directions.change)
         return largest
 
-    def _is_singular(self) -> bool:
-        """Return whether a uniform pressure of the free nodes displaces none of them.
-
-        So it is on all nodes of a patch without edges, unless the load fixes the mean.
-        """
-        return self.iterate.load is None and self._patch.singular
-
-    def _longest_change(self) -> float:
-        """Return by how much a step may change a pressure: singular ones go far [reduced]."""
-        if self._is_singular() and self.iterate.yields:
-            return self.iterate.hardness
-        return math.inf
-
     def _step(self, directions: _Directions, free: Real) -> bool:
         """Take one step of conjugate gradients from the residual of the free nodes.
 
@@ -769,7 +764,7 @@ class ActiveSet:
         iterate.residual -= displaced
         directions.change += length * directions.direction
         iterate.iterations += 1
-        if not self._is_singular():
+        if not directions.singular:
             return True
         return not (directions.shortened or directions.pressure.min() < 0)
 

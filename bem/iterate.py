@@ -691,9 +691,7 @@ class Iterate:
         largest = self.violation().largest
         steps = INTERPOLATED_STEPS if interpolated else FIRST_STEPS
         for _ in range(steps):
-            touching = self.touching()
-            if interpolated:
-                touching = self.pressure > 0
+            touching = self.pressure > 0 if interpolated else self.touching()
             if largest <= NEAR * self.shift or np.count_nonzero(touching) <= enough:
                 return
             self._approach_on(touching)

@@ -70,8 +70,8 @@ class Gas(NamedTuple):
             If an option is left out, or its number is not between `SMALLEST` and `LARGEST`.
         """
         return cls(
-            _required_of_gas("--gas-conductivity", conductivity, "W/(m K)"),
-            _required_of_gas("--jump-distance", jump_distance, "um"),
+            conductivity=_required_of_gas("--gas-conductivity", conductivity, "W/(m K)"),
+            jump_distance=_required_of_gas("--jump-distance", jump_distance, "um"),
         )
 
     @property
@@ -188,7 +188,8 @@ def loads_from(load: str, text: str, advice: str = "") -> list[float]:
     Parameters
     ----------
     load : {"delta", "pressure", "force"}
-        Kind of the loads, which is the name of the option that gives them.
+        Kind of the loads, which is the name of the option that gives them; "force" only with
+        `advice`.
     text : str
         The loads.
     advice : str
@@ -243,11 +244,11 @@ def _are_loads(load: str, values: Sequence[float]) -> bool:
     They have to be between `SMALLEST` and `LARGEST`. Some pressures may be 0, too, but not all.
     """
     if not any(values):
-        return False
+        return False  # all loads are 0
     nonzero = [value for value in values if value != 0]
     has_zeros = len(nonzero) < len(values)
     if has_zeros and load != "pressure":
-        return False
+        return False  # only a pressure may be 0
     return all(SMALLEST < value < LARGEST for value in nonzero)
 
 
@@ -295,7 +296,7 @@ class Bodies(NamedTuple):
 
     e_star: float
     hardness: float | None = None  # None for elastic bodies
-    # True if the user gave E* or Young's modulus, so that warnings about pressures apply.
+    # True if the user gave E* or Young's modulus. Warnings depend on it, see `gen.doubts`.
     has_modulus: bool = False
     # The elastic body, if the user gave exactly one Young's modulus; None otherwise.
     only: ElasticBody | None = None
@@ -310,7 +311,7 @@ class Bodies(NamedTuple):
     ) -> Self:
         """Return the bodies of the options.
 
-        Without any number E* is 1 MPa. With Poisson's ratios alone, Young's moduli are 1 MPa.
+        Without any number E* is 1 MPa. With one Poisson's ratio alone, Young's modulus is 1 MPa.
 
         Parameters
         ----------
@@ -378,7 +379,7 @@ def combined_modulus(
     Parameters
     ----------
     young : sequence of float or None
-        Young's moduli of one elastic body or of two [MPa]; 1 MPa if there are ratios alone.
+        Young's moduli of one elastic body or of two [MPa]; 1 MPa if there is one ratio alone.
     poisson : sequence of float or None
         Poisson's ratio of each elastic body; None or empty for 0.
     e_star : float or None
@@ -392,8 +393,8 @@ def combined_modulus(
     Raises
     ------
     InputError
-        If a number is not allowed, E* comes with moduli or ratios, or the numbers of moduli and
-        ratios do not match.
+        If a number is out of range, E* comes with moduli or ratios, there are more than two moduli,
+        or not as many ratios as moduli.
     """
     if e_star is not None:
         if young or poisson:

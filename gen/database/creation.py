@@ -213,7 +213,9 @@ def open_or_create(
         source = Source.of(path, file)
         require_scene(file, path, source.scene, scene, force=force)
         attributes = read_attributes(file)
-        if attributes["physics"] != PHYSICS:  # only with `force`
+        if (
+            attributes["physics"] != PHYSICS
+        ):  # `require_scene` allows this only with `force`
             file.attrs.modify("physics_forced", PHYSICS)
             attributes["physics_forced"] = PHYSICS
         extended = range(
@@ -269,7 +271,7 @@ def merge(target: Path, sources: Sequence[Path]) -> Counts:
         opened = [Source.of(path, file) for path, file in files.items()]
         for source in opened[1:]:
             _require_mergeable(opened[0], source)
-        # `max` returns the first of several.
+        # Of several sources with the largest number, `max` returns the first one.
         largest = max(opened, key=lambda source: source.scene.samples)
         scene = largest.scene
         attributes = read_attributes(largest.file)

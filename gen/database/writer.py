@@ -2,8 +2,8 @@
 
 A row is finished if its status says so. The status is written only after the row's other data are
 on the disk, so that every row is whole or pending after a kill or a power cut. To sync a file, that
-is to wait until its data are on the disk, takes milliseconds. The statuses of all rows of
-`SYNC_SECONDS` therefore wait for one sync.
+is to wait until its data are on the disk, takes milliseconds. Therefore one sync serves all rows
+that were written within `SYNC_SECONDS`, and their statuses wait for it.
 """
 
 import math
@@ -250,7 +250,8 @@ class Writer(Reader):
     def sync_when_due(self) -> None:
         """Sync the written rows and write their statuses, unless the last sync was just before.
 
-        Nothing is done if the last sync was less than `SYNC_SECONDS` ago, or no row waits.
+        Nothing is done if the last sync was less than `SYNC_SECONDS` ago, or if no row waits for
+        its status.
 
         Raises
         ------
@@ -290,7 +291,7 @@ class Writer(Reader):
             return
         with disk_trouble(self.path, self._save):
             self._sync()
-            self._held.sync()
+            self._held.sync()  # `_sync` has not waited for the statuses that it wrote last
 
     def _save(self) -> str:
         """Try to finish the rows that were written before an error of the disk.

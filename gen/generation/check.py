@@ -62,9 +62,8 @@ class Fault:
 class Repair(NamedTuple):
     """Rows that a repair has changed, and rows that it has left."""
 
-    pending: (
-        Indices  # numbers of the rows that were damaged and are pending now, shape (k,)
-    )
+    # Numbers of the rows that were damaged and are pending now, shape (k,).
+    pending: Indices
     left_faulty: Indices  # numbers of the rows that still have faults, shape (m,)
 
 
@@ -116,7 +115,7 @@ def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[Fault]:
         Database.
     recompute : int
         Number of finished rows that are chosen at random and computed again. Rows with a wrong
-        checksum are left out after the choice, so that fewer rows may be computed.
+        checksum are left out after the choice, so fewer rows may be computed.
     seed : int
         Seed of this choice.
 
@@ -155,7 +154,7 @@ def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[Fault]:
             finished.append(start + positions)
             damaged.append(rows)
         if not finished:
-            return
+            return  # there is no row to compute again
         if recompute:
             # The surfaces are made from the original files of maps, not from the prepared copies
             # that a run keeps, because these may be damaged.
@@ -283,7 +282,7 @@ def _infinite_at_full_contact(scene: Scene) -> set[str]:
     problem = pose(
         np.zeros(scene.grid.shape),
         scene.grid.sides,
-        None,
+        delta=None,
         force=0.0,
         spacing=scene.grid.spacing,
         boundary=contact.boundary,
@@ -356,7 +355,7 @@ def _hardness_rules(chunk: _Chunk) -> Iterator[_Violation]:
     """
     hardness = chunk.plan.hardness
     if hardness is None:
-        return
+        return  # elastic bodies
     yielded = chunk.columns["yielded_percent"]
     area = chunk.columns["area_percent"]
     nodes = chunk.columns["contact_nodes"]
@@ -395,8 +394,8 @@ def _recomputed_faults(
     """Compute a row again, and yield a fault for each of `columns` whose bits differ.
 
     `row` is its number. All rows of its surface are computed with it. If the file has checksums,
-    the row's checksum is right, so that a difference is no damage: another machine or other
-    versions have computed the row.
+    the caller has found that the row's checksum is right. A difference is no damage then: another
+    machine or other versions have computed the row.
     """
     scene = reader.scene
     m = scene.samples_per_surface

@@ -227,7 +227,7 @@ def generate_database(
     ):
         world.broadcast(preparation.job)
         overdue = _farm_out(preparation, request, world, interruption)
-        # Every writer has closed the file, so that its rows can be counted.
+        # Every writer has closed the file, so its rows can be counted now.
         from gen.database import Reader
 
         with Reader(path) as reader:
@@ -244,9 +244,10 @@ def _serve(request: _Request, world: farm.World) -> RunResult:
     MasterLeft if the master has ended the command.
     """
     with Interruption(listening=False):
-        job: _Job = world.broadcast(None)
+        job: _Job = world.broadcast(None)  # receives; only the master's argument is sent
         with _sink_of(job, request, world) as sink:
             worker = _worker_of(job, request, sink, world)
+            # Only the master uses the tasks and `on_result`.
             farm.run(worker.compute, tasks=iter(()), on_result=sink.receive, world=world)
         result: RunResult = world.broadcast(None)
         return result
@@ -404,7 +405,7 @@ def _remarks_on_maps(scene: Scene) -> list[str]:
     """Return the generator's lines about its maps, or an empty list if it uses no maps."""
     cuts_windows = bool(scene.surface.PLACES)
     if not cuts_windows:
-        return []
+        return []  # the generator uses no maps
     return scene.surface.remarks()
 
 

@@ -124,7 +124,7 @@ class _Samples:
         """Compute the rows first to last - 1, which share a surface, and fill in their columns."""
         heights = self._make_surface(first, last)
         if heights is None:
-            return
+            return  # the rows stay pending, or have become failed ones
         for row in range(first, last):
             began = time.perf_counter()
             try:
@@ -154,7 +154,7 @@ class _Samples:
                 heights = surface_of(self.scene, self.plan, first)
                 description = describe(heights, self.scene.grid.spacing)
         except Overtime:
-            return None
+            return None  # the rows stay pending
         except SourceError:
             raise  # the user's function or a map is wrong, which ends the run
         except (ArithmeticError, InputError):  # numbers are beyond the range of floats
@@ -245,7 +245,7 @@ def surface_of(scene: Scene, plan: Plan, row: int) -> Heights:
     """Make the surface of one row of a plan.
 
     If the scene has two rough bodies, the heights of both are added. The second body is generated
-    as it faces the first one, so that neither of them is turned over.
+    as it faces the first one, so neither of them is turned over here.
 
     Parameters
     ----------
@@ -428,9 +428,10 @@ def absolute_load(scene: Scene, heights: Heights, load: Load) -> AbsoluteLoad[Lo
     """
     match scene.quantity:
         case "delta/height_rms":
-            return AbsoluteLoad("delta", load * float(heights.std()))
+            return AbsoluteLoad(kind="delta", value=load * float(heights.std()))
         case "pressure/(E* slope_rms)":
             slope = rms_slope(heights, scene.grid.spacing)
-            return AbsoluteLoad("pressure", load * scene.contact.e_star * slope)
+            pressure = load * scene.contact.e_star * slope
+            return AbsoluteLoad(kind="pressure", value=pressure)
         case "delta" | "pressure" | "force" as kind:
-            return AbsoluteLoad(kind, load)
+            return AbsoluteLoad(kind=kind, value=load)

@@ -5,7 +5,8 @@ its file, so that one program can include several laws.
 
 4C imports a Python file. It calls the functions there with the gap at a node, which is negative
 where the bodies overlap, and with the offset of its input: the overlap at which they touch. The law
-acts where gap + offset <= 0. Pressures of 4C are negative, so that derivatives are positive.
+acts where gap + offset <= 0. Pressures of 4C are negative, so their derivatives with respect to the
+gap are positive.
 """
 
 import re
@@ -181,8 +182,8 @@ def _goes_on(quantity: str) -> bool:
     """Return whether a quantity follows its last slope beyond the last point; otherwise it stays.
 
     Pressure, force, Delta and closure follow it, because a joint that is pressed further gives way
-    further. Others have a bound. A conductance has none that is known; it stays constant, as in
-    CalculiX and Abaqus.
+    further. All other quantities stay: areas and gaps because they have a bound, and a conductance,
+    which has none that is known, because CalculiX and Abaqus keep it constant.
     """
     law = IN_LAWS[quantity].law
     return law is not None and law.goes_on
@@ -209,9 +210,8 @@ class Function:
     argument: str  # name of the argument: "delta", "pressure" or "closure"
     at: Values  # ascending arguments of the points [um or MPa], (k,)
     values: Values  # values at the points, in the unit of the quantity, (k,)
-    goes_on: (
-        bool  # True if it follows its last slope beyond the last point, else it stays
-    )
+    # True if it follows its last slope beyond the last point, False if it stays constant there.
+    goes_on: bool
     tangent: bool  # True if the header has a function for its slope, too
     between: Between
     falls: bool = False  # True for a quantity that falls with the load, as a gap
@@ -232,7 +232,7 @@ class Function:
         """
         usable = np.isfinite(self.between.values)
         if not usable.any() or self.at.size < 2 or not np.isfinite(self.values).all():
-            return Deviation(np.nan, np.nan)
+            return Deviation(inside=np.nan, outside=np.nan)
         from scipy.interpolate import PchipInterpolator
 
         contacts = self.between.values[usable]
@@ -302,6 +302,8 @@ def _function(
 def _at_first_touch(law: Law, quantity: str, part: str) -> float:
     """Return a part of a quantity ("value", "low" or "high") at first touch, in its unit."""
     curves = law.over_delta.curves
+    # A quantity whose `at_rest` is None is 0 at first touch. Delta, which is 0 there too, has no
+    # curve in the table over Delta.
     if IN_LAWS[quantity].at_rest is None or quantity not in curves:
         return 0.0
     return float(getattr(curves[quantity], part)[0])

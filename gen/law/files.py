@@ -102,7 +102,8 @@ def show(law: Law) -> None:
 def _show_table(law: Law, table: Curves) -> None:
     """Print a table of a law under its title.
 
-    The last column has the reasons of the rows. Rows with a reason and no band show "(-)" instead.
+    The last column has the reason of each row: why it has no band, or what is outside a surrogate's
+    training. Rows with a reason and no band show "(-)" in place of the band.
     """
     echo(law.title)
     echo(f"{law.bodies.text}; band: {law.band}")
@@ -141,7 +142,7 @@ def _text_of_cell(row: Row, name: str, *, withheld: bool) -> str:
     """Return the value of a quantity and its band as text, as "1.5 (1.2 to 1.8)".
 
     A value that is unknown is "-", without a band. If the band is `withheld`, it is "(-)". A value
-    without a band, or with a band of no width, stands alone.
+    without a band, or with a band of no width, has nothing behind it.
     """
     value = row[name]
     low = row[f"{name}_low"]
@@ -261,7 +262,10 @@ def _of_each_surface(law: Law, table: Curves, place: int) -> Row:
 
 
 def _resolved(table: Curves, place: int) -> str:
-    """Return "yes" or "no": whether the grid resolves the contact. "" if that is not judged."""
+    """Return "yes" or "no": whether the grid resolves the contact at an argument of a table.
+
+    Return "" if that was not judged, and at first touch, where there is no contact to resolve.
+    """
     if table.resolved is None or not table.at[place] > 0:
         return ""
     return "yes" if table.resolved[place] else "no"
@@ -389,7 +393,7 @@ class Panel:
 
     curve: Curve  # at k pressures
     label: str  # of the vertical axis
-    # True where the area of the nodes stands in for that in the continuum, (k,): circles mark these
+    # True where the area of the nodes replaces the area in the continuum, (k,): circles mark these
     # points. False if there are none.
     of_nodes: NDArray[np.bool_] | bool = False
 
@@ -426,10 +430,11 @@ def _panels(curves: Curves) -> list[Panel]:
 
     The third one is left out if the table has neither.
     """
-    panels = [Panel(curves.curves[CLOSURE.in_laws], CLOSURE.label), drawn_area(curves)]
+    closure = Panel(curve=curves.curves[CLOSURE.in_laws], label=CLOSURE.label)
+    panels = [closure, drawn_area(curves)]
     name = curves.conducting or STIFFNESS.in_laws
     if name in curves.curves:
-        panels.append(Panel(curves.curves[name], IN_LAWS[name].label))
+        panels.append(Panel(curve=curves.curves[name], label=IN_LAWS[name].label))
     return panels
 
 
@@ -469,7 +474,7 @@ def _mark_area_of_nodes(
     """
     marked = drawn & panel.of_nodes & (pressures > 0)
     if not marked.any():
-        return
+        return  # no point to mark, and no legend
     axis.plot(
         pressures[marked],
         panel.curve.value[marked],
@@ -499,11 +504,10 @@ def drawn_area(curves: Curves) -> Panel:
     nodes = curves.curves[AREA.in_laws]
     continuum = curves.curves.get(CONTINUUM.in_laws)
     if continuum is None or curves.resolved is None:
-        return Panel(nodes, "area of the nodes in contact [%]")
+        return Panel(curve=nodes, label="area of the nodes in contact [%]")
     if not curves.resolved_somewhere:
-        return Panel(
-            nodes, "area of the nodes in contact [%]\n(not resolved by the grid)"
-        )
+        label = "area of the nodes in contact [%]\n(not resolved by the grid)"
+        return Panel(curve=nodes, label=label)
     resolved = curves.resolved
     area = Curve(
         value=np.where(resolved, continuum.value, nodes.value),
@@ -511,4 +515,4 @@ def drawn_area(curves: Curves) -> Panel:
         high=np.where(resolved, continuum.high, nodes.high),
         slope=np.where(resolved, continuum.slope, nodes.slope),
     )
-    return Panel(area, CONTINUUM.label, ~resolved)
+    return Panel(curve=area, label=CONTINUUM.label, of_nodes=~resolved)

@@ -267,8 +267,9 @@ def outwards(ends: Values, part: str) -> Values:
 def _apart(closures: Values, side: str) -> NDArray[np.bool_]:
     """Return True at the points that a table keeps, so that its closures rise, (k,).
 
-    Of neighbouring points with the same closure one is kept: the last on the stiff side of a band,
-    else the first. Then the straight line to the next point has no dropped point outside it.
+    Of neighbouring points with the same closure one is kept: the last, which has the largest
+    pressure, on the stiff side of a band, else the first. Then no dropped point is beyond the
+    straight lines of a side of the band.
     """
     if side != "stiff":
         return risen(closures, LEVEL)
@@ -281,12 +282,10 @@ class Tables:
     """The tables of an input file, whose points straight lines join."""
 
     behaviour: Line  # pressure [MPa] over closure [um]
-    conducting: (
-        Line | None
-    )  # conductance [W/(mm2 K)] over pressure [MPa]; None if there is none
-    pressures: (
-        Values  # 0 and the pressures of all contacts behind the tables [MPa], (k + 1,)
-    )
+    # Conductance [W/(mm2 K)] over pressure [MPa]; None if the law has none.
+    conducting: Line | None
+    # 0 and the pressures of all contacts from which the tables were made [MPa], (k + 1,).
+    pressures: Values
     # Distances of the lines from the law, of "pressure" and, if there is one, "conductance".
     deviations: dict[str, Deviation]
 
@@ -297,10 +296,11 @@ def _tables(law: Law, side: str, *, calculix: bool) -> Tables:
     For a side, contacts between the loads of the law are not used: `outwards` moves the ends of the
     band at the loads.
     """
-    joint = rising(law, side, between=not side)
+    joint = rising(law, side, between=(side == ""))
     pressure = _pressure_column(joint)
     behaviour = pressure.laid()
-    if calculix:  # one of its points is the first of `FAR`
+    if calculix:
+        # One of its points is the first of `FAR`. All others are laid, even if fewer are enough.
         behaviour = pressure.laid(CALCULIX_POINTS - 1, filled=True)
     deviations = {"pressure": pressure.deviation(behaviour)}
     if not side:
@@ -409,7 +409,7 @@ def _off_checks(law: Law, line: Line, quantity: str) -> Deviation:
     """
     checks = law.checks
     if checks is None or quantity not in checks.curves:
-        return Deviation(np.nan, np.nan)
+        return Deviation(inside=np.nan, outside=np.nan)
     values = checks.curves[quantity].value
     if quantity == CLOSURE.in_laws:  # the closure is the argument of its line
         at = values
@@ -461,6 +461,7 @@ def in_words(deviations: Mapping[str, Deviation]) -> str:
         Part of a sentence, without a full stop. If all numbers are NaN, it says that there is one
         load.
     """
+    # Numbers that are NaN fail the comparison.
     inside = {name: off.inside for name, off in deviations.items() if off.inside >= 0}
     outside = {name: off.outside for name, off in deviations.items() if off.outside >= 0}
     texts: list[str] = []

@@ -228,7 +228,11 @@ def _print_predictions(
 
 
 def _cell(row: Mapping[str, Any], column: str) -> str:
-    """Return the text of a cell, with the interval of its value, or "(-)" outside the training."""
+    """Return the text of a cell.
+
+    Column "reason" is shortened to its first reason. A target has the interval behind its value, or
+    "(-)" if the row is outside the training.
+    """
     value = row[column]
     if column == "reason":
         return first_reason(str(value))
@@ -277,8 +281,9 @@ def _parameters(
     if _modulus(material) is not None:
         raise InputError(
             "the surrogate's E* is that of its scene, which learn card tells: leave out"
-            " --young, --poisson and --e-star, and give elastic pressures as they are at"
-            " that E*"
+            " --young, --poisson and --e-star; for elastic bodies of another E*, give each"
+            " pressure times the scene's E* over theirs: areas are then those of the bodies,"
+            " forces those at the scene's E*"
         )
     if reading != Reading():
         raise InputError(
@@ -310,8 +315,8 @@ def card(file: File) -> None:
     from learn.surrogate.card import show
     from learn.surrogate.learnt import read_file
 
-    surrogate = read_file(file)
-    show(surrogate.card, surrogate.low, surrogate.high)
+    contents = read_file(file)
+    show(contents.card, contents.low, contents.high)
 
 
 @grouped

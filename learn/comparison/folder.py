@@ -384,7 +384,19 @@ class Folder:
         return documents.read(self.path / kind / f"{model}.json", Result)
 
     def results(self) -> Iterator[StoredResult]:
-        """Yield all results of the folder, by models as in the paper's Table 4, then by `KINDS`."""
+        """Yield all results of the folder.
+
+        Yields
+        ------
+        StoredResult
+            One result, in the order of the models in `EVERY` (that of the paper's Table 4), and for
+            each model in the order of `KINDS`.
+
+        Raises
+        ------
+        InputError
+            If the file of a result is damaged.
+        """
         for model in EVERY:
             for kind in KINDS:
                 result = self.result(kind, model)
@@ -411,7 +423,9 @@ class Folder:
         Raises
         ------
         InputError
-            If the file is damaged, or a setting is outside the grid and the values beyond its ends.
+            If a file is damaged, or comparison.json is missing; if a setting is neither in the grid
+            nor among the values beyond its ends (`grid.reach`); or if a winning baseline has other
+            settings than `grid.baseline`.
         """
         result = self.result("tuned", model)
         if result is None or not result.has_winner:
@@ -556,8 +570,8 @@ class Folder:
 
 
 def _as_searched(value: Setting) -> Any:
-    """Return a stored setting as a grid has it."""
-    if isinstance(value, list):  # JSON has no tuples, which layers of a perceptron are.
+    """Return a stored setting as grids write it: a list of JSON becomes a tuple."""
+    if isinstance(value, list):  # The layers of a perceptron are a tuple in grids.
         return tuple(value)
     return value
 

@@ -179,9 +179,11 @@ def reach(name: str, values: list[Any]) -> list[Any]:
 
 
 def _next_value(name: str, inner: float, end: float) -> float | None:
-    """Return the value of a setting that is to its end value as this is to the value before it.
+    """Return the next value of setting `name` beyond `end`, in the ratio of `end` to `inner`.
 
-    It is rounded to two digits. It is None next to a zero, which has no ratio.
+    `inner` is the neighbour of `end` among the values. The next value is end^2 / inner, rounded to
+    two digits; for a whole number at least the setting's number in `SMALLEST`, or 1. It is None if
+    `inner` or `end` is not above 0.
     """
     if inner <= 0 or end <= 0:
         return None

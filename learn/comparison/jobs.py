@@ -323,7 +323,11 @@ def open_targets(
 
 
 def _training(request: Request, rows: Dataset, parts: Split) -> Training:
-    """Return training and test rows of a target, scaled by its values in the training rows."""
+    """Return the rows of a target.
+
+    The training targets are scaled, by their own values. The test targets keep the target's unit,
+    in which models are scored.
+    """
     scaling = scaling_of(rows, parts.train, standard=rows.features.of_scene)
     return Training(
         inputs=rows.inputs[parts.train],
@@ -450,8 +454,10 @@ def repeated(
     Returns
     -------
     list of float
-        Times of the repetitions [s]. There are fewer than `repetitions.fewest`, even none, if
-        repetitions take longer than `TOO_LONG` together, or might end after `until`.
+        Times of the repetitions [s]. There are `repetitions.largest`, or at least
+        `repetitions.fewest` if they take longer than `ENOUGH` together. There are fewer, even none,
+        if they and `before` take `TOO_LONG` or longer together, or if the next one might end after
+        `until`.
     """
     times: list[float] = []
     while len(times) < repetitions.largest and before + sum(times) < TOO_LONG:

@@ -126,7 +126,7 @@ def _parity(tables: Tables, rows: list[TableRow]) -> Any:
     axes = np.atleast_1d(figure.subplots(lines, columns)).ravel()
     for model, axis in zip(models, axes, strict=False):
         kinds = [row.kind for row in rows if row.model == model]
-        # The truth is that of the test rows, whichever the kind.
+        # All kinds have the same test rows, so the truth of the first one gives the axes.
         parity_axes(axis, tables.folder.prediction(kinds[0], model).truth)
         for kind in kinds:
             predictions = tables.folder.prediction(kind, model)
@@ -182,7 +182,8 @@ def _draw_bars(axis: Any, places: list[float], rows: list[TableRow], column: str
     bars = [_bar(row, column) for row in rows]
     heights = np.array([bar.height for bar in bars])
     ends = np.array([[bar.height, bar.low, bar.high] for bar in bars])
-    # Distances of both ends of the intervals from the heights, (2, bars).
+    # Distances of both ends of the intervals from the heights, (2, bars). With the height itself
+    # among the ends, no distance is negative if the height is outside of its interval.
     reach = np.array([heights - ends.min(axis=1), ends.max(axis=1) - heights])
     errors = None
     if np.any(reach):

@@ -452,6 +452,8 @@ class GridSearch:
 
         It is estimated from the times of fits to all rows, if there are some.
         """
+        # The median time of the finished fits, and the longest time of a stopped fit. Each is 0
+        # without such fits.
         finished = 0.0
         times = self._seconds_of_fits()
         if times:
@@ -462,7 +464,7 @@ class GridSearch:
             return "give a larger --budget"
         budget = budget_of(self._needed_seconds(seconds))
         fit_to_all = f"a fit to {self.training.rows} rows"
-        if stopped >= seconds:
+        if stopped >= finished:
             # The time of a fit that was stopped is a lower bound only.
             return (
                 f"{fit_to_all} was not finished in {seconds:.3g} s, so that {self._least_judged}"
@@ -476,8 +478,9 @@ class GridSearch:
     def _needed_seconds(self, of_fit: float) -> float:
         """Return the budget of all searches [s] that is needed for enough judged candidates.
 
-        `of_fit` is the time of a fit to all rows [s]. Judging has one of the equal shares of
-        `halve`. The rest of the time, for the last fit of the winner, is twice the time of a fit.
+        `of_fit` is the time of a fit to all rows [s]. The time for judging is one of
+        `len(self._sizes)` equal shares of `JUDGED` of the budget (see `halve`). The rest of the
+        budget is for the last fit of the winner, and has to be twice the time of a fit.
         """
         candidates = max(len(self.grid.differing), 1)
         families = math.ceil(self._least_judged * len(self.grid.families) / candidates)

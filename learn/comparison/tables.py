@@ -376,8 +376,9 @@ def search_cells(row: TableRow, search: SearchReport) -> Cells:
     Returns
     -------
     dict
-        Cells by column: R2 in percent, times in seconds. The mean of R2 is left out if there is
-        none on all folds.
+        Cells by column: R2 in percent, times in seconds. Each file takes the cells of its own
+        columns. A mean of R2 (`DECIDING`) is left out if its fits have no score on all folds; the
+        time of the search is left out if the result has no times.
     """
     cells: Cells = {
         "model": row.model,

@@ -31,11 +31,11 @@ from learn.surrogate.interval import (
     MeasuredRows,
     Nearest,
     Scores,
+    distance_by_maps,
+    distance_by_other_maps,
     fit_scale,
-    from_maps,
-    from_surfaces,
-    from_training,
     quadratic,
+    rows_measured_by_surfaces,
 )
 
 # The surfaces that intervals hold for: new surfaces of the only database ("surfaces"), new surfaces
@@ -73,16 +73,18 @@ class Groups:
     """The grouping of n rows by maps, databases or surfaces, for the calibration of intervals."""
 
     labels: Indices  # (n,), number of the group of each row: 0, 1, ...
-    # number of groups; if there is only one group, number of surfaces, tiles or rows in it
-    number: int
-    # the things that `number` counts: "map", "database", "surface" or "tile"; "row" if all rows
-    # share one surface
+    # what a group is, or, if all rows are one group, what this group consists of: "map",
+    # "database", "surface" or "tile"; "row" if all rows share one surface
     kind: str
+    number: int  # number of different maps, databases, surfaces, tiles or rows, as `kind` says
     scheme: Scheme  # the surfaces that intervals hold for
 
     @property
     def are_left_out(self) -> bool:
-        """True if groups are left out as a whole, so that intervals hold for other groups too."""
+        """True if groups are left out as a whole, so that intervals hold for other groups too.
+
+        Otherwise a fifth of the surfaces or tiles of all groups is left out at a time.
+        """
         return self.scheme == "others"
 
     @property
@@ -259,10 +261,11 @@ def plan_calibration(model: str, train: Dataset, other: Dataset | None = None) -
 
 
 def _measure(train: Dataset, groups: Groups) -> MeasuredRows:
-    """Measure the distances of training rows from the training.
+    """Make the measure of distances with the limit of the flag, and apply it to the training rows.
 
-    If groups are left out as a whole, rows are measured from all training rows; otherwise from rows
-    of other surfaces. All distances are 0 for a scene's own features.
+    Rows are measured from rows of other surfaces. If groups are left out as a whole, they are
+    measured from all rows: `calibrate` does not use distances then, and the limit is from groups
+    that were left out in turn. For a scene's own features all distances are 0, without a limit.
     """
     if train.features.of_scene:
         # Parameters are drawn independently of each other, so that their ranges suffice for the
@@ -274,10 +277,12 @@ def _measure(train: Dataset, groups: Groups) -> MeasuredRows:
             limit=np.inf,
         )
     elif groups.are_left_out:
-        distance = from_maps(train.inputs, groups.labels)
+        distance = distance_by_maps(train.inputs, groups.labels)
     else:
-        return from_surfaces(train.inputs, groups.labels, groups.left_out(train))
-    return MeasuredRows(distance, distance.nearest(train.inputs))
+        return rows_measured_by_surfaces(
+            train.inputs, clouds=groups.labels, parts=groups.left_out(train)
+        )
+    return MeasuredRows(training=distance, nearest=distance.nearest(train.inputs))
 
 
 def _plan_by_other(train: Dataset, other: Dataset, distance: Distance) -> Plan:
@@ -286,10 +291,10 @@ def _plan_by_other(train: Dataset, other: Dataset, distance: Distance) -> Plan:
     `distance` measures distances from the training rows.
     """
     groups = groups_of(other)
-    measured = MeasuredRows(distance, distance.nearest(other.inputs))
+    measured = MeasuredRows(training=distance, nearest=distance.nearest(other.inputs))
     if groups.are_left_out and not train.features.of_scene:
         # Many maps or databases decide the limit of the flag better than the training rows.
-        distance = from_training(train.inputs, other.inputs, groups.labels)
+        distance = distance_by_other_maps(train.inputs, other.inputs, groups.labels)
     origin = other.origins[-1]
     return Plan(
         holdouts=(),
@@ -438,9 +443,11 @@ def _absolute_errors(raw: Values, truth: Values, *, root: bool) -> Values:
 def _usual_errors(
     inputs: Values, errors: Values, groups: Groups, fitted: NDArray[np.bool_]
 ) -> ErrorScale:
-    """Fit usual errors to those of n rows that the mask `fitted`, (n,), selects.
+    """Fit the usual error, as a function of the features, to the errors of some of n rows.
 
-    `inputs` are the features, (n, d), and `errors` the absolute errors over their growth, (n,).
+    The rows are those where `fitted`, (n,), is True. `inputs` are the features, (n, d). `errors`,
+    (n,), are absolute errors; unless groups are left out as a whole, they are divided by their
+    growth with the distance (`GROWTH`).
     """
     terms = inputs[fitted]
     shrinkage = SHRINKAGE

@@ -227,8 +227,9 @@ def _judge_intervals(
     `raw` are the predictions of the test rows over the target's scale, (k,).
     """
     low, high = learnt.calibration.ends(raw, level, tested.inputs)
+    # The truth is within the bounds, so that clipping the ends to them would change no coverage.
     inside = (low <= tested.target) & (tested.target <= high)
-    # Predictions have intervals in the target's unit, within its bounds.
+    # The intervals of predictions are in the target's unit, within its bounds.
     low_end = np.clip(low * tested.scale, *learnt.bounds)
     high_end = np.clip(high * tested.scale, *learnt.bounds)
     entry = {

@@ -323,27 +323,29 @@ def fit(
         If a database cannot be used, rows or memory do not suffice, a comparison's folder lacks the
         model, or a target is predicted no better than by a constant.
     """
-    sets = dataset.read(request, executor, stopping, common=True)
-    if not sets:
+    # `common`: only rows that are usable for all targets. The list is empty if `stopping` ends it.
+    by_target = dataset.read(request, executor, stopping, common=True)
+    if not by_target:
         return None
     calibrating: list[Dataset] | None = None
     if request.calibrate_on is not None:
-        # Features depend on all databases: read together, rows of the other one show whether it
-        # needs other features than the training.
+        # Nodes and hardness are features only if they differ between rows. All databases are
+        # therefore read together: `rows_of_another` refuses the other one if it would bring a
+        # further feature.
         databases = (*request.databases, request.calibrate_on)
         with_another = replace(request, databases=databases)
         together = dataset.read(with_another, executor, stopping, common=True)
         if not together:
             return None
-        calibrating = rows_of_another(sets, together)
+        calibrating = rows_of_another(by_target, together)
     parts = split.draw(
-        sets[0],
+        by_target[0],
         request.seed,
         request.train_rows,
-        further_targets=sets[1:],
+        further_targets=by_target[1:],
         tiles=split.TILES,
     )
-    surrogate = fit_parts(request, sets, parts, say, calibrating)
+    surrogate = fit_parts(request, by_target, parts, say, calibrating)
     require_better(surrogate, str(request.databases[0]))
     return surrogate
 
@@ -373,7 +375,7 @@ def require_better(surrogate: Surrogate, name: str) -> None:
 
 def fit_parts(
     request: Request,
-    sets: list[Dataset],
+    by_target: list[Dataset],
     parts: split.Split,
     say: Callable[[str], None],
     calibrating: list[Dataset] | None = None,
@@ -384,7 +386,7 @@ def fit_parts(
     ----------
     request : Request
         The fit, of one model.
-    sets : list of Dataset
+    by_target : list of Dataset
         For each target of the request, the usable rows, from `dataset.read`.
     parts : Split
         Positions of training and test rows among them.
@@ -404,7 +406,7 @@ def fit_parts(
         If rows or memory do not suffice, or a comparison's folder lacks the model.
     """
     # All targets have the rows, features and groups of the first one.
-    rows = sets[0]
+    rows = by_target[0]
     other = None
     if calibrating is not None:
         other = calibrating[0]
@@ -416,7 +418,7 @@ def fit_parts(
     }
     for line in _lines_on_rows(request, rows, other, sizes, plan):
         say(line)
-    fitted = _fit_targets(request, sets, parts, plan, calibrating, say)
+    fitted = _fit_targets(request, by_target, parts, plan, calibrating, say)
     models = fitted.learnt.values()
     largest_level = min(model.calibration.largest_level for model in models)
     say(f"  {card.level_line(largest_level)}")
@@ -447,7 +449,7 @@ class _FittedTargets:
 
 def _fit_targets(
     request: Request,
-    sets: list[Dataset],
+    by_target: list[Dataset],
     parts: split.Split,
     plan: Plan,
     calibrating: list[Dataset] | None,
@@ -460,16 +462,16 @@ def _fit_targets(
     learnt: dict[str, Learnt] = {}
     entries: dict[str, dict[str, Any]] = {}
     for number, target in enumerate(request.targets):
-        train = sets[number].at(parts.train)
+        train = by_target[number].at(parts.train)
         other = None
         if calibrating is not None:
             other = calibrating[number]
         fitted = fit_target(request, train, plan, parts.folds, other=other)
-        entry = card.judge(fitted, sets[number], parts.test)
+        entry = card.judge(fitted, by_target[number], parts.test)
         # With several groups, scores of left out rows tell how well a new group is predicted.
         if plan.remark and fitted.left_out is not None:
             entry["left_out"] = card.scores_of(fitted.learnt, train, fitted.left_out)
-        for line in _lines_on_target(target, sets[number], fitted, entry):
+        for line in _lines_on_target(target, by_target[number], fitted, entry):
             say(line)
         learnt[target] = fitted.learnt
         entries[target] = entry
@@ -508,6 +510,7 @@ def _lines_on_target(
 ) -> list[str]:
     """Return the lines for the user on the fit of a target.
 
+    `target` is its short name, as "area"; `rows.target_name` is its column, as "area_percent".
     `entry` is the entry of the card for this target.
     """
     score = SCORED.format(**entry["scores"])

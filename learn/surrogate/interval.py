@@ -372,7 +372,7 @@ class MeasuredRows(NamedTuple):
     nearest: Nearest
 
 
-def from_maps(inputs: Values, groups: Indices) -> Distance:
+def distance_by_maps(inputs: Values, groups: Indices) -> Distance:
     """Make a measure of distances from training rows of many maps or databases.
 
     A row of a new map or database is within the limit with a probability of `SHARE` or more. To
@@ -400,7 +400,9 @@ def from_maps(inputs: Values, groups: Indices) -> Distance:
     return replace(_from_one_cloud(inputs), limit=limit)
 
 
-def from_training(inputs: Values, other_inputs: Values, groups: Indices) -> Distance:
+def distance_by_other_maps(
+    inputs: Values, other_inputs: Values, groups: Indices
+) -> Distance:
     """Make a measure of distances from training rows, with a limit by rows of other maps.
 
     A row of a new map or database is within the limit with a probability of `SHARE` or more.
@@ -430,7 +432,9 @@ def _from_one_cloud(inputs: Values) -> Distance:
     return _unlimited(inputs, one_label, ridge=RIDGE_OF_MAPS)
 
 
-def from_surfaces(inputs: Values, clouds: Indices, parts: Indices) -> MeasuredRows:
+def rows_measured_by_surfaces(
+    inputs: Values, clouds: Indices, parts: Indices
+) -> MeasuredRows:
     """Measure training rows by their distance from the nearest cloud of rows of other surfaces.
 
     Surfaces are left out in parts. The limit of the flag is the distance that a share `INSIDE` of
@@ -469,7 +473,9 @@ def from_surfaces(inputs: Values, clouds: Indices, parts: Indices) -> MeasuredRo
         has_cloud[:] = True
     limit = float(np.quantile(distances[has_cloud], INSIDE, method="higher"))
     training = replace(_unlimited(inputs, clouds), limit=limit)
-    return MeasuredRows(training, Nearest(distance=distances, cloud=nearest))
+    return MeasuredRows(
+        training=training, nearest=Nearest(distance=distances, cloud=nearest)
+    )
 
 
 def _unlimited(inputs: Values, labels: Indices, ridge: float = RIDGE) -> Distance:

@@ -690,7 +690,10 @@ def _require_reached(
 
 
 def _mean_pressures(over_delta: Curves) -> Values:
-    """Return the pressures of a table over Delta, (k,) [MPa]; refuse a law without a force."""
+    """Return the pressures of the mean curve of a table over Delta, (k,) [MPa].
+
+    Raises InputError if the last pressure is not above 0: the law has no force.
+    """
     mean = over_delta.curves[PRESSURE.in_laws].value
     if not mean[-1] > 0:
         raise InputError(

@@ -352,11 +352,13 @@ class Surrogate:
             )
         columns = checked_numbers(self.features.columns, numbers)
         size = next(iter(columns.values())).size
+        # A scene whose load is a pressure or a force has no Delta.
         delta = columns.get("delta", np.full(size, np.nan))
+        # A scene's own features need no statistics and no length.
         return Rows(
-            statistics=np.empty((size, 0)),  # A scene's own features need no statistics,
+            statistics=np.empty((size, 0)),
             delta=delta,
-            length=1.0,  # and no length.
+            length=1.0,
             scene_numbers=columns,
         )
 
@@ -619,9 +621,10 @@ class _Answer:
 def _checked_sides(side: float | tuple[float, float]) -> tuple[float, float]:
     """Return the lengths of a patch along x and y [um]; a single number is the length of both.
 
-    InputError is raised if a length is impossible, or there are not one or two of them.
+    `checked` raises a plain ValueError for an impossible length. InputError is raised for a
+    sequence that has not two lengths.
     """
-    # `checked` refuses a text, which has a length that is no number of sides.
+    # A text goes to `checked`, which refuses it; below, "ab" would pass as two lengths.
     if isinstance(side, str) or np.ndim(side) == 0:
         length = checked("side", side)
         return length, length
@@ -678,7 +681,8 @@ class OnSurface:
             One displacement above 0, or n of them [um]; pressures [MPa] for a surrogate by
             pressure.
         bodies : Bodies, optional
-            Bodies from `Surrogate.bodies`; those of the training by default.
+            Bodies from `Surrogate.bodies`; by default those of `Surrogate.bodies(None, None)`, or
+            bodies with the E* of the training if `hardness` is given.
         hardness : ndarray, shape (n,), optional
             Hardness at each load, in place of the bodies' one [MPa].
 
@@ -690,12 +694,14 @@ class OnSurface:
         Raises
         ------
         InputError
-            If a load is not above 0, a statistic that the features need is undefined, or the
-            training has several hardnesses and none is named.
+            If a load is not finite and above 0, any of the 22 statistics is undefined, or a coarse
+            solve fails. Without `bodies`, also if `hardness` is given and all bodies of the
+            training are elastic, or if it is left out and the training has several.
         """
         features = self.surrogate.features
         if bodies is None:
-            # Bodies need a hardness if the training has several; any of those at the loads will do.
+            # `bodies` demands a hardness if the training has several. Any one will do, because
+            # `ratio` below replaces it.
             any_hardness = None
             if hardness is not None:
                 any_hardness = float(hardness[0])
@@ -739,8 +745,8 @@ class OnSurface:
         Raises
         ------
         InputError
-            If a load, `e_star`, `hardness` or `level` is impossible, the hardness is missing, or a
-            statistic that the features need is undefined.
+            If a load, `e_star`, `hardness` or `level` is impossible, the hardness is missing, any
+            of the 22 statistics is undefined, a feature is too large, or a coarse solve fails.
         """
         rows = self.rows(delta, self.surrogate.bodies(e_star, hardness))
         return self.surrogate.predict_rows(rows, e_star=e_star, level=level)
