@@ -193,10 +193,11 @@ def loads_from(load: str, text: str, advice: str = "") -> list[float]:
     text : str
         The loads.
     advice : str
-        Advice of an error's message, as "give numbers". With it, numbers below `LARGEST` in size
-        and those that are not finite are accepted, and the caller has to check them. If it is "",
-        the message has the advice of `LOADS`; displacements have to be above 0, and pressures 0 or
-        more and not all 0.
+        End of the message if the loads cannot be parsed, as "give numbers". If it is given, only
+        finite numbers of `LARGEST` or more in size are refused, and the caller has to check all
+        others, also NaN and infinity. If it is "", the message ends with the text of `LOADS`, and
+        the loads have to be those of a law: displacements above 0, or pressures of 0 or more that
+        are not all 0.
 
     Returns
     -------

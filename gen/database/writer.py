@@ -169,15 +169,16 @@ class Writer(Reader):
         """Keep HDF5 from writing into a file that another program has overwritten.
 
         HDF5 writes some bytes when it closes a file. If `confirm` fails, HDF5's descriptor is
-        redirected to a temporary file, which takes these bytes. With a communicator nothing is
-        done, because closing is collective.
+        redirected to a temporary file, which takes these bytes. With a communicator the bytes are
+        written, because files of MPI-IO have no descriptor that could be redirected.
         """
+        if self._communicator is not None:
+            return
         try:
             self.confirm()
         except InputError:
-            if self._communicator is None:
-                with tempfile.TemporaryFile() as discarded:
-                    os.dup2(discarded.fileno(), self._file.id.get_vfd_handle())
+            with tempfile.TemporaryFile() as discarded:
+                os.dup2(discarded.fileno(), self._file.id.get_vfd_handle())
 
     def write_block(
         self, start: int, stop: int, columns: Mapping[str, ArrayLike]
@@ -200,7 +201,8 @@ class Writer(Reader):
             If the file does not hold these rows, or a column is missing, unknown or of another
             shape.
         InputError
-            If the disk is full or fails, or the file has been replaced.
+            If the disk is full or fails, or the file has been replaced. Before an error of the disk
+            is raised, rows that were written before are finished if the disk allows it.
         """
         if not self.rows.start <= start < stop <= self.rows.stop:
             raise ValueError(
@@ -217,7 +219,7 @@ class Writer(Reader):
             arrays[CHECKSUM.name] = checksums_of(guarded)
         self.confirm()
         status = arrays.pop(STATUS.name)
-        with disk_trouble(self.path, self._save):
+        with disk_trouble(self.path, self._finish_after_trouble):
             for span in _true_ranges(status != Status.PENDING):
                 position = start - self.rows.start + span.start
                 for name, values in arrays.items():
@@ -259,7 +261,7 @@ class Writer(Reader):
             If the disk is full or fails.
         """
         if self._unsynced and time.monotonic() >= self._last_sync + SYNC_SECONDS:
-            with disk_trouble(self.path, self._save):
+            with disk_trouble(self.path, self._finish_after_trouble):
                 self._sync()
 
     def _sync(self) -> None:
@@ -289,11 +291,11 @@ class Writer(Reader):
         nothing_written = self._last_sync == -math.inf
         if nothing_written or not self._held.intact():
             return
-        with disk_trouble(self.path, self._save):
+        with disk_trouble(self.path, self._finish_after_trouble):
             self._sync()
             self._held.sync()  # `_sync` has not waited for the statuses that it wrote last
 
-    def _save(self) -> str:
+    def _finish_after_trouble(self) -> str:
         """Try to finish the rows that were written before an error of the disk.
 
         Return, as the end of the error's message, how many rows of the file are done.

@@ -333,14 +333,14 @@ def _same_contacts(points: Points, load: Load) -> SolvedLoads:
 def _contacts_for_other_table(
     load: Load, other: SolvedLoads, solver: LawSolver
 ) -> SolvedLoads:
-    """Return contacts for the table against `load`, which the order does not give.
+    """Return the contacts of the table against `load`, for which the order gives no loads.
 
     `other` has the contacts of the other table. One surface has these contacts in both tables. A
     population is solved again: at each load of the other table its surfaces have different values
-    of `load`, and the mean of these is the new load. If already the first mean displacement presses
-    a surface flat, the smallest displacements of all surfaces take the place of the means. Loads
-    that are not solved are left out, perhaps all. Raises InputError if all pressures reach the
-    hardness.
+    of `load`, and the mean of these is the new load. If the first mean displacement already presses
+    a surface flat, or no mean is solved, the smallest displacement at each load of the other table
+    takes the place of the mean. Loads that are not solved are left out, perhaps all. Raises
+    InputError if all pressures reach the hardness.
     """
     if len(solver.surfaces) == 1:
         return _same_contacts(other.points[0], load)
@@ -351,11 +351,12 @@ def _contacts_for_other_table(
         means = _below_hardness(means, solver.bodies)
         return solver.solve_some("pressure", means, like=other.points)
     contacts = solver.solve_some("delta", means, like=other.points)
-    if not contacts.in_full_contact:
+    if not contacts.begins_in_full_contact:
         return contacts
     # The surfaces are so unlike that a mean displacement presses one of them flat.
     smallest = np.sort(of_surfaces.min(axis=0))
     shorter = solver.solve_some("delta", smallest[risen(smallest)], like=other.points)
+    # If no displacement was left out, the first one is already that of full contact.
     remarks = contacts.remarks or [ends_below(means[0])]
     return replace(shorter, remarks=[*remarks, *shorter.remarks])
 

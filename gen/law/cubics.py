@@ -227,21 +227,24 @@ class Function:
     def deviation(self) -> Deviation:
         """Largest relative distances of the cubic from the contacts between its points.
 
-        They are relative to the contacts, or to the value at first touch if the quantity falls,
-        because it may fall to 0. They are NaN if there is nothing to compare.
+        Each is the distance of a contact from the cubic over the contact's value; for a quantity
+        that falls, and may reach 0, over the value at first touch. NaN if nothing is to compare.
         """
         usable = np.isfinite(self.between.values)
         if not usable.any() or self.at.size < 2 or not np.isfinite(self.values).all():
             return Deviation(inside=np.nan, outside=np.nan)
-        from scipy.interpolate import PchipInterpolator
+        from scipy.interpolate import CubicHermiteSpline
 
         contacts = self.between.values[usable]
-        cubic = PchipInterpolator(self.at, self.values)(self.between.at[usable])
-        unit = np.abs(contacts)
+        # the cubic that is written, whose last slope may be that of `_slopes_that_go_on`
+        cubic = CubicHermiteSpline(self.at, self.values, self.slopes)
+        reference = np.abs(contacts)
         if self.falls:
-            unit = np.full(contacts.shape, abs(self.values[0]))
-        unit = np.where(unit > 0, unit, np.inf)  # no distance from contacts of 0
-        distances = np.abs(cubic - contacts) / unit
+            reference = np.full(contacts.shape, abs(self.values[0]))
+        reference = np.where(
+            reference > 0, reference, np.inf
+        )  # a contact of 0 does not count
+        distances = np.abs(cubic(self.between.at[usable]) - contacts) / reference
         return Deviation.of(distances, self.between.inside[usable])
 
 

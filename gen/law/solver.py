@@ -62,7 +62,7 @@ class SolvedLoads:
     remarks: list[str] = field(default_factory=list)  # loads that were left out
 
     @property
-    def in_full_contact(self) -> bool:
+    def begins_in_full_contact(self) -> bool:
         """True if the first load brings a surface into full contact, or no load was solved."""
         if not self.loads.size:
             return True
