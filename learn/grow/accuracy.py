@@ -402,7 +402,7 @@ class Look:
 
     @property
     def met(self) -> bool:
-        """True if all bounds are below the mark, and all predictions are better than a constant."""
+        """True if no bound is above the mark, and all predictions are better than a constant."""
         if self.bound(self.worst) > self.mark:
             return False
         targets = self.surrogate.card["targets"].values()
@@ -453,8 +453,8 @@ def advise(look: Look, curve: Curve, row_limit: int, rows: Dataset) -> float:
     Returns
     -------
     float
-        Rows of the first size at which the bound is expected to be below the mark; infinite if
-        there is none.
+        Rows of the first size at which the bound is expected to be at most the mark; infinite if
+        no size up to the row limit has such a bound.
     """
     per_surface = rows.origins[0].scene.samples_per_surface
     present = look.judged[look.worst].accuracy

@@ -2,8 +2,8 @@
 
 A growth generates the rows of one size of the database, fits a surrogate to them and judges it by
 rows that are held out (a "look"). It goes on with the next size until the bounds of the errors of
-all targets are below the mark, the largest nMAE that the user accepts. All processes of the run
-compute rows, and the master writes them to the database.
+all targets are at most the mark, which is the largest nMAE that the user accepts. All processes of
+the run compute rows, and the master writes them to the database.
 """
 
 import math
@@ -147,7 +147,8 @@ class LookTime:
 
 
 NO_LOOK = LookTime(rows=1, seconds=0.0)
-"""Value of `Growth.last_look` before the first look, by which looks take no time."""
+"""Value of `Growth.last_look` before the first look: `suffices` then expects that a look takes no
+time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,9 +207,8 @@ class Growth:
     until: float = math.inf  # time of `time.time` at which the budget ends [s]
     # Time in which all workers together compute a row, 0 before the first row [s].
     row_seconds: float = 0.0
-    last_look: LookTime = (
-        NO_LOOK  # time of the last look, from which that of the next is estimated
-    )
+    # Time of the last look, from which the time of the next one is estimated.
+    last_look: LookTime = NO_LOOK
     # Errors of all looks, by the number of rows and the name of the target.
     errors: dict[int, dict[str, Accuracy]] = field(default_factory=dict)
 
@@ -237,7 +237,8 @@ class Growth:
         Raises
         ------
         InputError
-            If the input cannot be used, or the budget is too small for a first surrogate.
+            If the input cannot be used, the budget is too small for a first surrogate, or rows are
+            too few for a surrogate at the row limit or the size of number `PATIENT`.
         """
         scene = completed(self.scene, self.path.parent, rehearsed=True)
         with database.lock(self.path):
@@ -278,8 +279,9 @@ class Growth:
     def _try_to_look(self, rows: int, *, required: bool) -> Attempt:
         """Look at the first rows of the database, and set `last_look`.
 
-        Rows may be too few for a fit. This raises InputError if a look is `required`, or if they
-        are as many as the size of number `PATIENT` has. Otherwise the attempt has no look.
+        Rows may be too few for a fit. This raises InputError if a look is `required`, if they have
+        reached the row limit, or if they are at least as many as the size of number `PATIENT` has.
+        Otherwise the attempt has no look.
         """
         start = time.time()
         look = None
@@ -310,11 +312,12 @@ class Growth:
         return "budget"
 
     def _is_hopeless(self, rows: int, last: Look) -> bool:
-        """Tell whether the learning curve does not reach the mark within the row limit.
+        """Tell whether the mark is out of reach of the learning curve within the row limit.
 
         Before the size of number `EARLIEST` the curve is uncertain. The mark is then out of reach
-        only if it is so for the steepest curve.
+        only if the steepest curve (`EXPONENTS`) does not reach it either.
         """
+        # An infinite advice means that the curve does not reach the mark.
         if last.advice is None or math.isfinite(last.advice):
             return False
         if last.number >= EARLIEST:
