@@ -85,7 +85,8 @@ class Executor:
         Raises
         ------
         InputError
-            If `work` raises it on any process, or `on_result` raises it.
+            If `work` raises it on any process, `on_result` raises it, or the second process of a
+            task with a time limit ends unexpectedly.
         """
         is_new = shared is not self._shared
         sent = shared if is_new else None
@@ -123,11 +124,13 @@ class Executor:
         Raises
         ------
         InputError
-            If `work` raises it.
+            If `work` raises it, or the second process of a task with a time limit ends
+            unexpectedly.
         """
         results: list[Any] = []
 
         def keep(_: Task, result: Any) -> None:
+            """Keep the only result."""
             results.append(result)
 
         self.run(work, shared, [task], keep, until=until)
@@ -159,6 +162,8 @@ def led() -> Iterator[Executor]:
 
     Raises
     ------
+    typer.Exit
+        On the workers, at the end of the job.
     MasterLeft
         On the workers, if the job raises an exception on the master.
     """
