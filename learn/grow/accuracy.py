@@ -251,6 +251,7 @@ def holdout(rows: Dataset) -> NDArray[np.bool_]:
     length = SHARE
     if rows.by_tile:
         assert isinstance(scene.surface, ScanSurface)
+        # With fewer groups of tiles than `SHARE`, one of all of them is held out.
         length = min(SHARE, scene.surface.tile_groups())
         with Reader(Path(rows.name)) as reader:
             numbers = np.asarray(reader.column(TILE)[rows.rows], dtype=np.int64)
