@@ -60,8 +60,9 @@ class Contact:
         Number of applications of the influence matrix. One on a coarser grid counts as its share of
         the nodes.
     again : callable
-        Function that solves another problem. It takes the problem, and a pressure near its solution
-        or None [MPa], and returns its contact. It is `solve_posed`, which this file cannot import.
+        Function that solves another problem: `bem.solving.solve_posed`, which this file cannot
+        import. It takes the problem, and a pressure near its solution or None [MPa], and returns
+        its contact.
     """
 
     problem: Problem = field(repr=False)
@@ -98,7 +99,7 @@ class Contact:
         """Distance left between the surfaces, (nx, ny), zero in contact [um]."""
         heights = self.problem.heights
         gap: Field = self.displacement - ((heights - heights.max()) + self.approach)
-        if self.problem.hardness is not None:
+        if self.problem.hardness is not None:  # yielded nodes penetrate by their depth
             gap = np.where(self.yielded, np.maximum(gap, 0.0), gap)
         gap.setflags(write=False)
         return gap
@@ -161,20 +162,21 @@ class Contact:
             wrapped = np.pad(touching, ((0, 1), (0, 1)), mode="wrap")
             along = wrapped[:, :-1]
             across = wrapped[:-1]
-        edges_along = np.count_nonzero(along[1:] != along[:-1])
-        edges_across = np.count_nonzero(across[:, 1:] != across[:, :-1])
+        crossed_along_x = np.count_nonzero(along[1:] != along[:-1])
+        crossed_along_y = np.count_nonzero(across[:, 1:] != across[:, :-1])
         dx, dy = self.problem.spacing
-        return float(edges_along * dy + edges_across * dx)
+        return float(crossed_along_x * dy + crossed_along_y * dx)
 
     @computed_once
     def continuum_area_percent(self) -> float:
         """Area of contact in the continuum, as a share of the area of all cells [%].
 
-        A_e counts nodes, whose cells reach beyond the border of contact: it is too large by about
-        0.1 of the perimeter times the spacing. Pressures and gaps beside the border tell its place
-        between the nodes (`bem.derived.border`). Where waves have 8 nodes and more, this area is
-        right within 1 % (`python -m bench resolution`). Where roughness goes down to the grid, the
-        continuum has no area: see `grid_error`. No contact stays 0 %, full contact 100 %.
+        The effective area A_e consists of the cells of contact nodes, which reach beyond the border
+        of contact. It is too large by about 0.1 of the perimeter times the spacing. Pressures and
+        gaps beside the border tell its place between the nodes (`bem.derived.border`). Where waves
+        have 8 nodes and more, this area is right within 1 % (`python -m bench resolution`). Where
+        roughness goes down to the grid, the continuum has no area: see `grid_error`. No contact
+        stays 0 %, full contact 100 %.
         """
         depth = None
         if self.problem.hardness is not None:
@@ -373,7 +375,10 @@ def mean_conductivity(k1: float, k2: float) -> float:
 
 
 def _conductivity(value: float) -> float:
-    """Return the conductivity of a body as a float, which may be inf; raise ValueError else."""
+    """Return the conductivity of a body as a float, which may be inf.
+
+    Raise ValueError if it is neither infinite nor in the range of `CONDUCTIVITIES`.
+    """
     if isinstance(value, float) and value == math.inf:
         return value
     return real_number("conductivities: one", value, CONDUCTIVITIES)

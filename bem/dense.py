@@ -20,8 +20,8 @@ from bem.arrays import Mask, Nodes, Real, Values
 # This number matters in rare cases.
 MOST_SETS = 20
 
-# Share of the nodes under tension above which factorising the matrix of the rest is cheaper than
-# fixing them [1]. This number matters little.
+# Share of the nodes that are under tension above which factorising the matrix of the other nodes is
+# cheaper than fixing the nodes under tension [1]. This number matters little.
 MANY = 0.15
 
 # BLAS may set the processor's flag of an invalid operation for numbers that no result contains, of
@@ -35,10 +35,11 @@ class DenseSolution(NamedTuple):
     Attributes
     ----------
     nodes : ndarray, shape (n,)
-        Flat indices of the nodes. Nodes that the factor has lost are missing; their pressure is
-        zero. Only if `settled` do these indices belong to `pressure`.
+        Flat indices of the nodes of the factor. Nodes that the factor has lost are missing; their
+        pressure is zero.
     pressure : ndarray, shape (n,)
-        Pressure of these nodes, between zero and the hardness [reduced].
+        Pressure of these nodes, between zero and the hardness [reduced]. Unless `settled`, it may
+        belong to more nodes: the nodes of the factor before the last set.
     shift : float
         Displacement of the far field in addition to the interference; 0 without a given load
         [unit of displacement].
@@ -128,9 +129,10 @@ class ContactFactor:
     def solve(
         self, interference: Values, load: float | None, most_sets: int = MOST_SETS
     ) -> DenseSolution:
-        """Fix and free nodes until no pressure is out of bounds and every residual has its sign.
+        """Fix and free nodes until every pressure is within bounds and every residual has its sign.
 
-        The factor may lose nodes on the way.
+        Nodes at zero pressure then do not penetrate, and nodes at the hardness do not open. Nodes
+        that an earlier call fixed are fixed at the start. The factor may lose nodes on the way.
 
         Parameters
         ----------
@@ -161,9 +163,9 @@ class ContactFactor:
             excess = free & (pressure > self._hardness)
             changing = bool(tension.any() or excess.any())
             returning = (backward.residual > 0) & (self._at == 0)
-            if (
-                not changing
-            ):  # yielded nodes return last: lost load may close their gaps again
+            # Yielded nodes whose gap opens return only when nothing else changes: nodes fixed in
+            # the same pass displace them less, which may close the gap again.
+            if not changing:
                 returning |= (backward.residual < 0) & (self._at > 0)
             if not (changing or returning.any()):
                 return DenseSolution(
@@ -175,8 +177,8 @@ class ContactFactor:
                 forward = self._forward(interference[self.nodes], load)
             else:
                 self._free(returning)
-                self._fix(np.flatnonzero(tension), 0.0)
-                self._fix(np.flatnonzero(excess), self._hardness)
+                self._fix(np.flatnonzero(tension), at=0.0)
+                self._fix(np.flatnonzero(excess), at=self._hardness)
         within = np.clip(pressure, 0, self._hardness)
         return DenseSolution(self.nodes, within, backward.shift, most_sets, settled=False)
 
@@ -202,7 +204,7 @@ class ContactFactor:
         return self._backward(forward, np.zeros_like(self._at), load).pressure
 
     def _forward(self, interference: Values, load: float | None) -> Real:
-        """Return L^-1 u as a column, and beside it that of a unit displacement if a load is given.
+        """Return L^-1 u as a column, and, if a load is given, L^-1 1 in a second column.
 
         `interference` is u on the nodes of the factor.
         """
@@ -235,6 +237,7 @@ class ContactFactor:
         pressures[self._fixed, 0] = at
         shift = 0.0
         if load is not None:
+            # The first column carries a load; each unit of the shift adds the second column.
             carried, by_unit_shift = pressures.sum(axis=0)
             if not by_unit_shift > 0:
                 raise np.linalg.LinAlgError

@@ -454,7 +454,7 @@ def _begun_nearly_full(iterate: Iterate) -> bool:
     depth = -float(below.mean())
     if depth < 1 or 1 / depth < NEARLY_FULL:
         return False
-    full = iterate.patch.unbalanced(below)
+    full = iterate.patch.zero_mean_pressure(below)
     scale = float(full.std()) / 2
     for _ in range(CONSTANTS):
         constant = -scale * math.log(max(1 - 1 / depth, LEAST_GAP))
@@ -681,7 +681,10 @@ def _full_pressure(
     if problem.boundary == "free" or not relative_load >= LIGHT:
         return None
     assert iterate.load is not None
-    return iterate.patch.unbalanced(iterate.below) + iterate.load / iterate.below.size
+    return (
+        iterate.patch.zero_mean_pressure(iterate.below)
+        + iterate.load / iterate.below.size
+    )
 
 
 def _pressure_on_summits(

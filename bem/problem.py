@@ -16,26 +16,27 @@ BOUNDARIES: tuple[Boundary, ...] = get_args(Boundary)
 FarField = Literal["rigid", "compliant"]
 FAR_FIELDS: tuple[FarField, ...] = get_args(FarField)
 
-# Default tolerance [Delta]: the loosest of a ladder of tolerances with which the contact nodes of
-# 99.9 % of the paper preset's samples are exact (`python -m bench default-tolerance`).
+# Default tolerance [Delta]. Of the tolerances tried, it is the loosest with which 99.9 % of the
+# paper preset's samples have exactly the right contact nodes (`python -m bench default-tolerance`).
 RTOL = 2e-7
 
 # Default bound on iterations, far above the needs of all but nearly singular contacts.
 MAX_ITERATIONS = 1000
 
-# Depth below the highest node, over the unit of length, to which deeper nodes are raised [1]. They
-# stay open whatever the surface is, and products of two depths have to stay within single
+# Largest depth below the highest node, over the unit of length [1]. Deeper nodes are raised to it:
+# they stay open whatever the surface is, and products of two depths have to stay within single
 # precision.
 DEEPEST = 1e10
 
-# Mean depth that a flat surface is taken to have [um], so that a displacement of 0 is allowed.
+# Mean depth below the highest node that a flat surface is taken to have [um], so that a
+# displacement of 0 is allowed.
 FLATTEST = 1e-300
 
 # Largest double below zero: ranges that exclude it include zero.
 BELOW_ZERO = math.nextafter(0, -1)
 
-# What the arguments of `bem.solve` may be, by their names: a number in a range, or one of some
-# names.
+# Allowed values of the arguments of `bem.solve`, by the argument's name: the range of a number, or
+# the names to choose from.
 ARGUMENTS: dict[str, Range | tuple[str, ...]] = {
     "side": Range(0, math.inf, "above 0 um"),
     "spacing": Range(0, math.inf, "above 0 um"),
@@ -53,15 +54,16 @@ ARGUMENTS: dict[str, Range | tuple[str, ...]] = {
     "boundary": BOUNDARIES,
 }
 
-# Bounds of all numbers in um, MPa and uN that `_check_range` lists, both excluded, with a margin to
-# the range of double precision.
+# Bounds, both excluded, of all numbers in um, MPa and uN that `_check_range` lists. They leave a
+# margin to the range of double precision.
 NUMBERS = (1e-305, 1e305)
 
-# Name of the one number in that list that may be as small as zero: flat surfaces have no height
-# range. Sums of heights over all nodes have to be finite.
+# Name of a number in the list of `_check_range`, the only one that may be zero, because flat
+# surfaces have no height range. It bounds sums of heights over all nodes, which have to be finite.
 SPAN = "height range times nodes [um]"
 
-# Tighter bounds of dimensionless ratios in that list, which are multiplied with further numbers.
+# Tighter bounds of dimensionless ratios in the list of `_check_range`, by their names. The solver
+# multiplies these ratios with further numbers [1].
 RATIOS = {
     "cell aspect ratio": (1e-12, 1e12),
     "reduced force over heights": (1e-200, LARGEST),
@@ -92,7 +94,7 @@ class Problem:
     hardness : float or None
         Largest contact pressure, None for bodies that never yield [MPa].
     rtol : float
-        Largest violation of complementarity that is accepted [Delta].
+        Largest gap in contact, or penetration outside, that is accepted, see `bem.solve` [Delta].
     max_iterations : int
         Bound on the steps of conjugate gradients and the contact sets of dense algebra.
     boundary : str
@@ -215,7 +217,7 @@ def pose(
     cells = _checked_spacing(surface.shape, side, spacing, boundary)
     name, load = _only_load(delta=delta, force=force, pressure=pressure)
     load = checked(name, load)
-    if name == "pressure" and load:  # the force must not vanish by rounding
+    if name == "pressure" and load:  # the force of a tiny pressure must not become zero
         load = max(surface.size * cells[0] * cells[1] * load, math.ulp(0.0))
     by_delta = name == "delta"
     problem = Problem(
@@ -308,7 +310,7 @@ def _check_displacement(problem: Problem, delta: float) -> None:
 
 
 def _check_load(problem: Problem, hardness: float, pressure: float | None) -> None:
-    """Refuse a force that the hardness [MPa] on all nodes does not exceed.
+    """Refuse a force that is not below the force of the hardness [MPa] on all nodes.
 
     The message names the mean pressure [MPa] if the force was computed from one.
     """
@@ -433,7 +435,7 @@ def checked_heights(heights: ArrayLike) -> Field:
 def _checked_spacing(
     shape: tuple[int, ...], side: Any, spacing: Any, boundary: Boundary
 ) -> tuple[float, float]:
-    """Return the spacing along both axes [um]: the one that is passed, else that of the sides.
+    """Return the spacing along both axes: the one that is passed, else the one of the sides [um].
 
     Sides are checked even where the spacing is passed. Raise ValueError if a length is not allowed,
     a free patch with one node along an axis has no spacing, or one side is passed for a grid that
@@ -485,12 +487,12 @@ def checked(name: str, value: Any) -> Any:
     Returns
     -------
     float, int or str
-        The number, or the name that the argument is.
+        The number, or the name.
 
     Raises
     ------
     ValueError
-        If the number is not in its range, or the name is not one of those allowed.
+        If the number is not in its range, or the name is not among the allowed ones.
     """
     allowed = ARGUMENTS[name]
     if isinstance(allowed, Range):
@@ -586,9 +588,10 @@ def boxed(marked: Mask) -> tuple[slice, slice]:
     """
     spans = []
     for axis, size in enumerate(marked.shape):
-        inside = np.flatnonzero(marked.any(axis=1 - axis))
+        inside = np.flatnonzero(marked.any(axis=1 - axis))  # indices along this axis
         first = int(inside[0])
         length = int(inside[-1] - inside[0])
+        # The length is rounded up to 4, 5, 6 or 7 of these powers of two.
         unit = 2 ** max(length.bit_length() - 3, 0)
         nodes = min(-(-length // unit) * unit + 1, size)
         start = min(first, size - nodes)

@@ -17,34 +17,34 @@ from bem.iterate import Violation
 # 7 % fewer if it is doubled (`python -m tests.ledger --halved bem.progress.REDUCTION`).
 REDUCTION = 0.4
 
-# Factor on the reduction whenever a round has raised the energy [1]: the sets before were then left
-# too early. This number matters in rare cases.
+# Factor on the reduction whenever a round has raised the energy [1]: conjugate gradients then left
+# the earlier sets too early. This number matters in rare cases.
 TIGHTENING = 0.5
 
-# Share of the last exact violation below which a residual updated in single precision is not
-# trusted [1]: single precision carries about seven digits. This number matters little.
+# Least violation, over the last exact one, for which a residual that was updated in single
+# precision is trusted [1]: single precision carries about seven digits. This number matters little.
 ROUNDING = 1e-6
 
-# Exact residuals in a row, none below half of the smallest one, after which only rounding is left.
-# This number matters in rare cases.
+# Number of exact residuals in a row, none below half of the smallest one before, after which only
+# rounding is left. This number matters in rare cases.
 IDLE = 5
 
-# Rounds without a smaller violation after which the energy damps further rounds. This number
-# matters in rare cases.
+# Number of rounds without a smaller violation after which the energy damps further rounds. This
+# number matters in rare cases.
 DAMPED = 3
 
-# Rounds without a smaller violation after which projected gradients or splitting take over. This
-# number matters in rare cases.
+# Number of rounds without a smaller violation after which projected gradients or splitting take
+# over. This number matters in rare cases.
 PATIENCE = 12
 
-# Rounds after which projected gradients or splitting take over, whatever the violations are. This
-# number matters in rare cases.
+# Number of rounds after which projected gradients or splitting take over, whatever the violations
+# are. This number matters in rare cases.
 ROUNDS = 40
 
 
 @dataclass(eq=False)
 class Progress:
-    """What the rounds so far tell: how near they are, and for how long they have come no nearer.
+    """State of the rounds so far: their violations, and for how long none has become smaller.
 
     Attributes
     ----------

@@ -29,15 +29,17 @@ from bem.problem import (
 )
 from bem.threads import on_threads
 
-# Longer side of a cell over the shorter one up to which patches without edges were tested [1]: all
-# of 3,000 random problems are solved (`pytest -m "long or not long" tests/bem/test_edgeless.py`).
+# Largest ratio of a cell's longer side to its shorter one for which patches without edges were
+# tested [1]: all of 3,000 random problems are solved (`pytest -m "long or not long"
+# tests/bem/test_edgeless.py`).
 OBLONG = 100
 
 # Relative distance from the hardness below which a pressure is set to it [1]: a few roundings, by
 # which the conversion of units may miss it.
 ULPS = 1e-15
 
-# Contacts from whose pressures the start of the next one of a ladder is extrapolated, at most.
+# Largest number of contacts of a ladder from whose pressures the start of the next contact is
+# extrapolated.
 EXTRAPOLATED = 3
 
 
@@ -155,16 +157,18 @@ def solve(
         along both axes without end. "mirror": its mirror images continue it, which leaves no step
         at its borders whatever the surface is. "periodic" and "mirror" model a piece of a larger
         interface: waves of pressure p(q) of wavenumber q displace the half-space by
-        2 p(q) / (E* q) (Johnson 1985, section 13.2), with zero mean, from which Delta is measured.
+        2 p(q) / (E* q) (Johnson 1985, section 13.2). The mean pressure displaces nothing: Delta
+        counts from the mean of the deformed surface.
         They have no choice of kernel, and a rigid far field only. Cells of 1:1 to 1:100 are tested;
-        longer cells may end as NotConverged.
+        longer cells may raise NotConverged.
     hardness : float, optional
         Largest contact pressure P, the hardness of the softer body, on a rigid far field only
         [MPa]. Without it the bodies are elastic.
     rtol : float
-        Largest absolute gap in contact, or penetration outside, that is accepted, over Delta
-        [1]. The default is the loosest of a ladder of tolerances with which the contact nodes of
-        99.9 % of the paper preset's samples are exact.
+        Largest absolute gap in contact, or penetration outside, that is accepted. It is relative to
+        Delta, or to the approach if the force is given [1]. Of the tolerances tried, the default is
+        the loosest with which 99.9 % of the paper preset's samples have exactly the right contact
+        nodes.
     max_iterations : int
         Bound on the steps of conjugate gradients and the contact sets of dense algebra. Where
         contact sets cycle on a patch without edges, up to four times this number of cheaper passes
@@ -211,7 +215,7 @@ def solve(
     )
     start = None
     if near is not None:
-        start = Start(checked_start(near, problem) / problem.modulus)
+        start = Start(checked_start(near, problem) / problem.modulus)  # [E*]
     if threads is not None:
         threads = checked("threads", threads)
     with on_threads(threads):
@@ -226,7 +230,8 @@ def solve_posed(problem: Problem, near: Field | None = None) -> Contact:
     problem : Problem
         The problem.
     near : ndarray, shape (nx, ny), optional
-        Pressure near the solution, from which the solve starts [MPa].
+        Pressure near the solution, from which the solve starts. It is not checked: it has to be
+        finite and nowhere negative [MPa].
 
     Returns
     -------
@@ -235,12 +240,16 @@ def solve_posed(problem: Problem, near: Field | None = None) -> Contact:
 
     Raises
     ------
+    NoSolution
+        If Delta is at or beyond Delta* on a compliant far field (BeyondCriticalDelta).
     NotConverged
         If the tolerance is not met.
+    ArithmeticError
+        If the flat punch of a compliant far field is not solved.
     """
     start = None
     if near is not None:
-        start = Start(near / problem.modulus)
+        start = Start(near / problem.modulus)  # [E*]
     return contact_of(problem, equilibrium_of(problem, start))
 
 
@@ -269,7 +278,7 @@ def contact_of(problem: Problem, equilibrium: Equilibrium | None) -> Contact:
     contact = _converted(problem, equilibrium)
     if equilibrium.converged:
         return contact
-    # Measure the violation on all nodes: the solver may have left some aside.
+    # Measure the violation on all nodes, because the solver may have computed only some of them.
     unit = problem.delta or contact.approach
     residual = math.inf
     if unit > 0:
@@ -308,7 +317,7 @@ def _converted(problem: Problem, equilibrium: Equilibrium) -> Contact:
 
 
 def _violation(contact: Contact) -> float:
-    """Compute the largest |gap| in contact or penetration outside [um], by one convolution."""
+    """Compute the largest |gap| in contact or penetration outside, by one convolution [um]."""
     violations = np.where(contact.pressure > 0, np.abs(contact.gap), -contact.gap)
     return max(float(violations.max()), 0.0)
 
@@ -425,7 +434,7 @@ class _Ladder(Iterator[Contact]):
     _settings : dict
         Further arguments of `pose`.
     _last : list of Rung
-        The last rungs that were solved, of different loads.
+        The last rungs that were solved, at most `EXTRAPOLATED`, of different loads.
     """
 
     _heights: Field
@@ -437,7 +446,10 @@ class _Ladder(Iterator[Contact]):
     _last: list[Rung] = field(default_factory=list)
 
     def __next__(self) -> Contact:
-        """Solve for the next load, and keep its equilibrium for the next start."""
+        """Solve for the next load, and keep its equilibrium for the next start.
+
+        If the solve from the extrapolated start does not converge, solve again without a start.
+        """
         load = next(self._loads)
         loads: dict[str, Any] = {"delta": None, self._quantity: load}
         problem = pose(self._heights, self._side, **loads, **self._settings)
@@ -458,9 +470,9 @@ def _extrapolated(last: list[Rung], load: float, spacing: float) -> Start | None
     """Extrapolate the last equilibria by a parabola in the load, and cut off negative pressure.
 
     The displacement is linear in the pressure and follows the same parabola, unless pressure was
-    cut off. Where the parabola overflows, the last pressure is the start. After a single
-    equilibrium the result is None, because a solve without a start takes less then. `spacing` is
-    that of the first axis [um].
+    cut off. Where the parabola overflows, the last pressure is the start. After fewer than two
+    equilibria the result is None, because a solve without a start is cheaper then. `load` has the
+    unit of the ladder's quantity; `spacing` is the spacing along the first axis [um].
     """
     if len(last) < 2:
         return None

@@ -28,13 +28,13 @@ Value = TypeVar("Value")
 # The environment variable that sets the number of threads of programs that compute on several.
 THREADS_VARIABLE = "OMP_NUM_THREADS"
 
-# Size of the block that is freed once, so that the process keeps the memory that solves free
-# [bytes].
+# Size of the block that `keep_freed_memory` frees once, so that the process keeps the memory that
+# solves free [bytes].
 BLOCK = 16 * 2**20
 
 
 class BlasThreads(NamedTuple):
-    """The number of threads of a BLAS library.
+    """A BLAS library and its number of threads.
 
     Attributes
     ----------
@@ -82,6 +82,7 @@ def share(work: Callable[[int, Piece], None], pieces: Sequence[Piece]) -> None:
     pending = deque(pieces)
 
     def work_on_pending(thread: int) -> None:
+        """Work on pieces until none is left."""
         while pending:
             try:
                 piece = pending.popleft()
@@ -95,9 +96,8 @@ def share(work: Callable[[int, Piece], None], pieces: Sequence[Piece]) -> None:
             for thread in range(1, min(_CURRENT.threads, len(pending))):
                 run = copy_context().run
                 job = _CURRENT.helpers.submit(run, work_on_pending, thread)
-                jobs.append(
-                    job
-                )  # one by one: all that were submitted are known on Ctrl-C
+                # Jobs are noted one by one, so that Ctrl-C finds all that were submitted.
+                jobs.append(job)
         work_on_pending(0)
     finally:  # also on Ctrl-C: no thread may still write when the caller goes on
         pending.clear()
@@ -114,8 +114,9 @@ def on_threads(threads: int | None) -> Iterator[None]:
     Parameters
     ----------
     threads : int or None
-        Number of threads, this one included; no more are used than there are processors. None
-        takes the number of an outer block, else that of `OMP_NUM_THREADS`, else one.
+        Number of threads, this one included. It is cut off at the number of processors, unless an
+        outer block already uses more. None takes the number of an outer block if that is above one,
+        else the number that `OMP_NUM_THREADS` sets, else one.
 
     Yields
     ------

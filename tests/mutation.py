@@ -38,7 +38,7 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
             "along = wrapped[:, :-1]\n            across = wrapped[:-1]",
             "along = wrapped[:-1]\n            across = wrapped[:, :-1]",
         ),
-        ("edges_along * dy", "edges_along * dx"),
+        ("crossed_along_x * dy", "crossed_along_x * dx"),
         ("- ((heights - heights.max())", "- ((heights - heights.mean())"),
         ("np.maximum(interference - self", "np.maximum(interference + self"),
         (

@@ -259,7 +259,7 @@ def first_problem(scene: Scene) -> SampleProblem | None:
     SourceError
         If the user's generator fails.
     """
-    plan = parameters(scene, 0, TRIED_ROWS)
+    plan = parameters(scene, start=0, stop=TRIED_ROWS)
     for row in range(TRIED_ROWS):
         try:
             problem = SampleProblem(

@@ -428,9 +428,10 @@ def absolute_load(scene: Scene, heights: Heights, load: Load) -> AbsoluteLoad[Lo
     """
     match scene.quantity:
         case "delta/height_rms":
-            return AbsoluteLoad("delta", load * float(heights.std()))
+            return AbsoluteLoad(kind="delta", value=load * float(heights.std()))
         case "pressure/(E* slope_rms)":
             slope = rms_slope(heights, scene.grid.spacing)
-            return AbsoluteLoad("pressure", load * scene.contact.e_star * slope)
+            pressure = load * scene.contact.e_star * slope
+            return AbsoluteLoad(kind="pressure", value=pressure)
         case "delta" | "pressure" | "force" as kind:
-            return AbsoluteLoad(kind, load)
+            return AbsoluteLoad(kind=kind, value=load)

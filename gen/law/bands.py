@@ -1,12 +1,12 @@
-"""The band of a law of several surfaces: where a further surface of the same kind lies.
+"""The band of a law of several surfaces: where a further surface of their kind is expected.
 
 The band at a load is a prediction interval, not an interval of the mean: its level is the chance
-that one further surface lies between its ends at this load. The chance to lie inside at all loads
-is smaller. The K surfaces and the further one are assumed to be drawn from the same distribution,
-and independently.
+that one further surface is between its ends at this load. The chance to be inside at all loads is
+smaller. The K surfaces and the further one are assumed to be drawn from one distribution, and
+independently.
 
 - If (K - 1) / (K + 1) is at the level or above, no form of this distribution is assumed. A further
-  surface has each rank among all K + 1 with the same chance. So it lies below the j-th smallest of
+  surface has each rank among all K + 1 with an equal chance. So it is below the j-th smallest of
   the K with a chance of j / (K + 1). The ends are the order statistics at the ranks
   p (K + 1), interpolated between whole ranks. For 90 % that takes 19 surfaces.
 - Fewer surfaces have no such ranks. Then the logarithms of a quantity, and the logits of areas in
@@ -43,7 +43,7 @@ def fewest_surfaces(level: float) -> int:
     Parameters
     ----------
     level : float
-        Chance that a further surface lies inside, between 0 and 1.
+        Chance that a further surface is inside the band, between 0 and 1.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def further_surface(values: Values, level: float, *, percent: bool = False) -> B
     values : ndarray, shape (K, k)
         A quantity of K surfaces, 2 or more, at k loads.
     level : float
-        Chance that a further surface lies inside, between 0 and 1.
+        Chance that a further surface is inside the band, between 0 and 1.
     percent : bool
         True if the quantity is a share in percent. With fewer surfaces than `fewest_surfaces`, its
         logit is then assumed to be normal, instead of its logarithm.
@@ -80,7 +80,7 @@ def further_surface(values: Values, level: float, *, percent: bool = False) -> B
     low = np.full(places.size, np.nan)
     high = np.full(places.size, np.nan)
     if not places.any():
-        return Band(low, high)
+        return Band(low=low, high=high)
     if ranked:
         band = _by_ranks(values[:, places], level)
     elif percent:
@@ -93,7 +93,7 @@ def further_surface(values: Values, level: float, *, percent: bool = False) -> B
     bounded = np.isfinite(band.low + band.high)
     low[places] = np.where(bounded, band.low, np.nan)
     high[places] = np.where(bounded, band.high, np.nan)
-    return Band(low, high)
+    return Band(low=low, high=high)
 
 
 def _by_ranks(values: Values, level: float) -> Band:
@@ -103,7 +103,7 @@ def _by_ranks(values: Values, level: float) -> Band:
     """
     shares = ((1 - level) / 2, (1 + level) / 2)
     low, high = np.quantile(values, shares, axis=0, method="weibull")
-    return Band(low, high)
+    return Band(low=low, high=high)
 
 
 def _students(values: Values, level: float) -> Band:
@@ -127,7 +127,7 @@ def described(number: int, level: float) -> str:
     number : int
         Number of surfaces.
     level : float
-        Chance that a further surface lies inside, between 0 and 1.
+        Chance that a further surface is inside the band, between 0 and 1.
 
     Returns
     -------
@@ -151,7 +151,7 @@ def assumption(number: int, level: float) -> str:
     number : int
         Number of surfaces.
     level : float
-        Chance that a further surface lies inside, between 0 and 1.
+        Chance that a further surface is inside the band, between 0 and 1.
 
     Returns
     -------

@@ -149,9 +149,9 @@ def _halves(low: Values, middles: Values, high: Values) -> tuple[Values, Values]
 def solve_for_lines(table: Curves, nodes: int, solve: Solve) -> Curves | None:
     """Solve contacts between the loads of a table whose points are joined by straight lines.
 
-    Between two contacts the conductance lies between its values there. So the two values bound how
-    far lines with the room of CalculiX are off. Where the bound exceeds `POSSIBLE`, a contact is
-    solved in the middle, and lines are laid anew. A table without a conductance is solved by
+    Between two contacts the conductance is between its values at both. So the two values bound how
+    far lines of `CALCULIX_POINTS` points are off. Where the bound exceeds `POSSIBLE`, a contact is
+    solved in the middle, and new lines are laid. A table without a conductance is solved by
     `solve_between` alone.
 
     Parameters

@@ -336,9 +336,9 @@ def _contacts_for_other_table(
     """Return contacts for the table against `load`, which the order does not give.
 
     `other` has the contacts of the other table. One surface has these contacts in both tables. A
-    population is solved anew: at each load of the other table its surfaces have different values of
-    `load`, and the mean of these is the new load. If already the first mean displacement presses a
-    surface flat, the smallest displacements of all surfaces take the place of the means. Loads
+    population is solved again: at each load of the other table its surfaces have different values
+    of `load`, and the mean of these is the new load. If already the first mean displacement presses
+    a surface flat, the smallest displacements of all surfaces take the place of the means. Loads
     that are not solved are left out, perhaps all. Raises InputError if all pressures reach the
     hardness.
     """

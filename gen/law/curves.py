@@ -186,7 +186,7 @@ class Curves:
     at: Values  # ascending arguments [um or MPa], (k,)
     curves: dict[str, Curve]  # by the name of the quantity, in the order of `LAW_COLUMNS`
     outside: Values  # share of the surfaces outside the surrogate's training, (k,)
-    # For each argument, why there is no band, or what lies outside the training; else "".
+    # For each argument, why there is no band, or what is outside the training; else "".
     reasons: tuple[str, ...]
     # Values at first touch, where the curves begin, by names in laws; those left out are 0.
     at_rest: Mapping[str, float]
@@ -379,7 +379,7 @@ def tabulated(
     parts : sequence of Points
         Points of each surface at these arguments. Each load has an entry in `reasons`.
     level : float
-        Chance that a further surface lies inside the band, between 0 and 1.
+        Chance that a further surface is inside the band, between 0 and 1.
     at_rest : mapping
         Values at first touch by names in laws; those left out are 0.
 

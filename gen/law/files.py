@@ -393,7 +393,7 @@ class Panel:
 
     curve: Curve  # at k pressures
     label: str  # of the vertical axis
-    # True where the area of the nodes stands in for that in the continuum, (k,): circles mark these
+    # True where the area of the nodes replaces the area in the continuum, (k,): circles mark these
     # points. False if there are none.
     of_nodes: NDArray[np.bool_] | bool = False
 

@@ -150,7 +150,7 @@ class LawSolver:
                 remarks = [f"{NOT_SOLVED}, left out: {error}"]
         nowhere = np.empty(0, dtype=np.int64)
         points = [part.chosen(nowhere) for part in like]
-        return SolvedLoads(np.empty(0), points, remarks=remarks)
+        return SolvedLoads(loads=np.empty(0), points=points, remarks=remarks)
 
     def _below_full_contact(self, load: Load, loads: Values) -> PossibleLoads:
         """Leave out displacements at which an elastic patch without edges is in full contact.

@@ -284,7 +284,7 @@ def _generate(scene: Scene, text: str, number: int) -> InputSurfaces:
         facing = " against another of them"
     description = f"{text}: its first {number} surfaces{facing}"
     return InputSurfaces(
-        about=LawInput(description, scene),
+        about=LawInput(description=description, scene=scene),
         surfaces=population,
         sources=_sources_of_scene(scene, text),
         doubts=doubts,
