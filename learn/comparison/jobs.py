@@ -319,7 +319,7 @@ def open_targets(
             note(f"  {line}")
         if not parts.by_surface:
             note("  all rows share one surface: they are split one by one")
-        yield Target(folder, _training(request, rows, parts))
+        yield Target(folder=folder, training=_training(request, rows, parts))
 
 
 def _training(request: Request, rows: Dataset, parts: Split) -> Training:
@@ -358,7 +358,7 @@ def fit_and_time(training: Training, task: TimedFit) -> MeasuredFit:
     -------
     MeasuredFit
         Predictions, scores, and median times on one thread. If a fit or prediction raises an error,
-        the reason in place of these.
+        there are none of these, and `failure` is the reason.
     """
     training = training.seen_by(task.model)
     unfitted = training.unfitted(task.model, task.settings, tuned=task.of_grid)
@@ -387,6 +387,7 @@ def fit_and_time(training: Training, task: TimedFit) -> MeasuredFit:
         # Libraries raise errors of any type. A model whose fit failed has no scores.
         except Exception as error:
             failure = reason(error)
+            # A prediction may have failed after its scores, while it was timed.
             train_scores = None
             test_scores = None
     return MeasuredFit(

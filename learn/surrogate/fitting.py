@@ -124,7 +124,8 @@ def choose(request: Request, train: Dataset, target: Values, folds: Folds) -> Se
     Raises
     ------
     InputError
-        If the folder has no winner of the model, or no candidate can be fitted.
+        If the folder has no winner of the model or is damaged, or if no candidate of a built-in
+        search can be fitted.
     """
     (name,) = request.models
     if request.source is not None:
@@ -211,8 +212,8 @@ def with_conditions(request: Request, choice: Any) -> Request:
     Raises
     ------
     InputError
-        If the comparison has no winner of the model for a target, or an option of the user differs
-        from its conditions.
+        If the comparison has no winner of the model for a target, is missing or damaged, or an
+        option of the user differs from its conditions.
     """
     source: Path = choice.source
     options = {**choice._asdict(), "normalisation": choice.normalise}
@@ -320,8 +321,9 @@ def fit(
     Raises
     ------
     InputError
-        If a database cannot be used, rows or memory do not suffice, a comparison's folder lacks the
-        model, or a target is predicted no better than by a constant.
+        If a database cannot be used; if rows or memory do not suffice; if the database that
+        calibrates needs other features than the training; if the settings of the model cannot be
+        chosen (see `choose`); or if a target is predicted no better than by a constant.
     """
     # `common`: only rows that are usable for all targets. The list is empty if `stopping` ends it.
     by_target = dataset.read(request, executor, stopping, common=True)
@@ -403,9 +405,10 @@ def fit_parts(
     Raises
     ------
     InputError
-        If rows or memory do not suffice, or a comparison's folder lacks the model.
+        If this machine lacks the memory, or the settings of the model cannot be chosen (see
+        `choose`).
     """
-    # All targets have the rows, features and groups of the first one.
+    # All targets have equal rows, features and groups, so that the first one gives them.
     rows = by_target[0]
     other = None
     if calibrating is not None:
@@ -561,7 +564,8 @@ def fit_target(
     Raises
     ------
     InputError
-        If this machine lacks the memory, or a comparison's folder lacks the model.
+        If this machine lacks the memory, or the settings of the model cannot be chosen (see
+        `choose`).
     """
     (name,) = request.models
     check_memory(name, train.size)
@@ -656,7 +660,7 @@ def _fit_pipeline(
         options[f"{STEP}__surfaces"] = surfaces
     with remarks() as warnings:
         fitted = unfitted.fit(inputs, target, **options)
-    return _FittedPipeline(fitted, tuple(warnings))
+    return _FittedPipeline(pipeline=fitted, remarks=tuple(warnings))
 
 
 def _predict_left_out(
