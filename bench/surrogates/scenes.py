@@ -81,7 +81,7 @@ RESULTS = (AREA.name, FORCE.name, DELTA.name)
 class Solved(NamedTuple):
     """Results at p fresh sets of parameters, on s fresh surfaces for each of them."""
 
-    # (p,) values of each parameter, of the load and of the hardness if there is one, by their names.
+    # (p,) values of each parameter, the load and the hardness if there is one, by their names.
     numbers: dict[str, Values]
     # (p, s) values of each of `RESULTS`, by its name.
     results: dict[str, Values]
