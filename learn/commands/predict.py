@@ -211,10 +211,10 @@ def _modulus(material: options.Material) -> float | None:
 def _print_predictions(
     rows: Sequence[Mapping[str, Any]], title: str, doubts: Sequence[str]
 ) -> None:
-    """Print predictions on standard output.
+    """Print predictions, one row or more, on standard output.
 
-    These are a title, the first rows as a table, the doubts about the bodies, and why rows are
-    outside the training.
+    Printed are a title, the first `MOST_ROWS` rows as a table, the doubts about the bodies, and why
+    rows are outside the training.
     """
     columns = [name for name in rows[0] if not name.endswith(HIDDEN)]
     lines = [[_cell(row, column) for column in columns] for row in rows[:MOST_ROWS]]

@@ -211,8 +211,8 @@ class GridSearch:
 
         The steps on fewer rows and the judgement on all rows have equal shares of the share
         `JUDGED` of the time. A fit that does not end within its share is stopped. The rest of the
-        time is for the last fit of the winner. The optimum takes part in every step and is judged
-        first, even if it is not among the best on few rows.
+        time is for the last fit of the winner. The optimum takes part in every step that has any
+        candidates and is judged first, even if it is not among the best on few rows.
 
         Parameters
         ----------
@@ -237,7 +237,8 @@ class GridSearch:
             if scored:
                 steps.append(f"{_counted(scored)} {on_rows}")
             ranked = self._ranked(order, rows)
-            # Families without a score on this step stay behind the ranked ones.
+            # Families without a score on this step stay behind the ranked ones. If no family has a
+            # score, nothing is left for the next steps, and the judgement takes the old order.
             order = self._with_optimum_first([*ranked, *order])
             remaining = order[: math.ceil(len(ranked) / FACTOR)]
         on_rows = f"on {total} rows, {FOLDS} folds"

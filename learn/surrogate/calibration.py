@@ -62,7 +62,9 @@ SMALLEST = 20
 # Number of surfaces of a database or map that calibrate if each part of them takes another fit: the
 # share of rows inside intervals of 90 % then has a standard deviation of 1.5 %.
 ENOUGH = 400
-# Names of the models whose one fit to all training rows gives the errors at rows that are left out.
+# Names of the models for which all training rows calibrate: their one fit to all these rows gives
+# the errors at rows that are left out. The mean of a population gives them only if each surface is
+# a group; otherwise it is fitted anew for each part.
 CLOSED = ("kernel-ridge", "gaussian-process", POPULATION.name)
 # Smallest number of rows of another database that can calibrate.
 SMALLEST_CALIBRATION = 20
@@ -323,6 +325,8 @@ def _plan_by_training(
             populations = groups.number
         parts = _first_with_surfaces(ENOUGH * populations, parts, train)
     calibrating = np.sort(np.concatenate([part.rows for part in parts]))
+    # Maps and databases are all among the rows that calibrate. Surfaces, tiles or rows are counted
+    # anew, because only some of them may calibrate.
     number = groups.number
     if model not in CLOSED and not groups.are_populations:
         number = np.unique(train.surfaces[calibrating]).size

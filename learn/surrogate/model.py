@@ -360,7 +360,7 @@ class Surrogate:
             )
         columns = checked_numbers(self.features.columns, numbers)
         size = next(iter(columns.values())).size
-        # A scene whose load is a pressure or a force has no Delta.
+        # Delta is unknown if the scene's load is another quantity.
         delta = columns.get("delta", np.full(size, np.nan))
         # A scene's own features need no statistics and no length.
         return Rows(
@@ -410,8 +410,14 @@ class Surrogate:
             node_spacing(heights.shape[0], sides[0], self.boundary),
             node_spacing(heights.shape[1], sides[1], self.boundary),
         )
-        features = SurfaceFeatures(heights, sides, spacing, name, self.boundary)
-        return OnSurface(self, features)
+        features = SurfaceFeatures(
+            heights=heights,
+            sides=sides,
+            spacing=spacing,
+            name=name,
+            boundary=self.boundary,
+        )
+        return OnSurface(surrogate=self, surface=features)
 
     def of_statistics(
         self,
