@@ -145,9 +145,8 @@ def test_baseline(benchmark: Any, name: str, work: str, size: str) -> None:
         else:
             model.fit(*samples)
             benchmark.pedantic(model.predict, args=samples[:1], rounds=5, warmup_rounds=1)
-    first_rows = slice(
-        2000
-    )  # predictions of all rows of the paper's size would take long
+    # Predicting all rows of the paper's size again would take long.
+    first_rows = slice(2000)
     score = model.score(samples[0][first_rows], samples[1][first_rows])
     # On the few rows of the smoke size, 200 epochs make a perceptron only as good as the mean.
     lowest = -0.1 if name == "mlp" else 0.5

@@ -81,10 +81,10 @@ RESULTS = (AREA.name, FORCE.name, DELTA.name)
 class Solved(NamedTuple):
     """Results at p fresh sets of parameters, on s fresh surfaces for each of them."""
 
-    numbers: dict[
-        str, Values
-    ]  # (p,) values of each parameter and of the load, by their names
-    results: dict[str, Values]  # (p, s) values of each of `RESULTS`, by its name
+    # (p,) values of each parameter, the load and the hardness if there is one, by their names.
+    numbers: dict[str, Values]
+    # (p, s) values of each of `RESULTS`, by its name.
+    results: dict[str, Values]
 
 
 @dataclass(frozen=True, eq=False)

@@ -203,7 +203,7 @@ def _require_better_than_constant(
 
 
 def _write_and_print(folder: Path, *, pictures: bool) -> list[Tables]:
-    """Write the tables of a comparison into its folder and print them; return those of each target.
+    """Write the tables of each target of a comparison into its folder; print and return them.
 
     With `pictures`, also draw the pictures into the folder.
     """

@@ -253,7 +253,8 @@ def _search_of(
     """
     features = target.folder.record().conditions.features
     space = grids.space_of(model.name, features)
-    grid = grids.Grid(model, space.values, target.training.inputs.shape[1])
+    number_of_features = target.training.inputs.shape[1]
+    grid = grids.Grid(model, space=space.values, inputs=number_of_features)
     return GridSearch(
         model=model,
         grid=grid,

@@ -141,7 +141,7 @@ def _answer_for_table(
     prediction = surrogate.predict_rows(
         rows, e_star=question.bodies.e_star, level=question.level
     )
-    return FileAnswer(prediction)
+    return FileAnswer(prediction=prediction)
 
 
 def _answer_for_map(
@@ -173,9 +173,10 @@ def _answer_for_map(
             raise
         echo(f"  warning: {error}: no prediction", err=True)
         reason = str(error).removeprefix(f"{file}: ")
-        return FileAnswer(_no_prediction(surrogate, question.loads, reason), warnings)
+        no_prediction = _no_prediction(surrogate, question.loads, reason)
+        return FileAnswer(prediction=no_prediction, warnings=warnings)
     prediction = surrogate.predict_rows(rows, e_star=bodies.e_star, level=question.level)
-    return FileAnswer(prediction, warnings)
+    return FileAnswer(prediction=prediction, warnings=warnings)
 
 
 def _no_prediction(surrogate: Surrogate, loads: Values, reason: str) -> Prediction:

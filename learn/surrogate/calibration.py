@@ -314,7 +314,7 @@ def _plan_by_training(
 ) -> Plan:
     """Return the plan to calibrate by training rows; see `plan_calibration` for their choice.
 
-    `groups` and `measured` are those of all training rows.
+    `groups` and `measured` describe all training rows.
     """
     parts = list(holdouts(train, groups.left_out(train)))
     whole_populations = groups.are_populations and groups.are_left_out
@@ -468,8 +468,8 @@ def _scores_of_clouds(
 ) -> tuple[Scores, ...]:
     """Return the scores of each cloud of the training, in the order of the clouds.
 
-    The scores of a cloud are those of the rows nearest to it, or those of all rows if fewer than
-    `SMALLEST` rows are nearest to it.
+    A cloud has the scores of the rows nearest to it; or of all rows, if fewer than `SMALLEST` rows
+    are nearest to it.
     `errors` are the errors of n rows over their growth and their usual errors, (n,).
     """
     scores = []

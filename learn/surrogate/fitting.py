@@ -99,7 +99,7 @@ UNCALIBRATED = Calibration(
 def choose(request: Request, train: Dataset, target: Values, folds: Folds) -> Settings:
     """Choose the settings of a fit.
 
-    They are those of a comparison's winner if the request names its folder. Otherwise the kernel of
+    If the request names the folder of a comparison, its winner's are taken. Otherwise the kernel of
     a Gaussian process is the most likely one. Kernel ridge and the SVM are searched for the
     candidate with the smallest error on the first fold. The other models have fixed settings, from
     `BUILT_IN` or the paper's optimum. With the paper's features and rows of unit length, all models
@@ -674,7 +674,7 @@ def _predict_left_out(
     """Predict the n training rows, each by a model that has not seen the part that it is in, (n,).
 
     `target` are the targets of the rows, (n,), on the scale that models are trained on. The
-    predictions are over the target's scale, as those of `learnt`; NaN for rows in no part of
+    predictions are over the target's scale, as from `Learnt.raw`; NaN for rows in no part of
     `plan`.
     """
     (name,) = request.models
@@ -720,7 +720,7 @@ def _left_out_by_further_fits(
 ) -> Values:
     """Predict left out rows by a fit for each part to the other training rows, (n,).
 
-    Parameters and result are those of `_predict_left_out`.
+    Parameters and result are described in `_predict_left_out`.
     """
     predicted = np.full(train.size, np.nan)
     for holdout in plan.holdouts:

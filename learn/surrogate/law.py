@@ -114,7 +114,7 @@ def law_of_surfaces(surrogate: Surrogate, order: Order) -> Law:
     surrogate : Surrogate
         A surrogate of surfaces.
     order : Order
-        The request. Without E*, hardness or loads, those of the scenes or of the training are used.
+        The request. E*, hardness or loads that it lacks are taken from the scenes or the training.
 
     Returns
     -------
@@ -235,8 +235,8 @@ def _learnt_load(
 ) -> Load:
     """Return the kind of the loads of a law: "delta", or "pressure" also for learnt forces.
 
-    `loads` are those of the order by kind. Raises InputError if the surrogate has not learnt the
-    load or a target of the law, or if the order gives loads that the surrogate cannot answer for.
+    `loads` are the loads of the order by kind. Raises InputError if the surrogate has not learnt
+    the load or a target of the law, or if the order gives loads that it cannot answer for.
     """
     load = surrogate.features.load
     kind: Load = "delta" if load == "delta" else "pressure"
@@ -395,7 +395,7 @@ def _tables_over_learnt_loads(
 ) -> Tables:
     """Tabulate points at learnt loads, and the same contacts against the other quantity.
 
-    `points` are those of each patch, and `kind` is the kind of their loads.
+    `points` has the points of each patch, and `kind` is the kind of their loads.
     """
     smoothed = [monotone(of_surface) for of_surface in points]
     parts = [

@@ -271,7 +271,7 @@ def _predict(model: Any, inputs: Values) -> Any:
 def _predict_by_radial_functions(model: Any, inputs: Values) -> Any:
     """Return the predictions of kernel ridge with radial basis functions at features (n, d), (n,).
 
-    They are those of the estimator's `predict`, which would take longer for checks of its input.
+    The estimator's own `predict` gives equal numbers, but takes longer for checks of its input.
     """
     centres = np.asarray(model.X_fit_, dtype=np.float64)
     gamma = model.gamma

@@ -331,7 +331,7 @@ class Surrogate:
                     f" {hardness_range_text(limits)} E*"
                 )
             hardness = limits[0] * modulus
-        return Bodies(modulus, hardness, has_modulus=e_star is not None)
+        return Bodies(e_star=modulus, hardness=hardness, has_modulus=e_star is not None)
 
     def of_numbers(self, numbers: Mapping[str, ArrayLike]) -> Rows:
         """Turn parameters and loads of a scene into rows for `predict_rows`.
@@ -560,8 +560,8 @@ class Surrogate:
     def _scale(self, powers: Powers | None, rows: Rows, e_star: float | None) -> Values:
         """Return the factors between the learnt target and the target, (n,), in its unit.
 
-        `powers` are those of the target. `e_star` is that of the prediction [MPa]; None for that of
-        the training.
+        `powers` are the powers that the target scales with; None if they are unknown. `e_star` is
+        the E* of the prediction [MPa]; None for the E* of the training.
         """
         scale = self.features.scale(powers, rows, self.modulus)
         if e_star is None or powers is None or not powers.modulus:
