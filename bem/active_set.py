@@ -58,8 +58,9 @@ AIM = 0.9
 # (`python -m tests.ledger --doubled bem.active_set.REACHED`).
 REACHED = 0.8
 
-# Steps of conjugate gradients without a smaller residual after which single precision allows none:
-# otherwise a step gains a factor of about 2. This number matters in rare cases.
+# Number of steps of conjugate gradients without a smaller residual after which a stage ends,
+# because single precision allows no smaller one: otherwise a step gains a factor of about 2. This
+# number matters in rare cases.
 STAGNANT = 30
 
 # Largest violation, over the displacement, at which a round ends with an exact residual instead of
@@ -70,7 +71,8 @@ POLISHED = 0.02
 # load [1]. This number matters in rare cases.
 MOST_LEAVING = 0.4
 
-# Steps of projected gradients that are then taken. This number matters in rare cases.
+# Number of steps of projected gradients that are taken when rounds no longer come nearer. This
+# number matters in rare cases.
 SAFE_STEPS = 4
 
 # Least gap of yielded nodes that are freed, as a share of the largest gap of yielded nodes [1].
@@ -79,30 +81,29 @@ SAFE_STEPS = 4
 # (`python -m tests.ledger --halved bem.active_set.FREED`).
 FREED = 0.1
 
-# Least gap of yielded nodes that are freed while rounds gain too little, as this share [1]. This
-# number matters in rare cases.
+# `FREED` while rounds gain too little [1]. This number matters in rare cases.
 FREED_SLOWLY = 0.7
 
-# Share of the contact under tension up to which yielded nodes are freed although the free nodes are
-# further from equilibrium [1]. More tension means too much load, under which gaps open everywhere.
-# This number matters little.
+# Largest share of the contact under tension at which yielded nodes are freed although the free
+# nodes are further from equilibrium [1]. More tension means too much load, under which gaps open
+# everywhere. This number matters little.
 LITTLE_TENSION = 0.1
 
-# Largest factor on the free pressures that makes up for the load that capping takes off others [1].
-# This number matters little.
+# Largest factor on the free pressures, which makes up for the load that capping takes off the
+# capped nodes [1]. This number matters little.
 LARGEST_SCALE = 2.0
 
-# Passes that scale the free pressures after capping: each caps more nodes, and a few passes come
-# near enough. This number matters little.
+# Largest number of passes that scale the free pressures after capping: each pass caps more nodes,
+# and a few passes come near enough. This number matters little.
 CAPPINGS = 4
 
-# Open nodes with the smallest gaps that are factorised with a contact set, as a share of it [1].
-# Solves take up to 14 % more iterations if it is doubled
+# Number of open nodes, with the smallest gaps, that are factorised together with a contact set,
+# over the number of nodes of this set [1]. Solves take up to 14 % more iterations if it is doubled
 # (`python -m tests.ledger --doubled bem.active_set.SPARE`).
 SPARE = 0.08
 
-# Exact residuals that dense algebra computes at most, before rounds take over. This number matters
-# little.
+# Largest number of exact residuals that dense algebra computes before rounds take over. This number
+# matters little.
 RENEWALS = 5
 
 # Share of the largest set worth factorising up to which the factor is in double precision [1],
@@ -114,29 +115,30 @@ DOUBLE_SHARE = 0.5
 # number matters in rare cases.
 LINEAR_REDUCTION = 0.1
 
-# Exact residuals that `solve_on` computes at most. This number matters in rare cases.
+# Largest number of exact residuals that `solve_on` computes. This number matters in rare cases.
 LINEAR_RENEWALS = 8
 
-# Free nodes of bodies that yield, as a share of the largest set worth factorising, up to which a
-# factor replaces conjugate gradients [1]. Solves with a hardness take up to 14 % more convolutions
-# if it is halved, and up to 19 % fewer, but larger factors, if it is doubled
-# (`python -m tests.ledger --halved bem.active_set.FEW_FREE`).
+# Largest number of free nodes of bodies that yield, over the largest set worth factorising, for
+# which a factor replaces conjugate gradients [1]. Solves with a hardness take up to 14 % more
+# convolutions if it is halved, and up to 19 % fewer, but larger factors, if it is doubled (`python
+# -m tests.ledger --halved bem.active_set.FEW_FREE`).
 FEW_FREE = 0.4
 
 # Share of the new waves that splitting mixes with the pressure between the bounds [1]. It is an
 # over-relaxation: the share of the pressure is negative. This number matters in rare cases.
 OVER = 1.6
 
-# Passes of splitting between two exact residuals. This number matters in rare cases.
+# Number of passes of splitting between two exact residuals. This number matters in rare cases.
 CHECKED = 10
 
-# Passes of splitting for each iteration that a problem allows. A pass takes about a quarter of a
-# step of conjugate gradients with its preconditioner. This number matters in rare cases.
+# Largest number of passes of splitting for each iteration that a problem allows. A pass takes about
+# a quarter of a step of conjugate gradients with its preconditioner. This number matters in rare
+# cases.
 PASSES = 4
 
 
 class Solved(NamedTuple):
-    """What solving the equations of the free nodes leaves.
+    """Result of solving the equations of the free nodes.
 
     Attributes
     ----------
@@ -154,7 +156,7 @@ class Solved(NamedTuple):
 
 
 class Goals(NamedTuple):
-    """Where a stage of conjugate gradients looks at its sets, and where it ends.
+    """Residuals at which a stage of conjugate gradients checks its sets, and at which it ends.
 
     Attributes
     ----------
@@ -170,7 +172,7 @@ class Goals(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Constraint:
-    """What corrections of the free pressures keep: the load, or conjugacy to the pressure.
+    """Condition on corrections of the pressure: keep the load, or be conjugate to the pressure.
 
     Arrays are values in contact, see `Patch.in_contact`.
 
@@ -181,7 +183,8 @@ class Constraint:
     carried : float
         Load that `base` carries if the load is given; 0 at a given displacement [reduced].
     image : ndarray of float32
-        Displacement by `base`, used only if `stiffness` is above 0 [unit of displacement].
+        Displacement by `base` [unit of displacement]. It is used only if `stiffness` is above 0;
+        otherwise any array may be here.
     stiffness : float
         Product of `base` and `image`; 0 if the load is given, or the displacement is not known.
     """
@@ -242,14 +245,17 @@ class _Directions:
     def __init__(self, constraint: Constraint, *, singular: bool, longest: float) -> None:
         """Begin without a direction; no node may change by more than `longest` in a step.
 
-        `singular` says whether a uniform pressure of the free nodes displaces none of them.
+        `longest` is a pressure [reduced], inf for no bound. `singular` says whether a uniform
+        pressure of the free nodes displaces none of them.
         """
         self.constraint = constraint
         self.singular = singular
         self.longest = longest
         self.direction: Real = np.zeros(constraint.base.shape, np.float32)
         self.change: Real = np.zeros(constraint.base.shape, np.float32)
-        self.product = math.inf  # of the last residual and its correction
+        # Product of the last residual and its correction. It is infinite before the first one, so
+        # that no earlier direction is kept.
+        self.product = math.inf
         self.shortened = False  # whether `longest` has cut off the last step
 
     @property
@@ -259,9 +265,9 @@ class _Directions:
         return pressure
 
     def turn(self, correction: Real, residual: Real) -> None:
-        """Take the next direction: a residual's correction, conjugate to all directions before.
+        """Make a residual's correction conjugate to all earlier directions, and search along it.
 
-        The constraint is applied to `correction` in place.
+        `correction` is the preconditioned residual, to which the constraint is applied in place.
         """
         correction = self.constraint.applied(correction, residual)
         product = inner(residual, correction)
@@ -270,20 +276,21 @@ class _Directions:
         self.product = product
 
     def length(self, displaced: Real) -> np.float32 | None:
-        """Return the length of the step that reduces the energy most; None if rounding is left.
+        """Return the length of the next step, over the direction; set `shortened`.
 
-        `displaced` is the displacement by the direction, on the free nodes.
+        It is the length of the least energy, cut off at `longest`. None is returned where the
+        product or the curvature is not above 0, so that only rounding is left. `displaced` is the
+        displacement by the direction, on the free nodes.
         """
         curvature = inner(self.direction, displaced)
-        if not (self.product > 0 and curvature > 0):
+        if not (self.product > 0 and curvature > 0):  # also where one is nan
             return None
         full = self.product / curvature
         length = np.float32(full)
         if self.longest < math.inf:
             length = min(length, np.float32(self.longest / np.abs(self.direction).max()))
-        self.shortened = bool(
-            length < full * 0.999
-        )  # by more than single precision rounds
+        # The factor 0.999: rounding to single precision is no cut.
+        self.shortened = bool(length < full * 0.999)
         return length
 
 
@@ -295,21 +302,24 @@ def _largest(values: Real) -> float:
 
 
 class _Watch:
-    """Tells of a stage when it ends for its residual, and when its sets are due to be checked."""
+    """Decides by the residual when a stage ends, and when its sets are checked."""
 
     def __init__(self, goals: Goals, iterations: int) -> None:
-        """Begin after some iterations of the solve."""
+        """Begin a stage; `iterations` is the number of iterations of the solve before it."""
         self._goals = goals
         self._next_check: float | None = None  # residual at which sets are checked
         self._least = math.inf  # smallest residual of the stage
         self._least_at = iterations  # iterations at which it was reached
 
     def has_ended(self, largest: float, iterations: int) -> bool:
-        """Return whether the largest residual is small or nan, or falls no longer."""
+        """Return whether a largest residual is small or nan, or no longer falls.
+
+        `iterations` is the number of iterations of the solve so far.
+        """
         if largest < self._least:
             self._least = largest
             self._least_at = iterations
-        above = largest > self._goals.floor
+        above = largest > self._goals.floor  # False where the residual is nan
         return not above or iterations - self._least_at >= STAGNANT
 
     def is_due(self, largest: float) -> bool:
@@ -354,8 +364,9 @@ class ActiveSet:
         Returns
         -------
         bool
-            Whether the tolerance is met. If not, the iterate holds the nearer one of the pressure
-            before and the last one that was tried.
+            Whether the tolerance is met and no pressure exceeds the hardness. If the tolerance is
+            not met, the iterate holds either the pressure before or the last one that was tried,
+            whichever is nearer to equilibrium.
         """
         iterate = self.iterate
         if iterate.yields or iterate.iterations >= iterate.max_iterations:
@@ -377,7 +388,8 @@ class ActiveSet:
     def _candidates(self) -> Nodes | None:
         """Return the flat indices of nodes that may be in contact, None if these are too many.
 
-        They are the nodes that touch, and as many again as `SPARE` says with the smallest gaps.
+        They are the nodes that touch, followed by open nodes with the smallest gaps, whose number
+        is set by `SPARE`.
         """
         iterate = self.iterate
         few = self._patch.few
@@ -386,7 +398,8 @@ class ActiveSet:
         if number * (1 + SPARE) > few:
             if iterate.load is None and number > few:
                 return None
-            touching = iterate.pressure > 0  # under a load, most others will leave again
+            # Under a load, most nodes that penetrate without any pressure will leave again.
+            touching = iterate.pressure > 0
         nodes = np.flatnonzero(touching)
         number_spare = min(math.ceil(SPARE * nodes.size), touching.size - nodes.size)
         if not 0 < nodes.size <= few - number_spare:
@@ -443,9 +456,11 @@ class ActiveSet:
     def _solved_densely(
         self, factor: ContactFactor, interference: Values
     ) -> Values | None:
-        """Return the pressure on the nodes of a factor; None if its sets have not settled.
+        """Return the pressure on the nodes that a factor has left; None if its sets do not settle.
 
-        Each set that was tried is an iteration.
+        The nodes are `factor.nodes` after the call. Each set that was tried is an iteration. The
+        solution's shift is not needed, because `Iterate.renew` balances anew. LinAlgError passes
+        through.
         """
         iterate = self.iterate
         sets = min(MOST_SETS, iterate.max_iterations - iterate.iterations)
@@ -472,8 +487,9 @@ class ActiveSet:
         Returns
         -------
         bool
-            Whether the tolerance is met. If not, either rounding allows no smaller violation, as
-            `stalled` then says, or the bound on iterations is reached, or numbers are nan.
+            Whether the tolerance is met. If not, there are three possible reasons: rounding allows
+            no smaller violation (then `stalled` is set), the bound on iterations is reached, or
+            numbers are nan.
         """
         iterate = self.iterate
         progress = Progress(iterate.violation())
@@ -484,6 +500,7 @@ class ActiveSet:
                 iterate.let_yield()
                 progress.note_yielding(iterate.violation())
             floor = max(AIM * iterate.tolerance, progress.resolved)
+            # Rounds that take no iteration are bounded too.
             steps = max(iterate.iterations, progress.rounds)
             out_of_steps = steps >= iterate.max_iterations
             if progress.largest > floor and not out_of_steps:
@@ -498,12 +515,19 @@ class ActiveSet:
                     return met
             progress.rounds += 1
 
-    def _has_to_yield(self, largest: float) -> bool:
-        """Return whether bodies taken for elastic are certain to exceed the hardness."""
+    def _has_to_yield(self, largest_violation: float) -> bool:
+        """Return whether bodies that were taken for elastic are certain to exceed the hardness.
+
+        They are as soon as the largest violation [unit of displacement] is so small that a pressure
+        above the hardness will stay there.
+        """
         iterate = self.iterate
-        elastic = iterate.hardness < math.inf and not iterate.yields
-        certain = largest <= CERTAIN * max(iterate.shift, iterate.least_displacement)
-        return elastic and certain and bool(iterate.pressure.max() > iterate.hardness)
+        taken_for_elastic = iterate.hardness < math.inf and not iterate.yields
+        displacement = max(iterate.shift, iterate.least_displacement)
+        near_solution = largest_violation <= CERTAIN * displacement
+        if not (taken_for_elastic and near_solution):
+            return False
+        return bool(iterate.pressure.max() > iterate.hardness)
 
     def _take_round(self, progress: Progress, floor: float) -> None:
         """Take one round, after safe steps if rounds no longer come nearer; note its results.
@@ -530,9 +554,11 @@ class ActiveSet:
         )
 
     def _take_sets(self, progress: Progress, floor: float) -> Mask | None:
-        """Hand the free nodes to the patch, and return the yielded ones; None for elastic bodies.
+        """Set the free nodes as the patch's contact set, and return the mask of the yielded nodes.
 
-        After a step ahead on a set, no other nodes join it, so that sets do not flicker.
+        The mask is None for elastic bodies. After a step ahead on a set, no other nodes join it, so
+        that sets do not flicker. Unless nodes have yielded, the pressure is rescaled for a new set
+        (`Iterate.rescale`).
         """
         iterate = self.iterate
         patch = self._patch
@@ -545,7 +571,7 @@ class ActiveSet:
         yielded: Mask = iterate.pressure >= iterate.hardness
         opens_most = violation.opening >= max(violation.penetration, violation.gap)
         may_free = opens_most or self._tension <= LITTLE_TENSION
-        if violation.opening > floor and may_free:
+        if violation.opening > floor and may_free:  # nodes with the widest gaps
             share = FREED_SLOWLY if progress.slow else FREED
             yielded &= iterate.residual >= -np.float32(share * violation.opening)
         free = iterate.touching() & ~yielded
@@ -562,8 +588,8 @@ class ActiveSet:
         """Solve loosely on the free nodes, and bring their pressure back between the bounds.
 
         Where the free nodes meet the tolerance, the round is likely to be the last, so that its
-        residual is computed in double precision at once; so it is if `polishing`. Return whether a
-        step ahead was taken on the next set.
+        residual is computed in double precision at once. With `polishing`, it is also computed in
+        double precision. Return whether a step ahead was taken on the next set.
         """
         iterate = self.iterate
         before = None  # unless damped, nothing is kept, to save memory
@@ -594,10 +620,11 @@ class ActiveSet:
     def _solve_equations(
         self, yielded: Mask | None, goals: Goals, before: State | None
     ) -> Solved:
-        """Solve the equations of the free nodes, whatever the bounds: densely, or else loosely.
+        """Solve the equations of the free nodes, whatever the bounds.
 
-        Where the displacement barely fixes the load, go back towards the state before if much of
-        the contact would leave.
+        Few free nodes of bodies that yield are solved by dense algebra, all others loosely by
+        conjugate gradients. Where the displacement barely fixes the load, go back towards the state
+        before if much of the contact would leave.
         """
         iterate = self.iterate
         in_residual = iterate.pressure
@@ -611,7 +638,7 @@ class ActiveSet:
     def _update_residual(self, solved: Solved, *, free_memory: bool) -> None:
         """Update the residual to the present pressure, by one convolution.
 
-        With `free_memory`, the solved pressure is overwritten.
+        With `free_memory`, the solved pressure is overwritten to save memory.
         """
         iterate = self.iterate
         buffer = None
@@ -623,7 +650,7 @@ class ActiveSet:
             iterate.rescale()
 
     def _copied_state(self) -> State:
-        """Return the present state, which the iterate's own arrays no longer share."""
+        """Return the present state, whose arrays the iterate no longer shares."""
         iterate = self.iterate
         state = State(
             pressure=iterate.pressure,
@@ -653,10 +680,11 @@ class ActiveSet:
         )
 
     def _shorten(self, before: State, solved: Field) -> None:
-        """Take a shorter step from an earlier state towards the pressure that equations gave.
+        """Take a shorter step from an earlier state towards `solved`, the equations' pressure.
 
-        Its length is that of the least energy on the line to the present pressure, but it goes
-        along the bounds, so that nodes leave the contact.
+        The length is the one with the least energy on the line from the earlier to the present
+        pressure. The step itself goes towards `solved` and is cut off at the bounds, so that nodes
+        leave the contact.
         """
         iterate = self.iterate
         change = iterate.pressure - before.pressure
@@ -718,8 +746,8 @@ class ActiveSet:
         Sets are checked, if `checked`, whenever the residual has fallen by the goals' reduction.
         The residual of all nodes is updated, because the convolution yields it at no extra cost. On
         all nodes of a patch without edges a uniform pressure displaces nothing. Unless the load
-        fixes the mean, steps may then go far, and are cut off at the hardness. Return the largest
-        residual of the free nodes [unit of displacement].
+        fixes the mean pressure, steps may then go far, and are cut off at the hardness. Return the
+        largest residual of the free nodes, inf if no iteration is left [unit of displacement].
         """
         iterate = self.iterate
         constraint = self._constraint(yielded)
@@ -750,8 +778,8 @@ class ActiveSet:
     def _step(self, directions: _Directions, free: Real) -> bool:
         """Take one step of conjugate gradients from the residual of the free nodes.
 
-        Return whether the stage goes on: not where rounding leaves no step, and not where the
-        matrix is singular and pressures have come out of bounds.
+        Return whether the stage goes on. It does not where rounding leaves no step, nor where the
+        matrix is singular and the step was cut off or has put nodes under tension.
         """
         iterate = self.iterate
         patch = self._patch
@@ -792,6 +820,7 @@ class ActiveSet:
             if not base.any():
                 base = patch.in_contact(np.ones_like(iterate.residual))
             carried = float(base.sum(dtype=np.float64))
+            # Without a stiffness the image is not used, and `base` fills its place.
             return Constraint(base=base, carried=carried, image=base, stiffness=0.0)
         if yielded is not None and yielded.any():
             return Constraint(base=base, carried=0.0, image=base, stiffness=0.0)
@@ -816,8 +845,9 @@ class ActiveSet:
         They have to if a free node is under tension or beyond the hardness, if an open node
         penetrates, or if a yielded node opens by more than the largest residual of the free nodes.
 
-        `pressure` is that of the free nodes, `floor` the least departure that matters, and the
-        residual of all nodes exceeds its true value by `mean` [unit of displacement].
+        `pressure` belongs to the free nodes, `floor` is the largest penetration or opening that is
+        tolerated, `largest` the largest residual of the free nodes, and the residual of all nodes
+        exceeds its true value by `mean` [unit of displacement].
         """
         if pressure.min() < 0:
             return True
@@ -831,9 +861,10 @@ class ActiveSet:
         return bool((outside * ~yielded).max() > floor + mean)
 
     def _solve_few_free(self) -> bool:
-        """Solve for few free nodes by dense algebra, which leaves the residual as it is.
+        """Solve the equations of the free nodes by dense algebra if these nodes are few.
 
-        Return whether the pressure was solved for; it is a new array then.
+        Return whether they were solved. If so, the iterate's pressure is a new array, and its
+        residual still belongs to the old one.
         """
         iterate = self.iterate
         if not 0 < self._patch.count <= FEW_FREE * self._patch.few:
@@ -861,7 +892,8 @@ class ActiveSet:
         """Cut off tension, cap pressures at the hardness, and take the next set.
 
         With `onwards`, also step ahead on the next set by a share of its preconditioned residual.
-        Return a new pressure, or None where no pressure is out of bounds.
+        Return a new pressure that carries the load, or None where no pressure is out of bounds. The
+        next set becomes the patch's contact set, and `_tension` is set in any case.
         """
         iterate = self.iterate
         patch = self._patch
@@ -883,17 +915,17 @@ class ActiveSet:
             correction = patch.correct(patch.in_contact(iterate.residual))
             patch.add_to(ahead, np.float32(ADVANCE) * correction)
             np.maximum(ahead, 0, out=ahead)
-        if iterate.yields:
+        if iterate.yields:  # a step ahead makes no further node yield
             highest = np.maximum(pressure, BELOW_HARDNESS * iterate.hardness)
             np.minimum(ahead, highest, out=ahead)
         iterate.admit(ahead)
         return ahead
 
     def _capped(self, ahead: Field, yielded: Mask) -> Field:
-        """Cap a pressure that is nowhere negative at the hardness, and return it.
+        """Return a pressure that is nowhere negative, capped at the hardness.
 
-        Load that capping takes off goes on the free nodes, as far as scaling them by at most
-        `LARGEST_SCALE` allows.
+        Load that capping takes off is moved to the free nodes, as far as scaling their pressures by
+        at most `LARGEST_SCALE` allows.
         """
         iterate = self.iterate
         hardness = iterate.hardness
@@ -917,7 +949,10 @@ class ActiveSet:
     # Safe steps
 
     def _descend(self) -> None:
-        """Take a few steps of projected gradients, each of which lowers the energy for certain."""
+        """Take a few steps of projected gradients, each of which lowers the energy for certain.
+
+        They end early where rounding leaves no step.
+        """
         iterate = self.iterate
         iterate.exact = False
         for _ in range(SAFE_STEPS):
@@ -943,7 +978,7 @@ class ActiveSet:
         return projected
 
     def _split(self) -> bool:
-        """Solve by waves and bounds in turn, without edges; return whether the patch allows it.
+        """Solve by waves and bounds in turn on a patch without edges; return False on a free one.
 
         The alternating direction method of multipliers has no sets that could cycle. It minimises
         the same energy in turn over all pressures, by one Fourier transform each way, and over the
@@ -958,7 +993,8 @@ class ActiveSet:
         iterate = self.iterate
         interference = iterate.below + iterate.given_shift
         within = iterate.pressure  # between the bounds
-        price = iterate.residual / penalty  # scaled multiplier of their equality
+        # Scaled multiplier of the equality free = within.
+        price = iterate.residual / penalty
         for number in range(1, PASSES * iterate.max_iterations + 1):
             free = filtered(inverse, interference + penalty * (within - price))
             if iterate.load is not None:
@@ -973,7 +1009,7 @@ class ActiveSet:
     def _is_solved_by(self, within: Field) -> bool:
         """Take a pressure of splitting with its exact residual; return whether it is near enough.
 
-        Its passes are counted as convolutions.
+        The passes since the last call are counted as convolutions.
         """
         iterate = self.iterate
         self._patch.convolutions += CHECKED

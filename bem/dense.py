@@ -57,7 +57,7 @@ class DenseSolution(NamedTuple):
 
 
 class _Backward(NamedTuple):
-    """What a factor gives back for one interference.
+    """Result of solving by a factor for one interference.
 
     Attributes
     ----------

@@ -3,9 +3,8 @@
 Displacements are in units of a length of the problem. Pressures are in units of this length times
 E* over the first side of a cell; pressures and loads in these units are called reduced. Few nodes
 that may touch are solved by dense algebra alone. Every other problem is solved by one active set
-(`bem.active_set`), which begins from a pressure near the
-solution, from a loose solution on a coarser grid,
-or from a first guess.
+(`bem.active_set`), which begins from a pressure near the solution, from a loose solution on a
+coarser grid, or from a first guess.
 
 Constants say how far they move the counts of the ledger, see `bem.active_set`.
 """
@@ -37,8 +36,8 @@ FEW_NODES = 250
 # (`python -m tests.ledger --doubled bem.equilibrium.NESTED`).
 NESTED = 500
 
-# This number where little comes into contact: a coarser grid then saves work on larger grids only.
-# This number matters little.
+# `NESTED` where little comes into contact [nodes]: a coarser grid then saves work on larger grids
+# only. This number matters little.
 NESTED_FAINT = 1000
 
 # Tolerance of the loose solve [displacement]. This number matters little.
@@ -54,21 +53,22 @@ FAINT_PRESSURE = 4e-3
 # (`python -m tests.ledger --doubled bem.equilibrium.FAINT_DELTA`).
 FAINT_DELTA = 0.6
 
-# Mean pressure, over E* times the rms slope, above which full contact on its own grid is nearer to
-# the solution of a patch without edges than a coarser grid is [1]. Measured on spectral and
-# diamond-square surfaces of 512 and 1,024 nodes a side. This number matters in rare cases.
+# Mean pressure, over E* times the rms slope, above which the pressure of full contact is nearer to
+# the solution of a patch without edges than the solution on a coarser grid is [1]. It was measured
+# on spectral and diamond-square surfaces of 512 and 1,024 nodes a side. This number matters in rare
+# cases.
 NESTED_FULL = 1.1
 
-# Largest Delta at which the coarser grid is solved, over its own Delta of full contact or Delta*
-# [1]: it has no equilibrium beyond, where the finer grid still may have one. This number matters in
-# rare cases.
+# Largest Delta at which the coarser grid is solved, over the coarser grid's Delta of full contact
+# or Delta* [1]. At or beyond this Delta the coarser grid has no equilibrium, although the finer
+# grid still may have one. This number matters in rare cases.
 NESTED_BELOW = 0.9999
 
-# Contact set up to which no first step is taken before dense algebra, as a share of the largest set
-# worth factorising [1]: on free patches from a first guess. This number matters little.
+# Largest contact set for which no first step is taken before dense algebra, over the largest set
+# worth factorising, on free patches from a first guess [1]. This number matters little.
 ENOUGH_FREE = 0.5
 
-# That share for all other starts, where a step gains less [1]. Ladders take up to 7 % more
+# `ENOUGH_FREE` for all other starts, where a step gains less [1]. Ladders take up to 7 % more
 # iterations if it is doubled (`python -m tests.ledger --doubled bem.equilibrium.ENOUGH`).
 ENOUGH = 0.9
 
@@ -93,7 +93,8 @@ SAMPLED = 16
 # 129 to 513 nodes a side. This number matters in rare cases.
 LEAST_OVERLAPPING = 6.0
 
-# Share of the nodes that are solved first under a light load, over the same quotient [1]. Ladders
+# Share of the nodes that are solved first under a light load, over the mean pressure divided by E*
+# times the rms slope [1]. Ladders
 # take up to 16 % more convolutions if it is halved
 # (`python -m tests.ledger --halved bem.equilibrium.OVERLAPPING`).
 OVERLAPPING = 20.0
@@ -110,16 +111,16 @@ FURTHER = 1.1
 # apart. This number matters in rare cases.
 REACH = 1e3
 
-# Displacement, over the unit of length, that the tolerance refers to while a load has brought none
-# [1]. This number matters in rare cases.
+# Displacement, over the unit of length, that the tolerance refers to as long as the displacement
+# under a load is not above zero [1]. This number matters in rare cases.
 LEAST = 1e-3
 
 # Delta, over that of full contact, above which full contact is the better start [1]. This number
 # matters in rare cases.
 NEARLY_FULL = 0.9
 
-# Trials of the constant that is added to the pressure of full contact. This number matters in rare
-# cases.
+# Largest number of trials of the constant that is added to the pressure of full contact. This
+# number matters in rare cases.
 CONSTANTS = 4
 
 # Least mean gap that these trials aim at, over Delta of full contact [1]. This number matters in
@@ -153,7 +154,7 @@ class Equilibrium:
     converged : bool
         Whether the tolerance is met.
     stalled : bool
-        Whether rounding leaves no step that would come nearer.
+        Whether rounding leaves no step that would come nearer to equilibrium.
     displacement : ndarray, shape (nx, ny), or None
         Displacement of the half-space under that pressure, nan outside the box that was solved;
         None if it is not known [length].
@@ -211,6 +212,13 @@ def equilibrium_of(problem: Problem, near: Start | None = None) -> Equilibrium |
     Equilibrium or None
         The equilibrium, whose `converged` tells whether it meets the tolerance; None if the bodies
         are apart or just touch.
+
+    Raises
+    ------
+    BeyondCriticalDelta
+        If Delta is at or beyond Delta* on a compliant far field; it is a NoSolution.
+    ArithmeticError
+        If the flat punch of a compliant far field is not solved.
     """
     if not _is_loaded(problem):
         return None
@@ -267,9 +275,10 @@ def _has_elastic(problem: Problem) -> bool:
 def _elastic_after_all(
     problem: Problem, yielding: Equilibrium, near: Start | None
 ) -> Equilibrium:
-    """Return the elastic solution, to the last bit, unless it exceeds the hardness.
+    """Solve without the hardness, and return this solution unless it exceeds the hardness.
 
-    `yielding` is the solution with the hardness; the effort of both is added up.
+    A hardness that is never reached therefore changes no bit of the result. `yielding` is the
+    solution with the hardness, which is returned otherwise. The efforts of both are added up.
     """
     elastic = equilibrium_of(replace(problem, hardness=None), near)
     assert elastic is not None
@@ -318,7 +327,10 @@ def _on_few_nodes(problem: Problem, give: float) -> Equilibrium | None:
 
 
 def _depth_of_few(heights: Field) -> float:
-    """Return the depth of the first node that is too deep for `FEW_NODES` above it [um]."""
+    """Return the depth of the highest node that `FEW_NODES` nodes are above [um].
+
+    On smaller grids it is the depth of the lowest node.
+    """
     flat = heights.reshape(-1)
     rank = min(FEW_NODES + 1, flat.size)
     return float(flat.max() - np.partition(flat, -rank)[-rank])
@@ -330,8 +342,9 @@ def _solve_densely(
 ) -> Equilibrium | None:
     """Solve by dense algebra on all nodes that may touch.
 
-    `touching` holds them in units of `length` [um]. Return None if the load needs more nodes, or no
-    solution meets the tolerance.
+    `touching` holds these nodes; `length` is its unit [um]. `give` is how far the far field gives
+    way under a unit load [reduced]. Return None if the load needs more nodes, or no solution meets
+    the tolerance.
     """
     hardness = problem.reduced_hardness(length)
     matrix = InfluenceMatrix(touching.below.shape, problem.kernel, problem.aspect)
@@ -420,9 +433,8 @@ def _at_displacement(problem: Problem, near: Start | None, give: float) -> Equil
         reached = math.inf
     touching = overlap(problem, reached, delta)
     iterate = _new(problem, touching, delta, give=give)
-    with np.errstate(
-        over="ignore", invalid="ignore"
-    ):  # a start that overflows is worthless
+    # A start that overflows is worthless.
+    with np.errstate(over="ignore", invalid="ignore"):
         if near is not None:
             _begin_from(iterate, problem, near, touching, delta)
             is_poor = iterate.worthless(FARTHEST)
@@ -485,7 +497,10 @@ def _begin_from(
 
 
 def _all_yielded(problem: Problem, delta: float) -> Equilibrium:
-    """Return the hardness on all nodes, which displaces nothing: all of the surface penetrates."""
+    """Return the equilibrium with the hardness on all nodes, which displaces nothing.
+
+    It is the solution without edges if all of the surface penetrates at `delta` [um].
+    """
     return Equilibrium(
         pressure=np.full(problem.heights.shape, problem.reduced_hardness(delta)),
         length=delta,
@@ -582,10 +597,11 @@ def _is_certain_to_yield(iterate: Iterate) -> bool:
 def _under_load(problem: Problem, near: Start | None) -> Equilibrium:
     """Solve under a given force; the displacement follows from the balance of the free nodes.
 
-    A light load presses on a few summits of a free patch, so that a part of the grid is solved:
-    the one that overlaps at a guess of the displacement that is reached. Where the displacement
-    turns out to be larger, a larger part is solved from there: one that overlaps at this
-    displacement, which is never below that of the whole grid.
+    A light load presses on a few summits of a free patch. Therefore only the part of the grid that
+    overlaps at a guess of the displacement is solved. If the displacement turns out to be larger,
+    the part that overlaps at this displacement is solved next, from the pressure so far. This part
+    suffices, because fewer nodes are pressed deeper: the displacement of a part is never below the
+    displacement of the whole grid.
     """
     load = _reduced_load(problem)
     depth = _mean_depth(problem.heights)
@@ -629,15 +645,20 @@ def _reach(problem: Problem, near: Start | None) -> float:
 
 
 def _guessed_reach(problem: Problem) -> float:
-    """Guess generously the displacement under a load [um]; infinite if most nodes may overlap."""
+    """Guess generously the displacement under a load [um].
+
+    It is infinite if more than `MOST_OVERLAPPING` of the nodes may overlap, or the highest nodes
+    are level.
+    """
     size = problem.heights.size
-    share = OVERLAPPING * _relative_load(problem)
-    share += _reduced_load(problem) / size / problem.reduced_hardness(1.0)
+    # Mean pressure over hardness: the share of the nodes that has to carry the load at least.
+    least_yielded = _reduced_load(problem) / size / problem.reduced_hardness(1.0)
+    share = OVERLAPPING * _relative_load(problem) + least_yielded
     number = FEW_NODES + math.ceil(min(share, 1.0) * size)
     if not (share < MOST_OVERLAPPING and number < size):
         return math.inf
-    highest = np.partition(problem.heights, size - number, axis=None)[size - number]
-    depth = float(problem.heights.max() - highest)
+    foot = np.partition(problem.heights, size - number, axis=None)[size - number]
+    depth = float(problem.heights.max() - foot)
     if not depth > 0:
         return math.inf
     return math.nextafter(depth, math.inf)  # nodes of this height overlap too
@@ -659,7 +680,10 @@ class Guess(NamedTuple):
 
 
 def _first_guess(problem: Problem, iterate: Iterate, load: float) -> Guess:
-    """Guess a pressure that carries a load [reduced]: from full contact, or on the summits."""
+    """Guess a pressure that carries a load [reduced], from full contact or on the summits.
+
+    A guess on the summits changes the patch's contact set.
+    """
     relative_load = _relative_load(problem)
     full = _full_pressure(problem, iterate, relative_load)
     if full is None:
@@ -673,18 +697,18 @@ def _first_guess(problem: Problem, iterate: Iterate, load: float) -> Guess:
 def _full_pressure(
     problem: Problem, iterate: Iterate, relative_load: float
 ) -> Field | None:
-    """Return the pressure of full contact that carries the load, of any sign [reduced].
+    """Return the pressure of full contact under the load; it may be negative at places [reduced].
 
     Its projection onto pressures that are not negative is near the solution under larger loads.
-    Return None on free patches, where it is not known, and under light loads. See `_relative_load`.
+    Return None on free patches, where it is not known, and if `relative_load` is below `LIGHT` (see
+    `_relative_load`).
     """
     if problem.boundary == "free" or not relative_load >= LIGHT:
         return None
     assert iterate.load is not None
-    return (
-        iterate.patch.zero_mean_pressure(iterate.below)
-        + iterate.load / iterate.below.size
-    )
+    zero_mean_pressure = iterate.patch.zero_mean_pressure(iterate.below)
+    mean_pressure = iterate.load / iterate.below.size
+    return zero_mean_pressure + mean_pressure
 
 
 def _pressure_on_summits(
@@ -692,9 +716,9 @@ def _pressure_on_summits(
 ) -> Field:
     """Guess a pressure on the highest nodes that carries the load [reduced].
 
-    They are pressed as deep as a plane at their foot would press them, and a constant is subtracted
-    from their pressure until it carries the load. This changes the patch's contact set. See
-    `_relative_load`, which decides how many nodes these are.
+    These nodes are pressed as deep as a plane at their foot would press them, and a constant is
+    subtracted from their pressure so that it carries the load. `relative_load` (see
+    `_relative_load`) sets their number. The patch's contact set is changed.
     """
     patch = iterate.patch
     below = iterate.below
@@ -735,9 +759,9 @@ def _mean_square(differences: Field) -> float:
 
 
 def _full_contact(problem: Problem, pressure: Field, length: float) -> Equilibrium:
-    """Return full contact, which is the solution where its reduced pressure is within bounds.
+    """Return the equilibrium of full contact on a patch without edges.
 
-    `length` is the unit of length [um].
+    `pressure` is its pressure, within bounds [reduced], and `length` the unit of length [um].
     """
     below = (problem.heights - problem.heights.max()) / length
     depth = -float(below.mean()) * length
@@ -757,7 +781,10 @@ def _full_contact(problem: Problem, pressure: Field, length: float) -> Equilibri
 
 
 def _on_coarser_grid(problem: Problem) -> Start | None:
-    """Solve loosely on a grid with twice the spacing; return None where that gains nothing."""
+    """Return a start from a loose solve on a grid with twice the spacing.
+
+    Return None where it would save no work, or the coarser grid has no equilibrium.
+    """
     coarse = None
     if _gains_by_nesting(problem):
         coarse = _coarse_problem(problem)
@@ -784,8 +811,8 @@ def _on_coarser_grid(problem: Problem) -> Start | None:
 def _gains_by_nesting(problem: Problem) -> bool:
     """Return whether a start on a coarser grid saves work.
 
-    It does not where little comes into contact, nor near full contact without edges. Nor can it be
-    made without edges if a side has an odd number of nodes.
+    It saves none where little comes into contact, nor near full contact without edges. Without
+    edges, it cannot be made if a side has an odd number of nodes.
     """
     rows, columns = problem.heights.shape
     if min(rows, columns) < NESTED_FAINT and _is_faint(problem):
@@ -812,7 +839,8 @@ def _coarse_problem(problem: Problem) -> Problem | None:
         heights = cells.mean(axis=(1, 3))
     delta = problem.delta
     if delta is not None:
-        delta -= float(problem.heights.max() - heights.max())  # from its own highest node
+        # Delta counts from the highest node of the coarser grid.
+        delta -= float(problem.heights.max() - heights.max())
         end = math.inf
         if problem.far_field == "compliant":
             end = critical_delta(heights, problem.kernel, problem.aspect)

@@ -36,8 +36,8 @@ LEAST_SCALE = 0.8
 # This number matters little.
 MOSTLY_ELASTIC = 0.02
 
-# Violation, over the displacement s, at which a pressure above the hardness is certain to stay
-# there [1]. Bodies that were taken for elastic then yield. This number matters little.
+# Largest violation, over the displacement s, at which a pressure above the hardness is certain to
+# stay there [1]. Bodies that were taken for elastic then yield. This number matters little.
 CERTAIN = 1e-2
 
 # Violation, over the displacement s, below which no further first step is taken [1]. Ladders take
@@ -66,13 +66,13 @@ INTERPOLATED_STEPS = 3
 # it is doubled (`python -m tests.ledger --halved bem.iterate.APPROACH_FREE`).
 APPROACH_FREE = 0.55
 
-# This share on a patch without edges, for a small contact [1]. Solves under a load take up to 8 %
-# more iterations if it is halved, and up to 36 % more if it is doubled
-# (`python -m tests.ledger --halved bem.iterate.APPROACH_SMALL`).
+# `APPROACH_FREE` for a patch without edges with a small contact [1]. Solves under a load take up to
+# 8 % more iterations if it is halved, and up to 36 % more if it is doubled (`python -m tests.ledger
+# --halved bem.iterate.APPROACH_SMALL`).
 APPROACH_SMALL = 0.6
 
-# This share on a patch without edges, for a full contact [1]. Solves near full contact take up to
-# 19 % more convolutions if it is halved, and up to 42 % more iterations if it is doubled
+# `APPROACH_FREE` for a patch without edges with a full contact [1]. Solves near full contact take
+# up to 19 % more convolutions if it is halved, and up to 42 % more iterations if it is doubled
 # (`python -m tests.ledger --halved bem.iterate.APPROACH_FULL`).
 APPROACH_FULL = 0.8
 
@@ -80,16 +80,16 @@ APPROACH_FULL = 0.8
 # splitting is taken to be at this bound [1]. This number matters in rare cases.
 CLOSE = 1e-9
 
-# Share of a load, or of the hardness, below which a difference is rounding [1]. This number matters
-# little.
+# Share of a load, or of the hardness, below which a difference is taken for rounding [1]. This
+# number matters little.
 LOST = 1e-11
 
-# Passes that scale the free pressures to a load at most: each takes more nodes to their limit. This
-# number matters little.
+# Largest number of passes that scale the free pressures to a load: each pass takes more nodes to
+# their limit. This number matters little.
 SCALINGS = 6
 
-# Bisections of the constant that leaves a load: they resolve all digits of double precision. This
-# number matters in rare cases.
+# Largest number of bisections for the constant that `cut_to_load` subtracts: they resolve all
+# digits of double precision. This number matters in rare cases.
 BISECTIONS = 60
 
 
@@ -181,7 +181,7 @@ class Iterate:
     max_iterations : int
         Bound on the iterations.
     least_displacement : float
-        Displacement that the tolerance refers to while a load has brought none
+        Displacement that the tolerance refers to as long as s is not above zero
         [unit of displacement].
 
     Attributes
@@ -258,12 +258,12 @@ class Iterate:
 
     @property
     def given_shift(self) -> float:
-        """Displacement s of the far field if it is given, 0 under a given load."""
+        """Displacement s of the far field if it is given, else 0 [unit of displacement]."""
         return self.shift if self.load is None else 0.0
 
     @property
     def load_of_change(self) -> float | None:
-        """Load that changes of pressure carry: 0 under a given load, None if it is free."""
+        """Load that changes of pressure carry: 0 under a given load, else None [reduced]."""
         return None if self.load is None else 0.0
 
     def violation(self, residual: Real | None = None) -> Violation:
@@ -272,8 +272,8 @@ class Iterate:
         Parameters
         ----------
         residual : ndarray, shape (nx, ny), optional
-            A residual of this pressure in double precision; by default its own, in single
-            precision [unit of displacement].
+            A residual of this pressure in double precision; by default the attribute `residual`,
+            in single precision [unit of displacement].
 
         Returns
         -------
@@ -333,7 +333,7 @@ class Iterate:
         return State(pressure=self.pressure, residual=self.residual, shift=self.shift)
 
     def restore(self, state: State) -> None:
-        """Go back to a state, whose arrays nobody has overwritten; its residual is not exact."""
+        """Go back to a state; its arrays must not have been overwritten since. Unset `exact`."""
         self.pressure = state.pressure
         self.residual = state.residual
         self.shift = state.shift
@@ -406,7 +406,7 @@ class Iterate:
         self.exact = True
 
     def let_yield(self) -> None:
-        """Cut pressures off at the hardness, update the residual, and let bodies yield from now."""
+        """Let bodies yield from now on: cut pressures off at the hardness, update the residual."""
         self.expect_yielding()
         before = self.pressure
         self.pressure = np.minimum(self.pressure, self.hardness)
@@ -419,11 +419,11 @@ class Iterate:
     def balance(self, residual: Real) -> None:
         """Shift the far field under a given load so that the free nodes are in balance.
 
-        The residual is changed in place by as much as `shift`. The mean that is subtracted from it
-        is weighted by the pressure of the free nodes. Where all nodes in contact have yielded, more
-        than one displacement is in balance. The least one that leaves no gap in contact is then
-        taken, unless nodes outside would penetrate: yielded nodes have to give load to these, and
-        the displacement halfway is taken.
+        The residual is changed in place, and `shift` by the same amount: both lose the residual's
+        mean, weighted by the pressure of the free nodes. Where all nodes in contact have yielded,
+        more than one displacement is in balance. Then the least displacement without a gap in
+        contact is taken, unless nodes outside would penetrate at it. In this case yielded nodes
+        have to give load to nodes outside, and the displacement halfway is taken.
 
         Parameters
         ----------
@@ -436,7 +436,7 @@ class Iterate:
         carried = float(weights.sum())
         if carried > 0:
             mean = inner(weights, residual) / carried
-        else:
+        else:  # all nodes in contact have yielded
             loaded = self.pressure > 0
             inside = float(residual.min(where=loaded, initial=math.inf))
             outside = float(residual.max(where=~loaded, initial=-math.inf))
@@ -449,9 +449,9 @@ class Iterate:
     # Pressures between the bounds that carry the load
 
     def admit(self, pressure: Field) -> None:
-        """Bring a pressure to the load, and to a bound where rounding left it just beside.
+        """Bring a pressure to the load, and nodes within rounding of a bound to this bound.
 
-        The pressure is changed in place. A load without any pressure is spread evenly.
+        The pressure is changed in place. If it is zero everywhere, the load is spread evenly.
 
         Parameters
         ----------
@@ -470,14 +470,16 @@ class Iterate:
             self.snap(pressure, LOST)
 
     def snap(self, pressure: Field, share: float) -> None:
-        """Set pressures just above zero or just below the hardness to it, in place.
+        """Set pressures just above zero to zero, and pressures just below the hardness to it.
+
+        The pressure is changed in place.
 
         Parameters
         ----------
         pressure : ndarray, shape (nx, ny)
             Pressure [reduced].
         share : float
-            Distance from zero or the hardness that is just beside it, over the hardness [1].
+            Distance from either bound within which pressures are set to it, over the hardness [1].
         """
         pressure[pressure < share * self.hardness] = 0
         pressure[pressure > (1 - share) * self.hardness] = self.hardness
@@ -581,9 +583,9 @@ class Iterate:
     def take_first_steps(self, enough: float = 0.0) -> None:
         """Take preconditioned steps between the bounds, from no pressure at a given displacement.
 
-        They bring most nodes out of contact that will not touch, for one convolution a step. Bodies
-        may yield from now on if the first step exceeds the hardness with more than a small share of
-        its load.
+        Each step costs one convolution. Together they take most nodes that will not touch out of
+        contact. Bodies may yield from now on if the first step exceeds the hardness with more than
+        a small share of its load.
 
         Parameters
         ----------
@@ -606,7 +608,7 @@ class Iterate:
             self._cap()
 
     def _ahead(self, touching: Mask) -> Field:
-        """Return the pressure a preconditioned step ahead on nodes that have not yielded.
+        """Return the pressure after a step on the touching nodes that have not yielded.
 
         It is nowhere negative, and may exceed the hardness.
         """
@@ -619,9 +621,10 @@ class Iterate:
     def _take_first_step(
         self, ahead: Field, interference: Real, *, is_last: bool
     ) -> bool:
-        """Go to a pressure ahead, or as near to it as lowers the energy most.
+        """Step to the pressure `ahead`, scaled or damped to the least energy.
 
-        Return whether a step lowers the energy; else nothing changes.
+        Return whether there is such a step; else nothing changes. If most of the load is on nodes
+        at the hardness, the step is damped, otherwise `ahead` is scaled.
         """
         capped = 0.0
         if self.yields:
@@ -685,8 +688,8 @@ class Iterate:
             Number of nodes in contact up to which no further step is taken.
         interpolated : bool
             Whether the pressure was interpolated from a coarser grid and is above zero on too many
-            nodes. Steps then take in the nodes under pressure alone, and go on where violations
-            rise, as they may at first.
+            nodes. Steps are then taken on the nodes under pressure alone, and continue where
+            violations rise, as they may at first.
         """
         largest = self.violation().largest
         steps = INTERPOLATED_STEPS if interpolated else FIRST_STEPS
@@ -725,9 +728,9 @@ class Iterate:
 def cut_to_load(pressure: Field, load: float, hardness: float = math.inf) -> Field:
     """Subtract a constant from a pressure and cut it off at the bounds, so that it carries a load.
 
-    Without a hardness, the constant is the one of all nodes, then of those that it leaves above
-    zero, and so on (Michelot 1986, Journal of Optimization Theory and Applications 50). With a
-    hardness, it is bisected.
+    Without a hardness, the constant is computed for all nodes, then for the nodes that it leaves
+    above zero, and so on until no node drops out (Michelot 1986, Journal of Optimization Theory and
+    Applications 50). With a hardness, the constant is found by bisection.
 
     Parameters
     ----------
@@ -770,7 +773,7 @@ def _bisected(pressure: Field, load: float, hardness: float, high: float) -> flo
 
 
 def inner(a: Real, b: Real) -> float:
-    """Compute the inner product of two arrays, whose bits no number of threads changes.
+    """Compute the inner product of two arrays, equal to the last bit on any number of threads.
 
     Fields are summed row by row without BLAS, then over the rows in double precision.
 

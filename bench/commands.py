@@ -270,7 +270,7 @@ def _require_place(folder: Path, part: Part) -> None:
     names = []
     for entry in part.contents:
         name = entry.get("figure", entry.get("table", ""))
-        # Words have no name here, and a name with * stands for names that are not known yet.
+        # Words are not written by the command. Names that a * matches are not known yet.
         if name and "*" not in name:
             names.append(name)
     check_folder(folder, *names)

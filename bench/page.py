@@ -327,9 +327,8 @@ def _how_made(shown: PartToShow) -> str:
     part = shown.part
     if record is None:
         command = PUBLISHED.typed(part).replace(str(RESULTS), "report")
-        command = command.replace(
-            "report/none.h5", "paper.h5"
-        )  # there is no such database
+        # `PUBLISHED` names a database that does not exist. A user gives one of the paper preset.
+        command = command.replace("report/none.h5", "paper.h5")
         return f"Made by `{command}`."
     retired = ""
     if part.retired:

@@ -131,9 +131,8 @@ def _write_files(files: Mapping[Path, bytes]) -> None:
     for path, content in files.items():
         make_folder(path.parent)
         if path.suffix == COMPRESSED:
-            path.unlink(
-                missing_ok=True
-            )  # `write` does not replace a file that is no text
+            # `write` would refuse to replace a file that is not text.
+            path.unlink(missing_ok=True)
         write(path, content, kind="picture" if path.suffix == ".png" else "text")
 
 

@@ -361,9 +361,9 @@ def expected_seconds(part: Part, inputs: Inputs) -> float | None:
     Returns
     -------
     float or None
-        Time [s] from the record of the same command in this folder. Without one, a short run takes
-        the time in the part's TOML file; a full run takes it, too, or else that of the published
-        record. None if the source has no time.
+        Time [s] in the record of the same command in this folder. Without this record it is
+        `part.seconds` in a short run. In a full run it is `part.minutes`, or if these are 0, the
+        time in the published record. None if the time is not known.
     """
     record = read(inputs.path(part))
     if record is not None and record.finished and record.command == inputs.typed(part):

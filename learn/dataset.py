@@ -384,7 +384,8 @@ class Selection:
         Raises
         ------
         InputError
-            If too few rows are usable, a database has none, or the target is constant.
+            If too few rows are usable, a database has none, the target is constant, or windows of
+            maps cannot be grouped; see `learn.split.surface_groups`.
         """
         column = parts[0].targets[number]
         powers = column.powers

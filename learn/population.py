@@ -382,6 +382,7 @@ class Equations:
         for part in np.unique(parts):
             inside = parts == part
             rows = self.whitened[inside]
+            # For the product of `rows` with itself, numpy has a routine with other rounding.
             matrix = self.matrix - rows.T @ self.whitened[inside] + self.penalty
             right = self.right - rows.T @ self.targets[inside]
             means[inside] = functions[inside] @ solve(matrix, right, assume_a="pos")
@@ -449,8 +450,9 @@ class ScatterCorrelation(NamedTuple):
 class Evidence(NamedTuple):
     """The evidence of lengths and a variance, as a minimiser takes it."""
 
-    minus_logarithm: float
-    slopes: Values  # (d + 1,), by the logarithms of the lengths and of the variance
+    minus_logarithm: float  # minus the logarithm of the evidence, up to a constant
+    # (d + 1,), slopes of `minus_logarithm` by the logarithms of the lengths and of the variance
+    slopes: Values
 
 
 @dataclass(frozen=True, eq=False)
@@ -647,7 +649,10 @@ class DirectionScores(NamedTuple):
 
 
 def _direction_scores(equations: Equations, inside: NDArray[np.bool_]) -> DirectionScores:
-    """Judge the mean of the rows outside a half, `inside` (n,), by the rows of this half."""
+    """Fit the mean to one half of the rows, and judge it by the other half.
+
+    `inside`, (n,), is True for the rows that judge.
+    """
     outside = ~inside
     functions = equations.whitened
     matrix = functions[outside].T @ functions[outside] + equations.penalty
@@ -698,9 +703,10 @@ def _most_likely(rows: Whitened, centres: Values) -> LikelyScales:
     limits = [*[LENGTHS] * features, VARIANCES]
     searches = []
     for length in STARTS:
+        start = np.log([*[length] * features, 1.0])  # with the variance 1
         search = minimize(
             rows.evidence,
-            np.log([*[length] * features, 1.0]),
+            start,
             (centres,),
             jac=True,
             method="L-BFGS-B",

@@ -313,6 +313,7 @@ class Regeneration:
         """
         inside = slice(block.first - self.first, block.end - self.first)
         missing = self.missing[inside]
+        # The absolute tolerance is for statistics that are 0 but for rounding.
         agrees = np.isclose(
             self.cache.inputs[inside],
             features.inputs,
@@ -331,8 +332,9 @@ class Regeneration:
 def compute_block(shared: SharedSettings, block: Block) -> BlockFeatures:
     """Compute the features of the rows of a block, on any process.
 
-    If the scene draws displacements, these are drawn again. Otherwise they are those of the block,
-    which the solver of the database computed from pressures or forces.
+    If the scene draws displacements and features are by Delta, the Deltas are drawn again.
+    Otherwise they are those of the block: Deltas that the solver of the database computed from
+    pressures or forces, or the lengths that replace Delta under pressures.
 
     Parameters
     ----------
@@ -423,12 +425,13 @@ def _values(
     None for elastic bodies.
     """
     values = np.full(_width(pressed=shared.pressed), np.nan)
-    delta = load
     try:
         if load > 0 and not surface.description.reason:
             if shared.pressed:
                 delta = surface.reached(load, ratio, shared.blocks)
                 values[-1] = delta
+            else:
+                delta = load
             values[: len(HYBRID)] = surface.hybrid(delta, ratio, shared.blocks)
     except (ArithmeticError, InputError):
         return values

@@ -211,10 +211,10 @@ def _modulus(material: options.Material) -> float | None:
 def _print_predictions(
     rows: Sequence[Mapping[str, Any]], title: str, doubts: Sequence[str]
 ) -> None:
-    """Print predictions on standard output.
+    """Print predictions, one row or more, on standard output.
 
-    These are a title, the first rows as a table, the doubts about the bodies, and why rows are
-    outside the training.
+    Printed are a title, the first `MOST_ROWS` rows as a table, the doubts about the bodies, and why
+    rows are outside the training.
     """
     columns = [name for name in rows[0] if not name.endswith(HIDDEN)]
     lines = [[_cell(row, column) for column in columns] for row in rows[:MOST_ROWS]]
@@ -374,8 +374,8 @@ def _order(
 ) -> Order:
     """Return the order of a law with its surfaces, loads and material.
 
-    `surrogate` is the one that predicts the law; None if it is solved. Raises InputError for an
-    option whose value is not allowed.
+    `inputs` are the arguments of the command. `surrogate` is the one that predicts the law; None if
+    the law is solved. Raises InputError for an option whose value is not allowed.
     """
     from gen.law import Order
     from gen.law.order import require_also
@@ -389,6 +389,7 @@ def _order(
     boundary = question.boundary
     if surrogate is None and boundary is None:
         boundary = _boundary_of_scene(inputs)
+    # A law at given parameters of a scene has no surfaces: the surrogate is its only input.
     surfaces = inputs
     if surrogate is not None and not surrogate.features.of_scene:
         surfaces = inputs[1:]  # the first input is the surrogate
@@ -416,6 +417,7 @@ def _surrogate_of_law(inputs: Sequence[str], question: LawQuestion) -> Surrogate
     """
     from learn.surrogate import Surrogate
 
+    # Without a surrogate, with --solver, `first` is a surface too.
     first, *surfaces = inputs
     path = Path(first)
     is_surrogate = path.is_file() and kind_of(path) == "surrogate"

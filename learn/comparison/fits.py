@@ -381,8 +381,8 @@ def _score(truth: Values, prediction: Values) -> FoldScore:
         return FoldScore(r2=None, failure="prediction not finite")
     with np.errstate(over="ignore"):  # squares of diverged predictions
         r2 = float(r2_score(truth, prediction))
-    if LEAST_SCORE <= r2 < math.inf:
-        return FoldScore(r2)
+    if LEAST_SCORE <= r2 < math.inf:  # False for NaN, too
+        return FoldScore(r2=r2)
     return FoldScore(r2=None, failure="prediction diverged")
 
 
@@ -431,6 +431,7 @@ def shared_predictions(
         return kernel_ridge.predictions(
             inputs, rows.target, test_inputs, settings, values
         )
+    # The fit with the largest number of trees has the models with fewer trees in it.
     estimator.set_params(**{name: max(values)}).fit(inputs, rows.target)
     predict_first = FIRST_TREES[model.name]
     return predict_first(estimator, test_inputs, values)

@@ -309,7 +309,8 @@ class Folder:
         Raises
         ------
         InputError
-            If the folder has results of other conditions.
+            If the folder has results of other conditions or a damaged comparison.json, or a file
+            cannot be written.
         """
         conditions = conditions_of(dataset, split, request)
         if (self.path / "comparison.json").exists():
@@ -380,6 +381,11 @@ class Folder:
         -------
         Result or None
             The result, or None if the folder has none.
+
+        Raises
+        ------
+        InputError
+            If the file is damaged.
         """
         return documents.read(self.path / kind / f"{model}.json", Result)
 
@@ -401,7 +407,7 @@ class Folder:
             for kind in KINDS:
                 result = self.result(kind, model)
                 if result is not None:
-                    yield StoredResult(model, kind, result)
+                    yield StoredResult(model=model, kind=kind, result=result)
 
     def winner(self, model: str) -> Settings | None:
         """Read the settings of the winner of a model's search.
@@ -478,7 +484,7 @@ class Folder:
             If the table is missing or damaged.
         """
         truth, prediction = self.numbers(f"{kind}/{model}.csv", "truth", "prediction").T
-        return Predictions(truth, prediction)
+        return Predictions(truth=truth, prediction=prediction)
 
     def numbers(self, name: str, *columns: str, part: str = "") -> Values:
         """Read columns of numbers from a CSV table of the folder.
@@ -500,7 +506,8 @@ class Folder:
         Raises
         ------
         InputError
-            If the table is missing or damaged, or a number is not finite or above `LARGEST`.
+            If the table is missing or damaged, or a number is not finite or its magnitude not below
+            `LARGEST`.
         """
         path = self.path / name
         try:
@@ -531,7 +538,12 @@ class Folder:
         Returns
         -------
         Path
-            The file.
+            The file, within the folder.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written, or a link leads out of the folder.
         """
         return self._write(name, documents.json_text(content))
 
@@ -552,7 +564,12 @@ class Folder:
         Returns
         -------
         Path
-            The file.
+            The file, within the folder.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written, or a link leads out of the folder.
         """
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")

@@ -293,7 +293,7 @@ class Grid:
         for name in sorted(settings.keys() & canonical.keys()):
             chain = reach(name, self.space[name])
             place = chain.index(settings[name])
-            # The value before this one and the value after it; there is only one at an end.
+            # The value before this one and the value after it; the ends of the chain have only one.
             neighbours = chain[max(place - 1, 0) : place] + chain[place + 1 : place + 2]
             for value in neighbours:
                 if all(candidate[name] != value for candidate in self.candidates):

@@ -174,7 +174,11 @@ def _rank(
         order = np.argsort(-means, kind="stable")  # the largest loss first
         selections = _selections(unfitted, training, names, order)
     worths = [
-        Worth(names[place], float(means[place]), float(deviations[place]))
+        Worth(
+            name=names[place],
+            mean=float(means[place]),
+            deviation=float(deviations[place]),
+        )
         for place in order
     ]
     return Ranking(model=model, worths=worths, selections=selections, remarks=warnings)
@@ -192,7 +196,9 @@ def _selections(
     if training.normalisation == UNIT_LENGTH:
         fewest = 2  # A single input would be 1 in all rows.
     selections = []
-    previous = [*order]
+    previous = [
+        *order
+    ]  # places of the inputs of the selection before, at first of all inputs
     for size in SIZES:
         if not fewest <= size <= len(order):
             continue
@@ -218,6 +224,7 @@ def _fit_to(
         **training.fit_arguments(),
     )
     predict = partial(unfitted.predict, training.test_inputs[:, kept])
+    # The timed fits are done in place, so that the pipeline is fitted afterwards.
     fit_seconds = median(repeated(fit, REPETITIONS))
     predict_seconds = median(repeated(predict, REPETITIONS))
     prediction = training.scaling.restored(predict())

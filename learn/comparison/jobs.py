@@ -253,7 +253,8 @@ def _search_of(
     """
     features = target.folder.record().conditions.features
     space = grids.space_of(model.name, features)
-    grid = grids.Grid(model, space.values, target.training.inputs.shape[1])
+    number_of_features = target.training.inputs.shape[1]
+    grid = grids.Grid(model, space=space.values, inputs=number_of_features)
     return GridSearch(
         model=model,
         grid=grid,
@@ -319,7 +320,7 @@ def open_targets(
             note(f"  {line}")
         if not parts.by_surface:
             note("  all rows share one surface: they are split one by one")
-        yield Target(folder, _training(request, rows, parts))
+        yield Target(folder=folder, training=_training(request, rows, parts))
 
 
 def _training(request: Request, rows: Dataset, parts: Split) -> Training:
@@ -358,7 +359,7 @@ def fit_and_time(training: Training, task: TimedFit) -> MeasuredFit:
     -------
     MeasuredFit
         Predictions, scores, and median times on one thread. If a fit or prediction raises an error,
-        the reason in place of these.
+        there are none of these, and `failure` is the reason.
     """
     training = training.seen_by(task.model)
     unfitted = training.unfitted(task.model, task.settings, tuned=task.of_grid)
@@ -387,6 +388,7 @@ def fit_and_time(training: Training, task: TimedFit) -> MeasuredFit:
         # Libraries raise errors of any type. A model whose fit failed has no scores.
         except Exception as error:
             failure = reason(error)
+            # A prediction may have failed after its scores, while it was timed.
             train_scores = None
             test_scores = None
     return MeasuredFit(

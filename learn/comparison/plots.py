@@ -81,8 +81,9 @@ def draw(tables: Tables) -> list[Path]:
     Raises
     ------
     InputError
-        If a picture cannot be written, or a table of predictions is damaged.
+        If a picture cannot be written, or a table of predictions is missing or damaged.
     """
+    # Results with the libraries' own settings are not drawn.
     rows = [row for row in tables.scored if row.kind in COLOURS]
     if not rows:
         return []

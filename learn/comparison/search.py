@@ -43,7 +43,9 @@ from learn.split import FOLDS
 
 STEP_FOLDS = 2  # number of folds on which a step of halving ranks its candidates
 JUDGED = 0.75  # share of the time for judging; the rest is for the last fit of the winner
-FACTOR = 3  # one of so many candidates goes on to the next step, which has so many times the rows
+# A step of halving keeps one of `FACTOR` candidates for the next step, which has `FACTOR` times as
+# many rows.
+FACTOR = 3
 LEAST_ROWS = 300  # smallest number of training rows of the first step
 
 Family = tuple[str, ...]
@@ -209,8 +211,8 @@ class GridSearch:
 
         The steps on fewer rows and the judgement on all rows have equal shares of the share
         `JUDGED` of the time. A fit that does not end within its share is stopped. The rest of the
-        time is for the last fit of the winner. The optimum takes part in every step and is judged
-        first, even if it is not among the best on few rows.
+        time is for the last fit of the winner. The optimum takes part in every step that has any
+        candidates and is judged first, even if it is not among the best on few rows.
 
         Parameters
         ----------
@@ -235,7 +237,8 @@ class GridSearch:
             if scored:
                 steps.append(f"{_counted(scored)} {on_rows}")
             ranked = self._ranked(order, rows)
-            # Families without a score on this step stay behind the ranked ones.
+            # Families without a score on this step stay behind the ranked ones. If no family has a
+            # score, nothing is left for the next steps, and the judgement takes the old order.
             order = self._with_optimum_first([*ranked, *order])
             remaining = order[: math.ceil(len(ranked) / FACTOR)]
         on_rows = f"on {total} rows, {FOLDS} folds"
@@ -293,8 +296,8 @@ class GridSearch:
     def _go_beyond(self, until: float = inf) -> None:
         """Replace the grid by larger ones and search them, while the winner is at an end.
 
-        This ends when a larger grid has no candidate more that was judged; the grid is then the
-        last one before it. No fit is done after the time `until` of `time.time` [s].
+        This ends when no additional candidate of a larger grid was judged; the grid is then the one
+        before. No fit is done after the time `until` of `time.time` [s].
         """
         while not self.stopping() and self.winner in self.grid.differing:
             smaller_grid = self.grid
@@ -308,7 +311,7 @@ class GridSearch:
             title = f"the winner is at an end of the grid: {len(tasks)} fits beyond it"
             self.run(tasks, title, until)
             if self.judged == judged:
-                # There was nothing to add, or no time for it.
+                # There was no candidate to add, or no time for it.
                 self.grid = smaller_grid
                 return
 
@@ -359,7 +362,7 @@ class GridSearch:
         Returns
         -------
         dict of str to float
-            Mean R2 over the folds by name. Candidates without a score on every fold are left out.
+            Mean R2 over the folds by name. Names without a score on every fold are left out.
         """
         means = {name: float(np.mean(self.folds(name, rows, folds))) for name in names}
         return {name: mean for name, mean in means.items() if not math.isnan(mean)}
@@ -520,7 +523,7 @@ class GridSearch:
         Returns
         -------
         SearchReport
-            The report. The search must have a winner.
+            The report. The search must have a winner (`fault` is "").
         """
         grid = self.grid
         # The best candidate; the first one if none has a score.

@@ -206,8 +206,8 @@ def read(folder: Folder) -> Tables:
     Raises
     ------
     InputError
-        If the folder has no comparison, a file is damaged, or rows.csv has another number of test
-        rows than the predictions.
+        If the folder has no comparison, a file is missing or damaged, rows.csv has another number
+        of test rows than the predictions, or the target is constant in the test rows.
     """
     comparison = folder.record()
     rows = [_row(folder, comparison, stored) for stored in folder.results()]
@@ -243,7 +243,7 @@ def _row(folder: Folder, comparison: Comparison, stored: StoredResult) -> TableR
 
 
 def _require_matching_truth(groups: Values, truth: Values, path: Path) -> None:
-    """Raise InputError unless there is a true target for each test row, and they are not constant.
+    """Raise InputError unless each test row has a true target, and the targets differ.
 
     `groups` are the groups of the m test rows in rows.csv, (m,). `truth` are the true targets in
     the table of predictions, which is the file `path`.

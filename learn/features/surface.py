@@ -267,7 +267,7 @@ class SurfaceFeatures:
         if features.by_pressure:
             lengths = by_pressure(loads, self.length, e_star)
             scene_numbers["pressure"] = loads
-        self._require_usable(loads, lengths, by_pressure=features.by_pressure)
+        self._require_usable(loads, lengths, are_pressures=features.by_pressure)
         notes: tuple[str, ...] = ()
         if not features.by_pressure and hardness_ratio is None:
             notes = self._notes_on_full_contact(loads)
@@ -295,11 +295,11 @@ class SurfaceFeatures:
         )
 
     def _require_usable(
-        self, loads: Values, lengths: Values, *, by_pressure: bool
+        self, loads: Values, lengths: Values, *, are_pressures: bool
     ) -> None:
         """Refuse loads that are not finite and above 0, and surfaces with undefined statistics.
 
-        The loads, (k,), are pressures [MPa] if `by_pressure` is True, otherwise Deltas [um]. The
+        The loads, (k,), are pressures [MPa] if `are_pressures` is True, otherwise Deltas [um]. The
         lengths, (k,) [um], are the Deltas or the lengths that replace the pressures; a pressure
         whose length overflows or underflows is refused, too.
         """
@@ -307,7 +307,7 @@ class SurfaceFeatures:
         wrong = loads[~usable]
         if wrong.size:
             load = f"Delta {wrong[0]:g} um"
-            if by_pressure:
+            if are_pressures:
                 load = f"pressure {wrong[0]:g} MPa"
             raise InputError(f"{self.name}: {load}: give finite numbers above 0")
         if self.description.reason:
@@ -378,7 +378,9 @@ class SurfaceFeatures:
         coarse = self._blocks(blocks)
         # The coarse solve has E* = 1 MPa: its pressure is the pressure over E*.
         pressure = scaled_pressure / self.length
-        contact = self._pressed(coarse, None, hardness_ratio, pressure=pressure)
+        contact = self._pressed(
+            coarse, depth=None, hardness_ratio=hardness_ratio, pressure=pressure
+        )
         # Its Delta is measured from the highest block, which is below the highest node.
         return contact.delta + self._height_above_blocks(coarse)
 

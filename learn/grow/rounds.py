@@ -246,17 +246,19 @@ class Growth:
             for doubt in doubts_before(scene, self.row_limit):
                 self.say(f"warning: {doubt}")
             smallest = min(size(0, self.per_surface), self.row_limit)
-            target = max(stock(self.path).rows, smallest)
-            return self._grow_from(scene, target)
+            first_size = max(stock(self.path).rows, smallest)
+            return self._grow_from(scene, first_size)
 
-    def _grow_from(self, scene: Scene, target: int) -> End:
+    def _grow_from(self, scene: Scene, first_size: int) -> End:
         """Repeat rows and looks until the growth ends; return the reason and the last look.
 
-        `target` is the number of rows of the first look. The caller holds the lock of the database.
+        `first_size` is the number of rows of the first look. The caller holds the lock of the
+        database.
         """
+        wanted = first_size
         last: Look | None = None
         while True:
-            rows = self.generate(scene, target)
+            rows = self.generate(scene, wanted)
             no_new_row = last is not None and rows == last.rows
             if no_new_row and not self.stopping():
                 # The budget does not suffice for another row.
@@ -274,7 +276,7 @@ class Growth:
             if last is None:
                 self.say(f"{rows} rows are too few: {attempt.fault}")
             following = size_with(rows + 1, self.per_surface)
-            target = min(size(following, self.per_surface), self.row_limit)
+            wanted = min(size(following, self.per_surface), self.row_limit)
 
     def _try_to_look(self, rows: int, *, required: bool) -> Attempt:
         """Look at the first rows of the database, and set `last_look`.
@@ -345,7 +347,7 @@ class Growth:
         Raises
         ------
         InputError
-            If there are too few rows to fit or to judge.
+            If the rows cannot be learnt, or are too few to fit or to judge.
         """
         request = self.request
         sets = dataset.read(request, self.executor, self.stopping, common=True)
@@ -444,12 +446,13 @@ class Growth:
         Returns
         -------
         int
-            Number of finished rows, fewer than `rows` after a stop or at the end of the budget.
+            Number of finished rows; it is below `rows` only after a stop, or at the end of the
+            budget.
 
         Raises
         ------
         InputError
-            If the database is of another scene, or cannot be written.
+            If the database is of another scene or cannot be written, or surfaces cannot be made.
         """
         enlarged = scene.model_copy(update={"samples": rows})
         before = stock(self.path)
@@ -639,9 +642,9 @@ def draw(figure: Any, last: Look) -> None:
     last : Look
         The last look of a growth.
     """
-    axis, parity_axis = figure.subplots(1, 2)
+    curve_axis, parity_axis = figure.subplots(1, 2)
     _draw_parity(parity_axis, last)
-    _draw_learning_curve(axis, last)
+    _draw_learning_curve(curve_axis, last)
 
 
 def _draw_learning_curve(axis: Any, last: Look) -> None:
@@ -658,7 +661,7 @@ def _draw_learning_curve(axis: Any, last: Look) -> None:
     axis.errorbar(
         [last.rows],
         [nmae],
-        [[0.0], [up_to_bound]],
+        [[0.0], [up_to_bound]],  # lengths of the bar below and above the point
         fmt="s",
         color="black",
         capsize=4,

@@ -62,7 +62,9 @@ SMALLEST = 20
 # Number of surfaces of a database or map that calibrate if each part of them takes another fit: the
 # share of rows inside intervals of 90 % then has a standard deviation of 1.5 %.
 ENOUGH = 400
-# Names of the models whose one fit to all training rows gives the errors at rows that are left out.
+# Names of the models for which all training rows calibrate: their one fit to all these rows gives
+# the errors at rows that are left out. The mean of a population gives them only if each surface is
+# a group; otherwise it is fitted anew for each part.
 CLOSED = ("kernel-ridge", "gaussian-process", POPULATION.name)
 # Smallest number of rows of another database that can calibrate.
 SMALLEST_CALIBRATION = 20
@@ -132,7 +134,8 @@ def groups_of(rows: Dataset) -> Groups:
     Returns
     -------
     Groups
-        The groups of the rows.
+        The groups of the rows. They are to be left out as a whole (scheme "others") if there are
+        `FEWEST` or more, and if enough rows are left then.
     """
     surfaces, surface = np.unique(rows.groups, return_inverse=True)
     if rows.features.of_scene and not rows.by_tile:
@@ -311,7 +314,7 @@ def _plan_by_training(
 ) -> Plan:
     """Return the plan to calibrate by training rows; see `plan_calibration` for their choice.
 
-    `groups` and `measured` are those of all training rows.
+    `groups` and `measured` describe all training rows.
     """
     parts = list(holdouts(train, groups.left_out(train)))
     whole_populations = groups.are_populations and groups.are_left_out
@@ -322,6 +325,8 @@ def _plan_by_training(
             populations = groups.number
         parts = _first_with_surfaces(ENOUGH * populations, parts, train)
     calibrating = np.sort(np.concatenate([part.rows for part in parts]))
+    # Maps and databases are all among the rows that calibrate. Surfaces, tiles or rows are counted
+    # anew, because only some of them may calibrate.
     number = groups.number
     if model not in CLOSED and not groups.are_populations:
         number = np.unique(train.surfaces[calibrating]).size
@@ -463,7 +468,8 @@ def _scores_of_clouds(
 ) -> tuple[Scores, ...]:
     """Return the scores of each cloud of the training, in the order of the clouds.
 
-    They are the scores of the rows nearest to the cloud; of all rows if fewer than `SMALLEST` are.
+    A cloud has the scores of the rows nearest to it; or of all rows, if fewer than `SMALLEST` rows
+    are nearest to it.
     `errors` are the errors of n rows over their growth and their usual errors, (n,).
     """
     scores = []
@@ -511,7 +517,7 @@ def rows_of_another(
             f" {', '.join(differing)} would be a feature"
         )
     calibrating = [_rows_of_last_database(rows) for rows in together]
-    number = calibrating[0].size
+    number = calibrating[0].size  # equal for all targets, which have equal rows
     if number < SMALLEST_CALIBRATION:
         raise InputError(
             f"--calibrate-on {path}: {number} usable rows of surfaces that are not in the"
@@ -521,7 +527,7 @@ def rows_of_another(
 
 
 def _rows_of_last_database(rows: Dataset) -> Dataset:
-    """Return the rows of the last database without surfaces or tiles that another database has."""
+    """Return the rows of the last database whose surface or tile no other database has."""
     is_last = rows.database == len(rows.origins) - 1
     shared = np.isin(rows.groups, rows.groups[~is_last])
     return rows.at(np.flatnonzero(is_last & ~shared))

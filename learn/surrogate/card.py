@@ -178,6 +178,11 @@ def judge(fitted: Fit, rows: Dataset, test: Indices) -> dict[str, Any]:
         The target's entry of the card. "scores" and "nmae" are in percent, "fit_seconds" in
         seconds; "range", "mae" and "mean_width" are in the target's unit, and "coverage" is a share
         of 1.
+
+    Raises
+    ------
+    ValueError
+        If the target is constant in the test rows, or a prediction is not finite.
     """
     learnt = fitted.learnt
     tested = rows.at(test)
@@ -237,7 +242,7 @@ def _judge_intervals(
         "coverage": float(inside.mean()),
         "mean_width": float((high_end - low_end).mean()),
     }
-    return _JudgedIntervals(inside, entry)
+    return _JudgedIntervals(inside=inside, entry=entry)
 
 
 def scores_of(learnt: Learnt, rows: Dataset, raw: Values) -> dict[str, float]:
@@ -256,6 +261,11 @@ def scores_of(learnt: Learnt, rows: Dataset, raw: Values) -> dict[str, float]:
     -------
     dict of str to float
         The scores "nmse", "nmae", "nmaxe" and "r2" [%]; see `learn.metrics.Scores`.
+
+    Raises
+    ------
+    ValueError
+        If the target is constant in the rows, or a prediction is not finite.
     """
     predicted = np.clip(raw * rows.scale, *learnt.bounds)
     return dict(vars(scores(rows.target * rows.scale, predicted)))

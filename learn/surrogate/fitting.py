@@ -99,7 +99,7 @@ UNCALIBRATED = Calibration(
 def choose(request: Request, train: Dataset, target: Values, folds: Folds) -> Settings:
     """Choose the settings of a fit.
 
-    They are those of a comparison's winner if the request names its folder. Otherwise the kernel of
+    If the request names the folder of a comparison, its winner's are taken. Otherwise the kernel of
     a Gaussian process is the most likely one. Kernel ridge and the SVM are searched for the
     candidate with the smallest error on the first fold. The other models have fixed settings, from
     `BUILT_IN` or the paper's optimum. With the paper's features and rows of unit length, all models
@@ -124,7 +124,8 @@ def choose(request: Request, train: Dataset, target: Values, folds: Folds) -> Se
     Raises
     ------
     InputError
-        If the folder has no winner of the model, or no candidate can be fitted.
+        If the folder has no winner of the model or is damaged, or if no candidate of a built-in
+        search can be fitted.
     """
     (name,) = request.models
     if request.source is not None:
@@ -211,8 +212,8 @@ def with_conditions(request: Request, choice: Any) -> Request:
     Raises
     ------
     InputError
-        If the comparison has no winner of the model for a target, or an option of the user differs
-        from its conditions.
+        If the comparison has no winner of the model for a target, is missing or damaged, or an
+        option of the user differs from its conditions.
     """
     source: Path = choice.source
     options = {**choice._asdict(), "normalisation": choice.normalise}
@@ -320,8 +321,9 @@ def fit(
     Raises
     ------
     InputError
-        If a database cannot be used, rows or memory do not suffice, a comparison's folder lacks the
-        model, or a target is predicted no better than by a constant.
+        If a database cannot be used; if rows or memory do not suffice; if the database that
+        calibrates needs other features than the training; if the settings of the model cannot be
+        chosen (see `choose`); or if a target is predicted no better than by a constant.
     """
     # `common`: only rows that are usable for all targets. The list is empty if `stopping` ends it.
     by_target = dataset.read(request, executor, stopping, common=True)
@@ -403,9 +405,10 @@ def fit_parts(
     Raises
     ------
     InputError
-        If rows or memory do not suffice, or a comparison's folder lacks the model.
+        If this machine lacks the memory, or the settings of the model cannot be chosen (see
+        `choose`).
     """
-    # All targets have the rows, features and groups of the first one.
+    # All targets have equal rows, features and groups, so that the first one gives them.
     rows = by_target[0]
     other = None
     if calibrating is not None:
@@ -561,7 +564,8 @@ def fit_target(
     Raises
     ------
     InputError
-        If this machine lacks the memory, or a comparison's folder lacks the model.
+        If this machine lacks the memory, or the settings of the model cannot be chosen (see
+        `choose`).
     """
     (name,) = request.models
     check_memory(name, train.size)
@@ -656,7 +660,7 @@ def _fit_pipeline(
         options[f"{STEP}__surfaces"] = surfaces
     with remarks() as warnings:
         fitted = unfitted.fit(inputs, target, **options)
-    return _FittedPipeline(fitted, tuple(warnings))
+    return _FittedPipeline(pipeline=fitted, remarks=tuple(warnings))
 
 
 def _predict_left_out(
@@ -670,7 +674,7 @@ def _predict_left_out(
     """Predict the n training rows, each by a model that has not seen the part that it is in, (n,).
 
     `target` are the targets of the rows, (n,), on the scale that models are trained on. The
-    predictions are over the target's scale, as those of `learnt`; NaN for rows in no part of
+    predictions are over the target's scale, as from `Learnt.raw`; NaN for rows in no part of
     `plan`.
     """
     (name,) = request.models
@@ -716,7 +720,7 @@ def _left_out_by_further_fits(
 ) -> Values:
     """Predict left out rows by a fit for each part to the other training rows, (n,).
 
-    Parameters and result are those of `_predict_left_out`.
+    Parameters and result are described in `_predict_left_out`.
     """
     predicted = np.full(train.size, np.nan)
     for holdout in plan.holdouts:

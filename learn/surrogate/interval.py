@@ -515,7 +515,7 @@ def _unlimited(inputs: Values, labels: Indices, ridge: float = RIDGE) -> Distanc
 class Calibration:
     """The numbers that the intervals of one target are computed from.
 
-    Errors are those of the target over its scale.
+    Errors are errors of the target over its scale.
     """
 
     # one entry for each cloud of `distance`; without a distance, one entry for all maps together

@@ -27,7 +27,7 @@ from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 from zipfile import ZIP_DEFLATED
 
 import numpy as np
@@ -271,7 +271,7 @@ def _predict(model: Any, inputs: Values) -> Any:
 def _predict_by_radial_functions(model: Any, inputs: Values) -> Any:
     """Return the predictions of kernel ridge with radial basis functions at features (n, d), (n,).
 
-    They are those of the estimator's `predict`, which would take longer for checks of its input.
+    The estimator's own `predict` gives equal numbers, but takes longer for checks of its input.
     """
     centres = np.asarray(model.X_fit_, dtype=np.float64)
     gamma = model.gamma
@@ -388,7 +388,12 @@ def _packed(learnt: Learnt) -> dict[str, Any]:
     calibration = learnt.calibration
     # All targets have the measure of distances in common, which the file has once. "grows" is the
     # growth with this distance, or False for a calibration without a distance.
-    grows = calibration.distance is not None and tuple(calibration.growth)
+    grows: tuple[float, ...] | Literal[False] = False
+    if calibration.distance is not None:
+        grows = tuple(calibration.growth)
+    powers = None
+    if learnt.powers is not None:
+        powers = tuple(learnt.powers)
     return {
         "column": learnt.column,
         "unit": learnt.unit,
@@ -397,7 +402,7 @@ def _packed(learnt: Learnt) -> dict[str, Any]:
         "scaling": vars(learnt.scaling),
         "clip": (learnt.clip.low, learnt.clip.high),
         "bounds": learnt.bounds,
-        "powers": learnt.powers and tuple(learnt.powers),
+        "powers": powers,
         "scores": [tuple(scores) for scores in calibration.scores],
         "usual": vars(calibration.usual),
         "grows": grows,
@@ -592,7 +597,9 @@ def _unpacked(packed: Mapping[str, Any], distance: Distance) -> Learnt:
 def _powers_of(packed: Mapping[str, Any]) -> Powers | None:
     """Return the powers that a packed target scales with; None if they are unknown."""
     if "powers" in packed:
-        return packed["powers"] and Powers(*packed["powers"])
+        if packed["powers"] is None:
+            return None
+        return Powers(*packed["powers"])
     # Files of `WITHOUT_POWERS` do not state powers. Those of contact quantities are known; the
     # results of a user's function have none.
     quantity = QUANTITIES.get(packed["column"])

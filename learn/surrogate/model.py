@@ -213,12 +213,15 @@ class Surrogate:
         side : float or tuple of float, optional
             Scan length; one number, or one for each axis [um].
         delta : ArrayLike, optional
-            One or more far-field displacements [um].
+            One or more far-field displacements [um]. A surrogate that was fitted with --load
+            pressure does not use them.
         e_star : float, optional
             E* of forces and pressures; that of the training by default [MPa].
         hardness : ArrayLike, optional
-            Hardness of the softer body [MPa], for a surrogate of bodies that yield. By default that
-            of the training, if it has only one; or elastic bodies, if the training includes some.
+            Hardness of the softer body [MPa], for a surrogate of bodies that yield: one number, or
+            an array for a surrogate of a scene's own features. For a surface it is by default that
+            of the training, if it has only one; or bodies are elastic, if the training includes
+            some.
         level : float or None
             Coverage of the intervals, between 0 and 1; None for no intervals. A level above
             `largest_level` is not lowered: the ends of its intervals are infinite, or the bounds of
@@ -239,10 +242,13 @@ class Surrogate:
         Raises
         ------
         InputError
-            If heights, lengths, loads, `e_star`, `hardness` or `level` are impossible, or if a
-            surface, hardness, parameter or load is missing or unknown.
+            If heights, lengths, loads, `e_star`, `hardness`, `level` or parameters are impossible;
+            if a surface, hardness, parameter or load is missing, unknown or of the other kind of
+            surrogate; if a statistic of the surface is undefined, a feature is too large, or a
+            coarse solve fails; or if the model has no intervals of the mean.
         """
         if self.features.of_scene:
+            # The scene fixes E*, and its parameters replace the surface.
             if surface is not None or side is not None or e_star is not None:
                 names = ", ".join(self.features.names)
                 raise InputError(
@@ -296,7 +302,8 @@ class Surrogate:
         Returns
         -------
         Bodies
-            E* and hardness; no hardness for elastic bodies.
+            E* and hardness; no hardness for elastic bodies. `has_modulus` is True if `e_star` is
+            given.
 
         Raises
         ------
@@ -324,7 +331,7 @@ class Surrogate:
                     f" {hardness_range_text(limits)} E*"
                 )
             hardness = limits[0] * modulus
-        return Bodies(modulus, hardness, has_modulus=e_star is not None)
+        return Bodies(e_star=modulus, hardness=hardness, has_modulus=e_star is not None)
 
     def of_numbers(self, numbers: Mapping[str, ArrayLike]) -> Rows:
         """Turn parameters and loads of a scene into rows for `predict_rows`.
@@ -344,7 +351,8 @@ class Surrogate:
         ------
         InputError
             If the surrogate has features of surfaces, a name is missing or unknown, lengths differ,
-            or a number is not finite, or not above 0 where its logarithm is a feature.
+            an array has more than one dimension, or a number is masked or not finite, or not above
+            0 where its logarithm is a feature.
         """
         if not self.features.of_scene:
             raise InputError(
@@ -352,7 +360,7 @@ class Surrogate:
             )
         columns = checked_numbers(self.features.columns, numbers)
         size = next(iter(columns.values())).size
-        # A scene whose load is a pressure or a force has no Delta.
+        # Delta is unknown if the scene's load is another quantity.
         delta = columns.get("delta", np.full(size, np.nan))
         # A scene's own features need no statistics and no length.
         return Rows(
@@ -402,8 +410,14 @@ class Surrogate:
             node_spacing(heights.shape[0], sides[0], self.boundary),
             node_spacing(heights.shape[1], sides[1], self.boundary),
         )
-        features = SurfaceFeatures(heights, sides, spacing, name, self.boundary)
-        return OnSurface(self, features)
+        features = SurfaceFeatures(
+            heights=heights,
+            sides=sides,
+            spacing=spacing,
+            name=name,
+            boundary=self.boundary,
+        )
+        return OnSurface(surrogate=self, surface=features)
 
     def of_statistics(
         self,
@@ -437,7 +451,8 @@ class Surrogate:
         Raises
         ------
         InputError
-            If a statistic is NaN, or an array has masked elements.
+            If a statistic is NaN, or an array has masked elements or entries that are no real
+            numbers.
         """
         with input_errors():
             statistics = real_array("statistics", statistics)
@@ -483,9 +498,10 @@ class Surrogate:
         Raises
         ------
         InputError
-            If E*, the level or a Delta is out of range, a feature is too large, the rows lack the
-            heights of the surface, its nodes or a parameter that the features need, or the model
-            has no intervals of the mean.
+            If E*, the level or a Delta is out of range; if a feature is too large, or undefined in
+            a row whose statistics are all defined; if the rows lack the columns of a coarse solve,
+            the nodes or a parameter that the features need; or if the model has no intervals of the
+            mean.
         """
         with input_errors():
             if e_star is not None:
@@ -544,8 +560,8 @@ class Surrogate:
     def _scale(self, powers: Powers | None, rows: Rows, e_star: float | None) -> Values:
         """Return the factors between the learnt target and the target, (n,), in its unit.
 
-        `powers` are those of the target. `e_star` is that of the prediction [MPa]; None for that of
-        the training.
+        `powers` are the powers that the target scales with; None if they are unknown. `e_star` is
+        the E* of the prediction [MPa]; None for the E* of the training.
         """
         scale = self.features.scale(powers, rows, self.modulus)
         if e_star is None or powers is None or not powers.modulus:

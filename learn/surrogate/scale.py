@@ -77,7 +77,7 @@ def scale_ranges(rows: Dataset, train: Indices) -> dict[str, list[float]]:
     -------
     dict of str to list of float
         [smallest, largest] by the names `HEIGHT` [um], `LENGTH` [um] and `MODULUS` [MPa].
-        Heights are those of the training rows, lengths and E* those of all scenes.
+        Heights are from the training rows, lengths and E* from the scenes of all databases.
     """
     scenes = [origin.scene for origin in rows.origins]
     lengths = [float(np.sqrt(np.prod(scene.grid.sides))) for scene in scenes]
