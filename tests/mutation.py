@@ -122,7 +122,7 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
         ("(dx / dy) ** 2", "dx / dy"),
     ),
     "gen/surface.py": (("2.0 ** (-hurst / 2.0)", "2.0 ** (-hurst)"),),
-    "gen/spectral.py": (("(-1 - self.hurst)", "(-0.5 - self.hurst)"),),
+    "gen/self_affine.py": (("(-1 - self.hurst)", "(-0.5 - self.hurst)"),),
     "gen/maps/prepare.py": (
         ("<= high / apart + ROUNDING", "<= high / apart - 1 + ROUNDING"),
         (

@@ -21,7 +21,7 @@ from gen.arrays import Heights, Values
 from gen.maps.areal import is_lost
 from gen.maps.read import Topography
 from gen.runtime.documents import Row
-from gen.spectral import SelfAffineSpectrum
+from gen.self_affine import SelfAffineSpectrum
 from gen.statistics import rms_slope
 
 # ratio of the largest to the smallest wavenumber of a bin; bins of long waves are wider, since a
