@@ -243,7 +243,7 @@ def steep_slopes(slope: float, apart: float, where: str = "") -> str:
         Distance of neighbouring nodes [um].
     where : str
         Part of the sentence that says for which rows this holds, with the comma before it, as
-        ", above 1 on 7 of 9 rows"; "" for a single surface.
+        ", above 1 in 7 of 9 rows", which means a slope above 1 in 7 rows; "" for a single surface.
 
     Returns
     -------
@@ -370,7 +370,7 @@ def rows_doubts(
     elif scales_with_modulus:
         advice = modulus
     if tally.steep > half:
-        where = f", above {STEEP_ROW:g} on {tally.steep} {share}"
+        where = f", above {STEEP_ROW:g} in {tally.steep} {share}"
         doubts.append(steep_slopes(tally.steepest, apart, where))
     elif tally.full > half:
         start = tally.full_from

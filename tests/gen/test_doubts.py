@@ -108,7 +108,7 @@ def test_what_holds_for_more_than_half_of_the_rows_is_a_doubt():
     (line,) = doubts(solved([40, NODES, NODES]))
     assert line.startswith("from Delta = 2 um on every node touches in 2 of 3 rows")
     (line,) = doubts(solved([30, 40, 50], slope=[1.1, np.nan, 3.0]))
-    assert line.startswith("rms slope 3 between nodes 5 um apart, above 1 on 2 of 3 rows")
+    assert line.startswith("rms slope 3 between nodes 5 um apart, above 1 in 2 of 3 rows")
 
 
 DEFAULT = "E* is 1 MPa, the default without a modulus (modulus in [contact])"

@@ -2,7 +2,7 @@
 
 import pytest
 
-from bem import active_set, iterate
+from bem import active_set, iterate, progress
 from gen.runtime.errors import InputError
 from tests.ledger import __main__ as program
 from tests.ledger.constants import largest_change, multiply_constant
@@ -100,9 +100,9 @@ def test_a_constant_changes_wherever_it_is_read(monkeypatch):
 
 
 def test_whole_numbers_stay_whole_and_above_zero(monkeypatch):
-    monkeypatch.setattr(active_set, "IDLE", 1)
-    multiply_constant("bem.active_set.IDLE", 0.5)
-    assert active_set.IDLE == 1
+    monkeypatch.setattr(progress, "IDLE", 1)
+    multiply_constant("bem.progress.IDLE", 0.5)
+    assert progress.IDLE == 1
 
 
 @pytest.mark.parametrize("name", ["bem.active_set.NONE", "ADVANCE", "gen.scene.SIDE"])

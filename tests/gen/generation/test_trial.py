@@ -122,7 +122,7 @@ def test_a_law_of_a_scene_says_that_its_surfaces_are_steep(capsys):
     assert cli.main(line.split()) == 0
     output = "".join(capsys.readouterr())
     assert "slip.toml: rms slope " in output
-    assert "above 1 on 2 of 2 surfaces: the theory of the half-space" in output
+    assert "above 1 in 2 of 2 surfaces: the theory of the half-space" in output
 
 
 @pytest.fixture
