@@ -4,12 +4,14 @@ from __future__ import annotations  # short signatures in help()
 
 import math
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from bem.arrays import Field, Mask
+from bem.budget import Budget
 from bem.checks import LARGEST, Range, real_number
 from bem.derived.border import continuum_nodes
 from bem.derived.grid_error import GridError, grid_error_of
@@ -58,6 +60,8 @@ class Contact:
         nodes.
     again : callable
         What solves another problem, from a pressure near its own if there is one.
+    budget : Budget or None
+        Errors of the answers and what they are made of, where `solve_within` was asked for them.
     """
 
     problem: Problem = field(repr=False)
@@ -71,6 +75,7 @@ class Contact:
     iterations: int
     convolutions: int
     again: Callable[[Problem, Field | None], Contact] = field(repr=False)
+    budget: Budget | None = field(default=None, repr=False)
     _kept: dict[str | int, Any] = field(default_factory=dict, repr=False)
 
     @computed_once
@@ -93,7 +98,8 @@ class Contact:
     def gap(self) -> Field:
         """Distance left between the surfaces, (nx, ny), zero in contact [um]."""
         heights = self.problem.heights
-        gap: Field = self.displacement - ((heights - heights.max()) + self.approach)
+        interference = (heights - self.problem.datum_height) + self.approach
+        gap: Field = self.displacement - interference
         if self.problem.hardness is not None:
             gap = np.where(self.yielded, np.maximum(gap, 0.0), gap)
         gap.setflags(write=False)
@@ -103,7 +109,7 @@ class Contact:
     def yielded_depth(self) -> Field:
         """Depth by which the softer body has yielded, (nx, ny), zero without a hardness [um]."""
         heights = self.problem.heights
-        interference = (heights - heights.max()) + self.approach
+        interference = (heights - self.problem.datum_height) + self.approach
         depth = np.where(
             self.yielded, np.maximum(interference - self.displacement, 0.0), 0.0
         )
@@ -174,6 +180,23 @@ class Contact:
         depth = None if self.problem.hardness is None else self.yielded_depth
         cells = continuum_nodes(self.problem, self.pressure, self.gap, depth)
         return 100.0 * cells / self.pressure.size
+
+    def with_budget(self, budget: Budget) -> Contact:
+        """Return this contact, and what was computed of it, with a budget of errors.
+
+        Parameters
+        ----------
+        budget : Budget
+            Errors of the answers.
+
+        Returns
+        -------
+        Contact
+            A copy that shares all arrays.
+        """
+        contact = copy(self)
+        object.__setattr__(contact, "budget", budget)  # the class is frozen for its users
+        return contact
 
     def grid_error(self) -> GridError:
         """Solve the same contact on about every second node, for the errors that the grid makes.

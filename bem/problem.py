@@ -89,6 +89,10 @@ class Problem:
         Bound on the steps of conjugate gradients and contact sets of dense algebra.
     boundary : str
         "free", "periodic" or "mirror", see `bem.solve`.
+    datum : float or None
+        Height above the highest node from which Delta counts, None for the highest node itself. On
+        fewer nodes of a surface it is the highest node of all of them, so that Delta stays the
+        same displacement; it is below 0 where a wave rises between the nodes of the surface [um].
     """
 
     heights: Field = field(repr=False)
@@ -102,6 +106,12 @@ class Problem:
     rtol: float
     max_iterations: int
     boundary: Boundary = "free"
+    datum: float | None = None
+
+    @property
+    def datum_height(self) -> float:
+        """Height at which Delta is zero [um]."""
+        return float(self.heights.max()) + (self.datum or 0.0)
 
     @property
     def aspect(self) -> float:
@@ -251,7 +261,7 @@ def check_solvable(problem: Problem, pressure: float | None = None) -> None:
             f"far_field = 'compliant' is not solved with {settings}: use far_field = 'rigid'"
         )
     if problem.delta is not None and edgeless and hardness is None:
-        depth = float((problem.heights.max() - problem.heights).mean())
+        depth = float((problem.datum_height - problem.heights).mean())
         if problem.delta >= max(depth, 1e-300):
             raise NoSolution(
                 f"delta = {problem.delta:g} um has no equilibrium on a patch without edges: the"

@@ -95,7 +95,8 @@ class GridError:
     remaining : float
         Error that remains over the error removed by halving the spacing, from 1/3 to 2.5 [1].
     summit : float
-        Height by which the summit may be above the highest node [um].
+        Height by which the summit may be above the highest node; 0 where the problem has a datum
+        of its own, from which Delta counts on every grid [um].
     growth : float
         Share by which a summit of this height makes area and force grow, 0 under a given load [1].
     counted : float
@@ -141,7 +142,7 @@ class GridError:
         if self.contact.problem.delta is not None:
             return 0.0
         return self._bar(
-            lambda contact: contact.delta - contact.problem.heights.max(),
+            lambda contact: contact.delta - contact.problem.datum_height,
             by_summit=self.summit,
         )
 
@@ -237,7 +238,9 @@ def grid_error_of(contact: Contact) -> GridError:
     order = slope_order(problem.heights, problem.boundary)
     lowest_order, highest_order = ORDERS
     remaining = 1 / (2 ** min(max(order, lowest_order), highest_order) - 1)
-    summit = OF_SUMMIT * remaining * _drop_from_highest(problem.heights)
+    summit = 0.0
+    if problem.datum is None:
+        summit = OF_SUMMIT * remaining * _drop_from_highest(problem.heights)
     area = area_within(contact)
     spare = 1.0
     if problem.hardness is not None and area:
@@ -336,7 +339,10 @@ def _solve_coarser(contact: Contact, summit: float) -> Contact:
     """
     problem = contact.problem
     half, near = coarser(problem, contact.pressure)
-    if problem.delta is None:
+    if problem.datum is not None:
+        half = replace(half, datum=problem.datum_height - float(half.heights.max()))
+        check_solvable(half)
+    elif problem.delta is None:
         half = replace(half, delta=None, force=contact.force)
     else:
         lost = float(problem.heights.max() - half.heights.max())
@@ -356,7 +362,7 @@ def _growth(contact: Contact, summit: float) -> float:
     approach = contact.approach
     touching = contact.pressure > 0
     pressure = contact.pressure[touching]
-    displaced = (heights[touching] - heights.max()) / approach + 1  # [approach]
+    displaced = (heights[touching] - contact.problem.datum_height) / approach + 1  # [approach]
     if contact.problem.hardness is not None:
         displaced += contact.yielded_depth[touching] / approach
     work = float(np.average(displaced, weights=pressure / pressure.max())) / 2  # [F d]
