@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bem.arrays import Field, Values
+from bem.arrays import Field, Mask, Values
 from bem.budget import Budget, ErrorParts, Trial
 from bem.checks import Range, real_number, shown
 from bem.contact import Contact
@@ -59,8 +59,10 @@ FEWEST_TRIED = 2 * FEWEST
 STEP = math.sqrt(2)
 
 # Largest order by which a bar may fall with the spacing [1]. Grids whose bar would still be too
-# long with this order are left out.
+# long with this order are left out, but no more than up to a number of times the nodes a side [1]:
+# where few nodes are in a wave, a bar can fall faster.
 BEST_ORDER = 2.0
+FURTHEST = 2.0
 
 ERRORS = Range(0, 1, "above 0 and below 1: 0.01 is one per cent")
 
@@ -104,7 +106,9 @@ class NotReachable(ArithmeticError):
         The contact with the smallest errors, None if there is none with a bar.
     """
 
-    def __init__(self, message: str, budget: Budget, contact: Contact | None = None) -> None:
+    def __init__(
+        self, message: str, budget: Budget, contact: Contact | None = None
+    ) -> None:
         super().__init__(message)
         self.budget = budget
         self.contact = contact
@@ -192,7 +196,10 @@ def _checked_errors(error: float | Mapping[str, float]) -> dict[str, float]:
             raise ValueError(
                 f"error of {shown(name)}: answers with an error are {', '.join(ANSWERS)}"
             )
-    return {name: real_number(f"error of {name}", value, ERRORS) for name, value in error.items()}
+    return {
+        name: real_number(f"error of {name}", value, ERRORS)
+        for name, value in error.items()
+    }
 
 
 def _refuse_settings(settings: Mapping[str, Any]) -> None:
@@ -247,26 +254,26 @@ class _Search:
         if load is None or load <= 0:
             return solve_posed(self.given).with_budget(self.budget)
         self._refuse_endless_waves()
-        needed_step = 1.0  # nodes a side over those of the last trial
-        last = 0
         for nodes in grids(self.given):
-            if max(nodes) < last * needed_step and nodes != self.given.heights.shape:
+            if not self._may_suffice(nodes):
                 continue
             problem, dropped = on_fewer_nodes(self.given, nodes)
             if OF_DROPPED * dropped > MOST_FOR_WAVES * min(self.asked.values()):
                 continue
-            trial, contact = self._tried(problem, dropped)
-            best = min((earlier.excess for earlier in self.trials), default=math.inf)
-            if contact is not None and trial.excess < best:
-                self.best = contact
-            self.trials.append(trial)
-            if contact is not None and trial.is_met:
+            contact = self._tried(problem, dropped)
+            if contact is not None and self.trials[-1].is_met:
                 return contact.with_budget(self.budget)
-            last = max(nodes)
-            needed_step = 1.0
-            if trial.excess < math.inf:
-                needed_step = trial.excess ** (1 / BEST_ORDER)
         raise NotReachable(self._message(), self.budget, self.best)
+
+    def _may_suffice(self, nodes: tuple[int, int]) -> bool:
+        """Return whether bars may be short enough on a grid, after those of the last trial."""
+        if not self.trials or nodes == self.given.heights.shape:
+            return True
+        last = self.trials[-1]
+        if last.excess == math.inf:
+            return True
+        step = min(last.excess ** (1 / BEST_ORDER), FURTHEST)
+        return max(nodes) >= step * max(last.nodes)
 
     def _refuse_endless_waves(self) -> None:
         """Refuse a map whose roughness continues down to its grid, unless its bodies yield.
@@ -281,21 +288,32 @@ class _Search:
             return
         raise NotReachable(
             f"{self._in_words(self.asked)} not reachable on any grid: waves go on down to the grid"
-            " of the given map, so that no bar holds: give a map with a shortest wave, of 8 nodes or"
+            " of the given map, so that no bar holds: give a map whose shortest wave has 8 nodes or"
             " more",
             self.budget,
         )
 
-    def _tried(self, problem: Problem, dropped: float) -> tuple[Trial, Contact | None]:
-        """Solve on a grid and judge it; there is no contact where the solver fails."""
+    def _tried(self, problem: Problem, dropped: float) -> Contact | None:
+        """Solve on a grid and keep the trial; return None where the solver fails.
+
+        Parameters
+        ----------
+        problem : Problem
+            The problem on this grid.
+        dropped : float
+            Share of the given map's mean square slope that the grid has not [1].
+        """
         rows, columns = problem.heights.shape
         try:
             contact = solve_posed(problem)
         except ArithmeticError as failure:
-            return Trial((rows, columns), dropped, {}, str(failure), 0.0, 0.0), None
+            trial = Trial((rows, columns), dropped, {}, str(failure), 0.0, 0.0)
+            self.trials.append(trial)
+            return None
         error = contact.grid_error()
         answers = {
-            name: self._parts(contact, error, name, dropped=dropped) for name in self.asked
+            name: self._parts(contact, error, name, dropped=dropped)
+            for name in self.asked
         }
         convolutions = float(contact.convolutions)
         if error.coarse is not None:
@@ -309,7 +327,10 @@ class _Search:
             convolutions=convolutions,
             work=convolutions * work((rows, columns)) / work(self.given.heights.shape),
         )
-        return trial, contact
+        if trial.excess < min((each.excess for each in self.trials), default=math.inf):
+            self.best = contact
+        self.trials.append(trial)
+        return contact
 
     def _parts(
         self, contact: Contact, error: GridError, name: str, *, dropped: float
@@ -330,7 +351,9 @@ class _Search:
             reason = self.trials[-1].reason if self.trials else "no grid could be tried"
             return f"{asked} not reachable on the nodes of the given map, no bar holds: {reason}"
         best = min(judged, key=lambda trial: trial.excess)
-        reached = self._in_words({name: parts.total for name, parts in best.answers.items()})
+        reached = self._in_words(
+            {name: parts.total for name, parts in best.answers.items()}
+        )
         rows, columns = best.nodes
         return (
             f"{asked} not reachable on the nodes of the given map: the best is {reached}, on"
@@ -340,7 +363,9 @@ class _Search:
 
     def _in_words(self, errors: Mapping[str, float]) -> str:
         """Return errors as text, for example "area to 1 %"."""
-        return ", ".join(f"{name} to {100 * value:.2g} %" for name, value in errors.items())
+        return ", ".join(
+            f"{name} to {100 * value:.2g} %" for name, value in errors.items()
+        )
 
 
 def _relative_bar(contact: Contact, error: GridError, name: str) -> float:
@@ -442,13 +467,15 @@ def on_fewer_nodes(problem: Problem, nodes: tuple[int, int]) -> tuple[Problem, f
     return replace(problem, heights=fewer, spacing=spacing, datum=datum), dropped
 
 
-def _share_dropped(squares: Field, kept: Field) -> float:
+def _share_dropped(squares: Field, kept: Mask) -> float:
     """Return the share of the sum of squares that is not kept, 0 of a flat surface [1]."""
     total = float(squares.sum())
     return float(squares[~kept].sum()) / total if total > 0 else 0.0
 
 
-def _cut_periodic(heights: Field, nodes: tuple[int, int], aspect: float) -> tuple[Field, float]:
+def _cut_periodic(
+    heights: Field, nodes: tuple[int, int], aspect: float
+) -> tuple[Field, float]:
     """Return a periodic surface with those of its waves that fewer nodes have.
 
     Parameters
@@ -480,12 +507,16 @@ def _cut_periodic(heights: Field, nodes: tuple[int, int], aspect: float) -> tupl
     numbers = np.add.outer((along / shape[0]) ** 2, (across / shape[1] / aspect) ** 2)
     dropped = _share_dropped(numbers * np.abs(waves) ** 2, kept)
     cut = np.zeros(nodes, dtype=complex)
-    cut[np.ix_(along[kept_along], across[kept_across])] = waves[np.ix_(kept_along, kept_across)]
+    cut[np.ix_(along[kept_along], across[kept_across])] = waves[
+        np.ix_(kept_along, kept_across)
+    ]
     fewer: Field = fft.ifft2(cut, norm="forward").real + heights.mean()
     return np.ascontiguousarray(fewer), dropped
 
 
-def _cut_mirrored(heights: Field, nodes: tuple[int, int], aspect: float) -> tuple[Field, float]:
+def _cut_mirrored(
+    heights: Field, nodes: tuple[int, int], aspect: float
+) -> tuple[Field, float]:
     """Return a mirrored surface with those of its cosines that fewer nodes have.
 
     The nodes are the centres of cells on both grids. Parameters and results are those of
@@ -507,7 +538,9 @@ def _cut_mirrored(heights: Field, nodes: tuple[int, int], aspect: float) -> tupl
     return np.ascontiguousarray(fewer), dropped
 
 
-def _read_free(heights: Field, nodes: tuple[int, int], aspect: float) -> tuple[Field, float]:
+def _read_free(
+    heights: Field, nodes: tuple[int, int], aspect: float
+) -> tuple[Field, float]:
     """Return a free surface at the centres of larger cells, by cubic splines.
 
     What the coarser grid has not is the difference to the surface that is read back from it.
@@ -523,7 +556,9 @@ def _read_free(heights: Field, nodes: tuple[int, int], aspect: float) -> tuple[F
         within = given[(given >= places[0]) & (given <= places[-1])]
         inner.append(slice(int(within[0]), int(within[-1]) + 1))
         fewer = _splined(fewer, axis, given, places)
-        read_back = _splined(_splined(read_back, axis, given, places), axis, places, within)
+        read_back = _splined(
+            _splined(read_back, axis, given, places), axis, places, within
+        )
     window = heights[inner[0], inner[1]]
     total = _mean_square_slope(window, aspect)
     lost = _mean_square_slope(window - read_back, aspect)
