@@ -272,7 +272,7 @@ class _Search:
         last = self.trials[-1]
         if last.excess == math.inf:
             return True
-        step = min(last.excess ** (1 / BEST_ORDER), FURTHEST)
+        step = min(math.pow(last.excess, 1 / BEST_ORDER), FURTHEST)
         return max(nodes) >= step * max(last.nodes)
 
     def _refuse_endless_waves(self) -> None:
