@@ -28,16 +28,16 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from bem.arrays import Field, Mask, Values
+from bem.arrays import Field, Nodes, Values
 from bem.budget import Budget, ErrorParts, Trial
 from bem.checks import Range, real_number, shown
 from bem.contact import Contact
 from bem.derived.grid_error import FEWEST, LEAST_ORDER, GridError, slope_order
 from bem.problem import Problem, checked, pose
 from bem.solving import solve_posed
-from bem.threads import on_threads
+from bem.threads import computed_once, on_threads
 
 # Factor that makes a bar of 95 % of one of 90 %, as for normal errors [1].
 TO_95_PERCENT = 1.2
@@ -254,10 +254,11 @@ class _Search:
         if load is None or load <= 0:
             return solve_posed(self.given).with_budget(self.budget)
         self._refuse_endless_waves()
+        surface = Surface(self.given)
         for nodes in grids(self.given):
             if not self._may_suffice(nodes):
                 continue
-            problem, dropped = on_fewer_nodes(self.given, nodes)
+            problem, dropped = surface.on(nodes)
             if OF_DROPPED * dropped > MOST_FOR_WAVES * min(self.asked.values()):
                 continue
             contact = self._tried(problem, dropped)
@@ -431,52 +432,151 @@ def _fast_nodes(nodes: float) -> int:
     return 4 * int(next_fast_len(math.ceil(nodes / 4), real=True))
 
 
-def on_fewer_nodes(problem: Problem, nodes: tuple[int, int]) -> tuple[Problem, float]:
-    """Return the problem on fewer nodes, whose cells cover the same patch.
+class Surface:
+    """The surface of a map, which is read on fewer nodes whose cells cover the same patch.
 
     Parameters
     ----------
     problem : Problem
         The problem on the given map, with a datum.
-    nodes : tuple of int
-        Nodes (mx, my), at most those of the map.
-
-    Returns
-    -------
-    problem : Problem
-        The problem with the same datum and load.
-    dropped : float
-        Share of the map's mean square slope that is not on the coarser grid [1].
     """
-    heights = problem.heights
-    if nodes == heights.shape:
-        return problem, 0.0
-    across = problem.aspect
-    if problem.boundary == "periodic":
-        fewer, dropped = _cut_periodic(heights, nodes, across)
-    elif problem.boundary == "mirror":
-        fewer, dropped = _cut_mirrored(heights, nodes, across)
-    else:
-        fewer, dropped = _read_free(heights, nodes, across)
-    fewer.setflags(write=False)
-    spacing = (
-        problem.spacing[0] * heights.shape[0] / nodes[0],
-        problem.spacing[1] * heights.shape[1] / nodes[1],
-    )
-    datum = problem.datum_height - float(fewer.max())
-    return replace(problem, heights=fewer, spacing=spacing, datum=datum), dropped
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+
+    def on(self, nodes: tuple[int, int]) -> tuple[Problem, float]:
+        """Return the problem on fewer nodes.
+
+        Parameters
+        ----------
+        nodes : tuple of int
+            Nodes (mx, my), at most those of the map.
+
+        Returns
+        -------
+        problem : Problem
+            The problem with the same datum and load.
+        dropped : float
+            Share of the map's mean square slope that is not on the coarser grid [1].
+        """
+        problem = self.problem
+        shape = problem.heights.shape
+        if nodes == shape:
+            return problem, 0.0
+        if problem.boundary == "free":
+            fewer, dropped = _read_free(problem.heights, nodes, problem.aspect)
+        else:
+            fewer, dropped = self._waves.cut(nodes)
+            fewer += float(problem.heights.mean())
+        fewer.setflags(write=False)
+        spacing = (
+            problem.spacing[0] * shape[0] / nodes[0],
+            problem.spacing[1] * shape[1] / nodes[1],
+        )
+        datum = problem.datum_height - float(fewer.max())
+        return replace(problem, heights=fewer, spacing=spacing, datum=datum), dropped
+
+    @computed_once
+    def _waves(self) -> _Waves:
+        """The waves of a patch without edges, by one transform."""
+        heights = self.problem.heights - self.problem.heights.mean()
+        if self.problem.boundary == "periodic":
+            return _Waves.periodic(heights, self.problem.aspect)
+        return _Waves.mirrored(heights, self.problem.aspect)
 
 
-def _share_dropped(squares: Field, kept: Mask) -> float:
-    """Return the share of the sum of squares that is not kept, 0 of a flat surface [1]."""
-    total = float(squares.sum())
-    return float(squares[~kept].sum()) / total if total > 0 else 0.0
+@dataclass(frozen=True, eq=False)
+class _Waves:
+    """The waves of a patch without edges.
+
+    Attributes
+    ----------
+    amplitudes : ndarray, shape (nx, ny // 2 + 1) or (nx, ny)
+        Amplitudes of Fourier's waves of a periodic patch, or of the cosines of a mirrored one [um].
+    squares : ndarray, shape of the amplitudes
+        Parts of the waves in the mean square slope, in an arbitrary unit.
+    along, across : ndarray of int, shape (nx,) and (ny // 2 + 1,) or (ny,)
+        Waves in the patch, or half waves in a mirrored one; negative ones of the first axis of a
+        periodic patch run the other way.
+    is_periodic : bool
+        Whether the patch is periodic.
+    """
+
+    amplitudes: NDArray[Any]  # complex or real
+    squares: Field
+    along: Nodes
+    across: Nodes
+    is_periodic: bool
+
+    @classmethod
+    def periodic(cls, heights: Field, aspect: float) -> _Waves:
+        """Return the waves of a periodic patch of cells with an aspect, second side over first."""
+        from scipy import fft  # here, because few contacts need it
+
+        rows, columns = heights.shape
+        amplitudes = fft.rfft2(heights, norm="forward")
+        along = np.rint(fft.fftfreq(rows, 1 / rows)).astype(np.intp)
+        across = np.arange(columns // 2 + 1)
+        times = np.where((across == 0) | (2 * across == columns), 1.0, 2.0)
+        numbers = np.add.outer((along / rows) ** 2, (across / columns / aspect) ** 2)
+        squares = numbers * times * (amplitudes.real**2 + amplitudes.imag**2)
+        return cls(amplitudes, squares, along, across, is_periodic=True)
+
+    @classmethod
+    def mirrored(cls, heights: Field, aspect: float) -> _Waves:
+        """Return the cosines of a mirrored patch; its nodes are the centres of cells."""
+        from scipy import fft  # here, because few contacts need it
+
+        rows, columns = heights.shape
+        amplitudes = fft.dctn(heights, norm="forward")
+        along, across = np.arange(rows), np.arange(columns)
+        # A cosine stands for two waves, one each way; a constant stands for itself.
+        times = np.outer(np.where(along == 0, 1.0, 2.0), np.where(across == 0, 1.0, 2.0))
+        numbers = np.add.outer((along / rows) ** 2, (across / columns / aspect) ** 2)
+        return cls(
+            amplitudes, numbers * times * amplitudes**2, along, across, is_periodic=False
+        )
+
+    def cut(self, nodes: tuple[int, int]) -> tuple[Field, float]:
+        """Return the heights of those waves that fewer nodes have, and the share of the others.
+
+        Parameters
+        ----------
+        nodes : tuple of int
+            Nodes (mx, my) of the coarser grid.
+
+        Returns
+        -------
+        heights : ndarray, shape (mx, my)
+            Heights on the coarser grid, of zero mean [um].
+        dropped : float
+            Share of the mean square slope of the waves that are cut [1].
+        """
+        from scipy import fft  # here, because few contacts need it
+
+        half_waves = 2 if self.is_periodic else 1
+        rows = np.flatnonzero(half_waves * np.abs(self.along) < nodes[0])
+        columns = np.flatnonzero(half_waves * self.across < nodes[1])
+        kept = np.ix_(rows, columns)
+        total = float(self.squares.sum())
+        share = float(self.squares[kept].sum()) / total if total > 0 else 1.0
+        spectrum = (nodes[0], nodes[1] // 2 + 1) if self.is_periodic else nodes
+        amplitudes = np.zeros(spectrum, dtype=self.amplitudes.dtype)
+        amplitudes[np.ix_(self.along[rows], self.across[columns])] = self.amplitudes[kept]
+        heights: Field
+        if self.is_periodic:
+            heights = fft.irfft2(amplitudes, s=nodes, norm="forward")
+        else:
+            heights = fft.idctn(amplitudes, norm="forward")
+        return np.ascontiguousarray(heights), max(1.0 - share, 0.0)
 
 
-def _cut_periodic(
+def _read_free(
     heights: Field, nodes: tuple[int, int], aspect: float
 ) -> tuple[Field, float]:
-    """Return a periodic surface with those of its waves that fewer nodes have.
+    """Return a free surface at the centres of larger cells, by cubic splines.
+
+    What the coarser grid has not is the difference to the surface that is read back from it.
 
     Parameters
     ----------
@@ -492,74 +592,23 @@ def _cut_periodic(
     heights : ndarray, shape (mx, my)
         Heights on the coarser grid [um].
     dropped : float
-        Share of the mean square slope of the waves that are cut [1].
+        Share of the mean square slope of this difference, at least that of the waves that are lost
+        [1].
     """
-    from scipy import fft  # here, because few contacts need it
-
-    shape = heights.shape
-    waves = fft.fft2(heights - heights.mean(), norm="forward")
-    along = np.rint(fft.fftfreq(shape[0], 1 / shape[0])).astype(np.intp)
-    across = np.rint(fft.fftfreq(shape[1], 1 / shape[1])).astype(np.intp)
-    kept_along = np.flatnonzero(2 * np.abs(along) < nodes[0])
-    kept_across = np.flatnonzero(2 * np.abs(across) < nodes[1])
-    kept = np.zeros(shape, dtype=bool)
-    kept[np.ix_(kept_along, kept_across)] = True
-    numbers = np.add.outer((along / shape[0]) ** 2, (across / shape[1] / aspect) ** 2)
-    dropped = _share_dropped(numbers * np.abs(waves) ** 2, kept)
-    cut = np.zeros(nodes, dtype=complex)
-    cut[np.ix_(along[kept_along], across[kept_across])] = waves[
-        np.ix_(kept_along, kept_across)
-    ]
-    fewer: Field = fft.ifft2(cut, norm="forward").real + heights.mean()
-    return np.ascontiguousarray(fewer), dropped
-
-
-def _cut_mirrored(
-    heights: Field, nodes: tuple[int, int], aspect: float
-) -> tuple[Field, float]:
-    """Return a mirrored surface with those of its cosines that fewer nodes have.
-
-    The nodes are the centres of cells on both grids. Parameters and results are those of
-    `_cut_periodic`.
-    """
-    from scipy import fft  # here, because few contacts need it
-
-    rows, columns = heights.shape
-    waves = fft.dctn(heights - heights.mean(), norm="ortho")
-    numbers = np.add.outer(
-        (np.arange(rows) / rows) ** 2, (np.arange(columns) / columns / aspect) ** 2
-    )
-    kept = np.zeros(heights.shape, dtype=bool)
-    kept[: nodes[0], : nodes[1]] = True
-    dropped = _share_dropped(numbers * waves**2, kept)
-    scale = math.sqrt(math.prod(nodes) / heights.size)
-    cut = waves[: nodes[0], : nodes[1]] * scale
-    fewer: Field = fft.idctn(cut, norm="ortho") + heights.mean()
-    return np.ascontiguousarray(fewer), dropped
-
-
-def _read_free(
-    heights: Field, nodes: tuple[int, int], aspect: float
-) -> tuple[Field, float]:
-    """Return a free surface at the centres of larger cells, by cubic splines.
-
-    What the coarser grid has not is the difference to the surface that is read back from it.
-    Parameters and results are those of `_cut_periodic`.
-    """
+    places: list[Values] = []
     fewer = heights
-    read_back = heights
-    inner: list[slice] = []
     for axis in (0, 1):
-        given = np.arange(heights.shape[axis], dtype=np.float64)
         step = heights.shape[axis] / nodes[axis]
-        places = (np.arange(nodes[axis]) + 0.5) * step - 0.5
-        within = given[(given >= places[0]) & (given <= places[-1])]
-        inner.append(slice(int(within[0]), int(within[-1]) + 1))
-        fewer = _splined(fewer, axis, given, places)
-        read_back = _splined(
-            _splined(read_back, axis, given, places), axis, places, within
-        )
-    window = heights[inner[0], inner[1]]
+        places.append((np.arange(nodes[axis]) + 0.5) * step - 0.5)
+        given = np.arange(heights.shape[axis], dtype=np.float64)
+        fewer = _splined(fewer, axis, given, places[axis])
+    window = heights
+    read_back = fewer
+    for axis in (0, 1):
+        first, last = places[axis][[0, -1]]
+        within = np.arange(math.ceil(first), math.floor(last) + 1)
+        window = window.take(within, axis)
+        read_back = _splined(read_back, axis, places[axis], within.astype(np.float64))
     total = _mean_square_slope(window, aspect)
     lost = _mean_square_slope(window - read_back, aspect)
     return np.ascontiguousarray(fewer), lost / total if total > 0 else 0.0

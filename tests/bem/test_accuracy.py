@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import bem
-from bem.accuracy import grids, on_fewer_nodes
+from bem.accuracy import Surface, grids
 from bem.problem import pose
 from bem.solving import solve_posed
 from tests.bem.waves import random_waves
@@ -49,7 +49,7 @@ def test_fewer_nodes_read_the_same_surface_on_the_same_patch(boundary, nodes):
         return np.multiply.outer(np.cos(3 * turns * x), np.cos(2 * turns * y))
 
     problem = posed(surface((180, 198)), boundary)
-    fewer, dropped = on_fewer_nodes(problem, nodes)
+    fewer, dropped = Surface(problem).on(nodes)
     assert dropped == pytest.approx(0, abs=1e-6)
     patches = [
         [n * h for n, h in zip(each.heights.shape, each.spacing, strict=True)]
@@ -62,7 +62,7 @@ def test_fewer_nodes_read_the_same_surface_on_the_same_patch(boundary, nodes):
 
 def test_larger_cells_of_an_odd_number_of_cells_take_nodes_of_a_free_map():
     heights = np.random.default_rng(0).normal(size=(45, 60))
-    fewer, dropped = on_fewer_nodes(posed(heights, "free"), (15, 12))
+    fewer, dropped = Surface(posed(heights, "free")).on((15, 12))
     assert fewer.heights == pytest.approx(heights[1::3, 2::5])
     assert dropped > 0.5  # of white noise
 
@@ -74,7 +74,7 @@ def test_the_dropped_share_is_that_of_the_mean_square_slope(boundary, nodes):
     x, _ = places_of((128, 96), boundary)
     line = np.cos(5 * turns * x) + 2 / 8 * np.cos(40 * turns * x)
     problem = posed(np.add.outer(line, np.zeros(96)), boundary)
-    assert on_fewer_nodes(problem, (nodes, 96))[1] == pytest.approx(0.8)
+    assert Surface(problem).on((nodes, 96))[1] == pytest.approx(0.8)
 
 
 def test_grids_end_with_the_map_and_begin_with_those_whose_half_can_judge():
@@ -109,7 +109,7 @@ def test_delta_counts_from_the_highest_node_of_the_given_map(boundary):
     delta = full.delta
     problem = posed(heights, boundary, delta=delta)
     problem = replace(problem, spacing=full.problem.spacing)
-    fewer, _ = on_fewer_nodes(problem, (48, 48))
+    fewer, _ = Surface(problem).on((48, 48))
     assert fewer.datum > 0
     contact = solve_posed(fewer)
     assert contact.delta == delta
