@@ -52,8 +52,9 @@ MOST_FOR_WAVES = 0.5
 OF_TOLERANCE = 0.1
 LOOSEST = 1e-2
 
-# Fewest nodes along an axis of a grid that is tried; half of them judge it.
-FEWEST_TRIED = 2 * FEWEST
+# Fewest nodes along an axis of a grid that is tried. Half of them judge it, and where these are
+# fewer than 16, areas of both grids agree by chance too often.
+FEWEST_TRIED = 4 * FEWEST
 
 # Ratio of the nodes a side of two grids that follow each other [1].
 STEP = math.sqrt(2)

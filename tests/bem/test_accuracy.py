@@ -80,7 +80,7 @@ def test_the_dropped_share_is_that_of_the_mean_square_slope(boundary, nodes):
 def test_grids_end_with_the_map_and_begin_with_those_whose_half_can_judge():
     sizes = list(grids(posed(np.zeros((300, 200)), "periodic")))
     assert sizes[-1] == (300, 200)
-    assert min(sizes[0]) >= 16
+    assert min(sizes[0]) >= 32
     assert sizes == sorted(sizes)
     assert list(grids(posed(np.zeros((9, 9)), "free"))) == [(9, 9)]
 
