@@ -79,8 +79,11 @@ class Inputs:
     """The names of the inputs of a function: drawn parameters, a load and perhaps a hardness."""
 
     parameters: tuple[str, ...]  # parameters of the surface
-    load: str  # quantity of the load, one of `gen.scene.tables.UNITS` or of a scene's features
-    hardness: str = ""  # name of the hardness; "" if it is no input
+    # quantity of the load: one of `gen.scene.tables.UNITS`, as scenes name it, or for a surrogate
+    # one of `learn.features.scene.LOADS`
+    load: str
+    # "hardness" [MPa] or "hardness_ratio", the hardness over E* [1]; "" if it is no input
+    hardness: str = ""
 
     @classmethod
     def of(cls, scene: Scene) -> "Inputs":
@@ -94,7 +97,7 @@ class Inputs:
         Returns
         -------
         Inputs
-            The inputs; a parameter or a hardness with a fixed value is none.
+            The inputs, without parameters and hardnesses that have fixed values.
         """
         drawn = [
             name for name, value in scene.drawn_parameters.items() if is_drawn(value)
@@ -104,7 +107,10 @@ class Inputs:
 
     @property
     def load_name(self) -> str:
-        """Name of the load's keyword argument: its quantity, or "load" if that is a quotient."""
+        """Name of the load's keyword argument: its quantity, or "load" for a relative load.
+
+        The quantity of a relative load, as "delta/height_rms", cannot be a name in Python.
+        """
         return self.load if self.load.isidentifier() else "load"
 
     @property
@@ -150,7 +156,7 @@ class Points:
     seed: int | None = None
 
     @property
-    def of_scene(self) -> bool:
+    def leave_surface_open(self) -> bool:
         """True if all points have the surface 0, and neither nodes nor a seed is given."""
         return self.nodes is None and self.seed is None and not self.surface.any()
 
@@ -168,7 +174,7 @@ class OneSurface:
     places : ndarray of int, shape (k,)
         Places of these points among all points of the call.
     kind : str
-        "delta", "pressure" or "force": what the loads are.
+        Quantity of the loads: "delta", "pressure" or "force".
     loads : ndarray, shape (k,)
         Loads of the points [um, MPa or uN].
     hardness : ndarray, shape (k,), or None
@@ -203,7 +209,7 @@ def surfaces_of(scene: Scene, inputs: Inputs, points: Points) -> Iterator[OneSur
     Raises
     ------
     InputError
-        If a value is not allowed, with its name.
+        If a value is not allowed; the message names it. Also if a surface cannot be made.
     """
     _require_positive(inputs, points)
     if isinstance(scene.surface, ScanSurface) and points.nodes is not None:
@@ -217,11 +223,12 @@ def surfaces_of(scene: Scene, inputs: Inputs, points: Points) -> Iterator[OneSur
         }
         fixed = scene.with_parameters(parameters, nodes=points.nodes, seed=points.seed)
         heights = surface_numbered(fixed, int(points.surface[first]))
-        kind = inputs.load
-        loads = points.numbers[inputs.load_name][places]
+        given_loads = points.numbers[inputs.load_name][places]
+        kind: str = inputs.load
+        loads = given_loads
         # Another load than the scene's, which a surrogate may have learnt, is absolute already.
-        if kind == fixed.quantity:
-            kind, loads = absolute_load(fixed, heights, loads)
+        if inputs.load == fixed.quantity:
+            kind, loads = absolute_load(fixed, heights, given_loads)
         hardness: Values | None = None
         if inputs.hardness:
             hardness = points.numbers[inputs.hardness][places]
@@ -317,8 +324,9 @@ class Function(ABC):
         Raises
         ------
         InputError
-            If a name is missing or unknown, a value is not allowed or no real number, or arrays
-            have shapes that do not broadcast.
+            If a name is missing or unknown, a value is not allowed or no real number, arrays have
+            shapes that do not broadcast, a surface cannot be made, or a surrogate refuses a point
+            outside its training.
         Unsolved
             If a contact has no solution, or the solver did not converge.
         """
@@ -337,7 +345,7 @@ class Function(ABC):
         seed: int | None = None,
         **numbers: float,
     ) -> Values:
-        """Compute the derivatives of outputs by inputs that are cheap; the other ones are NaN.
+        """Compute the derivatives that are cheap, of outputs by inputs; all others are NaN.
 
         The solver has the derivatives of force and Delta by the load, from one linear solve. A
         surrogate has the derivatives of all outputs but `inside`, from differences.
@@ -356,8 +364,10 @@ class Function(ABC):
 
         Raises
         ------
-        InputError, Unsolved
-            As in a call; also for arrays of more than one number.
+        InputError
+            As in a call, and if an array has more than one number.
+        Unsolved
+            As in a call, and if the linear solve does not converge.
         """
         point, shape = self._points(numbers, surface, nodes, seed)
         if math.prod(shape) != 1:
@@ -470,18 +480,22 @@ class SceneFunction(Function):
     def _slopes(self, point: Points) -> Values:
         """Return derivatives of force and Delta by the load, (outputs, inputs); see `gradient`.
 
-        The scene's load may be relative to the surface, and is then proportional to Delta or to
-        the force.
+        The load of the call may be a pressure, or relative to the surface. It is proportional to
+        Delta or to the force, and the derivatives by it follow from those by Delta or by the force.
         """
         with self._trusted(), _solver_errors():
             (surface,) = surfaces_of(self.scene, self.inputs, point)
             contact = _solved(surface, 0)
             stiffness = contact.loading_stiffness  # dF / dDelta [uN / um]
-        load = float(surface.loads[0])  # Delta [um] or force [uN]
+        load = float(surface.loads[0])
         if surface.kind == "pressure":
-            load *= math.prod(contact.problem.spacing) * contact.pressure.size
+            patch = (
+                math.prod(contact.problem.spacing) * contact.pressure.size
+            )  # area [um2]
+            load *= patch  # the force [uN] of this pressure
+        # Derivative of Delta [um] or of the force [uN] by the load of the call.
         per_input = load / float(point.numbers[self.inputs.load_name][0])
-        if contact.problem.delta is None:  # the load is a force
+        if contact.problem.delta is None:  # the load is a force or a pressure
             slope_of_force = per_input
             slope_of_delta = per_input / stiffness
         else:
@@ -529,7 +543,11 @@ def _solved(surface: OneSurface, number: int) -> bem.Contact:
 
 @contextmanager
 def _solver_errors() -> Iterator[None]:
-    """Raise errors of the solver in the block as InputError, or as `Unsolved`."""
+    """Raise errors of the solver in the block as InputError, or as `Unsolved`.
+
+    Numbers whose products double precision cannot hold are an InputError. No solution, no
+    convergence, arithmetic that fails and too little memory are `Unsolved`.
+    """
     try:
         yield
     except bem.OutOfRange as error:
@@ -544,9 +562,8 @@ def _solver_errors() -> Iterator[None]:
 class SurrogateOutput:
     """An output of a surrogate: a value, an end of its interval, or the flag of the training."""
 
-    target: (
-        str  # short name, as "area"; "" for the flag: 1 inside the training, 0 outside
-    )
+    # short name, as "area"; "" for the flag, which is 1 inside the training and 0 outside
+    target: str
     end: Literal["", "low", "high"] = ""  # of the interval; "" for the value
     mean: bool = False  # True for the mean over all surfaces of the parameters
 
@@ -659,7 +676,10 @@ class SurrogateFunction(Function):
             self.inputs = _inputs_of_surfaces(self.surrogate, self.scene)
 
     def __reduce__(self) -> tuple[Callable[[Path], "SurrogateFunction"], tuple[Path]]:
-        """Return how a copy is unpickled: it reads the file again, so that no estimator travels."""
+        """Return the function and the arguments that make a copy when it is unpickled.
+
+        The copy reads the file again, so that no estimator is pickled.
+        """
         make_copy = partial(
             SurrogateFunction,
             outputs=self.outputs,
@@ -696,6 +716,7 @@ class SurrogateFunction(Function):
         derivatives = (above - below) / widths[:, None]
         is_flag = [output.target == "" for output in self._descriptions]
         derivatives[:, is_flag] = np.nan
+        # So far there is one row for each input; `_withheld` takes a reason for each row.
         return self._withheld(derivatives, reasons_of_point * len(steps)).T
 
     def _predicted(self, points: Points) -> PredictedPoints:
@@ -728,7 +749,7 @@ class SurrogateFunction(Function):
         from learn.features.rows import joined
 
         if self.of_scene:
-            if not points.of_scene:
+            if not points.leave_surface_open:
                 raise InputError(
                     "config: the surrogate answers for all surfaces of the parameters"
                 )
@@ -818,7 +839,9 @@ def _inputs_of_surfaces(surrogate: "Surrogate", scene: Scene) -> Inputs:
     """
     inputs = Inputs.of(scene)
     load = surrogate.features.load
-    if inputs.load.startswith(load):
+    if inputs.load.startswith(
+        load
+    ):  # equal, or relative, as "delta/height_rms" for "delta"
         load = inputs.load
     limits = surrogate.hardness_limits
     varies = limits is not None and limits[0] < limits[1]
@@ -826,7 +849,10 @@ def _inputs_of_surfaces(surrogate: "Surrogate", scene: Scene) -> Inputs:
 
 
 def _output(prediction: "Prediction", output: SurrogateOutput) -> Values:
-    """Return one output of n predicted points, (n,); the prediction has the intervals it needs."""
+    """Return one output of n predicted points, (n,).
+
+    If the output is an end of an interval, the prediction must have been made with intervals.
+    """
     if not output.target:
         return prediction.inside.astype(np.float64)
     if output.end == "low":

@@ -16,8 +16,9 @@ are kept conjugate to the pressure (deflation: Nicolaides 1987). Rounds that no 
 are damped by the energy p H p / 2 - p u, which is least for the solution. Where damping is not
 enough, projected gradients lower the energy for certain (Bertsekas 1976), so that every solve ends.
 
-Which counts of the ledger a constant moves: `python -m tests.ledger --halved bem.active_set.NAME`,
-or `--doubled`.
+Each constant says how far it moves the counts of the ledger when it is halved or doubled, with the
+command that shows it. It "matters little" if no count moves by more than 5 %, and "matters in rare
+cases" if no solve of the ledger depends on it.
 """
 
 import math
@@ -35,271 +36,127 @@ from bem.iterate import (
     CLOSE,
     Iterate,
     State,
-    Violation,
     cut_to_load,
     inner,
 )
 from bem.operators.filters import filtered
+from bem.progress import Progress
 from bem.threads import on_one_blas_thread
 
-# Factor by which conjugate gradients reduce the residual before the sets are checked [1]. From 0.3
-# to 0.55 it takes nearly the same convolutions on the paper's distribution (`pytest bench -k
-# solve_paper`).
-REDUCTION = 0.4
-
-# Factor on the reduction whenever a round has raised the energy [1]: the sets before were then left
-# too early.
-TIGHTENING = 0.5
-
 # Share of the preconditioned residual that is added when pressures are brought back between the
-# bounds [1]: all of it would put too many nodes into contact.
+# bounds [1]: all of it would put too many nodes into contact. Solves take up to 21 % more
+# iterations if it is halved or doubled (`python -m tests.ledger --halved bem.active_set.ADVANCE`).
 ADVANCE = 0.5
 
-# Share of the tolerance that rounds aim at [1], so that an exact residual also meets it.
+# Share of the tolerance that rounds aim at [1], so that an exact residual also meets it. Solves
+# take up to 11 % more iterations if it is halved, and do not converge if it is doubled
+# (`python -m tests.ledger --halved bem.active_set.AIM`).
 AIM = 0.9
 
-# Share of the rounds' aim at which conjugate gradients end [1].
+# Share of the rounds' aim at which conjugate gradients end [1]. Solves take up to 9 % more
+# iterations if it is halved, and up to three times the convolutions if it is doubled
+# (`python -m tests.ledger --doubled bem.active_set.REACHED`).
 REACHED = 0.8
 
-# Share of the last exact violation below which a residual updated in single precision is not
-# trusted [1]: single precision carries about seven digits.
-ROUNDING = 1e-6
-
-# Steps of conjugate gradients without a smaller residual after which single precision allows none:
-# otherwise a step gains a factor of about 2.
+# Number of steps of conjugate gradients without a smaller residual after which a stage ends,
+# because single precision allows no smaller one: otherwise a step gains a factor of about 2. This
+# number matters in rare cases.
 STAGNANT = 30
 
 # Largest violation, over the displacement, at which a round ends with an exact residual instead of
-# one in single precision, if the exact one is needed next anyway [1].
+# one in single precision, if the exact one is needed next anyway [1]. This number matters little.
 POLISHED = 0.02
 
 # Largest share of the contact that may leave in one round where a displacement barely fixes the
-# load [1].
+# load [1]. This number matters in rare cases.
 MOST_LEAVING = 0.4
 
-# Exact residuals in a row, none below half of the smallest one, after which only rounding is left.
-IDLE = 5
-
-# Rounds without a smaller violation after which the energy damps further rounds.
-DAMPED = 3
-
-# Rounds without a smaller violation after which projected gradients or splitting take over.
-PATIENCE = 12
-
-# Steps of projected gradients that are then taken.
+# Number of steps of projected gradients that are taken when rounds no longer come nearer. This
+# number matters in rare cases.
 SAFE_STEPS = 4
 
-# Rounds after which projected gradients or splitting take over, whatever the violations are.
-ROUNDS = 40
-
-# Least gap of yielded nodes that are freed, as a share of the largest such gap [1]: freeing all of
-# them at once raises the load too far, and the sets cycle.
+# Least gap of yielded nodes that are freed, as a share of the largest gap of yielded nodes [1].
+# Freeing all of them at once raises the load too far, and the sets cycle. Solves with a hardness
+# take up to 8 % fewer iterations if it is halved, and up to 8 % more if it is doubled
+# (`python -m tests.ledger --halved bem.active_set.FREED`).
 FREED = 0.1
 
-# The least gap of freed nodes, as such a share, while rounds gain too little [1].
+# `FREED` while rounds gain too little [1]. This number matters in rare cases.
 FREED_SLOWLY = 0.7
 
-# Share of the contact under tension up to which yielded nodes are freed although the free nodes are
-# further from equilibrium [1]. More tension means too much load, under which gaps open everywhere.
+# Largest share of the contact under tension at which yielded nodes are freed although the free
+# nodes are further from equilibrium [1]. More tension means too much load, under which gaps open
+# everywhere. This number matters little.
 LITTLE_TENSION = 0.1
 
-# Largest factor on the free pressures that makes up for the load that capping takes off others [1].
+# Largest factor on the free pressures, which makes up for the load that capping takes off the
+# capped nodes [1]. This number matters little.
 LARGEST_SCALE = 2.0
 
-# Passes that scale the free pressures after capping: each caps more nodes, and a few passes come
-# near enough.
+# Largest number of passes that scale the free pressures after capping: each pass caps more nodes,
+# and a few passes come near enough. This number matters little.
 CAPPINGS = 4
 
-# Open nodes with the smallest gaps that are factorised with a contact set, as a share of it [1].
+# Number of open nodes, with the smallest gaps, that are factorised together with a contact set,
+# over the number of nodes of this set [1]. Solves take up to 14 % more iterations if it is doubled
+# (`python -m tests.ledger --doubled bem.active_set.SPARE`).
 SPARE = 0.08
 
-# Exact residuals that dense algebra computes at most, before rounds take over.
+# Largest number of exact residuals that dense algebra computes before rounds take over. This number
+# matters little.
 RENEWALS = 5
 
 # Share of the largest set worth factorising up to which the factor is in double precision [1],
-# which saves a convolution at the end (`pytest bench -k few_in_contact`).
+# which saves a convolution at the end (`pytest bench -k few_in_contact`). This number matters
+# little.
 DOUBLE_SHARE = 0.5
 
-# Factor by which `solve_on` reduces the residual between two checks of single precision [1].
+# Factor by which `solve_on` reduces the residual between two checks of single precision [1]. This
+# number matters in rare cases.
 LINEAR_REDUCTION = 0.1
 
-# Exact residuals that `solve_on` computes at most.
+# Largest number of exact residuals that `solve_on` computes. This number matters in rare cases.
 LINEAR_RENEWALS = 8
 
-# Free nodes of bodies that yield, as a share of the largest set worth factorising, up to which a
-# factor replaces conjugate gradients [1].
+# Largest number of free nodes of bodies that yield, over the largest set worth factorising, for
+# which a factor replaces conjugate gradients [1]. Solves with a hardness take up to 14 % more
+# convolutions if it is halved, and up to 19 % fewer, but larger factors, if it is doubled (`python
+# -m tests.ledger --halved bem.active_set.FEW_FREE`).
 FEW_FREE = 0.4
 
 # Share of the new waves that splitting mixes with the pressure between the bounds [1]. It is an
-# over-relaxation: the share of the pressure is negative.
+# over-relaxation: the share of the pressure is negative. This number matters in rare cases.
 OVER = 1.6
 
-# Passes of splitting between two exact residuals.
+# Number of passes of splitting between two exact residuals. This number matters in rare cases.
 CHECKED = 10
 
-# Passes of splitting for each iteration that a problem allows. A pass takes about a quarter of a
-# step of conjugate gradients with its preconditioner.
+# Largest number of passes of splitting for each iteration that a problem allows. A pass takes about
+# a quarter of a step of conjugate gradients with its preconditioner. This number matters in rare
+# cases.
 PASSES = 4
 
 
-@dataclass(eq=False)
-class Progress:
-    """What the rounds so far tell: how near they are, and for how long they have come no nearer.
-
-    Attributes
-    ----------
-    violation : Violation
-        Departures from equilibrium after the last round [unit of displacement].
-    renewed : float
-        Largest violation of the last exact residual; 1 before the first one
-        [unit of displacement].
-    energy : float
-        Energy after the last round, inf before the first one [reduced].
-    reduction : float
-        Factor by which conjugate gradients reduce the residual before the sets are checked [1].
-    following : bool
-        Whether the last round took a step ahead on the next set.
-    smallest : float
-        Smallest largest violation since the patience was last restored [unit of displacement].
-    patience : int
-        Rounds without a smaller violation that are still allowed.
-    smallest_renewed : float
-        Smallest largest violation of all exact residuals [unit of displacement].
-    idle : int
-        Exact residuals in a row, none below half of the smallest one.
-    rounds : int
-        Rounds so far, plus exact residuals computed between them.
-    """
-
-    violation: Violation
-    renewed: float
-    energy: float = math.inf
-    reduction: float = REDUCTION
-    following: bool = False
-    smallest: float = math.inf
-    patience: int = PATIENCE
-    smallest_renewed: float = math.inf
-    idle: int = 0
-    rounds: int = 0
-
-    @property
-    def largest(self) -> float:
-        """Largest violation after the last round [unit of displacement]."""
-        return self.violation.largest
-
-    @property
-    def resolved(self) -> float:
-        """Least violation that single precision resolves [unit of displacement]."""
-        return ROUNDING * self.renewed
-
-    @property
-    def impatient(self) -> bool:
-        """Whether projected gradients or splitting have to come before the next round."""
-        return self.patience <= 0 or self.rounds % ROUNDS == ROUNDS - 1
-
-    @property
-    def slow(self) -> bool:
-        """Whether rounds have gained too little for half of the patience."""
-        return self.patience <= PATIENCE // 2
-
-    @property
-    def to_be_damped(self) -> bool:
-        """Whether the energy has to damp the next round."""
-        return self.patience <= PATIENCE - DAMPED
-
-    @property
-    def stalled(self) -> bool:
-        """Whether exact residuals no longer fall, so that only rounding is left."""
-        return self.idle >= IDLE
-
-    def restore_patience(self) -> None:
-        """Count rounds without a smaller violation anew."""
-        self.smallest = math.inf
-        self.patience = PATIENCE
-
-    def note_round(
-        self, violation: Violation, *, energy: float, exact: bool, following: bool
-    ) -> None:
-        """Take in the results of a round, and tighten the reduction if the energy has risen.
-
-        Parameters
-        ----------
-        violation : Violation
-            Departures from equilibrium after the round [unit of displacement].
-        energy : float
-            Energy after the round [reduced].
-        exact : bool
-            Whether the round ended with an exact residual.
-        following : bool
-            Whether the round took a step ahead on the next set.
-        """
-        if energy > self.energy:
-            self.reduction *= TIGHTENING
-        self.energy = energy
-        self.violation = violation
-        self.following = following
-        largest = self.largest
-        if exact:
-            self.renewed = largest
-        if largest < self.smallest:
-            self.patience = PATIENCE
-        else:
-            self.patience -= 1
-        self.smallest = min(self.smallest, largest)
-
-    def note_renewal(self, violation: Violation) -> None:
-        """Take in the violation of an exact residual between rounds, and restore the patience.
-
-        Parameters
-        ----------
-        violation : Violation
-            Departures from equilibrium by the exact residual [unit of displacement].
-        """
-        self.violation = violation
-        self.renewed = self.largest
-        if self.renewed < self.smallest_renewed / 2:
-            self.idle = 0
-        else:
-            self.idle += 1
-        self.smallest_renewed = min(self.smallest_renewed, self.renewed)
-        self.restore_patience()
-
-    def note_yielding(self, violation: Violation) -> None:
-        """Begin anew with bodies that yield; the reduction and the exact residuals stay counted.
-
-        Parameters
-        ----------
-        violation : Violation
-            Departures from equilibrium of the pressure cut off at the hardness
-            [unit of displacement].
-        """
-        self.violation = violation
-        self.renewed = 1.0
-        self.energy = math.inf
-        self.following = False
-        self.restore_patience()
-
-
 class Solved(NamedTuple):
-    """What solving the equations of the free nodes leaves.
+    """Result of solving the equations of the free nodes.
 
     Attributes
     ----------
     in_residual : ndarray, shape (nx, ny)
         Pressure whose displacement the residual contains [reduced].
-    left : float
+    remaining : float
         Largest residual of the free nodes; inf if it was not computed [unit of displacement].
     dense : bool
         Whether the equations were solved by dense algebra, which leaves the residual as it is.
     """
 
     in_residual: Field
-    left: float
+    remaining: float
     dense: bool
 
 
 class Goals(NamedTuple):
-    """Where a stage of conjugate gradients looks at its sets, and where it ends.
+    """Residuals at which a stage of conjugate gradients checks its sets, and at which it ends.
 
     Attributes
     ----------
@@ -315,7 +172,7 @@ class Goals(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Constraint:
-    """What corrections of the free pressures keep: the load, or conjugacy to the pressure.
+    """Condition on corrections of the pressure: keep the load, or be conjugate to the pressure.
 
     Arrays are values in contact, see `Patch.in_contact`.
 
@@ -326,7 +183,8 @@ class Constraint:
     carried : float
         Load that `base` carries if the load is given; 0 at a given displacement [reduced].
     image : ndarray of float32
-        Displacement by `base`, used only if `stiffness` is above 0 [unit of displacement].
+        Displacement by `base` [unit of displacement]. It is used only if `stiffness` is above 0;
+        otherwise any array may be here.
     stiffness : float
         Product of `base` and `image`; 0 if the load is given, or the displacement is not known.
     """
@@ -337,16 +195,37 @@ class Constraint:
     stiffness: float
 
     def mean(self, residual: Real) -> float:
-        """Return the mean of a residual in contact weighted by the pressure; 0 without a load."""
+        """Compute the mean of a residual, weighted by the pressure.
+
+        Parameters
+        ----------
+        residual : ndarray of float32
+            Residual in contact [unit of displacement].
+
+        Returns
+        -------
+        float
+            Mean under a given load, 0 at a given displacement [unit of displacement].
+        """
         if not self.carried:
             return 0.0
         return inner(self.base, residual) / self.carried
 
     def applied(self, correction: Real, residual: Real) -> Real:
-        """Change a correction in place, and return it.
+        """Apply the constraint to a correction of the pressure, in place.
 
-        It carries no load in all if the load is given, else it is conjugate to the pressure if the
-        displacement by the pressure is known. `residual` is what it was computed from.
+        Parameters
+        ----------
+        correction : ndarray of float32
+            Correction in contact; overwritten [reduced].
+        residual : ndarray of float32
+            Residual in contact that it corrects [unit of displacement].
+
+        Returns
+        -------
+        ndarray of float32
+            `correction`: it carries no load in all if the load is given, else it is conjugate to
+            the pressure if the displacement by the pressure is known.
         """
         if self.carried:
             excess = correction.sum(dtype=np.float64) / self.carried
@@ -363,13 +242,20 @@ class _Directions:
     Arrays are values in contact, see `Patch.in_contact`.
     """
 
-    def __init__(self, constraint: Constraint, *, longest: float) -> None:
-        """Begin without a direction; no node may change by more than `longest` in a step."""
+    def __init__(self, constraint: Constraint, *, singular: bool, longest: float) -> None:
+        """Begin without a direction; no node may change by more than `longest` in a step.
+
+        `longest` is a pressure [reduced], inf for no bound. `singular` says whether a uniform
+        pressure of the free nodes displaces none of them.
+        """
         self.constraint = constraint
+        self.singular = singular
         self.longest = longest
         self.direction: Real = np.zeros(constraint.base.shape, np.float32)
         self.change: Real = np.zeros(constraint.base.shape, np.float32)
-        self.product = math.inf  # of the last residual and its correction
+        # Product of the last residual and its correction. It is infinite before the first one, so
+        # that no earlier direction is kept.
+        self.product = math.inf
         self.shortened = False  # whether `longest` has cut off the last step
 
     @property
@@ -379,7 +265,10 @@ class _Directions:
         return pressure
 
     def turn(self, correction: Real, residual: Real) -> None:
-        """Take the next direction: the correction of a residual, conjugate to those before."""
+        """Make a residual's correction conjugate to all earlier directions, and search along it.
+
+        `correction` is the preconditioned residual, to which the constraint is applied in place.
+        """
         correction = self.constraint.applied(correction, residual)
         product = inner(residual, correction)
         self.direction *= np.float32(product / self.product)
@@ -387,37 +276,50 @@ class _Directions:
         self.product = product
 
     def length(self, displaced: Real) -> np.float32 | None:
-        """Return the length of the step that reduces the energy most; None if rounding is left.
+        """Return the length of the next step, over the direction; set `shortened`.
 
-        `displaced` is the displacement by the direction, on the free nodes.
+        It is the length of the least energy, cut off at `longest`. None is returned where the
+        product or the curvature is not above 0, so that only rounding is left. `displaced` is the
+        displacement by the direction, on the free nodes.
         """
         curvature = inner(self.direction, displaced)
-        if not (self.product > 0 and curvature > 0):
+        if not (self.product > 0 and curvature > 0):  # also where one is nan
             return None
         full = self.product / curvature
         length = np.float32(full)
         if self.longest < math.inf:
             length = min(length, np.float32(self.longest / np.abs(self.direction).max()))
+        # The factor 0.999: rounding to single precision is no cut.
         self.shortened = bool(length < full * 0.999)
         return length
 
 
+def _largest(values: Real) -> float:
+    """Return the largest absolute value of an array, 0 of an empty one; nan if one is nan."""
+    if not values.size:
+        return 0.0
+    return max(float(values.max()), -float(values.min()))
+
+
 class _Watch:
-    """Tells of a stage when it ends for its residual, and when its sets are due to be checked."""
+    """Decides by the residual when a stage ends, and when its sets are checked."""
 
     def __init__(self, goals: Goals, iterations: int) -> None:
-        """Begin after some iterations of the solve."""
+        """Begin a stage; `iterations` is the number of iterations of the solve before it."""
         self._goals = goals
         self._next_check: float | None = None  # residual at which sets are checked
         self._least = math.inf  # smallest residual of the stage
         self._least_at = iterations  # iterations at which it was reached
 
     def has_ended(self, largest: float, iterations: int) -> bool:
-        """Return whether the largest residual is small or nan, or falls no longer."""
+        """Return whether a largest residual is small or nan, or no longer falls.
+
+        `iterations` is the number of iterations of the solve so far.
+        """
         if largest < self._least:
             self._least = largest
             self._least_at = iterations
-        above = largest > self._goals.floor
+        above = largest > self._goals.floor  # False where the residual is nan
         return not above or iterations - self._least_at >= STAGNANT
 
     def is_due(self, largest: float) -> bool:
@@ -462,8 +364,9 @@ class ActiveSet:
         Returns
         -------
         bool
-            Whether the tolerance is met. If not, the iterate holds the nearer one of the pressure
-            before and the last one that was tried.
+            Whether the tolerance is met and no pressure exceeds the hardness. If the tolerance is
+            not met, the iterate holds either the pressure before or the last one that was tried,
+            whichever is nearer to equilibrium.
         """
         iterate = self.iterate
         if iterate.yields or iterate.iterations >= iterate.max_iterations:
@@ -485,7 +388,8 @@ class ActiveSet:
     def _candidates(self) -> Nodes | None:
         """Return the flat indices of nodes that may be in contact, None if these are too many.
 
-        They are the nodes that touch, and as many again as `SPARE` says with the smallest gaps.
+        They are the nodes that touch, followed by open nodes with the smallest gaps, whose number
+        is set by `SPARE`.
         """
         iterate = self.iterate
         few = self._patch.few
@@ -494,7 +398,8 @@ class ActiveSet:
         if number * (1 + SPARE) > few:
             if iterate.load is None and number > few:
                 return None
-            touching = iterate.pressure > 0  # under a load, most others will leave again
+            # Under a load, most nodes that penetrate without any pressure will leave again.
+            touching = iterate.pressure > 0
         nodes = np.flatnonzero(touching)
         number_spare = min(math.ceil(SPARE * nodes.size), touching.size - nodes.size)
         if not 0 < nodes.size <= few - number_spare:
@@ -511,8 +416,7 @@ class ActiveSet:
         If nodes outside penetrate, enlarge the set and factorise again; otherwise correct rounding.
         """
         iterate = self.iterate
-        shift = iterate.shift if iterate.load is None else 0.0
-        interference = (iterate.below + shift).reshape(-1)
+        interference = (iterate.below + iterate.given_shift).reshape(-1)
         factor = None
         for _ in range(RENEWALS):
             if factor is None:
@@ -544,29 +448,34 @@ class ActiveSet:
         """Factorise the matrix of some nodes, ordered by their pressure, then by penetration."""
         iterate = self.iterate
         order = np.lexsort((-iterate.residual.flat[nodes], -iterate.pressure.flat[nodes]))
-        is_small = nodes.size <= DOUBLE_SHARE * self._patch.few
-        precision = "float64" if is_small else "float32"
+        precision = "float32"
+        if nodes.size <= DOUBLE_SHARE * self._patch.few:
+            precision = "float64"
         return ContactFactor(partial(self._patch.entries, dtype=precision), nodes[order])
 
     def _solved_densely(
         self, factor: ContactFactor, interference: Values
     ) -> Values | None:
-        """Return the pressure on the nodes of a factor; None if its sets have not settled.
+        """Return the pressure on the nodes that a factor has left; None if its sets do not settle.
 
-        Each set that was tried is an iteration.
+        The nodes are `factor.nodes` after the call. Each set that was tried is an iteration. The
+        solution's shift is not needed, because `Iterate.renew` balances anew. LinAlgError passes
+        through.
         """
         iterate = self.iterate
         sets = min(MOST_SETS, iterate.max_iterations - iterate.iterations)
         solution = factor.solve(interference, iterate.load, sets)
         iterate.iterations += solution.sets
-        return solution.pressure if solution.settled else None
+        if not solution.settled:
+            return None
+        return solution.pressure
 
     def _corrected_densely(self, factor: ContactFactor) -> Values:
         """Return the pressure on the nodes of a factor, corrected by the present residual."""
         iterate = self.iterate
-        carried = None if iterate.load is None else 0.0
         pressure = iterate.pressure.reshape(-1)[factor.nodes]
-        return pressure + factor.correct(iterate.residual.reshape(-1), carried)
+        residual = iterate.residual.reshape(-1)
+        return pressure + factor.correct(residual, iterate.load_of_change)
 
     # Rounds
 
@@ -578,17 +487,20 @@ class ActiveSet:
         Returns
         -------
         bool
-            Whether the tolerance is met. If not, either rounding allows no smaller violation, as
-            `stalled` then says, or the bound on iterations is reached, or numbers are nan.
+            Whether the tolerance is met. If not, there are three possible reasons: rounding allows
+            no smaller violation (then `stalled` is set), the bound on iterations is reached, or
+            numbers are nan.
         """
         iterate = self.iterate
-        violation = iterate.violation()
-        progress = Progress(violation, violation.largest if iterate.exact else 1.0)
+        progress = Progress(iterate.violation())
+        if iterate.exact:
+            progress.renewed = progress.largest
         while True:
             if self._has_to_yield(progress.largest):
                 iterate.let_yield()
                 progress.note_yielding(iterate.violation())
             floor = max(AIM * iterate.tolerance, progress.resolved)
+            # Rounds that take no iteration are bounded too.
             steps = max(iterate.iterations, progress.rounds)
             out_of_steps = steps >= iterate.max_iterations
             if progress.largest > floor and not out_of_steps:
@@ -603,15 +515,22 @@ class ActiveSet:
                     return met
             progress.rounds += 1
 
-    def _has_to_yield(self, largest: float) -> bool:
-        """Return whether bodies taken for elastic are certain to exceed the hardness."""
+    def _has_to_yield(self, largest_violation: float) -> bool:
+        """Return whether bodies that were taken for elastic are certain to exceed the hardness.
+
+        They are as soon as the largest violation [unit of displacement] is so small that a pressure
+        above the hardness will stay there.
+        """
         iterate = self.iterate
-        elastic = iterate.hardness < math.inf and not iterate.yields
-        certain = largest <= CERTAIN * max(iterate.shift, iterate.least_displacement)
-        return elastic and certain and bool(iterate.pressure.max() > iterate.hardness)
+        taken_for_elastic = iterate.hardness < math.inf and not iterate.yields
+        displacement = max(iterate.shift, iterate.least_displacement)
+        near_solution = largest_violation <= CERTAIN * displacement
+        if not (taken_for_elastic and near_solution):
+            return False
+        return bool(iterate.pressure.max() > iterate.hardness)
 
     def _take_round(self, progress: Progress, floor: float) -> None:
-        """Take one round, after safe steps if rounds no longer come nearer; note what it brings.
+        """Take one round, after safe steps if rounds no longer come nearer; note its results.
 
         `floor` is the largest violation that the round has to reach [unit of displacement].
         """
@@ -635,9 +554,11 @@ class ActiveSet:
         )
 
     def _take_sets(self, progress: Progress, floor: float) -> Mask | None:
-        """Hand the free nodes to the patch, and return the yielded ones; None for elastic bodies.
+        """Set the free nodes as the patch's contact set, and return the mask of the yielded nodes.
 
-        After a step ahead on a set, no other nodes join it, so that sets do not flicker.
+        The mask is None for elastic bodies. After a step ahead on a set, no other nodes join it, so
+        that sets do not flicker. Unless nodes have yielded, the pressure is rescaled for a new set
+        (`Iterate.rescale`).
         """
         iterate = self.iterate
         patch = self._patch
@@ -650,7 +571,7 @@ class ActiveSet:
         yielded: Mask = iterate.pressure >= iterate.hardness
         opens_most = violation.opening >= max(violation.penetration, violation.gap)
         may_free = opens_most or self._tension <= LITTLE_TENSION
-        if violation.opening > floor and may_free:
+        if violation.opening > floor and may_free:  # nodes with the widest gaps
             share = FREED_SLOWLY if progress.slow else FREED
             yielded &= iterate.residual >= -np.float32(share * violation.opening)
         free = iterate.touching() & ~yielded
@@ -667,8 +588,8 @@ class ActiveSet:
         """Solve loosely on the free nodes, and bring their pressure back between the bounds.
 
         Where the free nodes meet the tolerance, the round is likely to be the last, so that its
-        residual is computed in double precision at once; so it is if `polishing`. Return whether a
-        step ahead was taken on the next set.
+        residual is computed in double precision at once. With `polishing`, it is also computed in
+        double precision. Return whether a step ahead was taken on the next set.
         """
         iterate = self.iterate
         before = None  # unless damped, nothing is kept, to save memory
@@ -685,14 +606,13 @@ class ActiveSet:
                 return False
             ahead = iterate.pressure
         iterate.pressure = ahead
-        is_last = solved.left <= iterate.tolerance and not damped
+        is_last = solved.remaining <= iterate.tolerance and not damped
         if (polishing or is_last) and not iterate.yields:
             iterate.renew()
             return True
         self._update_residual(solved, free_memory=not (damped or solved.dense))
         if before is not None and iterate.energy() > energy:
-            target = iterate.pressure if solved.dense else solved.in_residual
-            self._shorten(before, target)
+            self._shorten(before, ahead if solved.dense else solved.in_residual)
         if iterate.load is not None:
             iterate.balance(iterate.residual)
         return changed
@@ -700,34 +620,37 @@ class ActiveSet:
     def _solve_equations(
         self, yielded: Mask | None, goals: Goals, before: State | None
     ) -> Solved:
-        """Solve the equations of the free nodes, whatever the bounds: densely, or else loosely.
+        """Solve the equations of the free nodes, whatever the bounds.
 
-        Where the displacement barely fixes the load, go back towards the state before if much of
-        the contact would leave.
+        Few free nodes of bodies that yield are solved by dense algebra, all others loosely by
+        conjugate gradients. Where the displacement barely fixes the load, go back towards the state
+        before if much of the contact would leave.
         """
         iterate = self.iterate
         in_residual = iterate.pressure
         if iterate.yields and self._solve_few_free():
-            return Solved(in_residual=in_residual, left=math.inf, dense=True)
-        left = self._solve_free(yielded, goals)
+            return Solved(in_residual=in_residual, remaining=math.inf, dense=True)
+        remaining = self._solve_free(yielded, goals)
         if iterate.soft and before is not None:
             self._hold_back(before)
-        return Solved(in_residual=iterate.pressure, left=left, dense=False)
+        return Solved(in_residual=iterate.pressure, remaining=remaining, dense=False)
 
     def _update_residual(self, solved: Solved, *, free_memory: bool) -> None:
         """Update the residual to the present pressure, by one convolution.
 
-        With `free_memory`, the solved pressure is overwritten.
+        With `free_memory`, the solved pressure is overwritten to save memory.
         """
         iterate = self.iterate
-        buffer = solved.in_residual if free_memory else None
+        buffer = None
+        if free_memory:
+            buffer = solved.in_residual
         change = np.subtract(iterate.pressure, solved.in_residual, out=buffer)
         iterate.residual -= self._patch.displace(change)
         if iterate.soft:
             iterate.rescale()
 
     def _copied_state(self) -> State:
-        """Return the present state, which the iterate's own arrays no longer share."""
+        """Return the present state, whose arrays the iterate no longer shares."""
         iterate = self.iterate
         state = State(
             pressure=iterate.pressure,
@@ -757,10 +680,11 @@ class ActiveSet:
         )
 
     def _shorten(self, before: State, solved: Field) -> None:
-        """Take a shorter step from an earlier state towards the pressure that equations gave.
+        """Take a shorter step from an earlier state towards `solved`, the equations' pressure.
 
-        Its length is that of the least energy on the line to the present pressure, but it goes
-        along the bounds, so that nodes leave the contact.
+        The length is the one with the least energy on the line from the earlier to the present
+        pressure. The step itself goes towards `solved` and is cut off at the bounds, so that nodes
+        leave the contact.
         """
         iterate = self.iterate
         change = iterate.pressure - before.pressure
@@ -805,14 +729,14 @@ class ActiveSet:
         """
         goals = Goals(reduction=LINEAR_REDUCTION, floor=atol / 2)
         self._patch.take_contact(nodes)
-        left = math.inf
+        remaining = math.inf
         for _ in range(LINEAR_RENEWALS):
             self._solve_free(None, goals, checked=False)
             self.iterate.renew()
-            left = float(np.abs(self.iterate.residual[nodes]).max())
-            if not left > atol:  # also where it is nan
+            remaining = float(np.abs(self.iterate.residual[nodes]).max())
+            if not remaining > atol:  # also where it is nan
                 break
-        return left
+        return remaining
 
     def _solve_free(
         self, yielded: Mask | None, goals: Goals, *, checked: bool = True
@@ -820,17 +744,21 @@ class ActiveSet:
         """Run conjugate gradients on the free nodes until their set has to change.
 
         Sets are checked, if `checked`, whenever the residual has fallen by the goals' reduction.
-        The residual of all nodes is updated, because the convolution yields it at no extra cost.
-        Return the largest residual of the free nodes [unit of displacement].
+        The residual of all nodes is updated, because the convolution yields it at no extra cost. On
+        all nodes of a patch without edges a uniform pressure displaces nothing. Unless the load
+        fixes the mean pressure, steps may then go far, and are cut off at the hardness. Return the
+        largest residual of the free nodes, inf if no iteration is left [unit of displacement].
         """
         iterate = self.iterate
         constraint = self._constraint(yielded)
-        directions = _Directions(constraint, longest=self._longest_change())
+        singular = iterate.load is None and self._patch.singular
+        longest = iterate.hardness if singular and iterate.yields else math.inf
+        directions = _Directions(constraint, singular=singular, longest=longest)
         watch = _Watch(goals, iterate.iterations)
         largest = math.inf
         while iterate.iterations < iterate.max_iterations:
             free, mean = self._free_residual(constraint)
-            largest = max(float(free.max()), -float(free.min())) if free.size else 0.0
+            largest = _largest(free)
             if watch.has_ended(largest, iterate.iterations):
                 break
             is_due = watch.is_due(largest)
@@ -847,24 +775,11 @@ class ActiveSet:
         self._patch.add_to(iterate.pressure, directions.change)
         return largest
 
-    def _is_singular(self) -> bool:
-        """Return whether a uniform pressure of the free nodes displaces none of them.
-
-        So it is on all nodes of a patch without edges, unless the load fixes the mean.
-        """
-        return self.iterate.load is None and self._patch.singular
-
-    def _longest_change(self) -> float:
-        """Return by how much a step may change a pressure: singular ones go far [reduced]."""
-        if self._is_singular() and self.iterate.yields:
-            return self.iterate.hardness
-        return math.inf
-
     def _step(self, directions: _Directions, free: Real) -> bool:
         """Take one step of conjugate gradients from the residual of the free nodes.
 
-        Return whether the stage goes on: not where rounding leaves no step, and not where the
-        matrix is singular and pressures have come out of bounds.
+        Return whether the stage goes on. It does not where rounding leaves no step, nor where the
+        matrix is singular and the step was cut off or has put nodes under tension.
         """
         iterate = self.iterate
         patch = self._patch
@@ -877,7 +792,7 @@ class ActiveSet:
         iterate.residual -= displaced
         directions.change += length * directions.direction
         iterate.iterations += 1
-        if not self._is_singular():
+        if not directions.singular:
             return True
         return not (directions.shortened or directions.pressure.min() < 0)
 
@@ -892,7 +807,7 @@ class ActiveSet:
         return free, mean
 
     def _constraint(self, yielded: Mask | None) -> Constraint:
-        """Return what corrections of the free pressures have to keep.
+        """Return the constraint that corrections of the free pressures have to keep.
 
         At a given displacement, rounding puts errors along the pressure back into the residual.
         Every correction removes them again (A-DEF2 of Tang, Nabben, Vuik and Erlangga 2009), unless
@@ -905,18 +820,17 @@ class ActiveSet:
             if not base.any():
                 base = patch.in_contact(np.ones_like(iterate.residual))
             carried = float(base.sum(dtype=np.float64))
+            # Without a stiffness the image is not used, and `base` fills its place.
             return Constraint(base=base, carried=carried, image=base, stiffness=0.0)
         if yielded is not None and yielded.any():
             return Constraint(base=base, carried=0.0, image=base, stiffness=0.0)
         image = patch.in_contact(iterate.below) - patch.in_contact(iterate.residual)
-        image += np.float32(iterate.shift) * (1 if image.ndim == 1 else patch.within)
+        shift = np.float32(iterate.shift)
+        image += shift if image.ndim == 1 else shift * patch.within
         stiffness = inner(base, image)
-        return Constraint(
-            base=base,
-            carried=0.0,
-            image=image,
-            stiffness=stiffness if stiffness > 0 else 0.0,
-        )
+        if not stiffness > 0:
+            stiffness = 0.0
+        return Constraint(base=base, carried=0.0, image=image, stiffness=stiffness)
 
     def _has_to_change(
         self,
@@ -931,8 +845,9 @@ class ActiveSet:
         They have to if a free node is under tension or beyond the hardness, if an open node
         penetrates, or if a yielded node opens by more than the largest residual of the free nodes.
 
-        `pressure` is that of the free nodes, `floor` the least departure that matters, and `mean`
-        what the residual of all nodes is above its true value.
+        `pressure` belongs to the free nodes, `floor` is the largest penetration or opening that is
+        tolerated, `largest` the largest residual of the free nodes, and the residual of all nodes
+        exceeds its true value by `mean` [unit of displacement].
         """
         if pressure.min() < 0:
             return True
@@ -946,9 +861,10 @@ class ActiveSet:
         return bool((outside * ~yielded).max() > floor + mean)
 
     def _solve_few_free(self) -> bool:
-        """Solve for few free nodes by dense algebra, which leaves the residual as it is.
+        """Solve the equations of the free nodes by dense algebra if these nodes are few.
 
-        Return whether the pressure was solved for; it is a new array then.
+        Return whether they were solved. If so, the iterate's pressure is a new array, and its
+        residual still belongs to the old one.
         """
         iterate = self.iterate
         if not 0 < self._patch.count <= FEW_FREE * self._patch.few:
@@ -961,7 +877,7 @@ class ActiveSet:
                 )
                 change = factor.correct(
                     iterate.residual.reshape(-1).astype(np.float64),
-                    None if iterate.load is None else 0.0,
+                    iterate.load_of_change,
                 )
         except (np.linalg.LinAlgError, FloatingPointError):
             return False
@@ -976,7 +892,8 @@ class ActiveSet:
         """Cut off tension, cap pressures at the hardness, and take the next set.
 
         With `onwards`, also step ahead on the next set by a share of its preconditioned residual.
-        Return a new pressure, or None where no pressure is out of bounds.
+        Return a new pressure that carries the load, or None where no pressure is out of bounds. The
+        next set becomes the patch's contact set, and `_tension` is set in any case.
         """
         iterate = self.iterate
         patch = self._patch
@@ -998,21 +915,23 @@ class ActiveSet:
             correction = patch.correct(patch.in_contact(iterate.residual))
             patch.add_to(ahead, np.float32(ADVANCE) * correction)
             np.maximum(ahead, 0, out=ahead)
-        if iterate.yields:
+        if iterate.yields:  # a step ahead makes no further node yield
             highest = np.maximum(pressure, BELOW_HARDNESS * iterate.hardness)
             np.minimum(ahead, highest, out=ahead)
         iterate.admit(ahead)
         return ahead
 
     def _capped(self, ahead: Field, yielded: Mask) -> Field:
-        """Cap a pressure that is nowhere negative at the hardness, and return it.
+        """Return a pressure that is nowhere negative, capped at the hardness.
 
-        Load that capping takes off goes on the free nodes, as far as scaling them by at most
-        `LARGEST_SCALE` allows.
+        Load that capping takes off is moved to the free nodes, as far as scaling their pressures by
+        at most `LARGEST_SCALE` allows.
         """
         iterate = self.iterate
         hardness = iterate.hardness
-        free = np.where(yielded, 0.0, ahead) if yielded.any() else ahead
+        free = ahead
+        if yielded.any():
+            free = np.where(yielded, 0.0, ahead)
         load = float(iterate.pressure.sum()) - hardness * np.count_nonzero(yielded)
         factor = 1.0
         for _ in range(CAPPINGS):
@@ -1030,7 +949,10 @@ class ActiveSet:
     # Safe steps
 
     def _descend(self) -> None:
-        """Take a few steps of projected gradients, each of which lowers the energy for certain."""
+        """Take a few steps of projected gradients, each of which lowers the energy for certain.
+
+        They end early where rounding leaves no step.
+        """
         iterate = self.iterate
         iterate.exact = False
         for _ in range(SAFE_STEPS):
@@ -1056,11 +978,11 @@ class ActiveSet:
         return projected
 
     def _split(self) -> bool:
-        """Solve by waves and bounds in turn, without edges; return whether the patch allows it.
+        """Solve by waves and bounds in turn on a patch without edges; return False on a free one.
 
         The alternating direction method of multipliers has no sets that could cycle. It minimises
-        the same energy in turn over all pressures, which waves do by one transform each way, and
-        over the pressures between the bounds. It converges from any start because the energy is
+        the same energy in turn over all pressures, by one Fourier transform each way, and over the
+        pressures between the bounds. It converges from any start because the energy is
         convex (Boyd, Parikh, Chu, Peleato and Eckstein 2011, Foundations and Trends in Machine
         Learning 3, sections 3.2 and 3.4.3). It ends at the tolerance, or at a bound on the passes.
         """
@@ -1069,10 +991,10 @@ class ActiveSet:
             return False
         inverse, penalty = splitting
         iterate = self.iterate
-        shift = iterate.shift if iterate.load is None else 0.0
-        interference = iterate.below + shift
+        interference = iterate.below + iterate.given_shift
         within = iterate.pressure  # between the bounds
-        price = iterate.residual / penalty  # scaled multiplier of their equality
+        # Scaled multiplier of the equality free = within.
+        price = iterate.residual / penalty
         for number in range(1, PASSES * iterate.max_iterations + 1):
             free = filtered(inverse, interference + penalty * (within - price))
             if iterate.load is not None:
@@ -1087,7 +1009,7 @@ class ActiveSet:
     def _is_solved_by(self, within: Field) -> bool:
         """Take a pressure of splitting with its exact residual; return whether it is near enough.
 
-        Its passes are counted as convolutions.
+        The passes since the last call are counted as convolutions.
         """
         iterate = self.iterate
         self._patch.convolutions += CHECKED

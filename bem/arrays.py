@@ -1,4 +1,4 @@
-"""Types of the arrays that this package hands around."""
+"""Types of the arrays that functions of this package take and return."""
 
 from typing import Any
 
@@ -14,8 +14,8 @@ Values = NDArray[np.float64]
 # Indices of nodes, either into the flattened grid or into a list of nodes.
 Nodes = NDArray[np.intp]
 
-# Numbers in whichever precision the caller chose, float64 or float32.
+# Numbers of any shape in double or single precision; docstrings say which.
 Real = NDArray[Any]
 
-# One decision for every node of a list, of shape (m,).
+# One truth value for every node of the grid, of shape (nx, ny), or of a list, of shape (m,).
 Mask = NDArray[np.bool_]

@@ -1,8 +1,9 @@
-"""Checks of what a caller passes in: arrays of real numbers, and single numbers in a range.
+"""Checks of arguments: arrays of real numbers, and single numbers in a range.
 
-`bem` and `learn` refuse the same things in the same words. An error is a ValueError of one line,
-with the name of the argument, what was passed and what is allowed. Nothing is cast on the way: a
-complex number keeps no real part alone, and a text is no number.
+`bem`, `learn` and `asperity` refuse the same values with the same words. An error is a ValueError
+of one line, with the name of the argument, the value that was passed and the values that are
+allowed. No check casts a value: a complex number is refused, not reduced to its real part, and a
+text is no number even if it consists of digits.
 """
 
 import math
@@ -12,11 +13,12 @@ import numpy as np
 
 from bem.arrays import Values
 
+# Upper bound of the loads and features that can be computed [any unit]. The solver's steps and the
+# models' trees hold numbers, and sums of a few of them, in single precision, which ends at 3.4e38.
 LARGEST = 1e38
-"""End of the loads and the features that can be computed: the solver's steps and the models' trees
-hold numbers, and sums of a few, in single precision, which ends at 3.4e38."""
 
-LONGEST = 60  # most characters of a value in a message
+# Largest number of characters of a value in a message.
+LONGEST = 60
 
 
 class Range(NamedTuple):
@@ -27,15 +29,15 @@ class Range(NamedTuple):
     low, high : float
         Bounds, both excluded.
     words : str
-        Their wording in messages.
-    whole : bool
-        Whether it has to be a whole number.
+        Wording of the range in messages, which follows "must be".
+    integer : bool
+        Whether numbers have to be whole.
     """
 
     low: float
     high: float
     words: str
-    whole: bool = False
+    integer: bool = False
 
 
 def refuse_masked(name: str, value: Any) -> None:
@@ -51,15 +53,17 @@ def refuse_masked(name: str, value: Any) -> None:
     Raises
     ------
     ValueError
-        If an entry is masked. An array whose mask hides nothing is as any other.
+        If an entry is masked. A masked array without any masked entry is allowed.
     """
-    rows = value if isinstance(value, list | tuple) else [value]
+    rows = [value]
+    if isinstance(value, list | tuple):
+        rows = list(value)
     if any(np.ma.is_masked(row) for row in rows):
         raise ValueError(f"{name} are masked in places: fill or crop them")
 
 
 def real_array(name: str, value: Any) -> Values:
-    """Return a copy of an array of real numbers in double precision.
+    """Copy an array of real numbers in double precision.
 
     Parameters
     ----------
@@ -76,8 +80,8 @@ def real_array(name: str, value: Any) -> Values:
     Raises
     ------
     ValueError
-        If entries are masked, or rows have unequal lengths; or if the numbers are complex, logical,
-        dates, texts or objects, as whole numbers beyond 64 bits are.
+        If entries are masked, rows have unequal lengths, or entries are complex, logical, dates,
+        texts or objects. Whole numbers beyond 64 bits are objects.
     """
     refuse_masked(name, value)
     try:
@@ -93,7 +97,7 @@ def real_array(name: str, value: Any) -> Values:
 
 
 def real_number(name: str, value: Any, allowed: Range) -> float | int:
-    """Return a real number in a range.
+    """Check a real number in a range.
 
     Parameters
     ----------
@@ -102,17 +106,18 @@ def real_number(name: str, value: Any, allowed: Range) -> float | int:
     value : float
         What the caller passed: a number, or an array without dimensions.
     allowed : Range
-        The numbers that it may have.
+        The range of the number.
 
     Returns
     -------
     float or int
-        The number; an int if the range is one of whole numbers.
+        The number; an int if the range has whole numbers only.
 
     Raises
     ------
     ValueError
-        If it is no real number, or not in the range. A text is none, even one of digits.
+        If the value is no real number, or not in the range. A text is no number, even if it
+        consists of digits.
     """
     kind = getattr(getattr(value, "dtype", None), "kind", "f")
     number = math.nan
@@ -122,13 +127,25 @@ def real_number(name: str, value: Any, allowed: Range) -> float | int:
         except (TypeError, ValueError, OverflowError):
             number = math.nan
     inside = allowed.low < number < allowed.high
-    if not inside or (allowed.whole and not isinstance(value, int | np.integer)):
+    if not inside or (allowed.integer and not isinstance(value, int | np.integer)):
         raise ValueError(f"{name} = {shown(value)}: must be {allowed.words}")
-    return int(value) if allowed.whole else number
+    return int(value) if allowed.integer else number
 
 
 def shown(value: Any) -> str:
-    """Return a value as a short text for a message."""
+    """Return a value as a short text of one line for a message.
+
+    Parameters
+    ----------
+    value : object
+        Any value.
+
+    Returns
+    -------
+    str
+        Its representation. A long one loses its middle, and keeps at most about `LONGEST`
+        characters.
+    """
     try:
         text = " ".join(repr(value).split())
     except ValueError:  # Python writes no whole number of more than 4,300 digits

@@ -25,12 +25,15 @@ from bem.threads import computed_once
 if TYPE_CHECKING:
     from bem.derived.flow import Flow
 
+# Conductivities of a body that are allowed, besides infinity.
 CONDUCTIVITIES = Range(0, LARGEST, f"above 0 and below {LARGEST:g}, or infinite")
 
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """Equilibrium of a `Problem`, which `solve` returns.
+    """The equilibrium of a `Problem`, as `solve` returns it.
+
+    Fields that need further work are computed when they are first read, and kept.
 
     Attributes
     ----------
@@ -45,23 +48,25 @@ class Contact:
     contact_nodes : int
         Number of nodes under pressure.
     delta : float
-        Far-field displacement Delta, given or computed. Where every node in contact has yielded,
-        one pressure is in balance at every Delta until the next node touches; under a given load
-        it is the smallest of them [um].
+        Far-field displacement Delta, the given or the computed one [um]. Where every node in
+        contact has yielded, the same pressure is in balance at every Delta until the next node
+        touches; under a given load, Delta is the smallest of them.
     approach : float
-        Total displacement of the far field: Delta, plus F / K if it is compliant [um].
+        Total displacement of the far field: Delta, plus F / K if the far field is compliant [um].
     residual : float
         Largest absolute gap in contact, or penetration outside, over Delta, or over the approach
-        if the force was given [1].
+        if the force is given [1].
     iterations : int
-        Steps of conjugate gradients, and contact sets tried by dense algebra.
+        Number of steps of conjugate gradients, plus contact sets tried by dense algebra.
     convolutions : int
-        Applications of the influence matrix. Those on a coarser grid count by its share of the
-        nodes.
+        Number of applications of the influence matrix. One on a coarser grid counts as its share of
+        the nodes.
     again : callable
-        What solves another problem, from a pressure near its own if there is one.
+        Function that solves another problem: `bem.solving.solve_posed`, which this file cannot
+        import. It takes the problem, and a pressure near its solution or None [MPa], and returns
+        its contact.
     budget : Budget or None
-        Errors of the answers and what they are made of, where `solve_within` was asked for them.
+        Errors of the answers by their causes; None unless `solve_within` made the contact.
     """
 
     problem: Problem = field(repr=False)
@@ -100,7 +105,7 @@ class Contact:
         heights = self.problem.heights
         interference = (heights - self.problem.datum_height) + self.approach
         gap: Field = self.displacement - interference
-        if self.problem.hardness is not None:
+        if self.problem.hardness is not None:  # yielded nodes penetrate by their depth
             gap = np.where(self.yielded, np.maximum(gap, 0.0), gap)
         gap.setflags(write=False)
         return gap
@@ -118,10 +123,10 @@ class Contact:
 
     @property
     def flattened(self) -> Field:
-        """Heights of the surface after yielding, (nx, ny): what an unloaded patch looks like [um].
+        """Heights of the surface after yielding and unloading, (nx, ny) [um].
 
-        The highest node yields first, so that Delta of another contact of this surface counts from
-        a lower node than the one before. Loads need no such care.
+        The highest node yields first, so that Delta of another contact of this surface is measured
+        from a lower node than Delta of this contact. Contacts under given loads need no correction.
         """
         heights: Field = self.problem.heights - self.yielded_depth
         return heights
@@ -133,9 +138,10 @@ class Contact:
 
     @property
     def yielded(self) -> Mask:
-        """Nodes whose pressure is the hardness, (nx, ny)."""
-        hardness = np.inf if self.problem.hardness is None else self.problem.hardness
-        yielded: Mask = self.pressure >= hardness
+        """Mask of the nodes whose pressure is the hardness, (nx, ny)."""
+        if self.problem.hardness is None:
+            return np.zeros(self.pressure.shape, bool)
+        yielded: Mask = self.pressure >= self.problem.hardness
         return yielded
 
     @property
@@ -152,32 +158,35 @@ class Contact:
     def perimeter(self) -> float:
         """Length of the cell edges between contact and gap, without the patch's border [um].
 
-        A patch that repeats itself has no border: edges between its opposite sides count too.
+        A patch that repeats itself has no border, so that edges between its opposite sides are
+        included.
         """
         touching = self.pressure > 0
+        along = touching
+        across = touching
         if self.problem.boundary == "periodic":
-            touching = np.pad(touching, ((0, 1), (0, 1)), mode="wrap")
-            along, across = touching[:, :-1], touching[:-1]
-        else:
-            along = across = touching
-        edges = (
-            np.count_nonzero(along[1:] != along[:-1]) * self.problem.spacing[1],
-            np.count_nonzero(across[:, 1:] != across[:, :-1]) * self.problem.spacing[0],
-        )
-        return float(sum(edges))
+            wrapped = np.pad(touching, ((0, 1), (0, 1)), mode="wrap")
+            along = wrapped[:, :-1]
+            across = wrapped[:-1]
+        crossed_along_x = np.count_nonzero(along[1:] != along[:-1])
+        crossed_along_y = np.count_nonzero(across[:, 1:] != across[:, :-1])
+        dx, dy = self.problem.spacing
+        return float(crossed_along_x * dy + crossed_along_y * dx)
 
     @computed_once
     def continuum_area_percent(self) -> float:
         """Area of contact in the continuum, as a share of the area of all cells [%].
 
-        A_e counts nodes, and a count of nodes reaches beyond the border of contact: it is too large
-        by some 0.1 of its perimeter times the spacing. Pressures and gaps beside the border tell
-        its place between the nodes (`bem.derived.border`). Where waves have 8 nodes and more this
-        area is right within 1 % (`python -m bench resolution`); where roughness goes on down to
-        the grid there is no such area: see `grid_error`. Nothing and all of the patch stay 0 and
-        100 %.
+        The effective area A_e consists of the cells of contact nodes, which reach beyond the border
+        of contact. It is too large by about 0.1 of the perimeter times the spacing. Pressures and
+        gaps beside the border tell its place between the nodes (`bem.derived.border`). Where waves
+        have 8 nodes and more, this area is right within 1 % (`python -m bench resolution`). Where
+        roughness goes down to the grid, the continuum has no area: see `grid_error`. No contact
+        stays 0 %, full contact 100 %.
         """
-        depth = None if self.problem.hardness is None else self.yielded_depth
+        depth = None
+        if self.problem.hardness is not None:
+            depth = self.yielded_depth
         cells = continuum_nodes(self.problem, self.pressure, self.gap, depth)
         return 100.0 * cells / self.pressure.size
 
@@ -199,9 +208,10 @@ class Contact:
         return contact
 
     def grid_error(self) -> GridError:
-        """Solve the same contact on about every second node, for the errors that the grid makes.
+        """Estimate the errors that the grid makes, by solving the same contact on a coarser one.
 
-        The coarser contact is solved once and kept, see `bem.derived.grid_error`.
+        The coarser grid has about every second node. Its contact is solved once; the answer is
+        kept. See `bem.derived.grid_error`.
 
         Returns
         -------
@@ -214,17 +224,17 @@ class Contact:
 
     @computed_once
     def spots(self) -> Spots:
-        """Connected regions of contact, and whether contact and gap cross the patch."""
+        """The connected regions of contact, and whether contact and gap cross the patch."""
         along, across = self.problem.spacing
         periodic = self.problem.boundary == "periodic"
         return spots_of(self.pressure > 0, along * across, periodic=periodic)
 
     def flow(self, axis: int = 0) -> Flow:
-        """Let a fluid flow through the gap, by Reynolds' equation, and keep the answer.
+        """Compute the flow of a fluid through the gap by Reynolds' equation.
 
-        Nodes in contact are closed. A patch that repeats itself is driven by a mean gradient; any
-        other one lies between two reservoirs, and its sides along the axis are closed. Where
-        contact seals the patch nothing flows, which is an answer too: a factor of 0.
+        The answer is kept. Nodes in contact are closed. A patch that repeats itself is driven by a
+        mean gradient. Any other patch is between two reservoirs, and its sides along the axis are
+        closed. Where contact seals the patch, the flow factor is 0.
 
         Parameters
         ----------
@@ -243,29 +253,30 @@ class Contact:
         ArithmeticError
             If the equations are not solved to 1e-9.
         """
-        from bem.derived.flow import (
-            flows_through,
-        )  # here, because few contacts are asked for it
+        # Imported here, because few contacts need it.
+        from bem.derived.flow import flows_through
 
         if axis not in self._kept:
             gap = np.where(self.pressure > 0, 0.0, np.maximum(self.gap, 0.0))
             periodic = self.problem.boundary == "periodic"
-            axes = (axis, 1 - axis) if periodic else (axis,)  # one factor serves both
+            axes: tuple[int, ...] = (axis,)
+            if periodic:  # one factorisation serves both axes
+                axes = (axis, 1 - axis)
             flows = flows_through(gap, self.problem.spacing, axes, periodic=periodic)
             self._kept.update(zip(axes, flows, strict=True))
         return cast("Flow", self._kept[axis])
 
     @computed_once
     def punch(self) -> Punch:
-        """The flat punch of the contact set, by one linear solve."""
+        """The flat punch whose face is the contact set, by one linear solve."""
         return punch_of(self.problem, np.flatnonzero(self.pressure > 0))
 
     @property
     def stiffness(self) -> float:
-        """Stiffness S of unloading: that of the contact set as a flat punch [MPa um].
+        """Stiffness S of unloading, which is that of the contact set as a flat punch [MPa um].
 
-        Bodies that have yielded unload elastically, the yielded nodes too. For an elastic contact
-        on a rigid far field S is also dF/dDelta. A full contact without edges is infinitely stiff.
+        Yielded nodes also unload elastically. For an elastic contact on a rigid far field, S is
+        also dF/dDelta. A full contact without edges is infinitely stiff.
 
         Raises
         ------
@@ -276,11 +287,12 @@ class Contact:
 
     @property
     def interface_stiffness(self) -> float:
-        """Stiffness of the interface alone, without the patch's own compliance [MPa um].
+        """Stiffness of the interface alone, without the compliance of the patch [MPa um].
 
-        The contact of a free patch lies in series with the half-space behind the whole patch:
-        1/S - 1/S(patch), with the flat punch that fills the patch. It is infinite at full contact,
-        and loses its digits near it. Without edges the patch has no compliance of its own.
+        The contact of a free patch is in series with the half-space behind the patch. The
+        interface has the compliance 1/S - 1/S(patch), where S(patch) is the stiffness of a flat
+        punch that fills the patch. It is infinitely stiff at full contact, and the difference loses
+        its digits near it. A patch without edges has no compliance, so that this is S.
 
         Raises
         ------
@@ -293,30 +305,28 @@ class Contact:
 
     @computed_once
     def loading_stiffness(self) -> float:
-        """Stiffness dF/dDelta of further loading, while the contact set stands [MPa um].
+        """Stiffness dF/dDelta of further loading, as long as the contact set stays [MPa um].
 
-        Yielded nodes keep their pressure, so that this is the flat punch of the others.
+        Yielded nodes keep their pressure, so that this is the flat punch of all other nodes in
+        contact. On a compliant far field, it is the stiffness of the interface.
 
         Raises
         ------
         ArithmeticError
             If a linear solve does not converge.
         """
-        if (
-            self.problem.far_field == "compliant"
-        ):  # Delta leaves out what the patch gives way
+        if self.problem.far_field == "compliant":  # Delta excludes the patch's compliance
             return self.interface_stiffness
         yielded = self.yielded
         if not yielded.any():
             return self.stiffness
-        return punch_of(
-            self.problem, np.flatnonzero((self.pressure > 0) & ~yielded)
-        ).stiffness
+        elastic = np.flatnonzero((self.pressure > 0) & ~yielded)
+        return punch_of(self.problem, elastic).stiffness
 
     def conductance(self, k1: float, k2: float) -> float:
         """Compute the conductance of the contact between two half-spaces for heat or current.
 
-        It is k S / E* with k = 2 k1 k2 / (k1 + k2), exactly for spots that conduct and a gap that
+        It is k S / E* with k = 2 k1 k2 / (k1 + k2). This is exact where spots conduct and the gap
         does not (Barber 2003).
 
         Parameters
@@ -339,7 +349,9 @@ class Contact:
         return mean_conductivity(k1, k2) * self.stiffness / self.problem.modulus
 
     def interface_conductance(self, k1: float, k2: float) -> float:
-        """Compute the conductance of the interface alone, see `interface_stiffness`.
+        """Compute the conductance of the interface alone, without the resistance of the patch.
+
+        It follows from `interface_stiffness` as `conductance` does from the stiffness.
 
         Parameters
         ----------
@@ -364,10 +376,20 @@ class Contact:
 def mean_conductivity(k1: float, k2: float) -> float:
     """Compute 2 k1 k2 / (k1 + k2), the conductivity of two bodies in series.
 
+    Parameters
+    ----------
+    k1, k2 : float
+        Conductivities of the bodies, above 0 and below 1e38; one may be infinite [any unit].
+
+    Returns
+    -------
+    float
+        Conductivity [unit of k1].
+
     Raises
     ------
     ValueError
-        If one is not above 0, or not below 1e38 and not infinite, or both are infinite.
+        If a conductivity is not in this range, or both are infinite.
     """
     low, high = sorted((_conductivity(k1), _conductivity(k2)))
     if low == math.inf:
@@ -376,7 +398,10 @@ def mean_conductivity(k1: float, k2: float) -> float:
 
 
 def _conductivity(value: float) -> float:
-    """Return the conductivity of a body, which may be infinite, or refuse it."""
+    """Return the conductivity of a body as a float, which may be inf.
+
+    Raise ValueError if it is neither infinite nor in the range of `CONDUCTIVITIES`.
+    """
     if isinstance(value, float) and value == math.inf:
         return value
     return real_number("conductivities: one", value, CONDUCTIVITIES)

@@ -4,6 +4,8 @@ Where few nodes are in contact, a Cholesky factor of their matrix costs less tha
 Nodes under tension are fixed at zero pressure, and nodes beyond the hardness at the hardness. The
 factor stays and is bordered by the fixed nodes, which costs far less than factorising the matrix of
 the free nodes.
+
+Constants say how far they move the counts of the ledger, see `bem.active_set`.
 """
 
 from collections.abc import Callable
@@ -15,10 +17,11 @@ import numpy as np
 from bem.arrays import Mask, Nodes, Real, Values
 
 # Sets of fixed nodes that are tried before iterations take over. Sets that do not cycle need fewer.
+# This number matters in rare cases.
 MOST_SETS = 20
 
-# Share of the nodes under tension above which factorising the matrix of the rest is cheaper than
-# fixing them [1].
+# Share of the nodes that are under tension above which factorising the matrix of the other nodes is
+# cheaper than fixing the nodes under tension [1]. This number matters little.
 MANY = 0.15
 
 # BLAS may set the processor's flag of an invalid operation for numbers that no result contains, of
@@ -32,10 +35,11 @@ class DenseSolution(NamedTuple):
     Attributes
     ----------
     nodes : ndarray, shape (n,)
-        Flat indices of the nodes. Nodes that the factor has lost are missing; their pressure is
-        zero. Only if `settled` do these indices belong to `pressure`.
+        Flat indices of the nodes of the factor. Nodes that the factor has lost are missing; their
+        pressure is zero.
     pressure : ndarray, shape (n,)
-        Pressure of these nodes, between zero and the hardness [reduced].
+        Pressure of these nodes, between zero and the hardness [reduced]. Unless `settled`, it may
+        belong to more nodes: the nodes of the factor before the last set.
     shift : float
         Displacement of the far field in addition to the interference; 0 without a given load
         [unit of displacement].
@@ -53,7 +57,7 @@ class DenseSolution(NamedTuple):
 
 
 class _Backward(NamedTuple):
-    """What a factor gives back for one interference.
+    """Result of solving by a factor for one interference.
 
     Attributes
     ----------
@@ -113,7 +117,8 @@ class ContactFactor:
             raise np.linalg.LinAlgError
         self.nodes = nodes
         matrix = self._entries(nodes)
-        self._routines = routines("s" if matrix.dtype == np.float32 else "d")
+        is_single = matrix.dtype == np.float32
+        self._routines = routines("s" if is_single else "d")
         self._lower = self._by(self._routines.potrf, matrix, clean=0, overwrite_a=1)
         self._fixed = np.zeros(0, np.intp)  # positions of the fixed nodes in `nodes`
         self._at = np.zeros(0)  # their pressures, zero or the hardness
@@ -124,9 +129,10 @@ class ContactFactor:
     def solve(
         self, interference: Values, load: float | None, most_sets: int = MOST_SETS
     ) -> DenseSolution:
-        """Fix and free nodes until no pressure is out of bounds and every residual has its sign.
+        """Fix and free nodes until every pressure is within bounds and every residual has its sign.
 
-        The factor may lose nodes on the way.
+        Nodes at zero pressure then do not penetrate, and nodes at the hardness do not open. Nodes
+        that an earlier call fixed are fixed at the start. The factor may lose nodes on the way.
 
         Parameters
         ----------
@@ -157,22 +163,22 @@ class ContactFactor:
             excess = free & (pressure > self._hardness)
             changing = bool(tension.any() or excess.any())
             returning = (backward.residual > 0) & (self._at == 0)
-            if (
-                not changing
-            ):  # yielded nodes return last: lost load may close their gaps again
+            # Yielded nodes whose gap opens return only when nothing else changes: nodes fixed in
+            # the same pass displace them less, which may close the gap again.
+            if not changing:
                 returning |= (backward.residual < 0) & (self._at > 0)
             if not (changing or returning.any()):
                 return DenseSolution(
                     self.nodes, pressure, backward.shift, sets, settled=True
                 )
-            many = np.count_nonzero(tension) > MANY * len(pressure)
-            if many and self._hardness == np.inf:
+            much_tension = np.count_nonzero(tension) > MANY * len(pressure)
+            if much_tension and self._hardness == np.inf:
                 self._factorise(self.nodes[free & ~tension])
                 forward = self._forward(interference[self.nodes], load)
             else:
                 self._free(returning)
-                self._fix(np.flatnonzero(tension), 0.0)
-                self._fix(np.flatnonzero(excess), self._hardness)
+                self._fix(np.flatnonzero(tension), at=0.0)
+                self._fix(np.flatnonzero(excess), at=self._hardness)
         within = np.clip(pressure, 0, self._hardness)
         return DenseSolution(self.nodes, within, backward.shift, most_sets, settled=False)
 
@@ -198,17 +204,19 @@ class ContactFactor:
         return self._backward(forward, np.zeros_like(self._at), load).pressure
 
     def _forward(self, interference: Values, load: float | None) -> Real:
-        """Return L^-1 u as a column, and beside it that of a unit displacement if a load is given.
+        """Return L^-1 u as a column, and, if a load is given, L^-1 1 in a second column.
 
         `interference` is u on the nodes of the factor.
         """
-        columns = 1 if load is None else 2
+        columns = 1
+        if load is not None:
+            columns = 2
         sides = np.ones((len(interference), columns), self._lower.dtype, order="F")
         sides[:, 0] = interference
         return self._by(self._routines.trtrs, self._lower, sides)
 
     def _backward(self, forward: Real, at: Values, load: float | None) -> _Backward:
-        """Return pressure, residual and shift for what `_forward` has returned.
+        """Return pressure, residual and shift for the columns that `_forward` has returned.
 
         `at` holds the pressures of the fixed nodes. Raise LinAlgError if no displacement carries
         the load, or pressures are not finite.
@@ -229,6 +237,7 @@ class ContactFactor:
         pressures[self._fixed, 0] = at
         shift = 0.0
         if load is not None:
+            # The first column carries a load; each unit of the shift adds the second column.
             carried, by_unit_shift = pressures.sum(axis=0)
             if not by_unit_shift > 0:
                 raise np.linalg.LinAlgError
@@ -264,7 +273,7 @@ class ContactFactor:
         self._gram = None
 
     def _by(self, routine: Callable[..., Any], *matrices: Real, **options: int) -> Real:
-        """Return what one of LAPACK's routines computes; its first matrix is a lower triangle.
+        """Return the result of one of LAPACK's routines, whose first matrix is a lower triangle.
 
         Raise LinAlgError if the routine reports a failure.
         """

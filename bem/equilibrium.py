@@ -3,15 +3,15 @@
 Displacements are in units of a length of the problem. Pressures are in units of this length times
 E* over the first side of a cell; pressures and loads in these units are called reduced. Few nodes
 that may touch are solved by dense algebra alone. Every other problem is solved by one active set
-(`bem.active_set`), which begins from a pressure near by, from a loose solution on a coarser grid,
-or from a first guess.
+(`bem.active_set`), which begins from a pressure near the solution, from a loose solution on a
+coarser grid, or from a first guess.
 
-Which counts of the ledger a constant moves: `python -m tests.ledger --halved bem.equilibrium.NAME`,
-or `--doubled`.
+Constants say how far they move the counts of the ledger, see `bem.active_set`.
 """
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,83 +26,109 @@ from bem.problem import Overlap, Problem, overlap
 from bem.threads import on_one_blas_thread
 
 # Largest number of nodes that may touch for which dense algebra alone is faster than convolutions
-# (`pytest bench -k few_candidates`).
+# (`pytest bench -k few_candidates`). It is chosen by the time: solves take up to 33 % fewer
+# convolutions if it is halved, and up to 18 % more if it is doubled
+# (`python -m tests.ledger --halved bem.equilibrium.FEW_NODES`).
 FEW_NODES = 250
 
-# Least number of nodes a side with which a solve starts from a loose solve on a coarser grid.
+# Least number of nodes a side of grids whose solve starts from a loose solve on a coarser grid.
+# Solves of large grids take up to 30 % more iterations if it is doubled
+# (`python -m tests.ledger --doubled bem.equilibrium.NESTED`).
 NESTED = 500
 
-# That number where little comes into contact, so that such a start pays on larger grids only.
+# `NESTED` where little comes into contact [nodes]: a coarser grid then saves work on larger grids
+# only. This number matters little.
 NESTED_FAINT = 1000
 
-# Tolerance of the loose solve [displacement].
+# Tolerance of the loose solve [displacement]. This number matters little.
 NESTED_RTOL = 6e-2
 
 # Mean pressure, over E* times the rms slope, below which little comes into contact [1]. This and
-# `FAINT_DELTA` were measured on diamond-square surfaces of 512 and 513 nodes a side.
+# `FAINT_DELTA` were measured on diamond-square surfaces of 512 and 513 nodes a side. This number
+# matters in rare cases.
 FAINT_PRESSURE = 4e-3
 
-# Delta, over the mean depth of the surface, below which little comes into contact [1].
+# Delta, over the mean depth of the surface, below which little comes into contact [1]. Solves of
+# large grids take up to 25 % more iterations if it is doubled
+# (`python -m tests.ledger --doubled bem.equilibrium.FAINT_DELTA`).
 FAINT_DELTA = 0.6
 
-# Mean pressure, over E* times the rms slope, above which full contact on its own grid is nearer to
-# the solution of a patch without edges than a coarser grid is [1]. Measured on spectral and
-# diamond-square surfaces of 512 and 1,024 nodes a side.
+# Mean pressure, over E* times the rms slope, above which the pressure of full contact is nearer to
+# the solution of a patch without edges than the solution on a coarser grid is [1]. It was measured
+# on spectral and diamond-square surfaces of 512 and 1,024 nodes a side. This number matters in rare
+# cases.
 NESTED_FULL = 1.1
 
-# Largest Delta at which the coarser grid is solved, over its own Delta of full contact or Delta*
-# [1]: it has no equilibrium beyond, where the finer grid still may have one.
+# Largest Delta at which the coarser grid is solved, over the coarser grid's Delta of full contact
+# or Delta* [1]. At or beyond this Delta the coarser grid has no equilibrium, although the finer
+# grid still may have one. This number matters in rare cases.
 NESTED_BELOW = 0.9999
 
-# Contact set up to which no first step is taken before dense algebra, as a share of the largest set
-# worth factorising [1]: on free patches from a first guess.
+# Largest contact set for which no first step is taken before dense algebra, over the largest set
+# worth factorising, on free patches from a first guess [1]. This number matters little.
 ENOUGH_FREE = 0.5
 
-# That share for all other starts, where a step gains less [1].
+# `ENOUGH_FREE` for all other starts, where a step gains less [1]. Ladders take up to 7 % more
+# iterations if it is doubled (`python -m tests.ledger --doubled bem.equilibrium.ENOUGH`).
 ENOUGH = 0.9
 
 # Mean pressure, over E* times the rms slope, up to which a start on the highest nodes of a patch
-# without edges is nearer to the solution than a start from full contact [1].
+# without edges is nearer to the solution than a start from full contact [1]. Solves without edges
+# take up to 19 % fewer iterations if it is halved
+# (`python -m tests.ledger --halved bem.equilibrium.LIGHT`).
 LIGHT = 0.1
 
 # Share of the nodes that a start on the highest nodes takes, over the mean pressure divided by E*
-# times the rms slope [1].
+# times the rms slope [1]. Solves under a load take up to 26 % more iterations if it is halved, and
+# from 19 % fewer to 13 % more if it is doubled
+# (`python -m tests.ledger --halved bem.equilibrium.PEAKS`).
 PEAKS = 8.0
 
-# Distance, in nodes, of the rows and columns from which the rms slope is computed.
+# Distance, in nodes, of the rows and columns from which the rms slope is computed. This number
+# matters little.
 SAMPLED = 16
 
-# Shares of the nodes of a free patch that overlap at least and at most under a light load, over the
-# mean pressure divided by E* times the rms slope [1]. Shares from 6 to 30 were seen on
-# diamond-square surfaces of 129 to 513 nodes a side.
+# Least share of the nodes of a free patch that overlap under a light load, over the mean pressure
+# divided by E* times the rms slope [1]. Shares from 6 to 30 were seen on diamond-square surfaces of
+# 129 to 513 nodes a side. This number matters in rare cases.
 LEAST_OVERLAPPING = 6.0
+
+# Share of the nodes that are solved first under a light load, over the mean pressure divided by E*
+# times the rms slope [1]. Ladders
+# take up to 16 % more convolutions if it is halved
+# (`python -m tests.ledger --halved bem.equilibrium.OVERLAPPING`).
 OVERLAPPING = 20.0
 
-# Share of overlapping nodes above which the whole grid is solved [1].
+# Share of overlapping nodes above which the whole grid is solved [1]. This number matters little.
 MOST_OVERLAPPING = 0.3
 
 # Factor on a displacement that is known from a coarser grid, or from a part that was too small [1].
+# This number matters in rare cases.
 FURTHER = 1.1
 
 # Unit of length under the smallest loads, over the displacement of one cell that carries all of the
 # load [1]. Single precision holds pressures and depths at once only where they are not too far
-# apart.
+# apart. This number matters in rare cases.
 REACH = 1e3
 
-# Displacement, over the unit of length, that the tolerance refers to while a load has brought none
-# [1].
+# Displacement, over the unit of length, that the tolerance refers to as long as the displacement
+# under a load is not above zero [1]. This number matters in rare cases.
 LEAST = 1e-3
 
-# Delta, over that of full contact, above which full contact is the better start [1].
+# Delta, over that of full contact, above which full contact is the better start [1]. This number
+# matters in rare cases.
 NEARLY_FULL = 0.9
 
-# Trials of the constant that is added to the pressure of full contact.
+# Largest number of trials of the constant that is added to the pressure of full contact. This
+# number matters in rare cases.
 CONSTANTS = 4
 
-# Least mean gap that these trials aim at, over Delta of full contact [1].
+# Least mean gap that these trials aim at, over Delta of full contact [1]. This number matters in
+# rare cases.
 LEAST_GAP = 1e-6
 
-# Largest residual of a start that is better than no pressure [Delta].
+# Largest residual of a start that is better than no pressure [Delta]. This number matters in rare
+# cases.
 FARTHEST = 10.0
 
 
@@ -128,7 +154,7 @@ class Equilibrium:
     converged : bool
         Whether the tolerance is met.
     stalled : bool
-        Whether rounding leaves no step that would come nearer.
+        Whether rounding leaves no step that would come nearer to equilibrium.
     displacement : ndarray, shape (nx, ny), or None
         Displacement of the half-space under that pressure, nan outside the box that was solved;
         None if it is not known [length].
@@ -186,11 +212,20 @@ def equilibrium_of(problem: Problem, near: Start | None = None) -> Equilibrium |
     Equilibrium or None
         The equilibrium, whose `converged` tells whether it meets the tolerance; None if the bodies
         are apart or just touch.
+
+    Raises
+    ------
+    BeyondCriticalDelta
+        If Delta is at or beyond Delta* on a compliant far field; it is a NoSolution.
+    ArithmeticError
+        If the flat punch of a compliant far field is not solved.
     """
     if not _is_loaded(problem):
         return None
     compliant = problem.far_field == "compliant"
-    give = give_of(problem) if compliant else 0.0
+    give = 0.0
+    if compliant:
+        give = give_of(problem)
     solution = None
     if problem.boundary == "free":
         solution = _on_few_nodes(problem, give)
@@ -213,7 +248,7 @@ def _is_loaded(problem: Problem) -> bool:
 
 
 def _on_many_nodes(problem: Problem, near: Start | None, give: float) -> Equilibrium:
-    """Solve by one active set, from a pressure near by or from one on a coarser grid.
+    """Solve by one active set, from a start near the solution or from one on a coarser grid.
 
     `give` is how far the far field gives way under a unit load [reduced].
     """
@@ -224,7 +259,7 @@ def _on_many_nodes(problem: Problem, near: Start | None, give: float) -> Equilib
 
 
 def _start_of(problem: Problem, near: Start | None) -> Start | None:
-    """Return the start near by, or one on a coarser grid if the grid is large; None without any."""
+    """Return the given start, else one on a coarser grid if the grid is large, else None."""
     if near is None and min(problem.heights.shape) >= NESTED:
         return _on_coarser_grid(problem)
     return near
@@ -240,9 +275,10 @@ def _has_elastic(problem: Problem) -> bool:
 def _elastic_after_all(
     problem: Problem, yielding: Equilibrium, near: Start | None
 ) -> Equilibrium:
-    """Return the elastic solution, to the last bit, unless it exceeds the hardness.
+    """Solve without the hardness, and return this solution unless it exceeds the hardness.
 
-    `yielding` is the solution with the hardness; the effort of both is added up.
+    A hardness that is never reached therefore changes no bit of the result. `yielding` is the
+    solution with the hardness, which is returned otherwise. The efforts of both are added up.
     """
     elastic = equilibrium_of(replace(problem, hardness=None), near)
     assert elastic is not None
@@ -291,7 +327,10 @@ def _on_few_nodes(problem: Problem, give: float) -> Equilibrium | None:
 
 
 def _depth_of_few(heights: Field) -> float:
-    """Return the depth of the first node that is too deep for `FEW_NODES` above it [um]."""
+    """Return the depth of the highest node that `FEW_NODES` nodes are above [um].
+
+    On smaller grids it is the depth of the lowest node.
+    """
     flat = heights.reshape(-1)
     rank = min(FEW_NODES + 1, flat.size)
     return float(flat.max() - np.partition(flat, -rank)[-rank])
@@ -303,15 +342,16 @@ def _solve_densely(
 ) -> Equilibrium | None:
     """Solve by dense algebra on all nodes that may touch.
 
-    `touching` holds them in units of `length` [um]. Return None if the load needs more nodes, or no
-    solution meets the tolerance.
+    `touching` holds these nodes; `length` is its unit [um]. `give` is how far the far field gives
+    way under a unit load [reduced]. Return None if the load needs more nodes, or no solution meets
+    the tolerance.
     """
     hardness = problem.reduced_hardness(length)
     matrix = InfluenceMatrix(touching.below.shape, problem.kernel, problem.aspect)
     below = touching.below.reshape(-1)
     nodes = np.flatnonzero(below > -1)
     nodes = nodes[np.argsort(-below[nodes], kind="stable")]
-    shift = 0.0 if problem.delta is None else problem.delta / length
+    shift = (problem.delta or 0.0) / length
     solution = _dense_solution(problem, matrix, nodes, below + shift, length, give)
     if solution is None:
         return None
@@ -331,10 +371,13 @@ def _solve_densely(
     violation = max(float(departures.max()), 0.0) / shift
     if not violation <= problem.rtol:
         return None
+    delta = problem.delta
+    if delta is None:
+        delta = shift * length
     return Equilibrium(
         pressure=touching.unfolded(values.reshape(touching.below.shape)),
         length=length,
-        delta=shift * length if problem.delta is None else problem.delta,
+        delta=delta,
         approach=approach * length,
         violation=violation,
         effort=Effort(iterations=solution.sets, convolutions=solution.sets),
@@ -355,7 +398,9 @@ def _dense_solution(
     `nodes` are flat indices of the box, highest first; `interference` is flat, of the whole box
     [length]. Return None if a matrix is not positive definite, or numbers overflow.
     """
-    load = None if problem.delta is not None else _reduced_load(problem) / length
+    load = None
+    if problem.delta is None:
+        load = _reduced_load(problem) / length
     hardness = problem.reduced_hardness(length)
     sets = min(MOST_SETS, problem.max_iterations)
     try:
@@ -383,10 +428,13 @@ def _at_displacement(problem: Problem, near: Start | None, give: float) -> Equil
     edgeless = problem.boundary != "free"
     if edgeless and problem.hardness is not None and np.ptp(problem.heights) <= delta:
         return _all_yielded(problem, delta)
-    all_may_touch = edgeless or give > 0
-    touching = overlap(problem, math.inf if all_may_touch else delta, delta)
+    reached = delta
+    if edgeless or give > 0:  # all nodes may touch
+        reached = math.inf
+    touching = overlap(problem, reached, delta)
     iterate = _new(problem, touching, delta, give=give)
-    with np.errstate(over="ignore", invalid="ignore"):  # such starts are worthless
+    # A start that overflows is worthless.
+    with np.errstate(over="ignore", invalid="ignore"):
         if near is not None:
             _begin_from(iterate, problem, near, touching, delta)
             is_poor = iterate.worthless(FARTHEST)
@@ -394,7 +442,9 @@ def _at_displacement(problem: Problem, near: Start | None, give: float) -> Equil
             is_poor = edgeless and not _begun_nearly_full(iterate)
     if is_poor:
         iterate = _new(problem, touching, delta, give=give)
-    spent = 0 if near is None else near.spent
+    spent = 0
+    if near is not None:
+        spent = near.spent
     del near  # its memory is free again
     if edgeless and problem.hardness is not None:
         iterate.expect_yielding()  # elastic contacts may be full before this displacement
@@ -416,15 +466,15 @@ def _begun_nearly_full(iterate: Iterate) -> bool:
     depth = -float(below.mean())
     if depth < 1 or 1 / depth < NEARLY_FULL:
         return False
-    full = iterate.patch.unbalanced(below)
+    full = iterate.patch.zero_mean_pressure(below)
     scale = float(full.std()) / 2
     for _ in range(CONSTANTS):
         constant = -scale * math.log(max(1 - 1 / depth, LEAST_GAP))
         pressure = np.maximum(full + constant, 0)
         iterate.begin(pressure)
-        left = float(iterate.residual.mean(where=pressure > 0))
-        gap = 1 - (1 - left) / depth
-        if left > 0 or not 0 < gap < 1:
+        penetration = float(iterate.residual.mean(where=pressure > 0))
+        gap = 1 - (1 - penetration) / depth
+        if penetration > 0 or not 0 < gap < 1:
             break
         scale = constant / -math.log(gap)
     return not iterate.worthless(math.inf)
@@ -447,7 +497,10 @@ def _begin_from(
 
 
 def _all_yielded(problem: Problem, delta: float) -> Equilibrium:
-    """Return the hardness on all nodes, which displaces nothing: all of the surface penetrates."""
+    """Return the equilibrium with the hardness on all nodes, which displaces nothing.
+
+    It is the solution without edges if all of the surface penetrates at `delta` [um].
+    """
     return Equilibrium(
         pressure=np.full(problem.heights.shape, problem.reduced_hardness(delta)),
         length=delta,
@@ -501,17 +554,24 @@ def _solved(
     assert iterate.displacement is not None
     unit = 1.0
     if iterate.load is not None:
-        unit = iterate.shift if iterate.shift > 0 else LEAST
+        unit = LEAST
+        if iterate.shift > 0:
+            unit = iterate.shift
     exact_residual = iterate.below + iterate.shift
     exact_residual -= iterate.displacement
     violation = iterate.violation(exact_residual).largest / unit
     give = iterate.patch.give
-    given_way = give * float(iterate.pressure.sum()) if give else 0.0
+    given_way = 0.0
+    if give:
+        given_way = give * float(iterate.pressure.sum())
+    delta = problem.delta
+    if delta is None:
+        delta = iterate.shift * length
     displacement = iterate.displacement.copy()  # the next solve overwrites the original
     return Equilibrium(
         pressure=touching.unfolded(iterate.pressure),
         length=length,
-        delta=iterate.shift * length if problem.delta is None else problem.delta,
+        delta=delta,
         approach=(iterate.shift + given_way) * length,
         violation=violation,
         effort=Effort(
@@ -537,10 +597,11 @@ def _is_certain_to_yield(iterate: Iterate) -> bool:
 def _under_load(problem: Problem, near: Start | None) -> Equilibrium:
     """Solve under a given force; the displacement follows from the balance of the free nodes.
 
-    A light load presses on a few summits of a free patch, so that a part of the grid is solved:
-    the one that overlaps at a guess of the displacement that is reached. Where the displacement
-    turns out to be larger, a larger part is solved from there: one that overlaps at this
-    displacement, which is never below that of the whole grid.
+    A light load presses on a few summits of a free patch. Therefore only the part of the grid that
+    overlaps at a guess of the displacement is solved. If the displacement turns out to be larger,
+    the part that overlaps at this displacement is solved next, from the pressure so far. This part
+    suffices, because fewer nodes are pressed deeper: the displacement of a part is never below the
+    displacement of the whole grid.
     """
     load = _reduced_load(problem)
     depth = _mean_depth(problem.heights)
@@ -551,17 +612,18 @@ def _under_load(problem: Problem, near: Start | None) -> Equilibrium:
     if near is not None and near.pressure[touching.box].any():
         _begin_from(iterate, problem, near, touching, length)
     else:
-        relative_load = _relative_load(problem)
-        full = _full_pressure(problem, iterate, relative_load)
-        if full is None:
-            iterate.begin(_pressure_on_summits(problem, iterate, relative_load))
-        elif full.min() >= 0 and full.max() <= iterate.hardness:
-            return _full_contact(problem, full, length)
-        else:
-            iterate.begin(cut_to_load(full, load / length))
-    spent = 0 if near is None else near.spent
-    first_guess = problem.boundary == "free" and (near is None or spent > 0)
-    enough = iterate.patch.few * (ENOUGH_FREE if first_guess else ENOUGH)
+        guess = _first_guess(problem, iterate, load / length)
+        if guess.is_solution:
+            return _full_contact(problem, guess.pressure, length)
+        iterate.begin(guess.pressure)
+        del guess  # `begin` has copied it
+    spent = 0
+    enough = ENOUGH_FREE if problem.boundary == "free" else ENOUGH
+    if near is not None:
+        spent = near.spent
+        if not spent > 0:  # a contact near the solution, not a first guess
+            enough = ENOUGH
+    enough *= iterate.patch.few
     del near  # its memory is free again
     iterate.approach(enough, interpolated=spent > 0)
     solution = _solved(problem, iterate, touching, length, spent)
@@ -583,32 +645,70 @@ def _reach(problem: Problem, near: Start | None) -> float:
 
 
 def _guessed_reach(problem: Problem) -> float:
-    """Guess generously the displacement under a load [um]; infinite if most nodes may overlap."""
+    """Guess generously the displacement under a load [um].
+
+    It is infinite if more than `MOST_OVERLAPPING` of the nodes may overlap, or the highest nodes
+    are level.
+    """
     size = problem.heights.size
-    share = OVERLAPPING * _relative_load(problem)
-    share += _reduced_load(problem) / size / problem.reduced_hardness(1.0)
+    # Mean pressure over hardness: the share of the nodes that has to carry the load at least.
+    least_yielded = _reduced_load(problem) / size / problem.reduced_hardness(1.0)
+    share = OVERLAPPING * _relative_load(problem) + least_yielded
     number = FEW_NODES + math.ceil(min(share, 1.0) * size)
     if not (share < MOST_OVERLAPPING and number < size):
         return math.inf
-    highest = np.partition(problem.heights, size - number, axis=None)[size - number]
-    depth = float(problem.heights.max() - highest)
+    foot = np.partition(problem.heights, size - number, axis=None)[size - number]
+    depth = float(problem.heights.max() - foot)
     if not depth > 0:
         return math.inf
     return math.nextafter(depth, math.inf)  # nodes of this height overlap too
 
 
+class Guess(NamedTuple):
+    """A first pressure that carries a load.
+
+    Attributes
+    ----------
+    pressure : ndarray, shape (nx, ny)
+        Pressure, nowhere negative [reduced].
+    is_solution : bool
+        Whether it is the pressure of full contact within its bounds, and so the solution.
+    """
+
+    pressure: Field
+    is_solution: bool
+
+
+def _first_guess(problem: Problem, iterate: Iterate, load: float) -> Guess:
+    """Guess a pressure that carries a load [reduced], from full contact or on the summits.
+
+    A guess on the summits changes the patch's contact set.
+    """
+    relative_load = _relative_load(problem)
+    full = _full_pressure(problem, iterate, relative_load)
+    if full is None:
+        summits = _pressure_on_summits(problem, iterate, relative_load)
+        return Guess(summits, is_solution=False)
+    if full.min() >= 0 and full.max() <= iterate.hardness:
+        return Guess(full, is_solution=True)
+    return Guess(cut_to_load(full, load), is_solution=False)
+
+
 def _full_pressure(
     problem: Problem, iterate: Iterate, relative_load: float
 ) -> Field | None:
-    """Return the pressure of full contact that carries the load, of any sign [reduced].
+    """Return the pressure of full contact under the load; it may be negative at places [reduced].
 
     Its projection onto pressures that are not negative is near the solution under larger loads.
-    Return None on free patches, where it is not known, and under light loads. See `_relative_load`.
+    Return None on free patches, where it is not known, and if `relative_load` is below `LIGHT` (see
+    `_relative_load`).
     """
     if problem.boundary == "free" or not relative_load >= LIGHT:
         return None
     assert iterate.load is not None
-    return iterate.patch.unbalanced(iterate.below) + iterate.load / iterate.below.size
+    zero_mean_pressure = iterate.patch.zero_mean_pressure(iterate.below)
+    mean_pressure = iterate.load / iterate.below.size
+    return zero_mean_pressure + mean_pressure
 
 
 def _pressure_on_summits(
@@ -616,9 +716,9 @@ def _pressure_on_summits(
 ) -> Field:
     """Guess a pressure on the highest nodes that carries the load [reduced].
 
-    They are pressed as deep as a plane at their foot would press them, and a constant is subtracted
-    from their pressure until it carries the load. This changes the patch's contact set. See
-    `_relative_load`, which decides how many nodes these are.
+    These nodes are pressed as deep as a plane at their foot would press them, and a constant is
+    subtracted from their pressure so that it carries the load. `relative_load` (see
+    `_relative_load`) sets their number. The patch's contact set is changed.
     """
     patch = iterate.patch
     below = iterate.below
@@ -648,7 +748,9 @@ def _relative_load(problem: Problem) -> float:
     across = np.diff(problem.heights[::SAMPLED], axis=1) / unit
     slope = math.sqrt(_mean_square(along) + _mean_square(across) / problem.aspect**2)
     load = _reduced_load(problem) / problem.heights.size / unit
-    return load / slope if slope > 0 else math.inf
+    if not slope > 0:
+        return math.inf
+    return load / slope
 
 
 def _mean_square(differences: Field) -> float:
@@ -657,9 +759,9 @@ def _mean_square(differences: Field) -> float:
 
 
 def _full_contact(problem: Problem, pressure: Field, length: float) -> Equilibrium:
-    """Return full contact, which is the solution where its reduced pressure is within bounds.
+    """Return the equilibrium of full contact on a patch without edges.
 
-    `length` is the unit of length [um].
+    `pressure` is its pressure, within bounds [reduced], and `length` the unit of length [um].
     """
     below = (problem.heights - problem.heights.max()) / length
     depth = -float(below.mean()) * length
@@ -679,8 +781,13 @@ def _full_contact(problem: Problem, pressure: Field, length: float) -> Equilibri
 
 
 def _on_coarser_grid(problem: Problem) -> Start | None:
-    """Solve loosely on a grid with twice the spacing; return None where that gains nothing."""
-    coarse = _coarse_problem(problem) if _gains_by_nesting(problem) else None
+    """Return a start from a loose solve on a grid with twice the spacing.
+
+    Return None where it would save no work, or the coarser grid has no equilibrium.
+    """
+    coarse = None
+    if _gains_by_nesting(problem):
+        coarse = _coarse_problem(problem)
     if coarse is None:
         return None
     loose = equilibrium_of(coarse)
@@ -704,8 +811,8 @@ def _on_coarser_grid(problem: Problem) -> Start | None:
 def _gains_by_nesting(problem: Problem) -> bool:
     """Return whether a start on a coarser grid saves work.
 
-    It does not where little comes into contact, nor near full contact without edges. Nor can it be
-    made without edges if a side has an odd number of nodes.
+    It saves none where little comes into contact, nor near full contact without edges. Without
+    edges, it cannot be made if a side has an odd number of nodes.
     """
     rows, columns = problem.heights.shape
     if min(rows, columns) < NESTED_FAINT and _is_faint(problem):
@@ -732,7 +839,8 @@ def _coarse_problem(problem: Problem) -> Problem | None:
         heights = cells.mean(axis=(1, 3))
     delta = problem.delta
     if delta is not None:
-        delta -= float(problem.heights.max() - heights.max())  # from its own highest node
+        # Delta counts from the highest node of the coarser grid.
+        delta -= float(problem.heights.max() - heights.max())
         end = math.inf
         if problem.far_field == "compliant":
             end = critical_delta(heights, problem.kernel, problem.aspect)

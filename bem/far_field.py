@@ -16,8 +16,8 @@ from bem.iterate import Iterate
 from bem.operators.patch import Patch
 from bem.problem import NoSolution, Problem
 
-# Largest departure of the flat punch's displacement from one [1]. It is close to rounding, because
-# the punch enters every solve on a compliant far field.
+# Largest departure of the flat punch's displacement from one that is accepted [1]. It is close to
+# rounding, because the punch enters every solve on a compliant far field.
 FLAT_PUNCH_RTOL = 1e-13
 
 # Largest number of iterations for a flat punch, far more than any grid needs.
@@ -68,6 +68,8 @@ def give_of(problem: Problem) -> float:
     ------
     BeyondCriticalDelta
         If the problem has a given displacement at or beyond Delta*.
+    ArithmeticError
+        As `flat_punch`.
     """
     if problem.delta is not None:
         critical = critical_delta(problem.heights, problem.kernel, problem.aspect)

@@ -17,9 +17,10 @@ from bem.threads import share
 Kernel = Literal["uniform-pressure", "concentrated-force"]
 KERNELS: tuple[Kernel, ...] = get_args(Kernel)
 
-# Gauss-Legendre points along each side of the cell, by the least distance d to which they apply
-# [longer side of the cell]. They integrate 1/r over the cell to the last digit: the error falls as
-# (2 d)^(-2 points). Closer to the cell the closed form is used.
+# Pairs of the least distance d from the cell [longer side of the cell] and the number of
+# Gauss-Legendre points along each side of the cell that are used from there. They
+# integrate 1/r over the cell to the last digit: the error falls as (2 d)^(-2 points). Closer to the
+# cell the closed form is used.
 QUADRATURE = ((3.0, 8), (16.0, 5), (128.0, 3))
 
 # Longest side of a square table that serves grids of all shapes that fit into it [nodes]. The boxes
@@ -60,7 +61,7 @@ def influence_coefficients(
         2014, eq. 12). "concentrated-force": MIRCO's displacement asin(a/r)/(pi a) by a point force,
         with a = half a cell, whose diagonal lacks a factor pi/2.
     aspect : float
-        Second side of a cell over its first side [1].
+        Second side of a cell over its first side; from 1/4 to 4 for "concentrated-force" [1].
 
     Returns
     -------
@@ -85,7 +86,7 @@ def influence_coefficients(
 
 
 def _shared_side(nodes: int) -> int:
-    """Return the smallest side of a shared table with room for some nodes along an axis.
+    """Return the smallest side of a shared table with room for `nodes` nodes along an axis.
 
     The sides are 144, 192, 288, 384, 576 and so on. Every second one, 9 2^j, has room for a grid of
     2^(j + 3) + 1 nodes a side and for the circulant that approximates its matrix.
@@ -126,7 +127,7 @@ def _table(shape: tuple[int, int], kernel: Kernel, aspect: float) -> Field:
 def _uniform_pressure(
     rows: NDArray[np.int64], columns: NDArray[np.int64], aspect: float
 ) -> Field:
-    """Compute the coefficients of uniform pressure for offsets by (a, 1) rows and (1, b) columns.
+    """Compute the coefficients of uniform pressure for offsets by (m, 1) rows and (1, n) columns.
 
     Near the loaded cell they have a closed form. Farther away its terms would cancel, so that
     quadrature is used.
@@ -181,14 +182,16 @@ def _quadrature(x: Values, y: Values, aspect: float, points: int) -> Values:
 def _concentrated_force(
     rows: NDArray[np.int64], columns: NDArray[np.int64], aspect: float
 ) -> Field:
-    """Compute MIRCO's u = F asin(a/r)/(pi a) for a point force, and F/(pi a) at its own node.
+    """Compute MIRCO's u = F asin(a/r)/(pi a) for the force F of unit pressure on a cell.
 
-    Offsets are (a, 1) rows and (1, b) columns. The radius a is half a side of the cell, or of a
-    square of the same area if the cell is oblong.
+    F is `aspect`, the area of the cell. The radius a is half a side of a square cell, or of a
+    square of the same area. At the loaded node u is F/(pi a). Offsets are (m, 1) rows and (1, n)
+    columns, the first of which are 0. `aspect` is from 1/4 to 4: beyond, a is larger than the
+    distance r of neighbouring nodes, and asin gives nan. Problems have square cells only.
     """
     radius = 0.5 * np.sqrt(aspect)
     distance = np.hypot(rows, columns * aspect)
-    distance[0, 0] = radius
+    distance[0, 0] = radius  # any number above 0: the entry is replaced below
     table: Field = np.arcsin(radius / distance) * (aspect / (np.pi * radius))
     table[0, 0] = aspect / (np.pi * radius)
     return table

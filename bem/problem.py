@@ -16,19 +16,27 @@ BOUNDARIES: tuple[Boundary, ...] = get_args(Boundary)
 FarField = Literal["rigid", "compliant"]
 FAR_FIELDS: tuple[FarField, ...] = get_args(FarField)
 
-# Default tolerance: the loosest of a ladder that counts the contact nodes of 99.9 % of the paper
-# preset's samples exactly (`python -m bench default-tolerance`).
+# Default tolerance [Delta]. Of the tolerances tried, it is the loosest with which 99.9 % of the
+# paper preset's samples have exactly the right contact nodes (`python -m bench default-tolerance`).
 RTOL = 2e-7
 
 # Default bound on iterations, far above the needs of all but nearly singular contacts.
 MAX_ITERATIONS = 1000
 
-# Depth, in units of the displacement, that deeper nodes count as: they stay open whatever the
-# surface, and products of two such depths have to stay within single precision.
+# Largest depth below the highest node, over the unit of length [1]. Deeper nodes are raised to it:
+# they stay open whatever the surface is, and products of two depths have to stay within single
+# precision.
 DEEPEST = 1e10
 
+# Mean depth below the highest node that a flat surface is taken to have [um], so that a
+# displacement of 0 is allowed.
+FLATTEST = 1e-300
 
+# Largest double below zero: ranges that exclude it include zero.
 BELOW_ZERO = math.nextafter(0, -1)
+
+# Allowed values of the arguments of `bem.solve`, by the argument's name: the range of a number, or
+# the names to choose from.
 ARGUMENTS: dict[str, Range | tuple[str, ...]] = {
     "side": Range(0, math.inf, "above 0 um"),
     "spacing": Range(0, math.inf, "above 0 um"),
@@ -39,21 +47,23 @@ ARGUMENTS: dict[str, Range | tuple[str, ...]] = {
     "poisson": Range(-1, math.nextafter(0.5, 1), "above -1 and at most 0.5"),
     "hardness": Range(0, math.inf, "above 0 MPa, and finite"),
     "rtol": Range(1e-15, 1, "between 1e-15 and 1, both excluded"),
-    "max_iterations": Range(0, math.inf, "a whole number of at least 1", whole=True),
-    "threads": Range(0, math.inf, "a whole number of at least 1", whole=True),
+    "max_iterations": Range(0, math.inf, "a whole number of at least 1", integer=True),
+    "threads": Range(0, math.inf, "a whole number of at least 1", integer=True),
     "kernel": KERNELS,
     "far_field": FAR_FIELDS,
     "boundary": BOUNDARIES,
 }
-"""What the arguments of `bem.solve` may be: a number in a range, or one of some names."""
 
-# Bounds of numbers in um, MPa and uN, with a margin to the range of double precision.
+# Bounds, both excluded, of all numbers in um, MPa and uN that `_check_range` lists. They leave a
+# margin to the range of double precision.
 NUMBERS = (1e-305, 1e305)
 
-# The number that may be zero: flat surfaces have no span. Sums over all nodes have to be finite.
+# Name of a number in the list of `_check_range`, the only one that may be zero, because flat
+# surfaces have no height range. It bounds sums of heights over all nodes, which have to be finite.
 SPAN = "height range times nodes [um]"
 
-# Tighter bounds of dimensionless ratios, which enter products with further numbers.
+# Tighter bounds of dimensionless ratios in the list of `_check_range`, by their names. The solver
+# multiplies these ratios with further numbers [1].
 RATIOS = {
     "cell aspect ratio": (1e-12, 1e12),
     "reduced force over heights": (1e-200, LARGEST),
@@ -70,7 +80,7 @@ class Problem:
     heights : ndarray, shape (nx, ny)
         Heights of the surface, which is pressed down into the half-space [um].
     delta : float or None
-        Far-field displacement from first touch on, None if the force is given [um].
+        Far-field displacement since first touch, None if the force is given [um].
     force : float or None
         Normal force, None if the displacement is given [uN].
     spacing : tuple of float
@@ -84,9 +94,9 @@ class Problem:
     hardness : float or None
         Largest contact pressure, None for bodies that never yield [MPa].
     rtol : float
-        Largest violation of complementarity accepted [Delta].
+        Largest gap in contact, or penetration outside, that is accepted, see `bem.solve` [Delta].
     max_iterations : int
-        Bound on the steps of conjugate gradients and contact sets of dense algebra.
+        Bound on the steps of conjugate gradients and the contact sets of dense algebra.
     boundary : str
         "free", "periodic" or "mirror", see `bem.solve`.
     datum : float or None
@@ -142,9 +152,9 @@ class Problem:
 
 
 def node_spacing(nodes: int, side: float, boundary: Boundary = "free") -> float:
-    """Return the distance between neighbouring nodes along one axis of a patch [um].
+    """Compute the distance between neighbouring nodes along one axis of a patch.
 
-    The outer nodes of a free patch lie on its border. A patch without edges is made of cells, whose
+    The outer nodes of a free patch are on its border. A patch without edges is made of cells, whose
     centres are the nodes: the last cell is followed by the first one, or by its own mirror image.
 
     Parameters
@@ -155,12 +165,17 @@ def node_spacing(nodes: int, side: float, boundary: Boundary = "free") -> float:
         Length of the patch along the axis [um].
     boundary : str
         "free", "periodic" or "mirror", see `bem.solve`.
+
+    Returns
+    -------
+    float
+        Distance of the nodes [um].
     """
     return side / (nodes - 1) if boundary == "free" else side / nodes
 
 
 class NoSolution(ValueError):
-    """A load that no equilibrium carries."""
+    """A load or a displacement without an equilibrium."""
 
 
 class OutOfRange(ValueError, ArithmeticError):
@@ -184,12 +199,25 @@ def pose(
     rtol: float = RTOL,
     max_iterations: int = MAX_ITERATIONS,
 ) -> Problem:
-    """Check the arguments of `bem.solve`, which describes them.
+    """Check the arguments of `bem.solve`, and make a problem of them.
+
+    Parameters
+    ----------
+    heights, side, delta, force, pressure, spacing, modulus, poisson, kernel
+        See `bem.solve`.
+    far_field, boundary, hardness, rtol, max_iterations
+        See `bem.solve`.
+
+    Returns
+    -------
+    Problem
+        The problem with a copy of the heights; a mean pressure has become a force, Young's modulus
+        and Poisson's ratio the plane-strain modulus.
 
     Raises
     ------
     ValueError
-        One line that says what was given and what is allowed.
+        If an argument is not allowed; one line shows its value and the allowed ones.
     NoSolution
         If the load is more than the hardness on all nodes carries, or the displacement of elastic
         bodies on a patch without edges is that of full contact or more.
@@ -197,21 +225,15 @@ def pose(
     surface = checked_heights(heights)
     boundary = checked("boundary", boundary)
     cells = _checked_spacing(surface.shape, side, spacing, boundary)
-    loads: dict[str, Any] = {"delta": delta, "force": force, "pressure": pressure}
-    given = {name: load for name, load in loads.items() if load is not None}
-    if len(given) != 1:
-        raise ValueError(
-            f"{' and '.join(given) or 'no load'} given: give one of delta [um], force [uN] and"
-            " pressure [MPa]"
-        )
-    [(name, load)] = given.items()
+    name, load = _only_load(delta=delta, force=force, pressure=pressure)
     load = checked(name, load)
-    if name == "pressure" and load:
+    if name == "pressure" and load:  # the force of a tiny pressure must not become zero
         load = max(surface.size * cells[0] * cells[1] * load, math.ulp(0.0))
+    by_delta = name == "delta"
     problem = Problem(
         heights=surface,
-        delta=load if name == "delta" else None,
-        force=None if name == "delta" else load,
+        delta=load if by_delta else None,
+        force=None if by_delta else load,
         spacing=cells,
         modulus=checked("modulus", modulus) / (1 - checked("poisson", poisson) ** 2),
         kernel=checked("kernel", kernel),
@@ -225,78 +247,115 @@ def pose(
     return problem
 
 
+def _only_load(**loads: Any) -> tuple[str, Any]:
+    """Return name and value of the only load that is not None, or refuse the loads."""
+    passed = [name for name, load in loads.items() if load is not None]
+    if len(passed) != 1:
+        raise ValueError(
+            f"{' and '.join(passed) or 'no load'} given: give one of delta [um], force [uN] and"
+            " pressure [MPa]"
+        )
+    return passed[0], loads[passed[0]]
+
+
 def check_solvable(problem: Problem, pressure: float | None = None) -> None:
     """Refuse settings that are not solved together, and loads without an equilibrium.
+
+    A displacement on a compliant far field is not checked: solving refuses it.
 
     Parameters
     ----------
     problem : Problem
         The problem.
     pressure : float, optional
-        The mean pressure that its force was given by [MPa].
+        The mean pressure that its force was computed from, if it was [MPa].
 
     Raises
     ------
     ValueError
-        One line that says what was given and what is allowed.
+        If settings are not solved together; one line names them and a remedy.
+    OutOfRange
+        If products of the problem's numbers are beyond double precision.
     NoSolution
         If no equilibrium carries the load, or has the displacement.
     """
     _check_range(problem)
-    edgeless, force, hardness = (
-        problem.boundary != "free",
-        problem.force,
-        problem.hardness,
-    )
-    settings = f"boundary = {problem.boundary!r}" if edgeless else "hardness"
+    _check_combinations(problem)
+    if problem.delta is not None:
+        _check_displacement(problem, problem.delta)
+    elif problem.hardness is not None:
+        _check_load(problem, problem.hardness, pressure)
+
+
+def _check_combinations(problem: Problem) -> None:
+    """Refuse a kernel or a far field that is not solved with the problem's other settings."""
+    edgeless = problem.boundary != "free"
+    settings = "hardness"
+    if edgeless:
+        settings = f"boundary = {problem.boundary!r}"
     if problem.kernel == "concentrated-force" and (edgeless or problem.aspect != 1):
-        with_what = f"is not solved with {settings}"
-        cells = f"needs square cells, spacing is {problem.spacing} um"
+        reason = f"needs square cells, spacing is {problem.spacing} um"
+        if edgeless:
+            reason = f"is not solved with {settings}"
         raise ValueError(
-            f"kernel = 'concentrated-force' {with_what if edgeless else cells}:"
-            " use kernel = 'uniform-pressure'"
+            f"kernel = 'concentrated-force' {reason}: use kernel = 'uniform-pressure'"
         )
-    if problem.far_field == "compliant" and (edgeless or hardness is not None):
+    if problem.far_field == "compliant" and (edgeless or problem.hardness is not None):
         raise ValueError(
             f"far_field = 'compliant' is not solved with {settings}: use far_field = 'rigid'"
         )
-    if problem.delta is not None and edgeless and hardness is None:
-        depth = float((problem.datum_height - problem.heights).mean())
-        if problem.delta >= max(depth, 1e-300):
-            raise NoSolution(
-                f"delta = {problem.delta:g} um has no equilibrium on a patch without edges: the"
-                f" contact is full at {depth:.10g} um: give a smaller delta, or the force or"
-                " pressure"
-            )
-    if hardness is None or force is None:
+
+
+def _check_displacement(problem: Problem, delta: float) -> None:
+    """Refuse a displacement [um] of full contact or more of elastic bodies without edges."""
+    if problem.boundary == "free" or problem.hardness is not None:
         return
+    depth = float((problem.datum_height - problem.heights).mean())
+    if delta >= max(depth, FLATTEST):
+        raise NoSolution(
+            f"delta = {delta:g} um has no equilibrium on a patch without edges: the"
+            f" contact is full at {depth:.10g} um: give a smaller delta, or the force or"
+            " pressure"
+        )
+
+
+def _check_load(problem: Problem, hardness: float, pressure: float | None) -> None:
+    """Refuse a force that is not below the force of the hardness [MPa] on all nodes.
+
+    The message names the mean pressure [MPa] if the force was computed from one.
+    """
     if pressure is not None and pressure >= hardness:
         raise NoSolution(
             f"pressure = {pressure:g} MPa has no equilibrium: the mean pressure must stay below"
             f" the hardness, {hardness:g} MPa"
         )
     largest = hardness * problem.heights.size * problem.spacing[0] * problem.spacing[1]
-    if force >= largest:
+    if problem.force is not None and problem.force >= largest:
         raise NoSolution(
-            f"force = {force:g} uN has no equilibrium: it must stay below {largest:g} uN, the"
-            f" hardness of {hardness:g} MPa on all nodes"
+            f"force = {problem.force:g} uN has no equilibrium: it must stay below {largest:g} uN,"
+            f" the hardness of {hardness:g} MPa on all nodes"
         )
 
 
 def checked_start(near: ArrayLike, problem: Problem) -> Field:
-    """Return a pressure to start from, or refuse it.
+    """Check a pressure to start from.
 
     Parameters
     ----------
     near : array_like, shape (nx, ny)
         Finite pressures, none negative [MPa].
     problem : Problem
-        The problem, whose heights have the same shape.
+        The problem, whose heights have the shape (nx, ny).
+
+    Returns
+    -------
+    ndarray, shape (nx, ny)
+        A copy of the pressures [MPa].
 
     Raises
     ------
     ValueError
-        If the shape is another one, or a number is negative or not finite.
+        If the shape differs from that of the heights, or a number is negative or not finite.
     """
     start = real_array("pressures of near", near)
     shape = problem.heights.shape
@@ -309,12 +368,17 @@ def checked_start(near: ArrayLike, problem: Problem) -> Field:
 
 
 def _check_range(problem: Problem) -> None:
-    """Refuse numbers that would overflow or vanish between reduced units and um, MPa and uN."""
+    """Refuse numbers that would overflow or vanish between reduced units and um, MPa and uN.
+
+    Raise OutOfRange with the name and the bounds of the first one. Bodies that are apart are never
+    refused, because nothing is computed for them.
+    """
     if problem.delta is not None and problem.delta <= 0:
         return
-    heights, (along, across) = problem.heights, problem.spacing
-    depth = along if problem.delta is None else problem.delta
-    load = problem.force if problem.force else depth * problem.modulus * along
+    heights = problem.heights
+    along, across = problem.spacing
+    depth = problem.delta or along
+    load = problem.force or depth * problem.modulus * along
     half = float(heights.max() / 2 - heights.min() / 2)
     numbers = {
         "spacing [um]": min(along, across),
@@ -336,7 +400,10 @@ def _check_range(problem: Problem) -> None:
         numbers["reduced hardness"] = problem.reduced_hardness(depth)
     for name, number in numbers.items():
         low, high = RATIOS.get(name, NUMBERS)
-        if not (-1.0 if name == SPAN else low) < number < high:
+        excluded = low
+        if name == SPAN:
+            excluded = BELOW_ZERO
+        if not excluded < number < high:
             raise OutOfRange(
                 f"{name} = {number:g}: sides, heights, load and modulus must keep it between"
                 f" {low:g} and {high:g}, within double precision"
@@ -344,7 +411,23 @@ def _check_range(problem: Problem) -> None:
 
 
 def checked_heights(heights: ArrayLike) -> Field:
-    """Return a copy of the heights as (nx, ny) finite floats, or refuse them."""
+    """Check the heights of a surface.
+
+    Parameters
+    ----------
+    heights : array_like, shape (nx, ny)
+        Heights, at least one node [um].
+
+    Returns
+    -------
+    ndarray of float, shape (nx, ny)
+        A copy, read-only [um].
+
+    Raises
+    ------
+    ValueError
+        If they have no two axes, are empty, masked or not real, or hold values that are not finite.
+    """
     surface: Field = real_array("heights", heights)
     if surface.ndim != 2 or surface.size == 0:
         raise ValueError(
@@ -362,44 +445,71 @@ def checked_heights(heights: ArrayLike) -> Field:
 def _checked_spacing(
     shape: tuple[int, ...], side: Any, spacing: Any, boundary: Boundary
 ) -> tuple[float, float]:
-    """Return the spacing along both axes, from the sides unless it is given."""
-    for name, given in (("side", side), ("spacing", spacing)):
-        if name == "side" or given is not None:
-            refuse_masked(name, given)
-            single = isinstance(given, str) or np.ndim(given) == 0
-            pair = (given, given) if single else tuple(given)
-            if len(pair) != 2:
-                raise ValueError(
-                    f"{name} = {shown(given)}: one length or two are needed, in um"
-                )
-            lengths = checked(name, pair[0]), checked(name, pair[1])
+    """Return the spacing along both axes: the one that is passed, else the one of the sides [um].
+
+    Sides are checked even where the spacing is passed. Raise ValueError if a length is not allowed,
+    a free patch with one node along an axis has no spacing, or one side is passed for a grid that
+    is not square.
+    """
+    sides = _checked_lengths("side", side)
     if spacing is not None:
-        return lengths
+        return _checked_lengths("spacing", spacing)
     if min(shape) < 2 and boundary == "free":
         raise ValueError(
             f"a grid of {shape[0]} x {shape[1]} nodes has no side / (nodes - 1): give the spacing"
         )
-    cells = tuple(map(node_spacing, shape, lengths, (boundary, boundary)))
+    along = node_spacing(shape[0], sides[0], boundary)
+    across = node_spacing(shape[1], sides[1], boundary)
     if np.ndim(side) == 0 and shape[0] != shape[1]:
-        other = lengths[1] * cells[0] / cells[1]
+        for_square_cells = sides[1] * along / across
         raise ValueError(
             f"side = {side!r} for {shape[0]} x {shape[1]} nodes: give two,"
-            f" ({lengths[0]:g}, {other:g}) for square cells or ({lengths[0]:g}, {lengths[0]:g}) for"
-            " a square patch"
+            f" ({sides[0]:g}, {for_square_cells:g}) for square cells or ({sides[0]:g},"
+            f" {sides[0]:g}) for a square patch"
         )
-    return cells[0], cells[1]
+    return along, across
+
+
+def _checked_lengths(name: str, value: Any) -> tuple[float, float]:
+    """Return the lengths along both axes that an argument holds [um], or refuse it.
+
+    A single length is that of both axes.
+    """
+    refuse_masked(name, value)
+    pair: tuple[Any, ...] = (value, value)
+    if not isinstance(value, str) and np.ndim(value) > 0:
+        pair = tuple(value)
+    if len(pair) != 2:
+        raise ValueError(f"{name} = {shown(value)}: one length or two are needed, in um")
+    return checked(name, pair[0]), checked(name, pair[1])
 
 
 def checked(name: str, value: Any) -> Any:
-    """Return the value of an argument as a number, or the name that it is, or refuse it."""
+    """Check the value of an argument by `ARGUMENTS`.
+
+    Parameters
+    ----------
+    name : str
+        Name of the argument, a key of `ARGUMENTS`.
+    value : float or str
+        What the caller passed.
+
+    Returns
+    -------
+    float, int or str
+        The number, or the name.
+
+    Raises
+    ------
+    ValueError
+        If the number is not in its range, or the name is not among the allowed ones.
+    """
     allowed = ARGUMENTS[name]
-    if not isinstance(allowed, Range):
-        if not isinstance(value, str) or value not in allowed:
-            raise ValueError(
-                f"{name} = {shown(value)}: must be one of {', '.join(allowed)}"
-            )
-        return value
-    return real_number(name, value, allowed)
+    if isinstance(allowed, Range):
+        return real_number(name, value, allowed)
+    if not isinstance(value, str) or value not in allowed:
+        raise ValueError(f"{name} = {shown(value)}: must be one of {', '.join(allowed)}")
+    return value
 
 
 class Overlap(NamedTuple):
@@ -412,7 +522,7 @@ class Overlap(NamedTuple):
     box : tuple of slice
         Rows and columns of a box that holds these nodes.
     below : ndarray, shape of the box
-        Heights less the highest [displacement].
+        Heights less the highest one of the grid [unit of length].
     """
 
     grid: tuple[int, ...]
@@ -420,34 +530,66 @@ class Overlap(NamedTuple):
     below: Field
 
     def unfolded(self, values: Field, beyond: float = 0.0) -> Field:
-        """Put the values of the box back on the grid, unless they are on all of it."""
+        """Put the values of the box back on the grid.
+
+        Parameters
+        ----------
+        values : ndarray, shape of the box
+            Values.
+        beyond : float
+            Value of all other nodes.
+
+        Returns
+        -------
+        ndarray, shape (nx, ny)
+            A new array; `values` itself if the box is the grid.
+        """
         if values.shape == self.grid:
             return values
-        whole = np.full(self.grid, beyond)
-        whole[self.box] = values
-        return whole
+        filled = np.full(self.grid, beyond)
+        filled[self.box] = values
+        return filled
 
 
 def overlap(problem: Problem, delta: float, length: float | None = None) -> Overlap:
-    """Find the part that may touch at a displacement, inf for the whole grid [um].
+    """Find the part of a grid that may touch at a displacement.
 
-    The displacement is the unit of length, unless another one is given [um].
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    delta : float
+        Displacement, above 0; inf for the whole grid [um].
+    length : float, optional
+        Unit of length of the result, by default the displacement [um].
+
+    Returns
+    -------
+    Overlap
+        A box that holds the nodes, and its heights in units of `length`.
     """
-    length = delta if length is None else length
+    if length is None:
+        length = delta
     below = problem.heights - problem.heights.max()
-    box, grid = boxed(below > -delta) if delta < math.inf else np.s_[:, :], below.shape
+    grid = below.shape
+    box = np.s_[:, :]
+    if delta < math.inf:
+        box = boxed(below > -delta)
     below = np.maximum(below[box], -DEEPEST * length)
     below /= length
     return Overlap(grid, box, below)
 
 
 def boxed(marked: Mask) -> tuple[slice, slice]:
-    """Find a small box that holds some nodes of a grid, with lengths that transforms reuse.
+    """Find a small box that holds some nodes of a grid.
+
+    Its lengths are 1 + (4, 5, 6 or 7) 2^j nodes, or all of the grid's, so that solves of different
+    surfaces can share plans of Fourier transforms.
 
     Parameters
     ----------
     marked : ndarray of bool, shape (nx, ny)
-        The nodes, at least one.
+        Mask of the nodes, at least one.
 
     Returns
     -------
@@ -456,9 +598,11 @@ def boxed(marked: Mask) -> tuple[slice, slice]:
     """
     spans = []
     for axis, size in enumerate(marked.shape):
-        inside = np.flatnonzero(marked.any(axis=1 - axis))
-        first, length = int(inside[0]), int(inside[-1] - inside[0])
-        unit = 2 ** max(length.bit_length() - 3, 0)  # nodes are 1 + (4, 5, 6, 7) unit
+        inside = np.flatnonzero(marked.any(axis=1 - axis))  # indices along this axis
+        first = int(inside[0])
+        length = int(inside[-1] - inside[0])
+        # The length is rounded up to 4, 5, 6 or 7 of these powers of two.
+        unit = 2 ** max(length.bit_length() - 3, 0)
         nodes = min(-(-length // unit) * unit + 1, size)
         start = min(first, size - nodes)
         spans.append(slice(start, start + nodes))

@@ -1,4 +1,4 @@
-"""Contact problems solved: from heights and a load to a `Contact`, and ladders of loads."""
+"""Solve contact problems: from heights and a load to a `Contact`, or along a ladder of loads."""
 
 from __future__ import annotations  # short signatures in help()
 
@@ -29,54 +29,74 @@ from bem.problem import (
 )
 from bem.threads import on_threads
 
-# Sides of a cell, the longer over the shorter, up to which patches without edges were tested: all
-# of 3,000 random problems are solved (`pytest -m "long or not long" tests/bem/test_edgeless.py`).
+# Largest ratio of a cell's longer side to its shorter one for which patches without edges were
+# tested [1]: all of 3,000 random problems are solved (`pytest -m "long or not long"
+# tests/bem/test_edgeless.py`).
 OBLONG = 100
 
-# Relative distance below which a pressure is the hardness: a few roundings.
+# Relative distance from the hardness below which a pressure is set to it [1]: a few roundings, by
+# which the conversion of units may miss it.
 ULPS = 1e-15
 
+# Largest number of contacts of a ladder from whose pressures the start of the next contact is
+# extrapolated.
+EXTRAPOLATED = 3
 
-# A load and its equilibrium.
-Rung = tuple[float, Equilibrium]
+
+@dataclass(frozen=True, eq=False)
+class Rung:
+    """A load of a ladder that has been solved.
+
+    Attributes
+    ----------
+    load : float
+        Load, in the unit of the ladder's quantity.
+    equilibrium : Equilibrium
+        The equilibrium under this load.
+    """
+
+    load: float
+    equilibrium: Equilibrium
 
 
 class NotConverged(ArithmeticError):
-    """The tolerance was not met; `contact` carries the numbers that were reached.
+    """The error that the tolerance is not met; it carries the numbers that were reached.
 
     Attributes
     ----------
     contact : Contact
-        The contact reached, whose residual is above the tolerance of its problem.
+        The contact that was reached, whose residual is above the tolerance of its problem.
     stalled : bool
         Whether rounding left no step that would come nearer, so that more iterations would change
-        nothing; otherwise the bound on iterations was met.
+        nothing. Otherwise the bound on iterations was reached.
     """
 
     def __init__(self, contact: Contact, stalled: bool = False) -> None:
         self.contact = contact
         self.stalled = stalled
-        problem, remedy = contact.problem, ""
-        if problem.boundary != "free" and problem.elongation > OBLONG:
-            remedy = f": cells of 1:{problem.elongation:.4g} are beyond 1:{OBLONG}, the most tested"
-        elif stalled:
-            remedy = ": rounding leaves no smaller one; raise rtol"
-        elif (
-            contact.iterations >= problem.max_iterations
-            and (
-                problem.max_iterations < MAX_ITERATIONS
-                or problem.far_field == "compliant"
-            )
-        ):  # with the default, raising it was seen to help near the Delta* of such a far field only
-            remedy = f": raise max_iterations ({problem.max_iterations})"
         super().__init__(
             f"residual {contact.residual:.1e} after {contact.iterations} iterations, asked for"
-            f" {problem.rtol:.1e}{remedy}"
+            f" {contact.problem.rtol:.1e}{_remedy(contact, stalled)}"
         )
 
     def __reduce__(self) -> tuple[type[NotConverged], tuple[Contact, bool]]:
         """Let the error be pickled, so that worker processes can raise it."""
         return NotConverged, (self.contact, self.stalled)
+
+
+def _remedy(contact: Contact, stalled: bool) -> str:
+    """Return the end of `NotConverged`'s message: the cause or a remedy; "" if neither is known."""
+    problem = contact.problem
+    if problem.boundary != "free" and problem.elongation > OBLONG:
+        return f": cells of 1:{problem.elongation:.4g} are beyond 1:{OBLONG}, the most tested"
+    if stalled:
+        return ": rounding leaves no smaller one; raise rtol"
+    if contact.iterations < problem.max_iterations:
+        return ""
+    # Raising the default was seen to help only near the Delta* of a compliant far field.
+    if problem.max_iterations < MAX_ITERATIONS or problem.far_field == "compliant":
+        return f": raise max_iterations ({problem.max_iterations})"
+    return ""
 
 
 def solve(
@@ -100,17 +120,17 @@ def solve(
 ) -> Contact:
     """Press a rigid rough surface into an elastic half-space, without friction or adhesion.
 
-    Finds the pressure p >= 0 with gap w = H p - (z - z_max + Delta) >= 0 and p w = 0 (paper,
-    section 2.4). With a hardness P the softer body yields: p <= P, and w <= 0 where p = P, by the
-    depth that it has yielded there (Almqvist, Sahlin, Larsson and Glavatskih 2007, Tribology
-    International 40). The body neither hardens nor piles up, and P is the same everywhere.
+    Find the pressure p >= 0 with the gap w = H p - (z - z_max + Delta) >= 0 and p w = 0 (paper,
+    section 2.4). With a hardness P the softer body yields: p <= P, and where p = P, -w >= 0 is the
+    depth by which it has yielded (Almqvist, Sahlin, Larsson and Glavatskih 2007, Tribology
+    International 40). The body neither hardens nor piles up, and P is uniform.
 
     Parameters
     ----------
     heights : array_like, shape (nx, ny)
         Heights z of the surface; the highest node touches at Delta = 0 [um].
     side : float or tuple of float
-        Scan length L, one for a square grid or one for each axis [um].
+        Scan length L: one for a square grid, or one for each axis [um].
     delta : float, optional
         Far-field displacement Delta; at 0 or below nothing carries load [um]. Exactly one of
         `delta`, `force` and `pressure` is needed.
@@ -119,8 +139,9 @@ def solve(
     pressure : float, optional
         Mean pressure over the cells of all nodes, in contact or not [MPa].
     spacing : float or tuple of float, optional
-        Distance of the nodes, one or one for each axis. By default side / (nodes - 1) with free
-        boundaries (MIRCO uses side / nodes there), and side / nodes with the others [um].
+        Distance of the nodes: one for both axes, or one for each. By default it is
+        side / (nodes - 1) with free boundaries, where MIRCO uses side / nodes, and side / nodes
+        with the other boundaries [um].
     modulus : float
         Young's modulus E [MPa].
     poisson : float
@@ -129,49 +150,51 @@ def solve(
         "uniform-pressure" (Love 1929), or "concentrated-force", which reproduces MIRCO's results
         (see `bem.influence.influence_coefficients`) and needs square cells.
     far_field : str
-        "rigid": Delta as it is given. "compliant": Delta + F / K with the stiffness K of a flat
-        punch that fills the patch (MIRCO).
+        "rigid": the far field moves by Delta. "compliant": it moves by Delta + F / K with the
+        stiffness K of a flat punch that fills the patch (MIRCO).
     boundary : str
-        "free": the patch is all that there is, as in the paper. "periodic": the patch repeats
-        itself along both axes without end. "mirror": its mirror images continue it, which leaves
-        no step at its borders whatever the surface is. The last two stand for a piece of a larger
+        "free": nothing surrounds the patch, as in the paper. "periodic": the patch repeats itself
+        along both axes without end. "mirror": its mirror images continue it, which leaves no step
+        at its borders whatever the surface is. "periodic" and "mirror" model a piece of a larger
         interface: waves of pressure p(q) of wavenumber q displace the half-space by
-        2 p(q) / (E* q) (Johnson 1985, section 13.2), with zero mean, from which Delta is counted.
-        They have no kernel to choose, and a rigid far field only. Tested are cells of 1:1 to
-        1:100; longer ones are tried, and may end as NotConverged.
+        2 p(q) / (E* q) (Johnson 1985, section 13.2). The mean pressure displaces nothing: Delta
+        counts from the mean of the deformed surface.
+        They have no choice of kernel, and a rigid far field only. Cells of 1:1 to 1:100 are tested;
+        longer cells may raise NotConverged.
     hardness : float, optional
-        Largest contact pressure P, the hardness of the softer body [MPa]; on a rigid far field
-        only. Without it the bodies are elastic.
+        Largest contact pressure P, the hardness of the softer body, on a rigid far field only
+        [MPa]. Without it the bodies are elastic.
     rtol : float
-        Largest absolute gap in contact, or penetration outside, that is accepted, over Delta
-        [1]. The default is the loosest of a ladder that counts the contact nodes of 99.9 % of the
-        paper preset's samples exactly.
+        Largest absolute gap in contact, or penetration outside, that is accepted. It is relative to
+        Delta, or to the approach if the force is given [1]. Of the tolerances tried, the default is
+        the loosest with which 99.9 % of the paper preset's samples have exactly the right contact
+        nodes.
     max_iterations : int
-        Bound on the steps of conjugate gradients and contact sets of dense algebra. Where contact
-        sets cycle on a patch without edges, four times as many cheaper passes may follow.
+        Bound on the steps of conjugate gradients and the contact sets of dense algebra. Where
+        contact sets cycle on a patch without edges, up to four times this number of cheaper passes
+        may follow.
     near : ndarray, shape (nx, ny), optional
-        Pressure near the solution to start from, as `ladder` does [MPa].
+        Pressure near the solution, from which the solve starts [MPa].
     threads : int, optional
-        Threads that share the work of grids with some 500 nodes a side or more; smaller ones take
-        one. The results are the same to the last bit on any number. By default as many as the
-        environment variable OMP_NUM_THREADS says, or one.
+        Number of threads that share the work of grids with about 500 nodes a side or more; smaller
+        grids take one. The results are the same to the last bit on any number. By default it is
+        the number that the environment variable OMP_NUM_THREADS holds, or one.
 
     Returns
     -------
     Contact
-        Pressure, area, force and the other results.
+        Pressure, force, area, gap, and the results that follow from them.
 
     Raises
     ------
     ValueError
-        For input that no contact problem can have; the message names what was given and what is
-        allowed. OutOfRange, a ValueError, where double precision could not hold the results.
+        If an argument is not allowed; the message shows its value and the allowed ones. It is an
+        OutOfRange, which is a ValueError, if double precision could not hold the results.
     NoSolution
-        For a compliant far field with Delta at or beyond Delta*, for a patch without edges with
-        Delta at or beyond that of full contact, and for a mean pressure that is not below the
-        hardness.
+        If Delta is at or beyond Delta* on a compliant far field, or at or beyond full contact of
+        elastic bodies on a patch without edges; or if the mean pressure is not below the hardness.
     NotConverged
-        If `max_iterations` did not suffice, or `rtol` is below what rounding allows. It carries
+        If `max_iterations` did not suffice, or rounding does not allow `rtol`. It carries
         the numbers that were reached.
     """
     problem = pose(
@@ -190,22 +213,43 @@ def solve(
         rtol=rtol,
         max_iterations=max_iterations,
     )
-    start = (
-        None if near is None else Start(checked_start(near, problem) / problem.modulus)
-    )
-    with on_threads(None if threads is None else checked("threads", threads)):
+    start = None
+    if near is not None:
+        start = Start(checked_start(near, problem) / problem.modulus)  # [E*]
+    if threads is not None:
+        threads = checked("threads", threads)
+    with on_threads(threads):
         return contact_of(problem, equilibrium_of(problem, start))
 
 
 def solve_posed(problem: Problem, near: Field | None = None) -> Contact:
-    """Solve a problem that was checked, from a pressure near the solution [MPa] if there is one.
+    """Solve a problem that has been checked.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    near : ndarray, shape (nx, ny), optional
+        Pressure near the solution, from which the solve starts. It is not checked: it has to be
+        finite and nowhere negative [MPa].
+
+    Returns
+    -------
+    Contact
+        The contact, see `solve`.
 
     Raises
     ------
+    NoSolution
+        If Delta is at or beyond Delta* on a compliant far field (BeyondCriticalDelta).
     NotConverged
         If the tolerance is not met.
+    ArithmeticError
+        If the flat punch of a compliant far field is not solved.
     """
-    start = None if near is None else Start(near / problem.modulus)
+    start = None
+    if near is not None:
+        start = Start(near / problem.modulus)  # [E*]
     if problem.datum is None:
         return contact_of(problem, equilibrium_of(problem, start))
     by_own_node = replace(problem, datum=None)
@@ -221,7 +265,7 @@ def solve_posed(problem: Problem, near: Field | None = None) -> Contact:
 
 
 def contact_of(problem: Problem, equilibrium: Equilibrium | None) -> Contact:
-    """Convert an equilibrium from reduced units to a `Contact`.
+    """Convert an equilibrium from reduced units to a `Contact`, or refuse it.
 
     Parameters
     ----------
@@ -230,6 +274,11 @@ def contact_of(problem: Problem, equilibrium: Equilibrium | None) -> Contact:
     equilibrium : Equilibrium or None
         Its equilibrium; None if the bodies are apart or just touch.
 
+    Returns
+    -------
+    Contact
+        The contact in um, MPa and uN, its pressure read-only.
+
     Raises
     ------
     NotConverged
@@ -237,20 +286,36 @@ def contact_of(problem: Problem, equilibrium: Equilibrium | None) -> Contact:
     """
     if equilibrium is None:
         return _untouched(problem)
-    unit = equilibrium.length / problem.spacing[0] * problem.modulus
+    contact = _converted(problem, equilibrium)
+    if equilibrium.converged:
+        return contact
+    # Measure the violation on all nodes, because the solver may have computed only some of them.
+    unit = problem.delta or contact.approach
+    residual = math.inf
+    if unit > 0:
+        residual = _violation(contact) / unit
+    contact = replace(contact, residual=residual)
+    hardness = problem.hardness
+    exceeded = hardness is not None and contact.largest_pressure > hardness
+    if exceeded or not contact.residual <= problem.rtol:  # also a residual that is nan
+        raise NotConverged(contact, equilibrium.stalled)
+    return contact
+
+
+def _converted(problem: Problem, equilibrium: Equilibrium) -> Contact:
+    """Return an equilibrium as a contact in um, MPa and uN, whether or not it has converged."""
+    unit = equilibrium.length / problem.spacing[0] * problem.modulus  # of pressure [MPa]
     touching = int(np.count_nonzero(equilibrium.pressure > 0))
     pressure = equilibrium.pressure * unit
-    if problem.hardness is not None:  # units may have cost the last digit
-        pressure[np.abs(pressure - problem.hardness) <= ULPS * problem.hardness] = (
-            problem.hardness
-        )
+    if problem.hardness is not None:
+        at_hardness = np.abs(pressure - problem.hardness) <= ULPS * problem.hardness
+        pressure[at_hardness] = problem.hardness
     pressure.setflags(write=False)
-    contact = Contact(
+    cell_area = problem.spacing[0] * problem.spacing[1]
+    return Contact(
         problem=problem,
         pressure=pressure,
-        force=float(equilibrium.pressure.sum())
-        * unit
-        * (problem.spacing[0] * problem.spacing[1]),
+        force=float(equilibrium.pressure.sum()) * unit * cell_area,
         area_percent=100.0 * touching / equilibrium.pressure.size,
         contact_nodes=touching,
         delta=equilibrium.delta,
@@ -260,21 +325,6 @@ def contact_of(problem: Problem, equilibrium: Equilibrium | None) -> Contact:
         convolutions=equilibrium.effort.convolutions,
         again=solve_posed,
     )
-    if equilibrium.converged:
-        return contact
-    # Without convergence, nodes that the solver left aside count too.
-    unit = problem.delta or contact.approach
-    contact = replace(
-        contact, residual=_violation(contact) / unit if unit > 0 else math.inf
-    )
-    exceeded = (
-        problem.hardness is not None and contact.largest_pressure > problem.hardness
-    )
-    if (
-        exceeded or not contact.residual <= problem.rtol
-    ):  # a residual that is nan is refused too
-        raise NotConverged(contact, equilibrium.stalled)
-    return contact
 
 
 def _violation(contact: Contact) -> float:
@@ -312,12 +362,12 @@ def ladder(
     threads: int | None = None,
     **settings: Any,
 ) -> Iterator[Contact]:
-    """Solve for many loads on one surface, each started from the contacts before.
+    """Solve under many loads on one surface, each starting from the contacts before it.
 
     The start extrapolates the change of pressure with the load from the last three contacts.
-    Results are those of `solve` within its tolerance. The smaller the steps are, the fewer
-    convolutions a contact takes (`pytest bench -k ladder`). The loads may come in any order;
-    ascending loads take the fewest convolutions.
+    Results equal those of `solve` within its tolerance. The smaller the steps are, the fewer
+    convolutions a contact takes (`pytest bench -k ladder`). The loads may have any order; ascending
+    loads take the fewest convolutions.
 
     Parameters
     ----------
@@ -332,59 +382,88 @@ def ladder(
     pressures : iterable of float, optional
         Mean pressures over the cells of all nodes instead [MPa].
     threads : int, optional
-        Threads that share the work, see `solve`.
+        Number of threads that share the work, see `solve`.
     **settings
         Further arguments of `solve`.
 
     Returns
     -------
     iterator of Contact
-        The contacts, each solved when it is asked for, in the order of the loads. An error belongs
-        to one load: whoever catches it can go on with ``next`` to the contact at the next load, so
-        that loads that were solved are never lost.
+        The contacts in the order of the loads, each solved when it is taken. An error belongs to
+        one load: whoever catches it can go on with ``next`` to the next load, so that no contact is
+        lost.
 
     Raises
     ------
     ValueError, NoSolution, NotConverged
         As `solve` raises them: for the heights at once, else at the load that causes them.
-        A load that is not solved from the contacts before is tried from scratch first.
+        NotConverged comes only after the load has also been tried without a start.
     """
-    given = {"delta": deltas, "force": forces, "pressure": pressures}
-    chosen = [(name, loads) for name, loads in given.items() if loads is not None]
-    if len(chosen) != 1:
-        said = " and ".join(f"{name}s" for name, _ in chosen) or "no loads"
+    by_quantity = {"delta": deltas, "force": forces, "pressure": pressures}
+    passed = {name: loads for name, loads in by_quantity.items() if loads is not None}
+    if len(passed) != 1:
+        names = " and ".join(f"{name}s" for name in passed) or "no loads"
         raise ValueError(
-            f"{said} given: give one of deltas [um], forces [uN] and pressures [MPa]"
+            f"{names} given: give one of deltas [um], forces [uN] and pressures [MPa]"
         )
-    name, loads = chosen[0]
+    [(name, loads)] = passed.items()
     refuse_masked(f"{name}s", loads)
     scalar = isinstance(loads, np.ndarray) and loads.ndim == 0
     if scalar or isinstance(loads, str) or not isinstance(loads, Iterable):
         raise ValueError(f"{name}s = {shown(loads)}: a sequence of loads is needed")
-    loads = loads.copy() if isinstance(loads, np.ndarray) else loads
-    side, settings = deepcopy((side, settings))  # arrays that the caller may fill anew
     if threads is not None:
         threads = checked("threads", threads)
-    return _Ladder(checked_heights(heights), side, name, iter(loads), threads, settings)
+    # Arrays are copied, because the caller may fill them anew before the contacts are taken.
+    if isinstance(loads, np.ndarray):
+        loads = loads.copy()
+    return _Ladder(
+        _heights=checked_heights(heights),
+        _side=deepcopy(side),
+        _quantity=name,
+        _loads=iter(loads),
+        _threads=threads,
+        _settings=deepcopy(settings),
+    )
 
 
 @dataclass
 class _Ladder(Iterator[Contact]):
-    """The contacts of `ladder`. Unlike a generator, it goes on after a load that failed."""
+    """The contacts of `ladder`. Unlike a generator, it goes on after a load that failed.
+
+    Attributes
+    ----------
+    _heights : ndarray, shape (nx, ny)
+        Heights of the surface [um].
+    _side : float or tuple of float
+        Scan length [um].
+    _quantity : str
+        Argument of `solve` that the loads are: "delta", "force" or "pressure".
+    _loads : iterator of float
+        Loads that are still to be solved [um, uN or MPa].
+    _threads : int or None
+        Number of threads, see `on_threads`.
+    _settings : dict
+        Further arguments of `pose`.
+    _last : list of Rung
+        The last rungs that were solved, at most `EXTRAPOLATED`, of different loads.
+    """
 
     _heights: Field
     _side: float | tuple[float, float]
-    _name: str
+    _quantity: str
     _loads: Iterator[float]
     _threads: int | None
     _settings: dict[str, Any]
     _last: list[Rung] = field(default_factory=list)
 
     def __next__(self) -> Contact:
-        """Solve for the next load."""
+        """Solve for the next load, and keep its equilibrium for the next start.
+
+        If the solve from the extrapolated start does not converge, solve again without a start.
+        """
         load = next(self._loads)
-        given: dict[str, Any] = {"delta": None, self._name: load}
-        problem = pose(self._heights, self._side, **given, **self._settings)
+        loads: dict[str, Any] = {"delta": None, self._quantity: load}
+        problem = pose(self._heights, self._side, **loads, **self._settings)
         near = _extrapolated(self._last, load, problem.spacing[0])
         with on_threads(self._threads):
             equilibrium = equilibrium_of(problem, near)
@@ -392,42 +471,45 @@ class _Ladder(Iterator[Contact]):
                 equilibrium = equilibrium_of(problem, None)
         contact = contact_of(problem, equilibrium)
         if equilibrium is not None:
-            others = [rung for rung in self._last if rung[0] != load]
-            self._last = [*others[-2:], (load, equilibrium)]
+            kept = [rung for rung in self._last if rung.load != load]
+            kept.append(Rung(load, equilibrium))
+            self._last = kept[-EXTRAPOLATED:]
         return contact
 
 
 def _extrapolated(last: list[Rung], load: float, spacing: float) -> Start | None:
     """Extrapolate the last equilibria by a parabola in the load, and cut off negative pressure.
 
-    The displacement is linear in the pressure and lies on the same parabola, unless pressure was
-    cut off. After a single equilibrium the result is None, which is the better start then.
+    The displacement is linear in the pressure and follows the same parabola, unless pressure was
+    cut off. Where the parabola overflows, the last pressure is the start. After fewer than two
+    equilibria the result is None, because a solve without a start is cheaper then. `load` has the
+    unit of the ladder's quantity; `spacing` is the spacing along the first axis [um].
     """
     if len(last) < 2:
         return None
-    weighted = [
-        (
-            math.prod(
-                (load - other) / (mine - other) for other, _ in last if other != mine
-            ),
-            equilibrium,
-        )
-        for mine, equilibrium in last
-    ]
-    nothing = np.zeros_like(last[0][1].pressure)
+    equilibria = [rung.equilibrium for rung in last]
+    weights = _weights([rung.load for rung in last], load)
+    pressure = np.zeros_like(equilibria[0].pressure)
     with np.errstate(over="ignore", invalid="ignore"):
-        pressure = sum(
-            (each.length * weight / spacing * each.pressure for weight, each in weighted),
-            nothing,
-        )
+        for weight, equilibrium in zip(weights, equilibria, strict=True):
+            unit = equilibrium.length * weight / spacing
+            pressure += unit * equilibrium.pressure
         if not np.isfinite(pressure).all():
-            nearest = last[-1][1]
-            return Start(nearest.pressure * (nearest.length / spacing))
-        if pressure.min() < 0 or any(each.displacement is None for _, each in last):
+            return Start(equilibria[-1].pressure * (equilibria[-1].length / spacing))
+        if pressure.min() < 0:
             return Start(np.maximum(pressure, 0))
-        moved = (
-            each.length * weight * displacement
-            for weight, each in weighted
-            if (displacement := each.displacement) is not None
-        )
-        return Start(pressure, sum(moved, nothing))
+        displacement = np.zeros_like(pressure)
+        for weight, equilibrium in zip(weights, equilibria, strict=True):
+            if equilibrium.displacement is None:
+                return Start(np.maximum(pressure, 0))
+            unit = equilibrium.length * weight
+            displacement += unit * equilibrium.displacement
+    return Start(pressure, displacement)
+
+
+def _weights(loads: list[float], load: float) -> list[float]:
+    """Return Lagrange's weights of values at different loads for the value at another load [1]."""
+    return [
+        math.prod((load - other) / (node - other) for other in loads if other != node)
+        for node in loads
+    ]

@@ -1,11 +1,13 @@
-"""Threads of a solve and of others: shared passes, sections on one BLAS thread, safe forks.
+"""Threads of a solve and of other programs: shared passes, one BLAS thread, safe forks.
 
 Threads share a pass over a long array piece by piece. Pieces do not depend on the number of
-threads, and no sum runs over more than one, so that results are the same bits on any number.
+threads, and no sum runs over more than one piece, so that any number of threads computes the same
+bits.
 
-For the small matrices here, a pool of BLAS threads takes longer than a single thread, and the order
-of its sums depends on the number of threads. BLAS, FFTW's planner and the Fourier transforms of
-scipy hold locks: a child that is forked while another thread holds one would wait for it forever.
+For the small matrices of this package, a pool of BLAS threads takes longer than a single thread,
+and the order of its sums depends on the number of threads. BLAS, FFTW's planner and the Fourier
+transforms of scipy hold locks: a child that is forked while another thread holds a lock would wait
+for it forever. Code that holds such locks therefore runs in sections, for whose end a fork waits.
 """
 
 import os
@@ -16,58 +18,74 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from contextvars import copy_context
 from functools import lru_cache
-from typing import Any, Generic, Self, TypeVar, overload
+from typing import Any, Generic, NamedTuple, Self, TypeVar, overload
 
 import numpy as np
 
 Piece = TypeVar("Piece")
 Value = TypeVar("Value")
 
-# The controller of a BLAS library and its number of threads.
-BlasThreads = tuple[Any, int]
-
-# The variable by which programs that compute on several threads are told how many.
+# The environment variable that sets the number of threads of programs that compute on several.
 THREADS_VARIABLE = "OMP_NUM_THREADS"
 
-# Block that is freed once, so that the process keeps what solves free [bytes].
+# Size of the block that `keep_freed_memory` frees once, so that the process keeps the memory that
+# solves free [bytes].
 BLOCK = 16 * 2**20
+
+
+class BlasThreads(NamedTuple):
+    """A BLAS library and its number of threads.
+
+    Attributes
+    ----------
+    pool : object
+        Controller of the library, from threadpoolctl.
+    threads : int
+        Number of threads.
+    """
+
+    pool: Any
+    threads: int
 
 
 # Threads that share passes
 
 
 class _Current(threading.local):
-    """The threads of the solve that runs on this thread: their number, and the other ones."""
+    """The threads of the solve that runs on this thread; every thread has its own values."""
 
-    threads = 1
-    helpers: ThreadPoolExecutor | None = None
+    threads = 1  # their number, this thread included
+    helpers: ThreadPoolExecutor | None = None  # the other ones, None if there are none
 
 
 _CURRENT = _Current()
 
 
 def threads_here() -> int:
-    """Return the number of threads that share passes of this one, which counts as one."""
+    """Return the number of threads that share passes of this thread, itself included."""
     return _CURRENT.threads
 
 
 def share(work: Callable[[int, Piece], None], pieces: Sequence[Piece]) -> None:
-    """Do some work on each of the pieces, in any order, and return when all are done.
+    """Do some work on each of several pieces, in any order, and return when all are done.
+
+    An error of the work is raised again when all threads have stopped.
 
     Parameters
     ----------
     work : callable
-        Called with the number of a thread, from 0 for this one, and one piece; no two pieces may
-        write to the same place.
+        Function of a thread's number, 0 for this thread, and of a piece. No two pieces may write to
+        the same place.
     pieces : sequence
         The pieces. A single piece stays on this thread.
     """
-    left = deque(pieces)
+    pending = deque(pieces)
 
-    def draw(thread: int) -> None:
-        while left:
+    def work_on_pending(thread: int) -> None:
+        """Work on pieces until none is left."""
+        while pending:
             try:
-                piece = left.popleft()
+                piece = pending.popleft()
             except IndexError:  # another thread was faster
                 return
             work(thread, piece)
@@ -75,11 +93,14 @@ def share(work: Callable[[int, Piece], None], pieces: Sequence[Piece]) -> None:
     jobs = []
     try:
         if _CURRENT.helpers is not None:
-            for thread in range(1, min(_CURRENT.threads, len(left))):
-                jobs.append(_CURRENT.helpers.submit(copy_context().run, draw, thread))  # noqa: PERF401  known on Ctrl-C
-        draw(0)
-    finally:  # on Ctrl-C too: nobody may still write when the caller goes on
-        left.clear()
+            for thread in range(1, min(_CURRENT.threads, len(pending))):
+                run = copy_context().run
+                job = _CURRENT.helpers.submit(run, work_on_pending, thread)
+                # Jobs are noted one by one, so that Ctrl-C finds all that were submitted.
+                jobs.append(job)
+        work_on_pending(0)
+    finally:  # also on Ctrl-C: no thread may still write when the caller goes on
+        pending.clear()
         wait([job for job in jobs if not job.cancel()])
     for job in jobs:
         if not job.cancelled():
@@ -88,28 +109,41 @@ def share(work: Callable[[int, Piece], None], pieces: Sequence[Piece]) -> None:
 
 @contextmanager
 def on_threads(threads: int | None) -> Iterator[None]:
-    """Let solves on this thread use helpers until the end of the block.
+    """Let solves on this thread share their work with helper threads until the end of the block.
 
     Parameters
     ----------
     threads : int or None
-        Number of threads, this one included, of which no more are used than there are processors;
-        None for those of an outer block, or for as many as `OMP_NUM_THREADS` says, or for one.
+        Number of threads, this one included. It is cut off at the number of processors, unless an
+        outer block already uses more. None takes the number of an outer block if that is above one,
+        else the number that `OMP_NUM_THREADS` sets, else one.
+
+    Yields
+    ------
+    None
+        Once, when the helper threads are ready.
     """
-    before = _CURRENT.threads, _CURRENT.helpers
+    threads_before = _CURRENT.threads
+    helpers_before = _CURRENT.helpers
     if threads is None:
-        threads = before[0] if before[0] > 1 else default_threads(1)
-    if threads > before[0]:
-        threads = min(threads, max(cores(), before[0]))
-    if threads == before[0]:
+        threads = threads_before
+        if threads == 1:
+            threads = default_threads(1)
+    if threads > threads_before:
+        threads = min(threads, max(cores(), threads_before))
+    if threads == threads_before:
         yield
         return
-    helpers = ThreadPoolExecutor(threads - 1, "bem") if threads > 1 else None
+    helpers = None
+    if threads > 1:
+        helpers = ThreadPoolExecutor(threads - 1, "bem")
     try:
-        _CURRENT.threads, _CURRENT.helpers = threads, helpers
+        _CURRENT.threads = threads
+        _CURRENT.helpers = helpers
         yield
     finally:
-        _CURRENT.threads, _CURRENT.helpers = before
+        _CURRENT.threads = threads_before
+        _CURRENT.helpers = helpers_before
         if helpers is not None:
             helpers.shutdown()
 
@@ -122,22 +156,34 @@ def cores() -> int:
 
 
 def default_threads(otherwise: int) -> int:
-    """Return the number of threads that `OMP_NUM_THREADS` asks for, or another one if it is unset.
+    """Return the number of threads that the environment variable `OMP_NUM_THREADS` sets.
 
-    Lists of numbers, one for each level of nested threads, count by their first; what is no number
-    above 0 counts as unset.
+    Of a list of numbers, one for each level of nested threads, the first one is taken.
+
+    Parameters
+    ----------
+    otherwise : int
+        Number to return if the variable is unset, or holds no whole number above 0.
+
+    Returns
+    -------
+    int
+        Number of threads.
     """
-    said = os.environ.get(THREADS_VARIABLE, "").split(",")[0].strip()
-    return int(said) if said.isdecimal() and int(said) > 0 else otherwise
+    text = os.environ.get(THREADS_VARIABLE, "").split(",")[0].strip()
+    if text.isdecimal() and int(text) > 0:
+        return int(text)
+    return otherwise
 
 
 def keep_freed_memory() -> None:
-    """Let glibc keep what a solve frees, up to twice `BLOCK`; other C libraries ignore this.
+    """Let glibc keep the memory that solves free, up to twice `BLOCK`.
 
-    By default glibc returns the end of its heap to the system as soon as little of it is free, and
-    the next solve waits for the same pages to be cleared again: up to a fifth of its time on 256
-    nodes a side. Both thresholds rise with the largest block that was freed (mallopt(3)); no page
-    of this one is ever touched.
+    This changes thresholds of the whole process; other C libraries ignore it. By default glibc
+    returns the end of its heap to the system as soon as a little of it is free, and the next solve
+    waits for the same pages to be cleared again: up to a fifth of its time on 256 nodes a side.
+    glibc raises both thresholds to the size of the largest block that was freed (mallopt(3)), and a
+    block of which no page is touched costs nothing.
     """
     np.empty(BLOCK, np.uint8)
 
@@ -148,15 +194,22 @@ def keep_freed_memory() -> None:
 class computed_once(Generic[Value]):  # noqa: N801  used as a decorator, as `property` is
     """A property that is computed when it is first read, and then kept.
 
-    Unlike `functools.cached_property` of Python 3.11 it holds no lock meanwhile, which a child that
-    is forked then would wait for. Two threads may both compute it; all see what is kept first.
+    Unlike `functools.cached_property` of Python 3.11 it holds no lock while it computes, for which
+    a child that is forked in the meantime would wait. If two threads compute it at once, all
+    readers get the value that was kept first.
+
+    Parameters
+    ----------
+    compute : callable
+        Method that computes the value; its docstring becomes that of the property.
     """
 
     def __init__(self, compute: Callable[[Any], Value]) -> None:
-        self._compute, self.__doc__ = compute, compute.__doc__
+        self._compute = compute
+        self.__doc__ = compute.__doc__
 
     def __set_name__(self, owner: type, name: str) -> None:
-        """Take the name under which objects keep the value."""
+        """Note the name under which objects keep the value."""
         self._name = name
 
     @overload
@@ -164,7 +217,7 @@ class computed_once(Generic[Value]):  # noqa: N801  used as a decorator, as `pro
     @overload
     def __get__(self, instance: object, owner: type) -> Value: ...
     def __get__(self, instance: object | None, owner: type) -> Self | Value:
-        """Compute the value; the object's own entry takes the place of this property from then."""
+        """Compute the value and keep it in the object, where it replaces this property."""
         if instance is None:
             return self
         value: Value = instance.__dict__.setdefault(self._name, self._compute(instance))
@@ -172,12 +225,25 @@ class computed_once(Generic[Value]):  # noqa: N801  used as a decorator, as `pro
 
 
 class _Sections:
-    """The threads inside sections, and the numbers of BLAS threads before the first dense one.
+    """The threads inside sections, and the numbers of BLAS threads before the first dense section.
 
-    A handler of a signal may raise between any two steps of Python. So the lock itself is entered,
-    in one step each way; a condition is entered in Python, and would stay locked now and then. No
-    loop stands in the block that holds the lock, only in what it calls: an error raised where such
-    a loop begins again would skip the end of the block (a fault of Python 3.12 and 3.13).
+    A handler of a signal may raise between any two steps of Python. Therefore blocks enter the lock
+    itself, in one step each way: a condition is entered by several steps in Python, and would
+    sometimes stay locked. The block that holds the lock contains no loop, only calls of functions
+    with loops: an error that is raised where a loop begins again would skip the end of the block
+    (a fault of Python 3.12 and 3.13).
+
+    Attributes
+    ----------
+    lock : RLock
+        Lock of all other attributes.
+    changed : Condition
+        Condition that tells a fork when a thread has left its last section.
+    inside, dense : dict
+        Depths of nested sections, and of nested dense sections, by the identifiers of the threads
+        that are inside any.
+    threads_before : list of BlasThreads
+        Numbers of threads to restore after the last dense section.
     """
 
     def __init__(self) -> None:
@@ -188,7 +254,7 @@ class _Sections:
         self.threads_before: list[BlasThreads] = []
 
     def put(self, depth: int) -> None:
-        """Count the current thread as inside some sections; at 0, wake a fork that waits for it."""
+        """Note at which depth of sections the current thread is; at 0, wake a fork that waits."""
         with self.lock:
             if depth:
                 self.inside[threading.get_ident()] = depth
@@ -197,43 +263,51 @@ class _Sections:
                 self.changed.notify_all()
 
     def put_dense(self, depth: int) -> None:
-        """Count the current thread as inside dense sections: BLAS has one thread meanwhile.
+        """Note at which depth of dense sections the current thread is.
 
-        The first dense section notes the numbers that it finds, and the last one restores them.
+        The first dense section of all threads notes the numbers of BLAS threads and sets them to
+        one; the end of the last section restores them.
         """
         pools = _blas_pools()
         with self.lock:
             self._count_dense(depth, pools)
 
     def _count_dense(self, depth: int, pools: list[Any]) -> None:
-        more = [
-            (pool, threads) for pool in pools if (threads := pool.get_num_threads()) != 1
-        ]
+        """Do the work of `put_dense`, with the controllers of all BLAS libraries."""
+        numbers = [BlasThreads(pool, pool.get_num_threads()) for pool in pools]
+        several = [number for number in numbers if number.threads != 1]
         if depth and not self.dense:
-            self.threads_before = more
+            self.threads_before = several
         if depth:
             self.dense[threading.get_ident()] = depth
         else:
             self.dense.pop(threading.get_ident(), None)
-        wanted = [(pool, 1) for pool, _ in more] if self.dense else self.threads_before
-        for pool, threads in wanted:
-            # OpenBLAS obeys a single thread of Python until that thread ends or lets go.
-            let_go = getattr(pool, "clear_controlling_thread", lambda force: None)
-            let_go(force=True)
-            pool.set_num_threads(threads)
-            let_go(force=True)
-        if not self.dense:
+        if self.dense:
+            for number in several:
+                _set_blas_threads(number.pool, 1)
+        else:
+            for number in self.threads_before:
+                _set_blas_threads(number.pool, number.threads)
             self.threads_before = []
 
     def hold(self) -> None:
-        """Wait until no other thread is inside, and let none in before `resume`."""
+        """Wait until no other thread is inside a section, and let none enter before `resume`."""
         self.changed.acquire()
         while set(self.inside) - {threading.get_ident()}:
             self.changed.wait()
 
     def resume(self) -> None:
-        """Let other threads in again."""
+        """Let other threads enter sections again."""
         self.changed.release()
+
+
+def _set_blas_threads(pool: Any, threads: int) -> None:
+    """Set the number of threads of a BLAS library, by its controller."""
+    # OpenBLAS obeys a single thread of Python until that thread ends or lets go.
+    let_go = getattr(pool, "clear_controlling_thread", lambda force: None)
+    let_go(force=True)
+    pool.set_num_threads(threads)
+    let_go(force=True)
 
 
 _SECTIONS = _Sections()
@@ -247,32 +321,35 @@ if hasattr(os, "register_at_fork"):  # on every system that has fork
 
 @contextmanager
 def _at_depth(put: Callable[[int], None], depths: dict[int, int]) -> Iterator[None]:
-    """Go one section deeper than this thread is, and back."""
+    """Go one section deeper than this thread is, and back at the end of the block.
+
+    `put` notes a depth of this thread in `depths`.
+    """
     depth = depths.get(threading.get_ident(), 0)
     try:
         put(depth + 1)
         yield
-    finally:  # on Ctrl-C or a row's end of time, before or after `put` has counted, too
+    finally:  # also if Ctrl-C or a row's time limit interrupts the first `put`
         try:
             put(depth)
-        except BaseException:  # or meanwhile
+        except BaseException:  # an interruption during this `put`
             put(depth)
             raise
 
 
 @contextmanager
 def unforked() -> Iterator[None]:
-    """Run compiled code that holds locks; a fork waits until it has ended."""
+    """Run a block of compiled code that holds locks; a fork waits until the block has ended."""
     with _at_depth(_SECTIONS.put, _SECTIONS.inside):
         yield
 
 
 @contextmanager
 def on_one_blas_thread() -> Iterator[None]:
-    """Run dense linear algebra on one BLAS thread; a fork waits until it has ended.
+    """Run a block of dense linear algebra on one BLAS thread; a fork waits until it has ended.
 
     The number of BLAS threads is a setting of the whole process. BLAS that other threads call in
-    the meantime runs on one thread too, and a number that they set may be lost.
+    the meantime also runs on one thread, and a number that they set may be lost.
     """
     with unforked(), _at_depth(_SECTIONS.put_dense, _SECTIONS.dense):
         yield
@@ -280,7 +357,7 @@ def on_one_blas_thread() -> Iterator[None]:
 
 @lru_cache(maxsize=1)
 def _blas_pools() -> list[Any]:
-    """Return the controllers of the BLAS libraries of numpy and scipy."""
+    """Return the controllers of the BLAS libraries of numpy and scipy, from threadpoolctl."""
     import scipy.linalg  # noqa: F401  loads its BLAS, so that threadpoolctl sees it
     from threadpoolctl import ThreadpoolController
 

@@ -6,7 +6,7 @@ import sys
 
 def main() -> int:
     """Run the command line of this process, and return its exit code."""
-    # Before the long imports: Ctrl-C ends them without a traceback.
+    # During the long imports below, Ctrl-C then ends the process without a traceback.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     from gen.runtime import farm
 

@@ -1,6 +1,7 @@
-"""Questions about Asperity and the measured answers: the lines at the top of the page.
+"""The questions about Asperity at the top of the page, with the measured answers.
 
-Each line is computed from tables of one report, whose section names the command that made them.
+Each answer is computed from the tables of one part of the page. The section of this part names the
+command that made the tables.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,15 +14,15 @@ from bench.record import Inputs
 from bench.report import Part
 
 Row = dict[str, str]
-"""Texts of one line of a table by the names of its columns."""
+"""One line of a table: its texts by the names of the columns; empty texts are missing values."""
 
 NOT_OTHERS = {"bem", "paper's NNLS"}
-"""Solvers in the comparison with peers that are our own code."""
+"""Names of the solvers in the comparisons with other solvers that are our own code."""
 
 
 @dataclass(frozen=True)
 class Line:
-    """A line of the page."""
+    """A line at the top of the page: a question with its answer."""
 
     question: str
     answer: str  # whole sentences
@@ -29,14 +30,14 @@ class Line:
 
 
 def lines(parts: Sequence[Part], inputs: Inputs) -> list[Line]:
-    """Answer the questions whose tables exist and hold the answer.
+    """Answer the questions whose tables exist and contain the answer.
 
     Parameters
     ----------
     parts : sequence of Part
         Parts of the page.
     inputs : Inputs
-        Inputs of the run, which know the folder of each part.
+        Inputs of the run, which have the folder of each part.
 
     Returns
     -------
@@ -53,18 +54,18 @@ def lines(parts: Sequence[Part], inputs: Inputs) -> list[Line]:
             if is_there(path):
                 rows += read_table(path)[1]
         answer = ""
-        with suppress(
-            LookupError, ValueError
-        ):  # the tables of a short run have fewer rows
+        # Tables of a short run may lack the rows of an answer.
+        with suppress(LookupError, ValueError):
             if rows:
                 answer = question.answer(rows)
         if answer:
-            answered.append(Line(question.text, answer, question.part))
+            line = Line(question=question.text, answer=answer, part=question.part)
+            answered.append(line)
     return answered
 
 
 def hertz(rows: list[Row]) -> str:
-    """State the error of the force on a sphere, on the finest grid at the largest displacement.
+    """State the error of the force on the finest grid at the largest displacement of a sphere.
 
     Parameters
     ----------
@@ -95,12 +96,14 @@ def hertz(rows: list[Row]) -> str:
 
 
 def beside_others(case: str, rows: list[Row]) -> str:
-    """State the time of the fastest other solver over ours, from its lowest to its highest.
+    """State the range of the time of the fastest other solver over our time.
+
+    The fastest other solver is chosen for each case; the range is over all cases.
 
     Parameters
     ----------
     case : str
-        Columns that tell the cases apart, with blanks between them.
+        Names of the columns that tell the cases apart, with blanks between them.
     rows : list of Row
         Rows of the comparison with other solvers.
 
@@ -139,7 +142,7 @@ def stability(rows: list[Row]) -> str:
 
 
 def growth(rows: list[Row]) -> str:
-    """State the growth of the convolutions from the smallest grid to the largest.
+    """State the largest growth of the number of convolutions from the smallest grid to the largest.
 
     Parameters
     ----------
@@ -172,8 +175,8 @@ def comparison(rows: list[Row]) -> str:
     Returns
     -------
     str
-        The answer; empty if no model has a score. The paper's best is left out if the features or
-        the database are not the paper's.
+        The answer; empty if no model has a score. It does not mention the paper's best if the table
+        has no scores of the paper.
     """
     ours = _best(rows, "r2")
     if ours is None:
@@ -197,7 +200,7 @@ def _best(rows: list[Row], score: str) -> Row | None:
 
 
 def exactness(rows: list[Row]) -> str:
-    """State the errors of the area with hybrid features, learnt from all rows.
+    """State the errors of the area with hybrid features, learnt from the most rows.
 
     Parameters
     ----------
@@ -221,7 +224,10 @@ def exactness(rows: list[Row]) -> str:
 
 
 def coverage(rows: list[Row]) -> str:
-    """State in how many shifted populations rows without a flag are covered as promised.
+    """State for how many shifted populations and targets the intervals hold as promised.
+
+    Also state the smallest share of rows without a flag that the intervals cover. Populations in
+    which nearly all rows are flagged are only counted.
 
     Parameters
     ----------
@@ -247,7 +253,7 @@ def coverage(rows: list[Row]) -> str:
 
 
 def scans(rows: list[Row]) -> str:
-    """State the errors on unseen tiles of maps, for each size of window.
+    """State the errors on tiles of maps that were not trained on, for each size of window.
 
     Parameters
     ----------
@@ -257,7 +263,7 @@ def scans(rows: list[Row]) -> str:
     Returns
     -------
     str
-        The answer; empty without rows about all maps.
+        The answer; empty if there are no rows about all maps.
     """
     of_all_maps = [
         row for row in rows if row["left_out"] == "unseen tiles" and row["map"] == "all"
@@ -275,7 +281,7 @@ def scans(rows: list[Row]) -> str:
 
 
 def grow(rows: list[Row]) -> str:
-    """State how many promises of accuracy hold on fresh surfaces.
+    """State in how many cases fresh surfaces have at most the error that was asked for.
 
     Parameters
     ----------
@@ -295,7 +301,9 @@ def grow(rows: list[Row]) -> str:
 
 
 def cost(rows: list[Row]) -> str:
-    """State the number of contacts from which a surrogate costs less than solving.
+    """State from how many contacts a surrogate costs less than solving them.
+
+    Training rows are paid for. The setting is new surfaces, our solver and hybrid features.
 
     Parameters
     ----------
@@ -320,40 +328,89 @@ def cost(rows: list[Row]) -> str:
 
 
 FREE = partial(beside_others, "nodes hurst delta_um")
-"""States the time of other solvers on free patches."""
+"""Takes rows of `peers.csv`, and states the time of other solvers on free patches."""
 
 PERIODIC = partial(beside_others, "nodes hurst mean_pressure")
-"""States the time of other solvers on periodic patches."""
+"""Takes rows of `periodic.csv`, and states the time of other solvers on periodic patches."""
 
 
 @dataclass(frozen=True)
 class Question:
-    """A question, and where its answer comes from."""
+    """A question, and the tables and the function that give its answer."""
 
-    text: str
-    part: str  # name of the part of the page
-    tables: str  # name of its table, or a pattern with * for several tables
-    answer: Callable[
-        [list[Row]], str
-    ]  # puts their rows into words; "" if they lack the answer
+    text: str  # the question
+    part: str  # name of the part of the page whose tables give the answer
+    tables: str  # file of the table in the folder of the part, or a pattern with * for several
+    # Takes all rows of the tables; returns the answer, or "" if the rows lack it.
+    answer: Callable[[list[Row]], str]
 
 
 QUESTIONS = (
-    Question("How exact is a contact?", "hertz", "hertz.csv", hertz),
-    Question("How fast, at equal accuracy?", "peers", "peers.csv", FREE),
-    Question("How fast on periodic patches?", "periodic", "periodic.csv", PERIODIC),
-    Question("Does it bear stiff and extreme cases?", "stability", "*.csv", stability),
-    Question("Do fine grids cost more steps?", "growth", "growth.csv", growth),
     Question(
-        "How near do its models come to the paper's?",
-        "comparison",
-        "area/scores.csv",
-        comparison,
+        text="How exact is a contact?",
+        part="hertz",
+        tables="hertz.csv",
+        answer=hertz,
     ),
-    Question("How exact is a surrogate?", "cost", "learning.csv", exactness),
-    Question("Does it know what it does not know?", "coverage", "coverage.csv", coverage),
-    Question("What of measured maps?", "scans", "scans.csv", scans),
-    Question("Is the accuracy asked for kept?", "grow", "grow.csv", grow),
-    Question("When does a surrogate pay?", "cost", "cost.csv", cost),
+    Question(
+        text="How fast, at equal accuracy?",
+        part="peers",
+        tables="peers.csv",
+        answer=FREE,
+    ),
+    Question(
+        text="How fast on periodic patches?",
+        part="periodic",
+        tables="periodic.csv",
+        answer=PERIODIC,
+    ),
+    Question(
+        text="Does it bear stiff and extreme cases?",
+        part="stability",
+        tables="*.csv",
+        answer=stability,
+    ),
+    Question(
+        text="Do fine grids cost more steps?",
+        part="growth",
+        tables="growth.csv",
+        answer=growth,
+    ),
+    Question(
+        text="How near do its models come to the paper's?",
+        part="comparison",
+        tables="area/scores.csv",
+        answer=comparison,
+    ),
+    Question(
+        text="How exact is a surrogate?",
+        part="cost",
+        tables="learning.csv",
+        answer=exactness,
+    ),
+    Question(
+        text="Does it know what it does not know?",
+        part="coverage",
+        tables="coverage.csv",
+        answer=coverage,
+    ),
+    Question(
+        text="What of measured maps?",
+        part="scans",
+        tables="scans.csv",
+        answer=scans,
+    ),
+    Question(
+        text="Is the accuracy asked for kept?",
+        part="grow",
+        tables="grow.csv",
+        answer=grow,
+    ),
+    Question(
+        text="When does a surrogate pay?",
+        part="cost",
+        tables="cost.csv",
+        answer=cost,
+    ),
 )
 """The questions, in the order of the page."""

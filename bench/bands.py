@@ -1,10 +1,10 @@
-"""The share of further surfaces that lie inside the band of a law of several surfaces.
+"""The share of further surfaces inside the band of a law of several surfaces.
 
 A pool of surfaces of each of three populations is solved once, at pressures from light to heavy
 contact. Then some surfaces of the pool are drawn again and again. `gen.law.bands` makes the band of
-a law of the drawn surfaces, and the surfaces of the rest inside the band are counted, at each load
-by itself. Their share has to be the level that the law names. The table also has the share between
-the quantiles of the drawn surfaces.
+a law of the drawn surfaces. The other surfaces of the pool that are inside the band are counted, at
+each load separately. Their share has to be the level that the law names. The table also has the
+share between the quantiles of the drawn surfaces.
 """
 
 from collections.abc import Mapping
@@ -25,19 +25,19 @@ from gen.runtime.errors import InputError
 from gen.scene import Scene
 
 LEVEL = 0.9
-"""Share of further surfaces that a band has to hold."""
+"""Share of further surfaces that have to be inside a band, 0 to 1."""
 
 ALLOWED = 3.0
-"""Largest distance of the mean share from the level with which a row passes [%]."""
+"""Largest difference of the mean share and the level with which a row passes, in percent points."""
 
 NUMBERS = (5, 10, 20, 50)
-"""Numbers of surfaces of a law."""
+"""Numbers of surfaces that are drawn for a law."""
 
 LOADS = np.geomspace(0.003, 0.3, 5)
-"""Mean pressures, over E* and the rms slope of the pool."""
+"""Mean pressures over E* and over the rms slope of the pool [1]."""
 
 SEED = 68
-"""Seed of the draws from a pool, and of the windows of the map."""
+"""Seed of the draws from each pool, and of the places of the windows of the map."""
 
 SIDE = 1000.0
 """Scan length of the generated surfaces [um]."""
@@ -47,10 +47,10 @@ SCENES = {
     "rms_height = 3.0\n",
     "midpoint displacement": 'generator = "midpoint"\nhurst = 0.8\n',
 }
-"""Keys of the table `surface` of the generated populations, by their names."""
+"""Keys (TOML) of the scene's table `surface` for each generated population, by its name."""
 
 MAP = MadeMap("sandblasted", 0, (1200, 1200), rms=3.0, length=30.0)
-"""Map with a node every um, from which the windows of the third population are cut."""
+"""Map with a spacing of 1 um, from which the windows of the third population are cut."""
 
 QUANTITIES: Mapping[str, Quantity] = {
     CLOSURE.name: DELTA,  # equal to Delta, because the patches have no edges
@@ -58,15 +58,15 @@ QUANTITIES: Mapping[str, Quantity] = {
     "mean gap": MEAN_GAP,
     UNLOADING.name: STIFFNESS,
 }
-"""Quantities of a law by their names in the table; the area is in percent."""
+"""Quantities of a law, by their names in the table of the report."""
 
 
 @dataclass(frozen=True, eq=False)
 class Population:
     """Surfaces of one kind."""
 
-    name: str
-    surfaces: list[Heights]  # (nodes, nodes) each [um]
+    name: str  # a key of `SCENES`, or "windows of a map"
+    surfaces: list[Heights]  # heights of each surface, (nodes, nodes) [um]
     side: float  # scan length [um]
 
 
@@ -74,14 +74,15 @@ class Population:
 class Pool:
     """Solved surfaces of one population."""
 
-    population: str
-    values: dict[
-        str, Values
-    ]  # by the name of the quantity, each of shape (surfaces, loads)
+    population: str  # name of the population
+    # Values of each quantity, (surfaces, loads), by its name in `QUANTITIES`.
+    values: dict[str, Values]
 
 
 def bands(nodes: int, pool: int, draws: int) -> list[Row]:
-    """Count the further surfaces inside bands. Progress is printed on standard error.
+    """Count the further surfaces inside bands of all populations.
+
+    Progress is printed on standard error.
 
     Parameters
     ----------
@@ -95,14 +96,15 @@ def bands(nodes: int, pool: int, draws: int) -> list[Row]:
     Returns
     -------
     list of Row
-        One row for each population, number of surfaces and quantity, with shares in percent: the
-        mean over loads and draws, and the means over the draws at the loads with the smallest and
-        the largest share. A row passes if its mean is within `ALLOWED` of the level.
+        One row for each population, number of surfaces and quantity. Shares are in percent.
+        `inside_percent` is the mean over loads and draws; `least_percent` and `most_percent` are
+        the means over the draws at the loads where these are smallest and largest. A row passes if
+        `inside_percent` is within `ALLOWED` of the level.
 
     Raises
     ------
     InputError
-        If the pool is smaller than twice the largest number of surfaces.
+        If the pool is smaller than twice the largest of `NUMBERS`.
     """
     if pool < 2 * max(NUMBERS):
         raise InputError(
@@ -147,7 +149,7 @@ def populations(nodes: int, pool: int) -> list[Population]:
 
 
 def _windows(nodes: int, number: int) -> Population:
-    """Return windows of `MAP` at random places, which may overlap."""
+    """Return `number` windows of `MAP` at random places. They may overlap."""
     random = np.random.default_rng(SEED)
     heights = surface(MAP)
     corners = random.integers(0, np.subtract(heights.shape, nodes), (number, 2))
@@ -156,7 +158,7 @@ def _windows(nodes: int, number: int) -> Population:
 
 
 def pressed(population: Population) -> dict[str, Values]:
-    """Press surfaces between their mirror images at `LOADS`, with E* = 1 MPa.
+    """Press each surface between its mirror images at `LOADS`, with E* = 1 MPa.
 
     Parameters
     ----------
@@ -166,9 +168,9 @@ def pressed(population: Population) -> dict[str, Values]:
     Returns
     -------
     dict
-        Values of `QUANTITIES` by their names, each of shape (surfaces, loads).
+        Values of each quantity, (surfaces, loads), by its name in `QUANTITIES`.
     """
-    pressures = _rms_slope(population) * LOADS
+    pressures = _rms_slope(population) * LOADS  # [MPa], for E* = 1 MPa
     ladders = [
         list(bem.ladder(heights, population.side, pressures=pressures, boundary="mirror"))
         for heights in population.surfaces
@@ -182,18 +184,20 @@ def pressed(population: Population) -> dict[str, Values]:
 
 
 def _rms_slope(population: Population) -> float:
-    """Return the root mean square of the slopes of all surfaces."""
+    """Return the root mean square slope of all surfaces, of both directions together [1]."""
     squares = [
         np.mean(np.diff(heights, axis=axis) ** 2)
         for heights in population.surfaces
         for axis in (0, 1)
     ]
+    # The square of a slope is the sum of the squares along x and y: twice their mean.
+    rms_step = np.sqrt(2 * np.mean(squares))
     nodes = len(population.surfaces[0])
-    return float(np.sqrt(2 * np.mean(squares)) * nodes / population.side)
+    return float(rms_step * nodes / population.side)
 
 
 def judged(pool: Pool, number: int, draws: int) -> list[Row]:
-    """Draw some of a pool's surfaces again and again, and count the others inside their band.
+    """Draw surfaces of a pool again and again, and count the other surfaces inside their band.
 
     Parameters
     ----------
@@ -202,7 +206,7 @@ def judged(pool: Pool, number: int, draws: int) -> list[Row]:
     number : int
         Number of surfaces that are drawn for a law.
     draws : int
-        Number of draws. Equal calls draw the same surfaces.
+        Number of draws. A call with the same numbers draws the same surfaces.
 
     Returns
     -------
@@ -210,7 +214,9 @@ def judged(pool: Pool, number: int, draws: int) -> list[Row]:
         One row for each quantity; see `bands`.
     """
     random = np.random.default_rng(SEED)
-    size = len(next(iter(pool.values.values())))
+    first_values = next(iter(pool.values.values()))
+    size = len(first_values)  # number of surfaces of the pool
+    # All quantities are judged by the same draws.
     orders = [random.permutation(size) for _ in range(draws)]
     tails = ((1 - LEVEL) / 2, (1 + LEVEL) / 2)
     rows: list[Row] = []
@@ -224,7 +230,7 @@ def judged(pool: Pool, number: int, draws: int) -> list[Row]:
             inside.append(_share_inside(rest_of_pool, band))
             quantiles = Band(*np.quantile(drawn, tails, axis=0))
             by_quantiles.append(_share_inside(rest_of_pool, quantiles))
-        at_loads = np.mean(inside, axis=0)
+        at_loads = np.mean(inside, axis=0)  # mean share at each load [%]
         mean = float(at_loads.mean())
         passed = abs(mean - 100 * LEVEL) <= ALLOWED
         rows.append(
@@ -244,7 +250,7 @@ def judged(pool: Pool, number: int, draws: int) -> list[Row]:
 
 
 def _share_inside(values: Values, band: Band) -> Values:
-    """Return the share of surfaces inside a band [%] at each load; NaN at loads without a band.
+    """Return the share of surfaces inside a band at each load [%]; NaN at loads without a band.
 
     `values` has the shape (surfaces, loads).
     """

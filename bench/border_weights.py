@@ -1,10 +1,11 @@
 """The weights of `bem.derived.border`, fitted again by least squares over regular waves.
 
-A single wave has Westergaard's closed form; two crossed waves have the area of a finer grid, of 128
-nodes a wave. Both come at all angles to the grid, with 3 to 64 nodes a wave and from light to
-nearly full contact. The weighted sum of the terms of a contact's edges has to equal the excess of
-its count of nodes over the area in the continuum. The weights fulfil this in the sense of least
-squares over all waves, with a variance in proportion to the number of edges.
+The exact area of a single wave is Westergaard's closed form; that of two crossed waves comes from a
+finer grid, with 128 nodes a wave. Waves have any angle to the grid, and 3 to 64 nodes a wave; the
+contact is from light to nearly full. Each edge between contact and gap has some terms. Their
+weighted sum over all edges has to equal the number of nodes in contact less the exact area. The
+weights fulfil this by least squares over all waves. The variance of the errors is assumed to be
+proportional to the number of edges.
 """
 
 import math
@@ -28,18 +29,18 @@ AMPLITUDE = 0.01
 # Nodes a wave of the grid that gives the area of crossed waves in the continuum.
 FINE_NODES = 128
 
-# Phases of the waves on that grid [rad]: any values that place the crests between nodes.
+# Phases of the waves on the fine grid [rad]: any values for which the crests are between nodes.
 FINE_PHASES = np.array([0.3, 0.7])
 
-# Bounds of the number of nodes a side; on oblong cells, of its geometric mean over both sides.
+# Smallest and largest number of nodes a side. On oblong cells the geometric mean of both sides is
+# bounded.
 FEWEST_NODES = 12
 MOST_NODES = 260
 
-# Names of the terms, which are the columns of `WEIGHTS`.
+# Names of the terms of an edge; each has a column of `WEIGHTS`.
 TERMS = ("one", "f", "pressure ratio", "gap ratio")
 
-# Share of the waves that are along an axis or the diagonal, directions that random angles rarely
-# have [1].
+# Share of the waves that are along an axis or the diagonal [1]. Random angles rarely are.
 ON_THE_GRID = 0.2
 
 # Number of waves between two remarks on the progress.
@@ -48,18 +49,18 @@ PROGRESS = 500
 
 @dataclass(frozen=True, eq=False)
 class Wave:
-    """One wave on a square patch without edges, or two that cross at a right angle, under a load.
+    """One wave, or two that cross at a right angle, on a periodic square patch under a load.
 
     Attributes
     ----------
     periods : tuple of int
-        Periods of the first wave along the first and the second side of the patch.
+        Number of periods of the first wave along x and y.
     phases : ndarray, shape (2,)
-        Phases of both waves [rad].
+        Phases of both waves [rad]; the second is not used if there is one wave.
     crossed : bool
         Whether there is a second wave.
     load : float
-        Mean pressure over that at which a single wave of `AMPLITUDE` is in full contact [1].
+        Mean pressure over that of full contact of a single wave with `AMPLITUDE` [1].
     shape : tuple of int
         Nodes (nx, ny) of the grid.
     """
@@ -89,23 +90,25 @@ class Wave:
         bem.Contact
             The contact.
         """
-        full = np.pi * AMPLITUDE * np.hypot(*self.periods)
+        full_contact = np.pi * AMPLITUDE * np.hypot(*self.periods)
         return bem.solve(
             self.heights,
             (1.0, 1.0),
-            pressure=self.load * full,
+            pressure=self.load * full_contact,
             boundary="periodic",
             threads=1,
         )
 
     def exact_area_percent(self) -> float:
-        """Return the area of contact in the continuum [%].
+        """Return the area of contact in the continuum.
+
+        The area of a single wave is Westergaard's. The area of crossed waves depends on the load
+        alone; one period of waves along the axes of a fine grid is solved for it.
 
         Returns
         -------
         float
-            Westergaard's area of a single wave. That of crossed waves depends on the load alone,
-            and comes from one period along the axes of a fine grid.
+            Area [% of the patch].
         """
         if not self.crossed:
             return float(200 / np.pi * np.arcsin(np.sqrt(self.load)))
@@ -117,18 +120,18 @@ class Wave:
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """The equation that one contact adds to the least squares, and its area.
+    """The equation of one contact in the least squares, and the area of the contact.
 
     Attributes
     ----------
     sums : ndarray, shape (12,)
-        Sums of the edges' terms, in the order of `WEIGHTS` [1].
+        Sum over all edges for each weight, in the order of `WEIGHTS.ravel()` [1].
     excess : float
-        Nodes in contact less the area in the continuum [cells].
+        Number of nodes in contact less the area in the continuum [cells].
     exact : float
         Area in the continuum [cells].
     crossed : bool
-        Whether it is that of crossed waves.
+        Whether the contact is that of crossed waves.
     """
 
     sums: Values
@@ -142,7 +145,7 @@ class Sample:
         return float(self.sums.reshape(WEIGHTS.shape)[:, 0].sum())
 
     def error_percent(self, weights: Values) -> float:
-        """Return the error of the area that weights give.
+        """Return the error of the area that results from some weights.
 
         Parameters
         ----------
@@ -158,7 +161,9 @@ class Sample:
 
 
 def border_weights(waves: int, aspect: float) -> Report:
-    """Fit the weights of the border to regular waves, and measure the errors of areas by them.
+    """Fit the weights of the border to regular waves, and measure the errors of areas with them.
+
+    Prints the progress on standard error.
 
     Parameters
     ----------
@@ -170,7 +175,8 @@ def border_weights(waves: int, aspect: float) -> Report:
     Returns
     -------
     Report
-        A table of the fitted weights beside the product's, and a table of the errors of the areas.
+        Table `border-weights` with the fitted weights beside those of the product, and table
+        `border-areas` with the errors of the areas.
     """
     random = np.random.default_rng(SEED)
     samples = list(_samples(waves, aspect, random))
@@ -195,11 +201,11 @@ def border_weights(waves: int, aspect: float) -> Report:
 
 
 def _samples(waves: int, aspect: float, random: np.random.Generator) -> Iterator[Sample]:
-    """Yield a sample for each of a number of waves, without contacts that have no border."""
+    """Yield `waves` samples of random waves; contacts without a border are not among them."""
     done = 0
     while done < waves:
         wave = _draw_wave(aspect, random)
-        if wave is None:
+        if wave is None:  # its grid is too small or too large
             continue
         contact = wave.pressed()
         exact_percent = wave.exact_area_percent()
@@ -212,9 +218,10 @@ def _samples(waves: int, aspect: float, random: np.random.Generator) -> Iterator
 
 
 def _draw_wave(aspect: float, random: np.random.Generator) -> Wave | None:
-    """Draw a wave on a grid with cells of about this aspect, None if it has too many nodes or few.
+    """Draw a wave on a grid with cells of about this aspect.
 
-    A change in the order of the draws changes the fitted weights by their standard deviations.
+    The result is None if the grid has too many nodes or too few. Another order of the draws below
+    would change the fitted weights, by about their standard deviations.
     """
     crossed = bool(random.random() < 0.5)
     size = random.uniform(2, 12)  # periods a side
@@ -230,37 +237,49 @@ def _draw_wave(aspect: float, random: np.random.Generator) -> Wave | None:
     if not crossed:  # the area of single waves rises with the root of the load
         load = random.uniform(0.02, 0.85)
     phases = random.uniform(0, 2 * np.pi, 2)
-    return Wave(periods, phases, crossed, load, shape)
+    return Wave(periods=periods, phases=phases, crossed=crossed, load=load, shape=shape)
 
 
 def _shape(nodes: int, aspect: float) -> tuple[int, int]:
-    """Return the nodes (nx, ny) of a square patch with `nodes` along its coarser axis."""
+    """Return the nodes (nx, ny) of a square patch with `nodes` along its coarser axis.
+
+    `aspect` is the second side of a cell over the first.
+    """
     return round(nodes * max(aspect, 1.0)), round(nodes * max(1 / aspect, 1.0))
 
 
 def _sample(contact: bem.Contact, exact_percent: float, *, crossed: bool) -> Sample:
-    """Return the equation of a contact of which the area in the continuum is known [%]."""
+    """Return the equation of a contact, whose area in the continuum is `exact_percent` [%]."""
     sums = np.zeros_like(WEIGHTS)
     for edges in border_edges(contact.problem, contact.pressure, contact.gap, None):
         np.add.at(sums, edges.aligned, edges.terms)
     exact = exact_percent / 100 * contact.pressure.size
-    return Sample(sums.ravel(), contact.contact_nodes - exact, exact, crossed)
+    return Sample(
+        sums=sums.ravel(),
+        excess=contact.contact_nodes - exact,
+        exact=exact,
+        crossed=crossed,
+    )
 
 
 def _fit(samples: list[Sample]) -> tuple[Values, Values]:
     """Return the weights by least squares and their standard deviations, (12,) each [spacing]."""
+    # Dividing by the root of the number of edges gives all equations an equal variance.
     roots = np.sqrt([sample.edges for sample in samples])
     matrix = np.array([sample.sums for sample in samples]) / roots[:, None]
     excesses = np.array([sample.excess for sample in samples]) / roots
     weights, *_ = np.linalg.lstsq(matrix, excesses, rcond=None)
-    freedom = max(len(samples) - weights.size, 1)
+    freedom = max(len(samples) - weights.size, 1)  # degrees of freedom
     variance = float(np.sum((excesses - matrix @ weights) ** 2)) / freedom
     covariance = variance * np.linalg.pinv(matrix.T @ matrix)
     return np.asarray(weights, np.float64), np.sqrt(np.diag(covariance))
 
 
 def _errors(kind: str, samples: list[Sample], fitted: Values) -> Row:
-    """Return root mean squares of the errors of areas, by counting and by both sets of weights."""
+    """Return the row of a kind: root mean squares of the errors of areas [%].
+
+    Areas are counts of nodes, or are corrected by the weights of the product or the fitted ones.
+    """
     row: Row = {"kind": kind, "contacts": len(samples)}
     ways = {"count": np.zeros(WEIGHTS.size), "product": WEIGHTS.ravel(), "fitted": fitted}
     for name, weights in ways.items():

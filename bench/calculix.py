@@ -1,9 +1,9 @@
-"""Laws as CalculiX uses them: two blocks pressed on each other beside the table of the law.
+"""Laws as CalculiX uses them: two blocks pressed on each other, beside the table of the law.
 
-The blocks touch on one face of a square millimetre. Between them is the law: closure, pressure and
-conductance. Each pressure of the law is a step. What CalculiX prints is compared with the rows of
-the table: closure and pressure of the contact, and the jump of the temperature across it, which the
-table gives as flux over conductance.
+The blocks touch on one face of a square millimetre. Their contact has the law: pressure and
+conductance against the closure. Each pressure of the law is a step of CalculiX. The results of a
+step are compared with a row of the table: the closure and the pressure of the contact, and the jump
+of the temperature across it. The jump by the table is the flux over the conductance.
 """
 
 import re
@@ -33,7 +33,7 @@ CONDUCTIVITY = 50.0
 """Thermal conductivity of the blocks, as in `two-blocks.inp` [W/(m K)]."""
 
 HOT = 100.0
-"""Temperature of the top, as in `two-blocks.inp`; that of the bottom is 0 [K]."""
+"""Temperature of the top above that of the bottom, which is 0, as in `two-blocks.inp` [K]."""
 
 STEEL = (
     "--young",
@@ -49,12 +49,12 @@ HARDNESSES = (None, 2000.0)
 """Hardnesses of the laws [MPa]; None for elastic bodies."""
 
 PRESSURES = "5:320:7:log"
-"""Pressures of the laws, as `gen law` reads them [MPa]."""
+"""Pressures of the laws in the form of the option of `gen law` [MPa]."""
 
 
 @dataclass(frozen=True)
 class LawSurface:
-    """The surface of a law."""
+    """The surface of a law, which `gen.surface.generate` makes."""
 
     name: str  # name in the table
     hurst: float  # Hurst exponent [1]
@@ -65,40 +65,40 @@ SURFACES = (
     LawSurface("Hurst exponent 0.8", hurst=0.8, nodes=129),
     LawSurface("Hurst exponent 0.5", hurst=0.5, nodes=129),
 )
-"""The surfaces."""
+"""The surfaces of the laws."""
 
 SIDE = 200.0
 """Scan length of the surfaces [um]."""
 
 SIGMA0 = 0.5
-"""Standard deviation of their first displacement [um]."""
+"""Standard deviation of the first displacement of the surfaces [um]."""
 
 ALLOWED = 1.0
 """Largest difference between the table and CalculiX that passes [%]."""
 
 LAW = (CLOSURE.in_laws, PRESSURE.in_laws, CONDUCTANCE.in_laws)
-"""Columns of a law that the comparison needs."""
+"""Columns of the table of a law that the comparison needs [um, MPa, W/(mm2 K)]."""
 
 QUANTITIES = (CLOSURE.in_laws, PRESSURE.in_laws, "jump_K")
 """Quantities that are compared, by their columns [um, MPa, K]."""
 
 SECONDS = 120.0
-"""Time after which CalculiX counts as hanging [s]."""
+"""Wall time after which CalculiX is ended, as it hangs [s]."""
 
 DECK = Path(__file__).with_name("two-blocks.inp")
 """Input of two blocks that are pressed on each other in one step, as the manual shows it."""
 
 DOWN = "TOP, 3, 3, -0.001"
-"""Its line that pushes the top down [mm]."""
+"""Line of `DECK` that sets the displacement of the top [mm]; each step replaces the number."""
 
 LINES = 5
-"""Lines of numbers that CalculiX prints for each step."""
+"""Number of lines of numbers that CalculiX prints for each step."""
 
 
 def pressed(folder: Path, law: Sequence[Mapping[str, float]]) -> list[Row]:
-    """Press two blocks with CalculiX, by a step for each row of a law.
+    """Press two blocks with CalculiX, in one step for each row of a law.
 
-    Writes `blocks.inp` into the folder, and CalculiX its results.
+    Writes `blocks.inp` into the folder. CalculiX writes its results, `blocks.*`, beside it.
 
     Parameters
     ----------
@@ -110,14 +110,15 @@ def pressed(folder: Path, law: Sequence[Mapping[str, float]]) -> list[Row]:
     Returns
     -------
     list of Row
-        For each row its closure [um], its pressure [MPa] and the jump of temperature by its
-        conductance [K]; those of CalculiX, with the ending `_calculix`; and their differences, with
-        the ending `_off` [%].
+        A row for each row of the law. The columns `QUANTITIES` are the closure [um] and pressure
+        [MPa] of the law, and the jump of temperature by its conductance [K]. Columns with the
+        ending `_calculix` are the results of CalculiX; columns with the ending `_off` are their
+        differences from the law [%].
 
     Raises
     ------
     InputError
-        If CalculiX is not installed, or fails.
+        If CalculiX is not installed, or fails, or prints another number of lines.
     subprocess.TimeoutExpired
         If CalculiX takes longer than `SECONDS`.
     """
@@ -126,10 +127,10 @@ def pressed(folder: Path, law: Sequence[Mapping[str, float]]) -> list[Row]:
     model, word, step = DECK.read_text(encoding="utf-8").partition("*STEP")
     deck = model
     for row in law:
-        # Of both blocks of 1 mm, and of the contact between them [mm].
+        # The top moves by the shortening of both blocks of 1 mm, and by the closure [mm].
         shortening = 2 * row["pressure_MPa"] / YOUNG
-        down = -(1e-3 * row["closure_um"] + shortening)
-        deck += (word + step).replace(DOWN, f"TOP, 3, 3, {down:.12g}")
+        displacement = -(1e-3 * row["closure_um"] + shortening)
+        deck += (word + step).replace(DOWN, f"TOP, 3, 3, {displacement:.12g}")
     (folder / "blocks.inp").write_text(deck, encoding="utf-8")
     done = subprocess.run(
         ["ccx", "blocks"],
@@ -147,7 +148,10 @@ def pressed(folder: Path, law: Sequence[Mapping[str, float]]) -> list[Row]:
 
 
 def _compared(law: Sequence[Mapping[str, float]], printed: str) -> list[Row]:
-    """Return the rows of `pressed` from the file that CalculiX has printed."""
+    """Return the rows of `pressed` from the content of the file that CalculiX prints into.
+
+    Raises InputError if it does not have `LINES` lines of numbers for each step.
+    """
     lines = [
         [float(number) for number in line.split()]
         for line in printed.splitlines()
@@ -158,7 +162,8 @@ def _compared(law: Sequence[Mapping[str, float]], printed: str) -> list[Row]:
     rows: list[Row] = []
     for step, law_row in enumerate(law):
         first = LINES * step
-        # Displacements of a node on each face, temperatures of these nodes, and the force.
+        # A node on the lower and one on the upper face: their displacements [mm], then their
+        # temperatures [K]. A line about a node begins with its number. Last is the force [N].
         low, high, cold, warm, force = lines[first : first + LINES]
         flux = CONDUCTIVITY * (HOT - warm[1])  # through the upper block of 1 mm [mW/mm2]
         conductance = 1e3 * law_row["conductance_W_per_mm2_K"]  # [mW/(mm2 K)]
@@ -169,7 +174,7 @@ def _compared(law: Sequence[Mapping[str, float]], printed: str) -> list[Row]:
         }
         by_calculix = {
             CLOSURE.in_laws: 1e3 * (low[3] - high[3]),
-            PRESSURE.in_laws: -force[2],
+            PRESSURE.in_laws: -force[2],  # on a face of 1 mm2
             "jump_K": warm[1] - cold[1],
         }
         row: Row = dict(by_law)
@@ -183,9 +188,10 @@ def _compared(law: Sequence[Mapping[str, float]], printed: str) -> list[Row]:
 
 
 def calculix(folder: Path) -> Report:
-    """Make the laws of all surfaces and hardnesses, press each in CalculiX, and print the progress.
+    """Make the law of each surface and hardness, and press blocks with it in CalculiX.
 
-    Writes the files of each law and of CalculiX into a folder below `folder/decks`.
+    Writes the files of each law and of CalculiX into a folder of their own below `folder/decks`,
+    and prints the progress on standard error.
 
     Parameters
     ----------
@@ -195,19 +201,22 @@ def calculix(folder: Path) -> Report:
     Returns
     -------
     Report
-        Table `calculix`, with a verdict a step, and a text that counts the passed ones.
+        Table `calculix` with a row for each step, which has a verdict, and a text with the number
+        of steps that have passed.
 
     Raises
     ------
     InputError
-        If CalculiX is not installed, or it or `gen law` fails.
+        If CalculiX is not installed, or CalculiX or `gen law` fails.
+    subprocess.TimeoutExpired
+        If CalculiX takes longer than `SECONDS`.
     """
     rows: list[Row] = []
     for surface, hardness in product(SURFACES, HARDNESSES):
         body = "elastic" if hardness is None else "yielding"
-        home = folder / "decks" / f"hurst-{surface.hurst:g}-{body}"
-        law = law_of(home, surface.hurst, surface.nodes, hardness)
-        steps = pressed(home, law)
+        law_folder = folder / "decks" / f"hurst-{surface.hurst:g}-{body}"
+        law = law_of(law_folder, surface.hurst, surface.nodes, hardness)
+        steps = pressed(law_folder, law)
         rows += [_table_row(surface, hardness, step) for step in steps]
         remark(f"{surface.name}, hardness {hardness}: pressed")
     passed = [row for row in rows if row["verdict"] == "passed"]
@@ -216,7 +225,10 @@ def calculix(folder: Path) -> Report:
 
 
 def _table_row(surface: LawSurface, hardness: float | None, step: Row) -> Row:
-    """Return a row of the table: surface, hardness [MPa], the row of `pressed`, and the verdict."""
+    """Return a row of the table: surface, hardness [MPa], the row of `pressed`, and the verdict.
+
+    The hardness is "" for elastic bodies. The verdict is "passed" or "failed".
+    """
     differences = [abs(step[f"{name}_off"]) for name in QUANTITIES]
     is_near = all(difference <= ALLOWED for difference in differences)
     return {
@@ -230,7 +242,7 @@ def _table_row(surface: LawSurface, hardness: float | None, step: Row) -> Row:
 def law_of(
     folder: Path, hurst: float, nodes: int, hardness: float | None
 ) -> list[dict[str, float]]:
-    """Make a law by `gen law`.
+    """Make the law of a surface by `gen law`.
 
     Makes the folder, and writes `surface.npy` and the files of the law, `joint.*`, into it.
 
@@ -241,15 +253,15 @@ def law_of(
     hurst : float
         Hurst exponent of the surface [1].
     nodes : int
-        Its nodes a side, 2^k + 1.
+        Nodes a side of the surface, 2^k + 1.
     hardness : float or None
         Hardness [MPa]; None for elastic bodies.
 
     Returns
     -------
     list of dict
-        Rows against the pressure with the columns `LAW`, without the first one, which has no load,
-        and the last one: CalculiX needs points on both sides of a pressure.
+        Rows of the table against pressure, with the columns `LAW`. The first row, without load,
+        and the last row are left out: CalculiX interpolates, and needs rows on both sides.
 
     Raises
     ------

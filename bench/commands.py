@@ -1,6 +1,6 @@
 """The commands of `bench`: `run`, `page` and `publish`, and one for each report.
 
-The TOML file of a report declares the options of its command; `add` makes the command of it.
+The TOML file of a report declares the options of its command. `add` makes the command from them.
 """
 
 import inspect
@@ -21,34 +21,45 @@ from gen.runtime.files import check_folder
 from gen.runtime.terminal import echo
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
+"""The program `bench` with all of its commands."""
 
 _output = typer.Option("--output", "-o", metavar="DIR", help="The folder to write into.")
+"""The option `--output` of all commands that write into a folder."""
 
-# Types of the parameters of commands, with their options.
+# The annotations of parameters that several commands share: type and option.
 Folder = Annotated[Path, _output]
 OptionalFolder = Annotated[Path | None, _output]
 Database = Annotated[
     Path | None,
     typer.Option(
-        metavar="FILE", help="A database of the paper preset, not generated anew."
+        metavar="FILE",
+        help="A database of the paper preset; without it, one is generated.",
     ),
 ]
 Comparison = Annotated[
     Path | None,
     typer.Option(
-        metavar="DIR", help="Folder of learn compare and tune; made if left out."
+        metavar="DIR",
+        help="Folder of learn compare and tune; without it, `comparison` in the folder of the run.",
     ),
 ]
 Full = Annotated[
-    bool, typer.Option("--full", help="Everything: hours. Else ten minutes.")
+    bool,
+    typer.Option(
+        "--full",
+        help="Full runs of all parts, for hours; without it, short ones of ten minutes.",
+    ),
 ]
-Names = Annotated[list[str] | None, typer.Argument(metavar="NAME", help="All if none.")]
+Names = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="NAME", help="Reports to make; all of them if none is named."),
+]
 
 KEYWORD = inspect.Parameter.KEYWORD_ONLY
-"""Kind of the parameters of a command's function."""
+"""Kind of all parameters of the functions of commands: they have no order."""
 
 LONGEST = 60
-"""Largest number of rows of a table that is printed."""
+"""Largest number of rows of a table that is printed; longer tables are only written."""
 
 
 @app.callback()
@@ -69,7 +80,7 @@ def main(arguments: Sequence[str], name: str = "bench") -> int:
     Returns
     -------
     int
-        The exit code.
+        The exit code; docs/compatibility.md lists the codes.
     """
     return command_line.main(app, arguments, name, single_process=True)
 
@@ -87,7 +98,7 @@ def run(
         typer.Option("--plan", help="List the parts with their times, and make nothing."),
     ] = False,
 ) -> int:
-    """Make all reports, or the named ones, and one page of them: DIR/index.html, without network.
+    """Make all reports, or the named ones, and their page DIR/index.html, which needs no network.
 
     Every part runs as a command of its own, in DIR/PART. A part stays if the same command has made
     it from the same inputs, with the same code and packages: after Ctrl-C the same command goes on.
@@ -105,7 +116,7 @@ def run(
     echo(str(path))
     if outcome.signal:
         remark("bench: interrupted; the same command goes on")
-        return 128 + outcome.signal
+        return 128 + outcome.signal  # as a shell reports a signal
     for name in outcome.failed:
         remark(f"bench: {name} failed, see {path} or {output / name}")
     return 1 if outcome.failed else 0
@@ -156,13 +167,13 @@ def publish(
 def add(part: Part) -> None:
     """Add the command of a report to `app`, with the options that its TOML file declares.
 
-    The command calls the function of the report, prints its tables, and writes its files if the
-    user gives a folder. It returns exit code 1 if a check of the report failed.
+    The command calls the function of the report (`measure`), prints its tables, and writes its
+    files if the user gives a folder. Its exit code is 1 if a check of the report failed.
 
     Parameters
     ----------
     part : Part
-        The report, which has a function to call (`measure`).
+        The report. Its `measure` is not empty.
     """
 
     def command(output: Path | None, **values: Any) -> int:
@@ -171,7 +182,7 @@ def add(part: Part) -> None:
     parameters = [_output_parameter(part)]
     for name, description in part.options.items():
         parameters.append(_parameter(name, description))
-    # Typer reads the options of a command from signature, annotations and help text.
+    # Typer reads the options of a command from its signature, annotations and docstring.
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     command.__annotations__ = {option.name: option.annotation for option in parameters}
     command.__doc__ = part.help
@@ -179,7 +190,10 @@ def add(part: Part) -> None:
 
 
 def _make_report(part: Part, output: Path | None, values: Mapping[str, Any]) -> int:
-    """Make a report with the values of its options, print and write it; return the exit code."""
+    """Make a report with the values of its options, print and write it; return the exit code.
+
+    `output` is None if the report is not written. The exit code is 1 if a check failed, else 0.
+    """
     arguments = {
         name: _parsed(name, values[name], description)
         for name, description in part.options.items()
@@ -198,16 +212,17 @@ def _make_report(part: Part, output: Path | None, values: Mapping[str, Any]) -> 
 
 
 def _output_parameter(part: Part) -> inspect.Parameter:
-    """Return the option of the folder, which is required if the report itself keeps files."""
+    """Return the option of the folder, which is required if the report's function needs it."""
     if part.keeps:
         return inspect.Parameter("output", KEYWORD, annotation=Folder)
     return inspect.Parameter("output", KEYWORD, annotation=OptionalFolder, default=None)
 
 
 def _parameter(name: str, description: Mapping[str, Any]) -> inspect.Parameter:
-    """Return an option or argument of a command from its entry in the TOML file of a report.
+    """Return an option or argument of a command from its description; see `Part.options`.
 
-    An option is a path, or has the type of its default. A list is a text with commas.
+    Its value is a path, or has the type of the default. The user gives a list as a text with
+    commas.
     """
     settings = {
         key: description[key]
@@ -215,26 +230,30 @@ def _parameter(name: str, description: Mapping[str, Any]) -> inspect.Parameter:
         if key in description
     }
     default = description.get("default")
-    kind: Any = Path if "path" in description else type(default)
-    if kind is list:
-        kind = str
+    value_type: Any = Path if "path" in description else type(default)
+    if value_type is list:
+        value_type = str
         default = ",".join(map(str, description["default"]))
     if "argument" in description:
-        argument: Any = Annotated[kind, typer.Argument(**settings)]
+        argument: Any = Annotated[value_type, typer.Argument(**settings)]
         return inspect.Parameter(name, KEYWORD, annotation=argument)
-    option: Any = Annotated[kind | None, typer.Option(**settings)]
+    option: Any = Annotated[value_type | None, typer.Option(**settings)]
     return inspect.Parameter(name, KEYWORD, annotation=option, default=default)
 
 
 def _parsed(name: str, value: Any, description: Mapping[str, Any]) -> Any:
-    """Return the value of an option for its function: a text with commas becomes a list."""
+    """Return the value of an option for the report's function.
+
+    If the default is a list, the value is a text with commas, and becomes a list of numbers. Any
+    other value is returned unchanged. Raises InputError if an entry is not a number.
+    """
     if not isinstance(description.get("default"), list):
         return value
-    kind = resolve_name(f"builtins:{description.get('kind', 'int')}")
     if not value:
         return []
+    number_type = resolve_name(f"builtins:{description.get('kind', 'int')}")
     try:
-        return [kind(text) for text in value.split(",")]
+        return [number_type(text) for text in value.split(",")]
     except ValueError:
         raise InputError(
             f"{name} {value!r}: give numbers with commas between them"
@@ -244,18 +263,23 @@ def _parsed(name: str, value: Any, description: Mapping[str, Any]) -> Any:
 def _require_place(folder: Path, part: Part) -> None:
     """Raise InputError, before any work, if the files of a report cannot be written.
 
-    The folder must be usable, and matplotlib installed if the report has pictures.
+    The folder must be usable, and matplotlib must be installed if the report has pictures.
     """
-    names = [entry.get("figure", entry.get("table", "*")) for entry in part.contents]
-    if any(name.endswith(".png") for name in names):
-        new_figure(1.0, 1.0)
-    check_folder(folder, *(name for name in names if "*" not in name))
+    if any("figure" in entry for entry in part.contents):
+        new_figure(width=1.0, height=1.0)  # raises an error without matplotlib
+    names = []
+    for entry in part.contents:
+        name = entry.get("figure", entry.get("table", ""))
+        # Words are not written by the command. Names that a * matches are not known yet.
+        if name and "*" not in name:
+            names.append(name)
+    check_folder(folder, *names)
 
 
 def _print_report(part: Part, report: Report) -> None:
-    """Print the text of a report, and before it the tables that its TOML file shows.
+    """Print the tables that the TOML file of a report shows, then the text of the report.
 
-    Tables of more than `LONGEST` rows are left out.
+    Tables without rows, or with more than `LONGEST` rows, are left out.
     """
     entries = {entry["table"]: entry for entry in part.contents if "table" in entry}
     for name, rows in report.tables.items():
@@ -270,8 +294,10 @@ def _print_report(part: Part, report: Report) -> None:
 
 
 def _text(value: object) -> str:
-    """Return a value of a table as it is printed; None is empty."""
-    return cell("" if value is None else str(value)).text
+    """Return a value of a table as it is printed; "" for None."""
+    if value is None:
+        return ""
+    return cell(str(value)).text
 
 
 def _print(text: str) -> None:

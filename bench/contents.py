@@ -20,7 +20,7 @@ PASSED = "passed"
 """The verdict of a row whose check passed."""
 
 SPECIAL = {"": "", "nan": "nan", "inf": "∞", "-inf": "-∞"}
-"""What is shown for a missing or infinite number, by its text in a table."""
+"""Texts that are shown for numbers that are missing, NaN or infinite, by their texts in a table."""
 
 UNITS = {
     "um": "µm",
@@ -37,31 +37,32 @@ UNITS = {
 
 @dataclass(frozen=True)
 class Figure:
-    """A PNG file with its caption, which is plain text, and the tables that it is drawn from."""
+    """A picture with its caption."""
 
-    picture: Path
-    caption: str
-    data: tuple[Path, ...] = ()  # CSV files
+    picture: Path  # PNG file
+    caption: str  # plain text
+    data: tuple[Path, ...] = ()  # CSV files that the picture is drawn from
 
 
 @dataclass(frozen=True)
 class Table:
-    """A CSV file with its caption, which is plain text."""
+    """A table with its caption."""
 
-    data: Path
-    caption: str
+    data: Path  # CSV file
+    caption: str  # plain text
     # Names of the columns to show, in this order; empty for all columns.
     columns: tuple[str, ...] = ()
-    # Column of verdicts, whose rows are red if they did not pass; empty without verdicts.
+    # Name of the column of verdicts. A row without the verdict `PASSED` is shown in red. Empty if
+    # the table has no verdicts.
     verdict: str = ""
 
 
 @dataclass(frozen=True)
 class Words:
-    """A paragraph of text."""
+    """A paragraph of text, or a text that a program printed."""
 
     text: str
-    # Whether a program printed the text. Then its lines and blanks stay.
+    # True if a program printed the text, so that its line breaks and blanks are kept.
     typed: bool = False
 
 
@@ -80,7 +81,7 @@ def tables_of(content: Content) -> tuple[Path, ...]:
     Returns
     -------
     tuple of Path
-        The file of a table, the files that a figure is drawn from, nothing for words.
+        The file of a table, or the files that a figure is drawn from; empty for words.
     """
     if isinstance(content, Figure):
         return content.data
@@ -92,8 +93,8 @@ def tables_of(content: Content) -> tuple[Path, ...]:
 def contents_of(entries: Sequence[Mapping[str, Any]], folder: Path) -> list[Content]:
     """List the contents of a folder that the entries of a report's TOML file describe.
 
-    Words, files whose name has a `*`, and files of `optional` entries are left out if they do not
-    exist. Other files are listed without being looked for.
+    Files of words and of `optional` entries are left out if they do not exist. Other files are
+    listed even if they do not exist. A name with a `*` lists only files that exist.
 
     Parameters
     ----------
@@ -114,7 +115,10 @@ def contents_of(entries: Sequence[Mapping[str, Any]], folder: Path) -> list[Cont
 
 
 def _contents_of_entry(entry: Mapping[str, Any], folder: Path) -> list[Content]:
-    """Return the contents of one entry: one or more for each file that its name matches."""
+    """Return the contents of one entry: those of each file that its name matches.
+
+    The key of the name is the kind of the entry: `figure`, `table` or `words`.
+    """
     (kind,) = entry.keys() & {"figure", "table", "words"}
     may_be_missing = kind == "words" or entry.get("optional", False)
     contents: list[Content] = []
@@ -131,7 +135,7 @@ def _contents_of_entry(entry: Mapping[str, Any], folder: Path) -> list[Content]:
 
 
 def _figure(entry: Mapping[str, Any], folder: Path, path: Path) -> Figure:
-    """Return the figure of a picture, with the tables behind it that exist."""
+    """Return the figure of a picture, with those tables behind it whose files exist."""
     data = [folder / name for name in entry.get("data", ())]
     return Figure(
         picture=path,
@@ -151,7 +155,7 @@ def _table(entry: Mapping[str, Any], path: Path) -> Table:
 
 
 def _words(entry: Mapping[str, Any], path: Path) -> list[Words]:
-    """Return the words of a text file: one for a printed text, else one for each line."""
+    """Return the words of a text file: one for a printed text, otherwise one for each line."""
     text = content_of(path).decode()
     if entry.get("typed", False):
         return [Words(text, typed=True)]
@@ -159,7 +163,7 @@ def _words(entry: Mapping[str, Any], path: Path) -> list[Words]:
 
 
 def _caption(entry: Mapping[str, Any], path: Path) -> str:
-    """Return the caption on one line; {target} in it becomes the name of the file's folder."""
+    """Return the caption of an entry on one line; the name of the file's folder fills {target}."""
     caption = entry.get("caption", "").replace("{target}", path.parent.name)
     return " ".join(caption.split())
 
@@ -168,15 +172,16 @@ class Cell(NamedTuple):
     """A title or a value of a table, as it is shown."""
 
     text: str
-    number: bool  # whether it is a number, or the title of a column of numbers
+    number: bool  # True for a number, and for the title of a column of numbers only
 
 
 class TableToShow(NamedTuple):
     """A table as it is shown."""
 
-    titles: list[Cell]  # of the columns
-    rows: list[list[Cell]]
-    failed: list[bool | None]  # whether each row failed; None in a table without verdicts
+    titles: list[Cell]  # titles of the columns
+    rows: list[list[Cell]]  # cells of each row, in the order of the titles
+    # For each row: True if its verdict is not `PASSED`; None in a table without verdicts.
+    failed: list[bool | None]
 
 
 def tabulated(table: Table) -> TableToShow:
@@ -215,7 +220,10 @@ def tabulated(table: Table) -> TableToShow:
 
 
 def _title(column: str) -> str:
-    """Return the title of a column: the words of its name, and its unit in brackets."""
+    """Return the title of a column: the words of its name, and its unit in brackets.
+
+    "gap_um" becomes "gap [µm]". A name of one word has no unit.
+    """
     *words, last = column.split("_")
     if words and last in UNITS:
         last = f"[{UNITS[last]}]"
@@ -233,7 +241,8 @@ def cell(text: str) -> Cell:
     Returns
     -------
     Cell
-        A number with `DIGITS` significant digits, or any other text unchanged.
+        A number with `DIGITS` significant digits, but a whole number below 1e7 with all of its
+        digits; or any other text unchanged. An empty text is a missing number.
     """
     if text in SPECIAL:
         return Cell(text=SPECIAL[text], number=True)
@@ -241,11 +250,12 @@ def cell(text: str) -> Cell:
         value = float(text)
     except ValueError:
         value = math.nan
-    # Words as "infinity" also become floats. Numbers are written only as in `SPECIAL`.
+    # `float` also accepts words like "infinity". Tables write infinite numbers only as the keys of
+    # `SPECIAL`, so that any other word is no number.
     if not math.isfinite(value):
         return Cell(text=text, number=False)
     if value.is_integer() and abs(value) < 1e7:
-        # Small integers, as years and nodes a side, have no commas.
+        # Whole numbers of up to four digits, for example nodes a side, get no comma.
         form = ",.0f" if abs(value) >= 1e4 else ".0f"
         return Cell(text=format(value, form), number=True)
     return Cell(text=f"{value:.{DIGITS}g}", number=True)

@@ -13,19 +13,22 @@ from gen.scene import Scene, differences, load
 from gen.schema import Status
 
 PAPER = "paper"
-"""Name of the preset whose rows train all surrogates of the reports."""
+"""Name of the paper preset."""
 
 OTHER_SEED = 2026
-"""Seed of databases that test surrogates. The preset's own seed would repeat training surfaces."""
+"""Seed of databases that test surrogates. With the seed of the preset, their surfaces would be
+those of the training."""
 
 
 def generated(folder: Path, name: str, text: str) -> Path:
     """Return the complete database of a scene; generate the rows that are missing.
 
+    The scene is written beside the database. Progress is printed on standard error.
+
     Parameters
     ----------
     folder : Path
-        Folder of the scene (NAME.toml) and of the database (NAME.h5), which is made if need be.
+        Folder of the scene (NAME.toml) and of the database (NAME.h5). It is made if it is missing.
         Paths in the scene are relative to it.
     name : str
         Name of both files without ending.
@@ -35,14 +38,14 @@ def generated(folder: Path, name: str, text: str) -> Path:
     Returns
     -------
     Path
-        The database. A row may have failed, but none is pending.
+        The database. Rows may have failed, but none is pending.
 
     Raises
     ------
     InputError
         If the file is a database of another scene.
     KeyboardInterrupt
-        If a signal interrupted the generation, which the next call continues.
+        If a signal interrupted the generation. The next call continues it.
     """
     scene_path = folder / f"{name}.toml"
     path = folder / f"{name}.h5"
@@ -59,7 +62,7 @@ def generated(folder: Path, name: str, text: str) -> Path:
 
 
 def _is_complete(path: Path, scene: Scene) -> bool:
-    """Say whether a database has all rows; raise InputError if it is of another scene."""
+    """Say whether no row of a database is pending; raise InputError if it is of another scene."""
     with Reader(path) as reader:
         if reader.scene.fingerprint() != scene.fingerprint():
             raise InputError(
@@ -80,7 +83,7 @@ def of_the_paper(database: Path | None, folder: Path, rows: int) -> Path:
     folder : Path
         Folder of a generated database.
     rows : int
-        Number of the preset's first rows that are generated.
+        Number of the preset's first rows that are generated. It does not limit a given database.
 
     Returns
     -------
@@ -90,12 +93,14 @@ def of_the_paper(database: Path | None, folder: Path, rows: int) -> Path:
     Raises
     ------
     InputError
-        If the given database is of another scene, which the reports are not about, or is a part
-        of a database.
+        If the given database is not of the paper preset, or is only a part of a database.
+    KeyboardInterrupt
+        If a signal interrupted the generation.
     """
     if database is None:
         return generated(folder, PAPER, f"samples = {rows}\n")
     with Reader(database) as reader:
+        # Fields that are stored besides the results of rows make no difference.
         preset = load(PAPER).model_copy(update={"store": reader.scene.store})
         different = differences(reader.scene, preset)
         is_whole = reader.rows == range(reader.scene.samples)

@@ -1,8 +1,9 @@
-"""The ladder of tolerances on which the solver's default, `bem.problem.RTOL`, rests.
+"""The measurement from which the default tolerance of the solver, `bem.problem.RTOL`, was chosen.
 
-Samples of the paper preset are solved to falling tolerances, and to a far tighter one that counts
-as exact. The default is the loosest tolerance of the ladder at which, as at all tighter ones, the
-number of contact nodes, and so the area, is exact in `RIGHT_PERCENT` of the samples.
+Samples of the paper preset are solved with falling tolerances, and with a far tighter one, whose
+solutions count as exact. A tolerance is right if the number of nodes in contact, and so the area,
+is exact in at least `RIGHT_PERCENT` of the samples. The default is the loosest tolerance that is
+right together with all tighter ones.
 """
 
 from collections.abc import Sequence
@@ -25,7 +26,7 @@ LADDER = (1e-3, 1e-4, 1e-5, 3e-6, 1e-6, 5e-7, RTOL, 1e-7, 1e-8)
 # Tolerance of the solution that counts as exact [Delta].
 EXACT_RTOL = 1e-12
 
-# Share of the samples that have to have the exact number of contact nodes [%].
+# Smallest share of the samples with the exact number of nodes in contact [%].
 RIGHT_PERCENT = 99.9
 
 # Number of samples between two remarks on the progress.
@@ -34,7 +35,7 @@ PROGRESS = 100
 
 @dataclass(frozen=True)
 class Solved:
-    """A contact solved to one tolerance.
+    """The results of a contact that was solved with one tolerance.
 
     Attributes
     ----------
@@ -43,7 +44,7 @@ class Solved:
     force : float
         Normal force [uN].
     convolutions : int
-        Applications of the influence matrix.
+        Number of applications of the influence matrix.
     """
 
     nodes: int
@@ -52,17 +53,20 @@ class Solved:
 
 
 def default_tolerance(samples: int) -> Report:
-    """Compare solutions to the tolerances of `LADDER` with exact ones, and choose a default.
+    """Compare solutions with the tolerances of `LADDER` with exact ones, and choose a default.
+
+    Prints the progress on standard error.
 
     Parameters
     ----------
     samples : int
-        Number of samples, from the first of the paper preset on.
+        Number of samples: the first rows of the paper preset.
 
     Returns
     -------
     Report
-        A row for each tolerance, from loose to tight, and the tolerance that they support.
+        Table `default-tolerance` with a row for each tolerance, from loose to tight, and a text
+        with the tolerance that these choose and the present default.
     """
     scene = load("paper")
     plan = parameters(scene, 0, samples)
@@ -85,18 +89,24 @@ def default_tolerance(samples: int) -> Report:
 
 
 def _solve(scene: Scene, heights: Heights, delta: float, rtol: float) -> Solved:
-    """Press a surface by a displacement [um], with the scene's settings but for the tolerance."""
+    """Press a surface by a displacement [um], with the settings of the scene and a tolerance."""
     settings = settings_of(scene, None) | {"rtol": rtol}
     contact = bem.solve(heights, scene.grid.sides, delta, **settings)
-    return Solved(contact.contact_nodes, contact.force, contact.convolutions)
+    return Solved(
+        nodes=contact.contact_nodes,
+        force=contact.force,
+        convolutions=contact.convolutions,
+    )
 
 
 def _compared(rtol: float, solutions: Sequence[Solved], exact: Sequence[Solved]) -> Row:
-    """Return the errors and the cost of all samples at one tolerance."""
+    """Return the row of a tolerance: errors over all samples, and mean number of convolutions."""
     pairs = list(zip(solutions, exact, strict=True))
     misses = [abs(solution.nodes - right.nodes) for solution, right in pairs]
     forces = [
-        abs(solution.force / right.force - 1) for solution, right in pairs if right.force
+        abs(solution.force / right.force - 1)
+        for solution, right in pairs
+        if right.force  # relative errors of no force are not defined
     ]
     wrong = sum(miss > 0 for miss in misses)
     return {
@@ -111,7 +121,10 @@ def _compared(rtol: float, solutions: Sequence[Solved], exact: Sequence[Solved])
 
 
 def _loosest_right(rows: Sequence[Row]) -> str:
-    """Return the loosest tolerance at which, as at all tighter ones, enough samples are right."""
+    """Return the loosest tolerance that is right together with all tighter ones, as a text.
+
+    The text is "none of these" if the tightest tolerance is not right.
+    """
     tightest_first = sorted(rows, key=lambda row: float(row["rtol"]))
     right = list(
         takewhile(lambda row: row["right_percent"] >= RIGHT_PERCENT, tightest_first)

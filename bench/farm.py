@@ -1,15 +1,15 @@
-"""
-The farm on this machine: its own work, its real speed-up, and how fast rows are written.
+"""The farm on this machine: the time that it adds, its speed-up, and how fast rows are written.
 
 `python -m mpi4py -m bench.farm PROGRAM SPECIFICATION` runs a program on some ranks, and prints its
 result in JSON. `launch` starts it with a time limit. The programs are:
 
 - `generation`: one generation. It is timed after all ranks have started and solved a problem of its
-  size. Two processors may share a clock, a cache or a memory bus. So every round of `speedup` also
-  runs two copies side by side that do not know of each other: their gain bounds that of any farm.
-- `writing`: rows whose fields cost nothing to compute, by each writer in turn: through MPI to the
-  master and into the file, or from each worker into the file. The times include the disk, as each
-  writer syncs its rows.
+  size. Two processors may share a clock, a cache or a memory bus, so that no farm can be twice as
+  fast with two workers. Every round of `speedup` therefore also runs two copies side by side that
+  do not communicate: the speed-up by these is the largest that any farm can reach.
+- `writing`: rows whose fields cost nothing to compute, by each writer in turn. With the single
+  writer, rows go through MPI to the master, and the master writes the file. With the parallel
+  writer, each worker writes into the file. Each writer waits until its rows are on the disk.
 """
 
 import json
@@ -43,14 +43,14 @@ from gen.scene import Scene, columns_for, load, row_bytes
 from gen.schema import Status
 
 TIMEOUT = 300.0
-"""Time after which a measurement counts as hanging [s]."""
+"""Wall time after which a program is ended, as it hangs [s]."""
 
 OPEN_MPI = (
     "ALLOW_RUN_AS_ROOT",
     "ALLOW_RUN_AS_ROOT_CONFIRM",
     "MCA_rmaps_base_oversubscribe",
 )
-"""Settings with which Open MPI runs as root and with more ranks than cores."""
+"""Names of settings with which Open MPI runs as root, and with more ranks than cores."""
 
 ENVIRONMENT = {
     **{f"OMPI_{name}": "1" for name in OPEN_MPI},
@@ -59,11 +59,11 @@ ENVIRONMENT = {
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
 }
-"""Environment of a program: any MPI on few cores, and one thread for each rank."""
+"""Environment variables of a program: any MPI runs on few cores, and each rank has one thread."""
 
 
 def launch(ranks: int, program: str, arguments: dict[str, Any], folder: Path) -> Any:
-    """Run a program in a folder, and return its result.
+    """Run a program of this module in a folder, in processes of its own, and return its result.
 
     Writes the arguments into `folder/specification.json`.
 
@@ -74,7 +74,7 @@ def launch(ranks: int, program: str, arguments: dict[str, Any], folder: Path) ->
     program : {"generation", "writing"}
         The program.
     arguments : dict
-        Its arguments, which JSON can hold.
+        Arguments of the program, as values that JSON knows.
     folder : Path
         Folder that the program runs in.
 
@@ -86,7 +86,7 @@ def launch(ranks: int, program: str, arguments: dict[str, Any], folder: Path) ->
     Raises
     ------
     InputError
-        If there is no mpiexec, or the program fails.
+        If there is no mpiexec (with ranks), or the program fails.
     subprocess.TimeoutExpired
         If the program takes longer than `TIMEOUT`.
     """
@@ -94,12 +94,12 @@ def launch(ranks: int, program: str, arguments: dict[str, Any], folder: Path) ->
     specification.write_text(json.dumps(arguments))
     words = ["-m", "bench.farm", program, str(specification)]
     if ranks:
-        # mpi4py as a module ends all ranks if one of them fails.
+        # Run by `-m mpi4py`, all ranks end if one of them fails.
         words = ["-m", "mpi4py", *words]
         command = [_mpiexec(), "-n", str(ranks), sys.executable, *words]
     else:
         command = [sys.executable, *words]
-    # Variables of an MPI that this process runs under would confuse the new one.
+    # If this process runs under an MPI itself, its variables would confuse the new one.
     inherited = {
         name: value
         for name, value in os.environ.items()
@@ -122,7 +122,10 @@ def launch(ranks: int, program: str, arguments: dict[str, Any], folder: Path) ->
 
 
 def _mpiexec() -> str:
-    """Return the path of the launcher of this environment's MPI; raises InputError without one."""
+    """Return the path of mpiexec, preferably that of this Python environment.
+
+    Raises InputError if there is none.
+    """
     of_environment = Path(sys.executable).with_name("mpiexec")
     if of_environment.exists():
         return str(of_environment)
@@ -142,22 +145,25 @@ def speedup(rows: int, rounds: int) -> list[Row]:
     rows : int
         Number of rows.
     rounds : int
-        Number of repetitions; the order of the runs is reversed in every second one.
+        Number of rounds; the order of the runs is reversed in every second round.
 
     Returns
     -------
     list of Row
-        Times of each round without start-up [s], of two copies the mean, and speed-ups [1].
+        A row for each round: wall times without start-up [s], for two copies their mean, and
+        speed-ups [1].
 
     Raises
     ------
     InputError
         If there is no mpiexec, or a generation fails.
+    subprocess.TimeoutExpired
+        If a generation takes longer than `TIMEOUT`.
     """
     runs: dict[str, Callable[[], float]] = {
-        "alone_s": partial(generate, 0, rows),  # without MPI
-        "1_worker_s": partial(generate, 2, rows),  # rank 0 is the master
-        "2_workers_s": partial(generate, 3, rows),
+        "alone_s": partial(generate, ranks=0, rows=rows),  # without MPI
+        "1_worker_s": partial(generate, ranks=2, rows=rows),  # rank 0 is the master
+        "2_workers_s": partial(generate, ranks=3, rows=rows),
         "2_copies_s": partial(_side_by_side, rows),
     }
     table: list[Row] = []
@@ -176,7 +182,7 @@ def speedup(rows: int, rounds: int) -> list[Row]:
                 **{name: times[name] for name in runs},
                 "2 workers over 1 worker": one_worker / two_workers,
                 "2 workers over a run alone": alone / two_workers,
-                # This bounds the speed-up by two workers on this machine.
+                # The speed-up that two workers could reach at most on this machine.
                 "2 copies over one": 2 * alone / copies,
                 "2 workers over a run alone, of that bound": copies / two_workers / 2,
             }
@@ -187,7 +193,7 @@ def speedup(rows: int, rounds: int) -> list[Row]:
 
 
 def generate(ranks: int, rows: int) -> float:
-    """Generate rows in a temporary folder.
+    """Time a generation of the first rows of `paper`, in a temporary folder.
 
     Parameters
     ----------
@@ -204,7 +210,9 @@ def generate(ranks: int, rows: int) -> float:
     Raises
     ------
     InputError
-        If there is no mpiexec, or the generation fails.
+        If there is no mpiexec (with ranks), or the generation fails.
+    subprocess.TimeoutExpired
+        If the generation takes longer than `TIMEOUT`.
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -213,17 +221,20 @@ def generate(ranks: int, rows: int) -> float:
 
 
 def _side_by_side(rows: int) -> float:
-    """Generate rows twice at the same time, without MPI; return the mean wall time [s]."""
+    """Run two generations at one time, without MPI; return their mean wall time [s]."""
+    ranks = (0, 0)
     with ThreadPoolExecutor(2) as pool:
-        return mean(pool.map(generate, (0, 0), (rows, rows)))
+        return mean(pool.map(generate, ranks, (rows, rows)))
 
 
 def _generation(world: farm.World) -> float:
     """Generate `scene.toml` of the current folder into `rows.h5`; collective over the ranks.
 
-    Return the wall time without start-up [s].
+    Returns the wall time without start-up [s].
     """
-    compute_rows(load("scene.toml"), 0, 1)
+    compute_rows(
+        load("scene.toml"), 0, 1
+    )  # one row, to load libraries and plan transforms
     world.broadcast(None)  # waits until all ranks have computed a row
     began = time.perf_counter()
     generate_database("scene.toml", Path("rows.h5"), world)
@@ -232,11 +243,11 @@ def _generation(world: farm.World) -> float:
 
 @dataclass(frozen=True)
 class Spec:
-    """Rows with pressure fields, and how often each writer writes them."""
+    """The rows with pressure fields that are written, and how often each writer writes them."""
 
-    rows: int = 2000
+    rows: int = 2000  # number of rows
     nodes: int = 129  # nodes a side of a field
-    rounds: int = 5  # turns of each writer
+    rounds: int = 5  # number of turns of each writer
 
     @property
     def scene(self) -> Scene:
@@ -261,7 +272,7 @@ Seconds = dict[str, list[float]]
 def writers(
     ranks: Sequence[int], rows: int, rounds: int, folder: Path | None
 ) -> list[Row]:
-    """Measure both writers under mpiexec, or only the single one if h5py has no MPI.
+    """Measure both writers under mpiexec, or only the single writer if h5py has no MPI.
 
     Parameters
     ----------
@@ -270,20 +281,23 @@ def writers(
     rows : int
         Number of rows to write.
     rounds : int
-        Turns of each writer.
+        Number of turns of each writer.
     folder : Path or None
-        Folder on the file system of interest, in which a temporary one is made; None for the
-        system's.
+        Existing folder on the file system that is measured, in which a temporary folder is made.
+        None for the system's folder for temporary files.
 
     Returns
     -------
     list of Row
-        Median time of each writer [s], and the median, lowest and highest rate [MB/s].
+        A row for each number of ranks and writer: the median time [s], and the median, lowest and
+        highest rate [MB/s].
 
     Raises
     ------
     InputError
         If there are fewer than 2 ranks, the folder or mpiexec is missing, or a measurement fails.
+    subprocess.TimeoutExpired
+        If the writers take longer than `TIMEOUT` on a number of ranks.
     """
     if min(ranks) < 2:
         raise InputError(f"ranks {min(ranks)}: give 2 or more each, rank 0 is the master")
@@ -319,19 +333,19 @@ def time_writers(spec: Spec, path: Path, world: farm.World) -> Seconds:
     spec : Spec
         The rows and the number of rounds.
     path : Path
-        The file, which every turn replaces.
+        The file, which is replaced in every turn.
     world : World
         The ranks.
 
     Returns
     -------
     dict
-        Times of the rounds on this rank, by the name of the writer [s].
+        Wall times of the rounds on this rank, by the name of the writer [s].
 
     Raises
     ------
     ValueError
-        If rows are missing or out of place.
+        If rows are missing or in a wrong place after a turn; only on the master.
     """
     writers = ["single"]
     if database.parallel_hdf5():
@@ -341,7 +355,7 @@ def time_writers(spec: Spec, path: Path, world: farm.World) -> Seconds:
     template = template_of(spec.scene, blocks)
     for number in range(spec.rounds):
         order = list(writers)
-        if number % 2:  # A B B A: a drift of the machine favours neither
+        if number % 2:  # A B B A, so that a machine that becomes slower favours no writer
             order.reverse()
         for writer in order:
             if world.is_master:
@@ -377,20 +391,21 @@ def write(
     blocks : sequence of range
         Rows of each task.
     template : dict of ndarray
-        Columns of as many rows as the largest block has; a block takes the first of them.
+        Columns of as many rows as the largest block has. Each block takes the first of these rows.
     world : World
         The ranks.
     parallel : bool
-        Whether the workers write into the file, or else the master.
+        Whether the workers write into the file. If not, the master does.
 
     Returns
     -------
     float
-        Time from the first task to the closed file [s].
+        Wall time from the first task to the closed file [s].
     """
     with open_sink(path, scene, world, parallel=parallel) as sink:
 
         def work(block: range) -> Columns:
+            """Give the rows of a block to the sink; return the columns that the master receives."""
             rows = {name: values[: len(block)] for name, values in template.items()}
             return sink.deliver(block, rows)
 
@@ -401,7 +416,9 @@ def write(
 
 
 def template_of(scene: Scene, blocks: Sequence[range]) -> Columns:
-    """Make rows that are done, with random pressure fields, as zeros could be cheaper to write.
+    """Make columns of rows that are done, with random pressure fields.
+
+    Fields of zeros could take less time to write.
 
     Parameters
     ----------
@@ -426,7 +443,7 @@ def template_of(scene: Scene, blocks: Sequence[range]) -> Columns:
 
 
 def require_rows(path: Path, blocks: Sequence[range], template: Columns) -> None:
-    """Check that all rows have arrived, and the last row of each block in its place.
+    """Check that all rows are in a file, and that the last row of each block is in its place.
 
     Parameters
     ----------
@@ -440,7 +457,7 @@ def require_rows(path: Path, blocks: Sequence[range], template: Columns) -> None
     Raises
     ------
     ValueError
-        If a row is missing or has another pressure.
+        If a row is missing, or the last row of a block has another pressure.
     """
     with database.Reader(path) as reader:
         if reader.counts().done != len(reader.column("status")):
@@ -453,14 +470,14 @@ def require_rows(path: Path, blocks: Sequence[range], template: Columns) -> None
 
 
 def main(program: str, specification: str) -> None:
-    """Run a program on this rank; the master prints the result in JSON.
+    """Run a program on this rank; the master prints the result in JSON, in one line.
 
     Parameters
     ----------
     program : {"generation", "writing"}
         The program.
     specification : str
-        Path of the JSON file with its arguments.
+        Path of the JSON file with the arguments of the program.
     """
     world = farm.this_world()
     arguments = json.loads(Path(specification).read_text(encoding="utf-8"))

@@ -1,7 +1,7 @@
-"""Files of the reports: tables (CSV), texts of this package (TOML), and compressed tables.
+"""Files of the reports: tables (CSV), which may be compressed, and TOML files of this package.
 
-The repository keeps large tables compressed. Functions that read a table take the path of the
-uncompressed file, and read the compressed file if only that one exists.
+The repository keeps large tables compressed (.csv.xz). Functions that read a table take the path of
+the uncompressed file (.csv), and read the compressed file if only that one exists.
 """
 
 import csv
@@ -16,16 +16,16 @@ from gen.runtime.errors import InputError
 from gen.runtime.files import make_folder, write
 
 Row = dict[str, Any]
-"""One row of a table: its values by the names of the columns. All rows of a table share these."""
+"""One row of a table: its values by the names of the columns, which are equal in all rows."""
 
 HOME = Path(__file__).parent
 """Folder of this package, which has its TOML files."""
 
 SIGNIFICANT_DIGITS = 7
-"""Significant digits of the floats in a written table: more than repeated measurements share."""
+"""Significant digits of the floats in a written table: more than two measurements agree in."""
 
 COMPRESSED = ".xz"
-"""Ending that is added to the name of a compressed file; the program `unxz` decompresses it."""
+"""Suffix that is added to the name of a compressed file. The program `unxz` decompresses it."""
 
 
 class CsvTable(NamedTuple):
@@ -41,7 +41,7 @@ def content_of(path: Path) -> bytes:
     Parameters
     ----------
     path : Path
-        The file, without the ending of a compressed one.
+        The uncompressed file, which need not exist.
 
     Returns
     -------
@@ -70,12 +70,12 @@ def is_there(path: Path) -> bool:
     Parameters
     ----------
     path : Path
-        The file, without the ending of a compressed one.
+        The uncompressed file.
 
     Returns
     -------
     bool
-        True if `content_of` has a file to read.
+        True if the file or its compressed form exists.
     """
     return path.is_file() or _compressed(path).is_file()
 
@@ -93,8 +93,8 @@ def named(folder: Path, name: str) -> list[Path]:
     Returns
     -------
     list of Path
-        The existing files, sorted, compressed ones without the ending of compression. A name
-        without `*` gives its one path, whether or not the file exists.
+        The files that exist as they are or compressed, sorted. A compressed file is listed by the
+        path of its uncompressed form. A name without `*` gives one path, even if there is no file.
     """
     if "*" not in name:
         return [folder / name]
@@ -135,7 +135,8 @@ def write_rows(path: Path, rows: Iterable[Mapping[str, Any]]) -> Path:
     path : Path
         The file to write.
     rows : iterable of mappings
-        One row or more, all with the same columns in the same order.
+        One row or more, all with the same columns in the same order. The header is that of the
+        first row.
 
     Returns
     -------
@@ -153,7 +154,7 @@ def write_rows(path: Path, rows: Iterable[Mapping[str, Any]]) -> Path:
 
 
 def _rounded(value: Any) -> Any:
-    """Return a float with `SIGNIFICANT_DIGITS`, and any other value unchanged."""
+    """Round a float to `SIGNIFICANT_DIGITS`; return any other value unchanged."""
     if isinstance(value, float):
         return float(f"{value:.{SIGNIFICANT_DIGITS}g}")
     return value
@@ -165,7 +166,7 @@ def read_table(path: Path) -> CsvTable:
     Parameters
     ----------
     path : Path
-        The file, without the ending of a compressed one.
+        The uncompressed file, which need not exist.
 
     Returns
     -------
@@ -175,7 +176,7 @@ def read_table(path: Path) -> CsvTable:
     Raises
     ------
     InputError
-        If the file cannot be read or is no table.
+        If the file cannot be read, or is not a CSV file of text.
     """
     try:
         text = content_of(path).decode()

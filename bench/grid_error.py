@@ -1,7 +1,8 @@
 """The share of true errors inside the bars of `Contact.grid_error`, on surfaces of eleven kinds.
 
-True values are computed on a finer grid of the surface, with at least 32 nodes in the shortest wave
-or four times as fine. Loads are forces or displacements. A third of them is on bodies that yield.
+True values are computed on a finer grid of the surface, the exact grid. It is at least four times
+as fine, and finer until the shortest wave has 32 nodes, but has at most 1040 nodes a side. Loads
+are forces or displacements. A third of the loads is on bodies that yield.
 """
 
 import math
@@ -26,16 +27,25 @@ from gen.quantities import AREA, DELTA, FORCE, MEAN_GAP, UNLOADING
 from gen.surface import generate
 
 ANSWERS = (AREA.name, DELTA.name, FORCE.name, MEAN_GAP.name, UNLOADING.name)
-"""Names of the answers that have bars."""
+"""Names of the quantities that a contact answers with bars."""
 
 LOADS = 2
 """Number of loads on every surface."""
 
 ENOUGH = 32
-"""Nodes in the shortest wave of an exact grid, if it is fine enough for that."""
+"""Fewest nodes in the shortest wave of an exact grid, unless these take more than `FINEST`."""
 
 FINEST = 1040
-"""Most nodes a side of an exact grid, unless it is only twice as fine."""
+"""Most nodes a side of an exact grid, unless the grid is only twice as fine as the judged one."""
+
+FEWEST_NODES_A_WAVE = 3.0
+"""Fewest nodes in the shortest wave of a judged grid."""
+
+MOST_NODES_A_WAVE = 32
+"""Most nodes in the shortest wave of a judged grid, about."""
+
+FEWEST_WAVES = 3
+"""Fewest periods of the shortest wave on a side."""
 
 SOLVER_ERROR = 1e-6
 """Share of a value by which a bar is widened, for the tolerances of both solves [1]."""
@@ -43,31 +53,35 @@ SOLVER_ERROR = 1e-6
 
 @dataclass(frozen=True)
 class Sample:
-    """A surface, the grid that is judged, and the exact grid."""
+    """A surface on a patch with sides of 1, the grid that is judged, and the exact grid."""
 
     boundary: Boundary
-    surface: Callable[[int], Heights]  # returns heights, (n, n), for nodes a side [side]
+    # Takes the nodes a side, n; returns the heights, (n, n) [side of the patch].
+    surface: Callable[[int], Heights]
     nodes: int  # nodes a side of the grid that is judged
-    finer: int  # spacing of that grid over that of the exact grid
+    finer: int  # spacing of the judged grid over that of the exact grid
 
     @property
     def exact(self) -> int:
-        """Nodes a side of the exact grid; on free and periodic patches it has all coarse nodes."""
+        """Nodes a side of the exact grid.
+
+        On free and periodic patches the exact grid contains all nodes of the judged grid.
+        """
         # The nodes of a free patch include both borders.
         edge = 1 if self.boundary == "free" else 0
         return (self.nodes - edge) * self.finer + edge
 
 
 Draw = Callable[[np.random.Generator], Sample]
-"""A function that draws a sample of its kind; it moves the state of the generator."""
+"""A function that draws a sample of its kind; it moves the state of the random generator."""
 
 
 @dataclass(frozen=True)
 class Bar:
-    """An answer's true error, and the bar that should hold it."""
+    """The true error of one answer, and the bar that should contain it."""
 
-    error: float  # over the value [1]
-    bar: float  # over the value [1]
+    error: float  # size of the error over that of the answer [1]
+    bar: float  # bar over the size of the answer [1]
 
     @property
     def holds(self) -> bool:
@@ -77,12 +91,11 @@ class Bar:
 
 @dataclass(frozen=True)
 class Judgement:
-    """What became of the bars of one contact."""
+    """The bars of one contact, with the true errors."""
 
     resolved: bool  # whether the contact calls its grid resolved
-    bars: dict[
-        str, Bar
-    ]  # by the name of the answer; not of answers that are zero or infinite
+    # Bars by the name of the answer, without answers that are zero or infinite.
+    bars: dict[str, Bar]
 
 
 def grid_error(surfaces: int) -> list[Row]:
@@ -96,14 +109,15 @@ def grid_error(surfaces: int) -> list[Row]:
     Returns
     -------
     list of Row
-        A row for each kind and one for all kinds, as of `_summary`.
+        A row for each kind and one for all kinds. The columns are the kind and those of `_summary`.
     """
     rows: list[Row] = []
     of_all_kinds: list[Judgement] = []
     for number, (kind, draw) in enumerate(KINDS.items()):
         judgements: list[Judgement] = []
         for seed in range(surfaces):
-            judgements.extend(_judged(draw, np.random.default_rng((number, seed))))
+            random = np.random.default_rng((number, seed))
+            judgements.extend(_judged(draw, random))
         rows.append({"kind": kind, **_summary(judgements)})
         of_all_kinds += judgements
         remark(f"{kind}: {len(judgements)} contacts")
@@ -112,10 +126,12 @@ def grid_error(surfaces: int) -> list[Row]:
 
 
 def _summary(judgements: list[Judgement]) -> Row:
-    """Return the columns of a row about some contacts, "" for a number without contacts.
+    """Return the columns of a row about some contacts.
 
-    The columns are the number of contacts, the share that is called resolved, of these the share of
-    errors inside their bars for each answer, and the median bar and error of the area [all %].
+    The columns are the number of contacts, and the share of contacts that call their grid resolved
+    [%]. The further columns are about resolved contacts alone: for each answer the share of errors
+    inside their bars [%], and the median bar and median error of the area [% of the area]. A column
+    is "" if there are no contacts for it.
     """
     resolved = [judgement.bars for judgement in judgements if judgement.resolved]
     row: Row = {"contacts": len(judgements), "resolved_percent": ""}
@@ -136,14 +152,18 @@ def _summary(judgements: list[Judgement]) -> Row:
 
 
 def _judged(draw: Draw, random: np.random.Generator) -> Iterator[Judgement]:
-    """Draw a surface and its loads, and yield the judgement of each contact with any area."""
+    """Draw a surface and `LOADS` loads, and yield a judgement for each load.
+
+    Loads without a solution or without contact are left out.
+    """
     sample = draw(random)
     coarse = sample.surface(sample.nodes)
     fine = sample.surface(sample.exact)
+    # The spacing is about 1 / nodes, as the patch has a side of 1.
     steps = [np.diff(coarse, axis=axis).std() for axis in (0, 1)]
-    slope = math.hypot(*steps) * sample.nodes
+    rms_slope = math.hypot(*steps) * sample.nodes
     for _ in range(LOADS):
-        load = _drawn_load(random, slope)
+        load = _draw_load(random, rms_slope)
         solve = partial(
             bem.solve, side=1.0, boundary=sample.boundary, hardness=load.hardness
         )
@@ -164,34 +184,40 @@ def _judged(draw: Draw, random: np.random.Generator) -> Iterator[Judgement]:
 class _Load:
     """A load, for E* = 1 MPa."""
 
-    pressure: float  # mean pressure [MPa]
+    pressure: float  # mean pressure of a first solve of the judged grid [MPa]
     hardness: float | None  # [MPa]; None for elastic bodies
-    by_displacement: (
-        bool  # whether both grids are given the displacement, or else the force
-    )
+    # Whether both grids are pressed by the displacement of the first solve. If not, the exact grid
+    # is pressed by its force.
+    by_displacement: bool
 
 
-def _drawn_load(random: np.random.Generator, slope: float) -> _Load:
-    """Draw a load on a surface with an rms slope [1]."""
-    exponent = random.uniform(math.log(0.005), math.log(0.5))
-    pressure = slope * math.exp(exponent)
+def _draw_load(random: np.random.Generator, rms_slope: float) -> _Load:
+    """Draw a load on a surface with an rms slope [1].
+
+    The mean pressure is log-uniform from 0.005 to 0.5 E* times the rms slope. One load in three is
+    on bodies that yield, at 1.5 to 20 times the mean pressure.
+    """
+    log_share = random.uniform(math.log(0.005), math.log(0.5))
+    pressure = rms_slope * math.exp(log_share)
     hardness = None
     if random.random() >= 2 / 3:
         hardness = pressure * random.uniform(1.5, 20)
-    return _Load(pressure, hardness, by_displacement=random.random() < 0.5)
+    by_displacement = random.random() < 0.5
+    return _Load(pressure=pressure, hardness=hardness, by_displacement=by_displacement)
 
 
 def _compared(contact: bem.Contact, exact: bem.Contact) -> Judgement:
     """Compare a contact and its bars with the contact on the exact grid."""
     estimate = contact.grid_error()
-    patch = contact.pressure.size * math.prod(contact.problem.spacing)
+    patch_area = contact.pressure.size * math.prod(contact.problem.spacing)
     exact_area = area_within(exact, contact.problem.spacing)
-    # Values on the judged grid and on the exact one, by the name of the answer.
+    # Values on the judged grid and on the exact grid, by the name of the answer.
     values = {
-        AREA.name: (contact.continuum_area_percent, 100 * exact_area / patch),
+        AREA.name: (contact.continuum_area_percent, 100 * exact_area / patch_area),
         MEAN_GAP.name: (contact.mean_gap, exact.mean_gap),
         UNLOADING.name: (contact.stiffness, exact.stiffness),
     }
+    # Of force and displacement, the one that is not given is an answer.
     if contact.problem.force is None:
         values[FORCE.name] = (contact.force, exact.force)
     else:
@@ -203,14 +229,15 @@ def _compared(contact: bem.Contact, exact: bem.Contact) -> Judgement:
                 error=abs(value - truth) / abs(value),
                 bar=getattr(estimate, name) / abs(value) + SOLVER_ERROR,
             )
-    return Judgement(estimate.resolved, bars)
+    return Judgement(resolved=estimate.resolved, bars=bars)
 
 
 def _finer(nodes: int, nodes_a_wave: float) -> int:
-    """Return how much finer the exact grid is than one of `nodes` a side: a power of two.
+    """Return the spacing of a judged grid over that of its exact grid, a power of two.
 
-    It is at least 4, more if the shortest wave then has fewer than `ENOUGH` nodes, and less if the
-    grid would have more than `FINEST` nodes a side, but at least 2.
+    The judged grid has `nodes` nodes a side, and `nodes_a_wave` in the shortest wave. The result is
+    4, or more if the shortest wave of the exact grid would have fewer than `ENOUGH` nodes. It is
+    less, but at least 2, if the exact grid would have more than `FINEST` nodes a side.
     """
     finer = 4
     while nodes_a_wave * finer < ENOUGH:
@@ -220,81 +247,107 @@ def _finer(nodes: int, nodes_a_wave: float) -> int:
     return finer
 
 
-def _grid(random: np.random.Generator, *nodes: int) -> tuple[int, int]:
-    """Draw one of the given nodes a side, and waves a side of a shortest one of 3 to 32 nodes.
+@dataclass(frozen=True)
+class _Grid:
+    """A judged grid, and the shortest wave on it."""
 
-    There are at least 3 waves a side.
+    nodes: int  # nodes a side
+    shortest_waves: int  # number of periods of the shortest wave on a side
+
+    @property
+    def nodes_a_wave(self) -> float:
+        """Number of nodes in the shortest wave."""
+        return self.nodes / self.shortest_waves
+
+
+def _draw_grid(random: np.random.Generator, *nodes: int) -> _Grid:
+    """Draw the nodes a side from `nodes`, and the number of the shortest waves that fit on a side.
+
+    The shortest wave has a log-uniform number of nodes, from `FEWEST_NODES_A_WAVE` to
+    `MOST_NODES_A_WAVE`. It has fewer if fewer than `FEWEST_WAVES` would fit.
     """
     chosen = int(random.choice(nodes))
-    exponent = random.uniform(math.log(3.0), math.log(32))
-    nodes_a_wave = math.exp(exponent)
-    return chosen, max(int(chosen / nodes_a_wave), 3)
+    log_nodes = random.uniform(math.log(FEWEST_NODES_A_WAVE), math.log(MOST_NODES_A_WAVE))
+    nodes_a_wave = math.exp(log_nodes)
+    waves = max(int(chosen / nodes_a_wave), FEWEST_WAVES)
+    return _Grid(nodes=chosen, shortest_waves=waves)
 
 
 def _waves(random: np.random.Generator, aspect: float = 1.0) -> Sample:
-    """Draw waves with a shortest one, on a periodic patch; `aspect` times as long along y."""
-    nodes, shortest = _grid(random, 64, 96, 128, 129)
+    """Draw self-affine waves on a periodic patch, `aspect` times as long along y as along x."""
+    grid = _draw_grid(random, 64, 96, 128, 129)
     hurst = random.uniform(0.2, 0.9)
     longest = int(random.choice([1, 2]))
-    surface = random_waves(longest, shortest, hurst, random, aspect)
+    surface = random_waves(longest, grid.shortest_waves, hurst, random, aspect)
     return Sample(
         boundary="periodic",
         surface=lambda n: surface(np.arange(n) / n),
-        nodes=nodes,
-        finer=_finer(nodes, nodes / shortest),
+        nodes=grid.nodes,
+        finer=_finer(grid.nodes, grid.nodes_a_wave),
     )
 
 
 def _window(random: np.random.Generator) -> Sample:
-    """Draw a free patch that is cut out of a larger surface, nine tenths of its period."""
-    nodes, shortest = _grid(random, 64, 65, 97, 129)
-    surface = random_waves(1, shortest, random.uniform(0.2, 0.9), random)
+    """Draw a free patch, cut out of periodic waves; its side is nine tenths of the period."""
+    grid = _draw_grid(random, 64, 65, 97, 129)
+    hurst = random.uniform(0.2, 0.9)
+    surface = random_waves(1, grid.shortest_waves, hurst, random)
     return Sample(
         boundary="free",
         surface=lambda n: surface(np.linspace(0.01, 0.91, n)),
-        nodes=nodes,
-        finer=_finer(nodes, nodes / shortest / 0.9),
+        nodes=grid.nodes,
+        finer=_finer(grid.nodes, grid.nodes_a_wave / 0.9),
     )
 
 
 def _mirrored(random: np.random.Generator) -> Sample:
-    """Draw a patch that its mirror images continue."""
-    nodes, shortest = _grid(random, 64, 97, 128)
-    surface = random_waves(2, 2 * shortest, random.uniform(0.2, 0.9), random)
+    """Draw self-affine waves on a patch that is continued by its mirror images."""
+    grid = _draw_grid(random, 64, 97, 128)
+    hurst = random.uniform(0.2, 0.9)
+    # The patch is half a period of these waves.
+    surface = random_waves(2, 2 * grid.shortest_waves, hurst, random)
 
     def even(n: int) -> Heights:
+        """Return the heights of n nodes a side."""
         # The sum of the surface and its mirror images is even along both axes.
         places = (np.arange(n) + 0.5) / (2 * n)
         heights = surface(np.concatenate([places, -places]))
         quarters = heights.reshape(2, n, 2, n)
         return np.asarray(quarters.sum(axis=(0, 2)) / 2)
 
-    return Sample("mirror", even, nodes, finer=_finer(nodes, nodes / shortest))
+    return Sample(
+        boundary="mirror",
+        surface=even,
+        nodes=grid.nodes,
+        finer=_finer(grid.nodes, grid.nodes_a_wave),
+    )
 
 
 def _sphere(random: np.random.Generator) -> Sample:
-    """Draw a paraboloid with its tip near the middle."""
+    """Draw a paraboloid on a free patch, with its tip near the middle."""
     nodes = int(random.choice([33, 64, 65, 129]))
-    radius = random.uniform(2, 6)
+    radius = random.uniform(2, 6)  # radius of curvature at the tip [side of the patch]
     tip = random.uniform(0.4, 0.6, 2)
 
     def heights(n: int) -> Heights:
+        """Return the heights of n nodes a side."""
         x = np.linspace(0, 1, n) - tip[0]
         y = np.linspace(0, 1, n) - tip[1]
         squares = np.add.outer(x**2, y**2)
         return np.asarray(-squares / (2 * radius))
 
-    return Sample("free", heights, nodes, finer=4)
+    return Sample(boundary="free", surface=heights, nodes=nodes, finer=4)
 
 
 def _regular(random: np.random.Generator, *, crossed: bool) -> Sample:
-    """Draw one wave at an angle or, if `crossed`, two waves."""
+    """Draw one wave at an angle on a periodic patch, or two at a right angle if `crossed`."""
     nodes = int(random.choice([32, 48, 64, 65]))
-    along = int(random.integers(1, 6))
-    across = int(random.integers(0, 6))
+    along = int(random.integers(1, 6))  # periods of the first wave along x
+    across = int(random.integers(0, 6))  # and along y
     phases = random.uniform(0, 2 * np.pi, 2)
 
     def heights(n: int) -> Heights:
+        """Return the heights of n nodes a side."""
         angles = 2 * np.pi * np.arange(n) / n
         phase = np.add.outer(along * angles, across * angles)
         wave = np.cos(phase + phases[0])
@@ -304,66 +357,91 @@ def _regular(random: np.random.Generator, *, crossed: bool) -> Sample:
         return np.asarray(0.01 * wave)
 
     finer = _finer(nodes, nodes / math.hypot(along, across))
-    return Sample("periodic", heights, nodes, finer)
+    return Sample(boundary="periodic", surface=heights, nodes=nodes, finer=finer)
 
 
 def _turned(random: np.random.Generator) -> Sample:
-    """Draw grooves of a round tool on gentle waves, with sharp ridges between the grooves."""
+    """Draw grooves of a round tool on gentle waves, with sharp ridges between the grooves.
+
+    The patch is periodic.
+    """
     nodes = int(random.choice([64, 96, 128]))
     grooves = int(random.choice([2, 3, 4, 6]))
-    waves = random_waves(1, 4, 0.8, random)
-    share = random.uniform(0, 0.3)
+    waves = random_waves(longest=1, shortest=4, hurst=0.8, random=random)
+    amplitude = random.uniform(0, 0.3)  # factor of the waves [1]
 
     def heights(n: int) -> Heights:
+        """Return the heights of n nodes a side."""
         places = np.arange(n) / n
+        # Distance from the middle of a groove [width of a groove]; 0.37 is any phase.
         from_middle = (places * grooves + 0.37) % 1 - 0.5
         groove = 0.2 / grooves * from_middle**2
-        return np.asarray(groove[:, None] + share * waves(places))
+        return np.asarray(groove[:, None] + amplitude * waves(places))
 
-    return Sample("periodic", heights, nodes, finer=8)
+    return Sample(boundary="periodic", surface=heights, nodes=nodes, finer=8)
 
 
 def _fractal(random: np.random.Generator) -> Sample:
-    """Draw waves down to half of the spacing, which no grid here resolves."""
+    """Draw waves on a periodic patch, the shortest of half a spacing of the judged grid.
+
+    The judged grid cannot resolve them.
+    """
     nodes = int(random.choice([64, 128]))
-    surface = random_waves(1, 2 * nodes, random.uniform(0.2, 0.95), random)
-    return Sample("periodic", lambda n: surface(np.arange(n) / n), nodes, finer=4)
+    hurst = random.uniform(0.2, 0.95)
+    surface = random_waves(1, 2 * nodes, hurst, random)
+    return Sample(
+        boundary="periodic",
+        surface=lambda n: surface(np.arange(n) / n),
+        nodes=nodes,
+        finer=4,
+    )
 
 
 def _paper(random: np.random.Generator) -> Sample:
-    """Draw a surface of the paper's generator, and judge the grid of its every fourth node."""
+    """Draw a surface of the paper's generator on a free patch.
+
+    The judged grid has every fourth node along each axis of the exact grid.
+    """
     exponent = int(random.choice([6, 7]))
-    nodes = 2 ** (exponent + 2) + 1
-    finest = generate("diamond-square", nodes, random.uniform(0.3, 0.9), 0.01, random)
+    nodes = 2 ** (exponent + 2) + 1  # nodes a side of the exact grid
+    hurst = random.uniform(0.3, 0.9)
+    finest = generate("diamond-square", nodes, hurst, sigma0=0.01, random=random)
 
     def heights(n: int) -> Heights:
+        """Return the heights of n nodes a side, which are nodes of the exact grid."""
         step = (len(finest) - 1) // (n - 1)
         return finest[::step, ::step]
 
-    return Sample("free", heights, 2**exponent + 1, finer=4)
+    judged_nodes = 2**exponent + 1
+    return Sample(boundary="free", surface=heights, nodes=judged_nodes, finer=4)
 
 
 def _made_map(random: np.random.Generator) -> Sample:
-    """Draw a map of a machined surface, whose shortest wave has 4 nodes, and read a spline of it.
+    """Draw a map of a machined surface on a free patch, continued between its nodes by a spline.
 
-    The map is judged on its own nodes, or on twice as many.
+    The shortest wave has 4 nodes of the map. The judged grid has the spacing of the map, or half of
+    it.
     """
-    nodes = 97
-    between = int(random.integers(1, 3))
+    nodes = 97  # nodes a side of the map
+    steps = int(random.integers(1, 3))  # steps of the judged grid in a spacing of the map
     kind = random.choice(sorted(MACHINED))
     number = int(random.integers(1000))
     rms = random.uniform(0.3, 2.0)
     length = random.uniform(15, 40)
-    surface = made_surface(MadeMap(kind, number, (nodes, nodes), rms, length))
+    description = MadeMap(
+        kind=kind, number=number, shape=(nodes, nodes), rms=rms, length=length
+    )
+    surface = made_surface(description)  # [um], with nodes 1 um apart
     places = np.linspace(0, 1, nodes)
     spline = RectBivariateSpline(places, places, surface / (nodes - 1))
 
     def heights(n: int) -> Heights:
+        """Return the heights of n nodes a side."""
         along = np.linspace(0, 1, n)
         return np.asarray(spline(along, along))
 
-    judged_nodes = (nodes - 1) * between + 1
-    return Sample("free", heights, judged_nodes, finer=4)
+    judged_nodes = (nodes - 1) * steps + 1
+    return Sample(boundary="free", surface=heights, nodes=judged_nodes, finer=4)
 
 
 KINDS: dict[str, Draw] = {
@@ -379,4 +457,4 @@ KINDS: dict[str, Draw] = {
     "fractal": _fractal,
     "midpoint displacement": _paper,
 }
-"""Functions that draw the samples of each kind."""
+"""Function that draws a sample of each kind, by the name of the kind in the table."""

@@ -1,12 +1,12 @@
 """How the cost of a solve grows with the grid, and how area and mean pressure depend on the grid.
 
-Nested surfaces, each with twice the nodes a side of the one before, are pressed until the same
-share of their nodes is in contact. Dense algebra is switched off for the counts of applications of
-the influence matrix: only small grids have few enough nodes in contact for it, so that it would
-look like growth.
+Nested surfaces, each with half the spacing of the coarser one, are pressed until the same share of
+their nodes is in contact. Convolutions are counted without dense algebra. With it, small grids
+would need fewer, because only they have few enough nodes in contact, and this would look like
+growth.
 
 Then the same surfaces are pressed by the same mean pressure. Slopes grow whenever the spacing is
-halved, and the elastic area falls, until a hardness limits the pressure.
+halved, so that the elastic area falls, until a hardness limits the pressure.
 """
 
 import time
@@ -42,23 +42,23 @@ PERCENTS = (1.0, 10.0, 50.0)
 """Shares of the nodes in contact [%]."""
 
 RTOL = 1e-6
-"""Tolerance of the measured solves."""
+"""Relative tolerance of the measured solves."""
 
 SEEKING_RTOL = 1e-2
-"""Tolerance of the solves on small grids that find Delta."""
+"""Relative tolerance of the solves on small grids by which Delta is found."""
 
 SEEKING_NODES = (65, 129)
-"""Nodes a side of the small grids on which Delta is found."""
+"""Nodes a side of the two small grids on which Delta is found."""
 
 PRESSURE = 2e-3
-"""Mean pressure on the patch over E*."""
+"""Mean pressure on the patch over E* [1]."""
 
 HARDNESSES = (None, 0.1, 0.05, 0.02)
-"""Hardnesses over E*; None for elastic bodies."""
+"""Hardnesses over E* [1]; None for elastic bodies."""
 
 
 def growth(nodes: Sequence[int], surfaces: int) -> Report:
-    """Measure the cost of solves, and area and pressure under one load, on finer and finer grids.
+    """Measure cost at given shares of contact, and area and pressure under one load, on all grids.
 
     Progress is printed on standard error.
 
@@ -77,11 +77,11 @@ def growth(nodes: Sequence[int], surfaces: int) -> Report:
     Raises
     ------
     InputError
-        If a number of nodes is not 2^k + 1, or smaller than that of `SEEKING_NODES`.
+        If a number of nodes is not 2^k + 1, or is smaller than the first of `SEEKING_NODES`.
     """
     for size in nodes:
         cells = size - 1
-        is_power_of_two = not cells & (cells - 1)
+        is_power_of_two = not cells & (cells - 1)  # only one bit is set
         if size < SEEKING_NODES[0] or not is_power_of_two:
             raise InputError(f"nodes {size}: give 2^k + 1, {SEEKING_NODES[0]} or more")
     return Report(
@@ -106,9 +106,9 @@ def cost(
     Returns
     -------
     list of Row
-        One row for each share and grid. Its values are means over the surfaces, but
-        `padded_arrays`, the memory, which is the maximum. `growth` is the factor of the
-        convolutions for each doubling of the nodes a side since the coarsest grid.
+        One row for each share and grid, with the values of `_solve` averaged over the surfaces.
+        Of `padded_arrays`, the memory, it is the maximum. `growth` is the factor by which the
+        convolutions grow for each doubling of the cells a side, averaged since the coarsest grid.
     """
     rows: list[Row] = []
     coarsest_convolutions = 1.0
@@ -118,10 +118,11 @@ def cost(
         for name in solves[0]:
             row[name] = float(np.mean([solve[name] for solve in solves]))
         row["padded_arrays"] = max(solve["padded_arrays"] for solve in solves)
-        if size == nodes[0]:
+        if size == nodes[0]:  # the first grid of each share
             coarsest_convolutions = row["convolutions"]
-        doublings = max(np.log2((size - 1) / (nodes[0] - 1)), 1.0)
         factor = row["convolutions"] / coarsest_convolutions
+        # The coarsest grid has no doubling: with 1 instead of 0 its growth is 1.
+        doublings = max(np.log2((size - 1) / (nodes[0] - 1)), 1.0)
         row["growth"] = float(factor ** (1 / doublings))
         remark(f"{percent:g} %, {size} nodes: {row['seconds']:.2f} s")
         rows.append(row)
@@ -147,8 +148,9 @@ def pressures(nodes: Sequence[int], surfaces: int) -> list[Row]:
     Returns
     -------
     list of Row
-        One row for each of `HARDNESSES` and each grid, with means over the surfaces. The mean
-        pressure in contact is over E*.
+        One row for each of `HARDNESSES` and each grid, with means over the surfaces: the shares of
+        the area in contact and of the yielded area [%], `mean_pressure`, the mean pressure in
+        contact over E*, and the convolutions.
     """
     rows = []
     for hardness, size in product(HARDNESSES, nodes):
@@ -179,7 +181,7 @@ def surface(nodes: int, seed: int) -> Heights:
     nodes : int
         Nodes a side, 2^k + 1.
     seed : int
-        Number of the surface. A fine grid has the nodes of the coarser grids of the same seed.
+        Number of the surface. A finer grid of the same seed keeps the nodes of a coarser one.
 
     Returns
     -------
@@ -190,7 +192,9 @@ def surface(nodes: int, seed: int) -> Heights:
 
 
 def displacement_at(nodes: int, seed: int, percent: float) -> float:
-    """Estimate the Delta of a share of contact, by its growth from one small grid to the next.
+    """Estimate the Delta that brings a share of the nodes into contact.
+
+    It is solved for on two small grids. Their ratio is assumed for each further doubling.
 
     Parameters
     ----------
@@ -221,10 +225,11 @@ def displacement_at(nodes: int, seed: int, percent: float) -> float:
 
 
 def _solve(nodes: int, seed: int, percent: float) -> dict[str, float]:
-    """Return area, convolutions, time, and memory over that of a padded double field.
+    """Return area [%], convolutions, time [s], and the memory of a solve, by column names.
 
-    The first solve of a size is measured for the memory, since it makes tables and plans; the
-    second one for the time. Convolutions are those without dense algebra.
+    The memory is over that of a padded field of doubles. It is measured in the first solve, which
+    makes tables and plans, and the time in the second one. If this solve used dense algebra, a
+    third one without it has area and convolutions.
     """
     heights = surface(nodes, seed)
     delta = displacement_at(nodes, seed, percent)
@@ -237,14 +242,16 @@ def _solve(nodes: int, seed: int, percent: float) -> dict[str, float]:
     began = time.perf_counter()
     contact = bem.solve(heights, SIDE, delta, rtol=RTOL)
     seconds = time.perf_counter() - began
+    # The largest number of nodes in contact for which the solver uses dense algebra.
     ((factor, power),) = patch.FEW_FREE
-    used_dense_algebra = contact.contact_nodes <= factor * heights.size**power
-    if used_dense_algebra:
-        with mock.patch.object(patch, "FEW_FREE", ((0.0, 1.0),)):
+    most_for_dense = factor * heights.size**power
+    if contact.contact_nodes <= most_for_dense:
+        never = ((0.0, 1.0),)
+        with mock.patch.object(patch, "FEW_FREE", never):
             contact = bem.solve(heights, SIDE, delta, rtol=RTOL)
     return {
         "area_percent": contact.area_percent,
         "convolutions": contact.convolutions,
         "seconds": seconds,
-        "padded_arrays": memory / (8 * fast_period(nodes) ** 2),
+        "padded_arrays": memory / (8 * fast_period(nodes) ** 2),  # 8 bytes a double
     }

@@ -1,7 +1,8 @@
-"""Made maps that look like measured ones: five kinds of machined surfaces, an instrument's faults.
+"""Made maps that look like measured ones: machined surfaces of five kinds, with faults.
 
-Every map follows from its entry in `surrogates/maps.toml` alone. SurfaceTopography writes maps in
-three formats, and the readers of `gen` open them like files of an instrument.
+The faults are those of an instrument. A map depends on nothing but its entry in
+`surrogates/maps.toml`. SurfaceTopography writes maps in three formats, which `gen` reads like the
+files of an instrument.
 """
 
 from collections.abc import Callable, Iterable
@@ -21,28 +22,30 @@ Kind = Literal["turned", "ground", "sandblasted", "honed", "fractal"]
 """How the surface was machined."""
 
 Format = Literal["x3p", "nc", "gwy"]
-"""Format of a file, which is also its suffix."""
+"""Format of a file, which is also the suffix of its name."""
 
 SEED = 2611
 """First word of the seed of every map."""
 
 FAULTS = 1
-"""Key of the random numbers of faults, so that a map with faults has its surface without them."""
+"""Last word of the seed of faults. With it, faults do not change the surface of a map."""
 
 SPIKE = 8.0
-"""Height of the lowest possible spike [rms height of the map]; the highest is twice as high."""
+"""Lowest height of a spike [rms height of the map]; the highest is twice as high."""
 
 BLUR = 4
-"""Shortest wavelength of fine roughness, as an instrument's optics leave it [spacings]."""
+"""Shortest wavelength of self-affine roughness, as if optics blurred it [larger spacing]."""
 
 
 @dataclass(frozen=True)
 class Faults:
     """The tilt, noise and faults that an instrument adds to a map."""
 
-    spikes: int = 0  # number of single nodes far above the surface
+    spikes: int = 0  # number of single nodes that are far above the surface
     holes: int = 0  # number of round patches without heights, which may overlap
-    step: float = 0.0  # jump at a line of constant y, as between fields of view [um]
+    step: float = (
+        0.0  # jump of the height at a line of constant y, as between two images [um]
+    )
     # Slopes along x and y of a plane that is added [1].
     tilt: tuple[float, float] = (0.0, 0.0)
 
@@ -55,9 +58,9 @@ class MadeMap:
     number: int  # number among the maps of its kind, a word of its seed
     shape: tuple[int, int]  # nodes along x and y
     rms: float  # rms height without faults [um]
-    # The length that rules the kind [um]: the feed of a turned map, the longest wavelength across
-    # the lay of a ground one, the largest diameter of craters, the mean distance of honed grooves,
-    # or the roll-off wavelength of a fractal one.
+    # Characteristic length [um]. It is the feed of a turned map, the longest wavelength across the
+    # lay of a ground map, the largest diameter of craters of a sandblasted map, the mean distance
+    # of the grooves of a honed map, or the roll-off wavelength of a fractal map.
     length: float
     spacing: tuple[float, float] = (1.0, 1.0)  # spacing of the nodes along x and y [um]
     faults: Faults = Faults()
@@ -65,7 +68,7 @@ class MadeMap:
 
     @property
     def name(self) -> str:
-        """Name of the map, and of its file without the suffix."""
+        """Name of the map, which is also that of its file without the suffix."""
         return f"{self.kind}-{self.number}"
 
 
@@ -94,7 +97,7 @@ def window(
     rms: float,
     length: float,
 ) -> Heights:
-    """Cut a window out of a ground map, as a function of a scene.
+    """Cut a window out of a ground map. Scenes may name this function as their generator.
 
     Parameters
     ----------
@@ -103,7 +106,8 @@ def window(
     spacing : (float, float)
         Spacing of the nodes along x and y [um].
     rng : numpy.random.Generator
-        Source of the map's number and of the window's place, whose state moves.
+        Source of random numbers, whose state moves. It gives the number of the map and the place of
+        the window.
     rms : float
         Rms height of the map [um].
     length : float
@@ -131,7 +135,7 @@ def window(
 
 
 def measured(description: MadeMap) -> Heights:
-    """Make a map as an instrument would measure it.
+    """Make a map as an instrument would measure it, with its faults.
 
     Parameters
     ----------
@@ -141,7 +145,7 @@ def measured(description: MadeMap) -> Heights:
     Returns
     -------
     ndarray, shape `description.shape`
-        Heights with the map's faults [um], NaN in holes.
+        Heights [um]; NaN in holes.
     """
     heights = surface(description)
     faults = description.faults
@@ -149,8 +153,8 @@ def measured(description: MadeMap) -> Heights:
     x, y = _coordinates(description)
     tilt_x, tilt_y = faults.tilt
     heights += tilt_x * x + tilt_y * y
-    place = int(random.uniform(0.3, 0.7) * description.shape[1])
-    heights[:, place:] += faults.step
+    step_column = int(random.uniform(0.3, 0.7) * description.shape[1])
+    heights[:, step_column:] += faults.step
     spikes = random.choice(heights.size, faults.spikes, replace=False)
     spike_heights = random.uniform(SPIKE, 2 * SPIKE, faults.spikes)
     heights.reshape(-1)[spikes] += description.rms * spike_heights
@@ -167,17 +171,19 @@ def measured(description: MadeMap) -> Heights:
 def write(description: MadeMap, folder: Path) -> Path:
     """Write a map as an instrument would measure it, in the map's format.
 
+    The file has the name of the map. An existing file of this name is replaced.
+
     Parameters
     ----------
     description : MadeMap
         Description of the map.
     folder : Path
-        An existing folder.
+        Folder of the file, which has to exist.
 
     Returns
     -------
     Path
-        The file, which is replaced if it exists.
+        The file.
     """
     from SurfaceTopography import Topography
 
@@ -193,7 +199,7 @@ def write(description: MadeMap, folder: Path) -> Path:
 
 
 def write_all(folder: Path, maps: Iterable[MadeMap] | None = None) -> list[Path]:
-    """Write maps into a folder, which is made if there is none.
+    """Write maps as an instrument would measure them into a folder, which is made if needed.
 
     Parameters
     ----------
@@ -214,7 +220,7 @@ def write_all(folder: Path, maps: Iterable[MadeMap] | None = None) -> list[Path]
 
 
 def _random(description: MadeMap, *key: int) -> np.random.Generator:
-    """Return a source of random numbers of a map; a key makes another, independent one."""
+    """Return a source of random numbers that depend on kind and number of a map, and on a key."""
     words = (list(KINDS).index(description.kind), description.number, *key)
     seed = np.random.SeedSequence(SEED, spawn_key=words)
     return np.random.Generator(np.random.PCG64(seed))
@@ -236,11 +242,11 @@ def _self_affine(
     hurst: float,
     stretch: float = 1.0,
 ) -> Heights:
-    """Return a self-affine surface of rms 1 on the nodes of a map.
+    """Return a self-affine surface with an rms height of 1 on the nodes of a map.
 
-    `roll_off` is the roll-off wavelength along x [um]. Waves along x are shorter than along y by
-    the factor `stretch`, at most 1. The surface is cut out of a larger periodic one, so that its
-    opposite borders differ.
+    `roll_off` is the roll-off wavelength along x [um]. Wavelengths along x are those along y times
+    `stretch`, which is at most 1. The surface is cut out of a larger periodic one, so that it is
+    not periodic itself.
     """
     nx, ny = description.shape
     dx, dy = description.spacing
@@ -261,18 +267,19 @@ def _self_affine(
 
 
 def _turned(description: MadeMap, random: np.random.Generator) -> Heights:
-    """Return round grooves along y, left by the tool's nose, with sharp ridges between them.
+    """Return round grooves along y, made by the nose of a tool, with sharp ridges between them.
 
-    The heights of each kind are in any unit: `surface` scales them.
+    The heights are in any unit, as those of the further kinds below: `surface` scales them.
     """
     x, y = _coordinates(description)
+    # The grooves are slightly wavy along y.
     period = random.uniform(150, 400)  # [um]
     amplitude = 0.06 * description.length
-    waver = amplitude * np.sin(2 * np.pi * y / period)
+    waviness = amplitude * np.sin(2 * np.pi * y / period)
     phase = random.uniform()
-    position = (x + waver) / description.length + phase
-    groove = np.floor(position).astype(int)
-    across = position - groove - 0.5
+    position = (x + waviness) / description.length + phase
+    groove = np.floor(position).astype(int)  # number of the groove at each node
+    across = position - groove - 0.5  # place in the groove, -0.5 to 0.5 of its width
     depths = random.normal(0, 0.12, groove.max() + 1)
     grooves = 4 * across**2 - depths[groove]
     along = _self_affine(description, random, description.length / 2, 0.6, stretch=0.1)
@@ -280,14 +287,14 @@ def _turned(description: MadeMap, random: np.random.Generator) -> Heights:
 
 
 def _ground(description: MadeMap, random: np.random.Generator) -> Heights:
-    """Return long scratches of grains: waves along y are twelve times as long as along x."""
+    """Return long scratches of grains: waves along y are 12 times as long as waves along x."""
     scratches = _self_affine(description, random, description.length, 0.7, stretch=1 / 12)
     rough = _self_affine(description, random, description.length / 4, 0.7)
     return np.asarray(scratches + 0.15 * rough)
 
 
 def _sandblasted(description: MadeMap, random: np.random.Generator) -> Heights:
-    """Return overlapping craters, round bowls of random diameters that grains have hit."""
+    """Return overlapping craters that grains have made, round bowls of random diameters."""
     heights = np.zeros(description.shape)
     nx, ny = description.shape
     dx, dy = description.spacing
@@ -312,7 +319,7 @@ def _sandblasted(description: MadeMap, random: np.random.Generator) -> Heights:
 
 
 def _honed(description: MadeMap, random: np.random.Generator) -> Heights:
-    """Return a fine plateau that two crossing families of deep grooves cut."""
+    """Return a fine plateau with deep grooves in two directions that cross."""
     x, y = _coordinates(description)
     heights = 0.35 * _self_affine(description, random, description.length / 2, 0.6)
     angle = np.radians(random.uniform(25, 40))
@@ -325,7 +332,8 @@ def _honed(description: MadeMap, random: np.random.Generator) -> Heights:
             width = random.uniform(0.06, 0.16) * description.length
             depth = random.gamma(3.0, 0.9)
             form = 1 - ((across - centre) / width) ** 2
-            valley = -depth * np.maximum(form, 0.0)
+            valley = -depth * np.maximum(form, 0.0)  # 0 beside the groove
+            # In a groove, the roughness of the plateau is reduced to 0.3 of it.
             cut = np.minimum(heights, valley + 0.3 * heights)
             heights = np.where(valley < 0, cut, heights)
     return np.asarray(heights)
@@ -345,14 +353,17 @@ KINDS: dict[Kind, Callable[[MadeMap, np.random.Generator], Heights]] = {
     "honed": _honed,
     "fractal": _fractal,
 }
-"""Function that makes the surface of each kind, in any unit."""
+"""Function that makes the surface of each kind, with heights in any unit.
+
+The order of the kinds is part of the seeds of maps.
+"""
 
 MAPS = TypeAdapter(tuple[MadeMap, ...]).validate_python(
     read_toml("surrogates/maps")["maps"]
 )
-"""The maps: twenty of one instrument, with a node every um, and four of others."""
+"""The maps: 20 of one instrument, with nodes 1 um apart, and four of other instruments."""
 
 ONE_INSTRUMENT: tuple[MadeMap, ...] = tuple(
     description for description in MAPS if description.spacing == (1.0, 1.0)
 )
-"""The maps with a node every um."""
+"""The maps of one instrument, with nodes 1 um apart along both axes."""

@@ -1,8 +1,8 @@
-"""What other programs have measured, as tables: times of pytest-benchmark, errors of nine models.
+"""Tables of measurements by other programs: times of pytest-benchmark, and errors of nine models.
 
-Times of single steps are read from pytest-benchmark's JSON file. Errors of the models, and the
-times of their predictions, fits and searches, are read from a folder of `learn compare` and `learn
-tune`, which time fits alone on one thread.
+`benchmarks` runs pytest-benchmark, which times single steps, and reads its JSON file. `models`
+reads the errors of the models, and the times of their predictions, fits and searches, from a folder
+of `learn compare` and `learn tune`. These run one fit at a time, on one thread.
 """
 
 import json
@@ -19,17 +19,17 @@ from bench.report import Report
 from gen.runtime.errors import InputError
 
 SUITES = Path(__file__).with_name("suites")
-"""Folder of the benchmarks."""
+"""Folder of the files with benchmarks."""
 
 SIZES = ("smoke", "paper", "large")
-"""Names of the sizes in the parameters of benchmarks."""
+"""Values of the parameter of benchmarks that is called size."""
 
 TIMES = ("predict_s", "fit_s", "search_s")
-"""Columns of the models' run times [s]."""
+"""Columns with the run times of models [s]."""
 
 
 def benchmarks(only: str) -> Report:
-    """Run the benchmarks by pytest, which prints its progress.
+    """Run the benchmarks by pytest, which prints its progress on standard output.
 
     Parameters
     ----------
@@ -39,12 +39,12 @@ def benchmarks(only: str) -> Report:
     Returns
     -------
     Report
-        Table `times`, with a row for each benchmark.
+        Table `times`, with a row for each benchmark; its times are in ms.
 
     Raises
     ------
     InputError
-        If pytest fails, or selects nothing.
+        If pytest fails, or no benchmark is selected.
     """
     command = [sys.executable, "-m", "pytest", str(SUITES), "--benchmark-only", "-q"]
     if only:
@@ -59,7 +59,11 @@ def benchmarks(only: str) -> Report:
 
 
 def _row(benchmark: dict[str, Any]) -> Row:
-    """Return the row of a benchmark of pytest-benchmark's file; times are in ms."""
+    """Return the row of a benchmark from its entry in the file of pytest-benchmark.
+
+    The spread is the interquartile range. Further numbers of the benchmark are a text in column
+    `more`.
+    """
     case = _case(benchmark["name"], benchmark.get("params") or {})
     stats = benchmark["stats"]
     extra = dict(benchmark["extra_info"])
@@ -84,17 +88,17 @@ def _short(value: Any) -> str:
 
 @dataclass(frozen=True)
 class _BenchmarkCase:
-    """What a benchmark measures."""
+    """The work that a benchmark times."""
 
-    name: str  # as "solve at contact: 50"
+    name: str  # name with the parameters but for the size, as "solve at contact: 50"
     size: str  # one of `SIZES`, or empty if the benchmark has none
 
 
 def _case(name: str, params: dict[str, Any]) -> _BenchmarkCase:
-    """Return case and size of a benchmark named like `test_solve_at_contact[50-large]`.
+    """Return case and size of a benchmark with a name as `test_solve_at_contact[50-large]`.
 
-    `params` are the values of its parameters by their names. Values may contain hyphens themselves,
-    so that the size is looked for at both ends of the brackets.
+    `params` are the values of its parameters by their names. The size is taken out of the values in
+    brackets if it is the first or the last of them. Other values may contain hyphens themselves.
     """
     function, _, values = name.rstrip("]").partition("[")
     size = str(params.get("size") or _size_among(values))
@@ -128,9 +132,10 @@ def models(comparison: Path) -> list[Row]:
     Returns
     -------
     list of Row
-        A row for each model with its result (`baseline` or `tuned`), in the order of Table 4:
-        nMAE and R2 [%], the times of `TIMES` [s], None where there is none, and the kinds of time
-        in which no other row is better in both error and time (`front`).
+        A row for each model and result (`baseline` or `tuned`), in the order of Table 4: nMAE and
+        R2 [%], and the times of `TIMES` [s], None where there is none. Column `front` has the kinds
+        of time ("predict", "fit" and "search", with blanks between them) of which no other row is
+        better in both error and time.
 
     Raises
     ------
@@ -148,7 +153,10 @@ def models(comparison: Path) -> list[Row]:
 
 
 def _rows_of_models(comparison: Path) -> list[Row]:
-    """Return the rows of `models` without their column `front`; raises InputError without any."""
+    """Return the rows of `models` without the column `front`.
+
+    Raises InputError if there are none. Models that failed or were not timed are left out.
+    """
     area = comparison / "area"
     try:
         _, scores = read_table(area / "scores.csv")
@@ -194,12 +202,12 @@ def front(rows: Iterable[Row], time: str) -> list[Row]:
     rows : iterable of Row
         Rows with the error in the column `nmae`.
     time : str
-        Column of the time; rows in which it is None are left out.
+        Column of the time. Rows in which it is None are left out.
 
     Returns
     -------
     list of Row
-        The same objects, the fastest first.
+        The given rows that are not beaten, the fastest first. They are not copied.
     """
     timed = [row for row in rows if row[time] is not None]
     timed.sort(key=lambda row: (row[time], row["nmae"]))

@@ -34,34 +34,35 @@ class PartToShow:
     """A part with its contents, or with the reason why they cannot be shown."""
 
     part: Part
-    record: Record | None  # how the part was made; None if no record says it
-    command: str = ""  # the command of the record; empty without a record
-    contents: Sequence[Content] = ()  # empty if nothing was made or can be shown
-    failure: str = ""  # why an existing part cannot be shown; empty otherwise
+    record: Record | None  # how the part was made; None without a record
+    # The command of the record, without the folder of another run. Empty if there are no contents
+    # or no record.
+    command: str = ""
+    contents: Sequence[Content] = ()  # empty if the part is missing or cannot be shown
+    failure: str = ""  # why a part that was made cannot be shown; empty otherwise
 
     @property
     def is_missing(self) -> bool:
-        """Whether the part was not made, so that there is nothing to show or to report."""
+        """Whether the part has neither contents nor a failure, because it was not made."""
         return not self.contents and not self.failure
 
 
 @dataclass(frozen=True)
 class FilledPart:
-    """A part for the template of the page, which holds the files of its contents."""
+    """A part for the template of the page, with the content of its files."""
 
     part: Part
-    record: Record | None
-    command: str
-    failure: str
-    contents: list[
-        dict[str, Any]
-    ]  # fields of the contents, as `_filled_content` returns them
-    verdicts: list[bool]  # of all rows with a verdict: True if the row failed
+    record: Record | None  # as in `PartToShow`
+    command: str  # as in `PartToShow`
+    failure: str  # as in `PartToShow`
+    # Values of each content by their names in the template, from `_filled_content`.
+    contents: list[dict[str, Any]]
+    failed: list[bool]  # for all rows with a verdict: True if the row failed
 
     @property
     def failures(self) -> int:
         """The number of rows that failed."""
-        return self.verdicts.count(True)
+        return self.failed.count(True)
 
 
 def part_to_show(part: Part, inputs: Inputs) -> PartToShow:
@@ -77,8 +78,13 @@ def part_to_show(part: Part, inputs: Inputs) -> PartToShow:
     Returns
     -------
     PartToShow
-        The part. If its files cannot be shown, the reason is its `failure`, so that one part does
-        not hide the others.
+        The part. If its files cannot be shown, `failure` has the reason: an exception would keep
+        the other parts from the page.
+
+    Raises
+    ------
+    InputError
+        If the record is damaged.
     """
     record = read(inputs.path(part))
     if record is not None and not record.finished:
@@ -92,19 +98,19 @@ def part_to_show(part: Part, inputs: Inputs) -> PartToShow:
         for content in contents:
             _require_readable(content)
     except (InputError, ModuleNotFoundError) as error:
-        # Without a record the part was simply not made: its missing files are no failure.
+        # Without a record the part was not made, so that missing files are no failure.
         failure = str(error) if record is not None else ""
         return PartToShow(part=part, record=record, failure=failure)
-    if not contents:
+    if not contents:  # all files are optional, and none of them exists
         return PartToShow(part=part, record=None)
     command = ""
     if record is not None:
-        command = inputs.command(part, record.command)
+        command = inputs.portable(part, record.command)
     return PartToShow(part=part, record=record, command=command, contents=contents)
 
 
 def _require_readable(content: Content) -> None:
-    """Raise InputError if the file of a table or figure cannot be read."""
+    """Raise InputError if the file of a table or figure cannot be read; words were read before."""
     if isinstance(content, Table):
         tabulated(content)
     elif isinstance(content, Figure):
@@ -167,7 +173,7 @@ def _page_values(parts: Sequence[Part], inputs: Inputs) -> dict[str, Any]:
         "output": inputs.output,
         "circumstances": circumstances(),
         "states": states(_records_of_todays_parts(filled)),
-        "judged": [part for part in filled if part.verdicts],
+        "judged": [part for part in filled if part.failed],
         "failures": sum(part.failures for part in filled),
         "answers": lines(parts, inputs),
         "chapters": {chapter: list(group) for chapter, group in chapters},
@@ -176,12 +182,12 @@ def _page_values(parts: Sequence[Part], inputs: Inputs) -> dict[str, Any]:
 
 
 def _present(parts: Sequence[Part], inputs: Inputs) -> list[Part]:
-    """Return the parts without the retired ones that have no record."""
+    """Return the parts for the page: all, except for retired parts without a record."""
     return [part for part in parts if not part.retired or read(inputs.path(part))]
 
 
 def _records_of_todays_parts(filled: list[FilledPart]) -> list[Record | None]:
-    """Return the records of the parts with contents that the code of today can make."""
+    """Return the records of the parts that have contents and are not retired."""
     return [part.record for part in filled if part.contents and not part.part.retired]
 
 
@@ -196,7 +202,8 @@ def states(records: Sequence[Record | None]) -> str:
     Returns
     -------
     str
-        A sentence with the first ten digits of each state's hash, or "" without any part.
+        A sentence with the number of parts and the first ten digits of the hash of each state, the
+        most frequent state first; "" if there are no parts.
     """
     if not records:
         return ""
@@ -209,37 +216,40 @@ def states(records: Sequence[Record | None]) -> str:
 
 
 def _filled(shown: PartToShow) -> FilledPart:
-    """Read the files of a part into it."""
+    """Return a part with the content of its files, for the template."""
     contents = [_filled_content(content) for content in shown.contents]
-    verdicts: list[bool] = []
+    failed: list[bool] = []
     for values in contents:
-        if "lines" in values:
-            verdicts += [row for row in values["lines"].failed if row is not None]
+        if values["kind"] == Table.__name__:
+            of_table = values[
+                "table"
+            ].failed  # None for each row of a table without verdicts
+            failed += [has_failed for has_failed in of_table if has_failed is not None]
     return FilledPart(
         part=shown.part,
         record=shown.record,
         command=shown.command,
         failure=shown.failure,
         contents=contents,
-        verdicts=verdicts,
+        failed=failed,
     )
 
 
 def _filled_content(content: Content) -> dict[str, Any]:
-    """Return the fields of a content for the template, with its files.
+    """Return the values of a content by their names in the template: its fields, and further keys.
 
-    Further keys are `kind`, the name of the class; `files`, name and address of its tables; for a
-    figure `size`, width and height [pixels], and `source`, its address; for a table `lines`, the
-    formatted table. Addresses hold the whole file.
+    `kind` is the name of its class. `files` is a list of its CSV files, each with `name` and
+    `source`. A figure has `size`, its width and height [pixels], and `source`. A table has `table`,
+    the `TableToShow`. Each `source` is an address that holds the whole file.
     """
     values = {**vars(content), "kind": type(content).__name__}
     if isinstance(content, Figure):
-        # A PNG file has its width and height in bytes 16 to 24, four bytes for each.
+        # Bytes 16 to 24 of a PNG file are its width and its height, four bytes each.
         header = content_of(content.picture)[16:24]
         values["size"] = (int.from_bytes(header[:4]), int.from_bytes(header[4:]))
         values["source"] = _address(content.picture, "image/png")
     elif isinstance(content, Table):
-        values["lines"] = tabulated(content)
+        values["table"] = tabulated(content)
     values["files"] = [
         {"name": path.name, "source": _address(path, "text/csv")}
         for path in tables_of(content)
@@ -259,7 +269,7 @@ PUBLISHED = Inputs(
     comparison=RESULTS / "comparison",
     full=True,
 )
-"""The published results, which the manual shows. They have no database."""
+"""The published results, which the manual shows. They have no database: the file does not exist."""
 
 
 def fragment(name: str, folder: Path) -> str:
@@ -270,17 +280,18 @@ def fragment(name: str, folder: Path) -> str:
     name : str
         Name of the report.
     folder : Path
-        Folder of the page, which pictures are linked from.
+        Folder of the manual's page, which the links to pictures are relative to.
 
     Returns
     -------
     str
-        Markdown. It says so if the report has not been published yet.
+        Markdown: how the report was made, then its contents, or a sentence that it has not been
+        published yet.
 
     Raises
     ------
     InputError
-        If the report was made and cannot be shown.
+        If the report was published and cannot be shown.
     """
     part = {part.name: part for part in PARTS}[name]
     shown = part_to_show(part, PUBLISHED)
@@ -295,7 +306,7 @@ def fragment(name: str, folder: Path) -> str:
 
 
 def _blocks_of(content: Content, part: Part, folder: Path) -> list[str]:
-    """Return the paragraphs (Markdown) of one content, for a page in a folder."""
+    """Return the paragraphs (Markdown) of one content, for a page of the manual in a folder."""
     if isinstance(content, Figure):
         picture = relpath(content.picture, folder)
         caption = f":alt: {part.title}\n\n{content.caption}"
@@ -308,25 +319,30 @@ def _blocks_of(content: Content, part: Part, folder: Path) -> list[str]:
 
 
 def _how_made(shown: PartToShow) -> str:
-    """Say how a report was made: its command, and the processor, day and commit of its record."""
+    """Say how a report was made: its command, and the processor, day and commit of its record.
+
+    Without a record it is the command that makes the report.
+    """
     record = shown.record
     part = shown.part
     if record is None:
         command = PUBLISHED.typed(part).replace(str(RESULTS), "report")
-        return f"Made by `{command.replace('report/none.h5', 'paper.h5')}`."
+        # `PUBLISHED` names a database that does not exist. A user gives one of the paper preset.
+        command = command.replace("report/none.h5", "paper.h5")
+        return f"Made by `{command}`."
     retired = ""
     if part.retired:
         retired = f" The code up to commit {part.retired} has the command."
     return (
-        f"Made by `{PUBLISHED.command(part, record.command)}` on {record.machine.processor},"
+        f"Made by `{PUBLISHED.portable(part, record.command)}` on {record.machine.processor},"
         f" {record.created[:10]}, commit {record.commit[:7]}.{retired}"
     )
 
 
 def _markdown_table(content: Table) -> str:
-    """Return a table as Markdown, which scrolls if it is long.
+    """Return a table as Markdown, in a container that scrolls if there are more than `LONG` rows.
 
-    It has the first `LONGEST` rows, and says how many rows the file has in addition.
+    It has the first `LONGEST` rows, and says how many further rows the file has.
     """
     table = tabulated(content)
     titles = [title.text for title in table.titles]

@@ -1,11 +1,11 @@
 """Other solvers beside ours on free patches, bodies that yield, and periodic patches.
 
-Solvers are first brought to equal accuracy, then timed: each runs at the loosest tolerance that is
-good enough. `find_errors` measures the accuracy, `Trial` finds the tolerance, `compare` times.
+Solvers are compared at equal accuracy: each is timed at the loosest tolerance that is good enough.
+`find_errors` measures the accuracy, `Trial` finds the tolerance, `compare` times.
 
-On periodic patches all solvers have one problem: the displacement of a wave is 2 / (E* |q|) of its
-pressure, and the mean displacement is zero. The surfaces have a power spectrum with waves from a
-quarter of the side down to four cells.
+On periodic patches all solvers solve one problem: the displacement of a wave is 2 / (E* |q|) times
+its pressure, and the mean displacement is zero. The surfaces have a power spectrum with waves from
+a quarter of the side down to four cells.
 """
 
 import math
@@ -47,57 +47,57 @@ SIDE = 1000.0
 """Scan length of the surfaces on free patches [um]."""
 
 SIGMA0 = 20.0
-"""Standard deviation of their first displacement [um]."""
+"""Standard deviation of the first displacement of these surfaces [um]."""
 
 SURFACE = 18
 """Row of the paper preset whose random numbers make the surfaces.
 
-At 129 nodes a side, H = 0.8 and Delta = 5 um, 6 to 18 nodes touch, where MIRCO is at its best. At
-H = 0.65 the contacts are of middling size.
+At 129 nodes a side, H = 0.8 and Delta = 5 um, 6 to 18 nodes touch, which suits MIRCO best. At
+H = 0.65 the contacts are neither small nor large.
 """
 
 HURST = 0.65
-"""Hurst exponent of the surfaces on all grids [1]."""
+"""Hurst exponent of the surfaces on free patches, but for `PAPERS_HURST` [1]."""
 
 PAPERS_HURST = 0.8
 """Hurst exponent of the contacts that suit the paper's algorithm [1]."""
 
 PAPERS_NODES = 129
-"""Nodes a side of these contacts."""
+"""Nodes a side of the contacts that suit the paper's algorithm."""
 
 PAPERS_DELTAS = (5.0, 15.0, 25.0)
-"""Displacements of these contacts [um]."""
+"""Displacements of the contacts that suit the paper's algorithm [um]."""
 
 PERIODIC_HURST = 0.8
 """Hurst exponent of the surfaces of periodic patches [1]."""
 
 LOADS = (0.004, 0.04, 0.26, 0.75, 1.2)
-"""Mean pressures on periodic patches, with some 1, 10, 50, 90 and 99 % of contact [E* h']."""
+"""Mean pressures on periodic patches, at which some 1, 10, 50, 90 and 99 % touch [E* h']."""
 
 PERIODIC_LADDER = tuple(10.0**-decade for decade in range(2, 13))
 """Tolerances that are tried on periodic patches, falling [1]."""
 
 LOAD_ERROR = 1e-6
-"""Allowed relative error of the force, or of the displacement if the force is given [1]."""
+"""Largest good relative error of the force, or of the displacement if the force is given [1]."""
 
 MISPLACED_SHARE = 5e-4
-"""Allowed number of nodes in contact in one solution only, over those in contact [1].
+"""Largest good number of misplaced nodes over the number of nodes in contact [1].
 
-One node is always allowed.
+One misplaced node is always good enough. `Errors` says which nodes are misplaced.
 """
 
 TURN = 0.05
-"""Shortest CPU time of a turn, in which a solver repeats a solve [s]."""
+"""CPU time for which a solver at least repeats a solve in each of its turns [s]."""
 
 PATIENCE = 5.0
-"""CPU time above which a solve is timed once, not repeated for a median [s]."""
+"""CPU time of a solve above which it is timed only once [s]."""
 
 
 @lru_cache(maxsize=64)
 def sample(
     nodes: int, delta: float, hardness: float | None = None, hurst: float = HURST
 ) -> Case:
-    """Return a contact of the surface `SURFACE`.
+    """Return a contact of the surface of row `SURFACE`, on a free patch.
 
     Calls with equal arguments return one object, so that its exact solution is found once.
 
@@ -137,13 +137,14 @@ def samples(
     deltas : sequence of float
         Displacements [um].
     hardnesses : sequence of float
-        Hardnesses over E* [1]. Without any, contacts that suit the paper's algorithm are added at
-        `PAPERS_NODES`.
+        Hardnesses over E* [1]. If there are none, contacts that suit the paper's algorithm are
+        added on the grid of `PAPERS_NODES`.
 
     Returns
     -------
     list of Case
-        The contacts, grid after grid; at a displacement from elastic bodies to the softest.
+        The contacts, grid after grid and displacement after displacement. At each displacement
+        elastic bodies come first, then bodies with falling hardness.
     """
     bounds = (None, *sorted(hardnesses, reverse=True))
     cases: list[Case] = []
@@ -160,18 +161,17 @@ class Errors:
 
     # Relative error of the force, or of the displacement if the force is given [1].
     load_error: float
-    # Nodes in contact in one solution only, plus nodes that yield in one solution only.
+    # Nodes in contact in only one of the solutions, plus nodes that yield in only one of them.
     misplaced_nodes: int
-    pressure_error: (
-        float  # largest difference of pressures, over the largest pressure [1]
-    )
+    # Largest difference of pressures, over the largest pressure [1].
+    pressure_error: float
 
 
 def find_errors(pressure: Values, control: Control, case: Case, exact: Exact) -> Errors:
     """Measure the errors of a pressure.
 
-    A given force is met by construction. Then the error of the displacement counts, which is
-    computed here and not by the solver.
+    A solver that is given the force has no error of the force. Its error of the displacement is
+    measured instead, with the displacement that follows from the pressure.
 
     Parameters
     ----------
@@ -190,14 +190,15 @@ def find_errors(pressure: Values, control: Control, case: Case, exact: Exact) ->
         The errors.
     """
     if control == "force":
-        approach = case.displacement(pressure) - (case.heights - case.heights.max())
-        delta = (pressure * approach).sum() / pressure.sum()
+        # The Delta at which each node just touches; its mean is weighted by the pressure.
+        touch = case.displacement(pressure) - (case.heights - case.heights.max())
+        delta = (pressure * touch).sum() / pressure.sum()
         load_error = delta / case.delta - 1
     else:
         load_error = pressure.sum() * case.spacing**2 / exact.force - 1
-    touching = (pressure > 0) != (exact.pressure > 0)
-    yielded = case.yielded(pressure) != case.yielded(exact.pressure)
-    misplaced = int(np.count_nonzero(touching) + np.count_nonzero(yielded))
+    touching_unlike = (pressure > 0) != (exact.pressure > 0)
+    yielded_unlike = case.yielded(pressure) != case.yielded(exact.pressure)
+    misplaced = int(np.count_nonzero(touching_unlike) + np.count_nonzero(yielded_unlike))
     difference = np.abs(pressure - exact.pressure).max()
     return Errors(
         load_error=abs(float(load_error)),
@@ -207,21 +208,21 @@ def find_errors(pressure: Values, control: Control, case: Case, exact: Exact) ->
 
 
 class Trial:
-    """A solver on one contact: its loosest tolerance that is good enough, and its times there.
+    """A solver on one contact: the loosest tolerance that is good enough, and the times at it.
 
     Parameters
     ----------
     solver : Solver
         The solver.
     case : Case
-        The contact, which is solved exactly at once.
+        The contact, which is solved exactly when the trial is made.
 
     Attributes
     ----------
     tolerance : float or None
-        The loosest tolerance that is good enough; None until `find_tolerance` has found it.
+        The loosest tolerance that is good enough; None until `find_tolerance` has found one.
     remark : str
-        Reason why there is none; empty without a reason.
+        Reason why `find_tolerance` has found none; otherwise empty.
     contact_nodes : int
         Number of nodes in contact in the exact solution.
     """
@@ -241,8 +242,8 @@ class Trial:
     def find_tolerance(self) -> None:
         """Find the loosest tolerance of the solver's ladder that is good enough.
 
-        Sets `tolerance`, or else `remark`. A solver that fails at a tolerance is not tried at
-        tighter ones.
+        It sets `tolerance`; if there is none, it sets `remark`. A solver that fails at a tolerance
+        is not tried at tighter ones.
         """
         if self.contact_nodes > self.solver.largest_contact:
             largest = self.solver.largest_contact
@@ -262,7 +263,7 @@ class Trial:
                 self.tolerance = tolerance
                 self._errors = errors
                 self._convolutions = answer.convolutions
-                if seconds > PATIENCE:  # `take_turn` does not repeat the solve
+                if seconds > PATIENCE:  # `take_turn` will not repeat this solve
                     self._seconds = [seconds]
                 return
         self.remark = f"not good enough at {tolerance:.0e}"
@@ -274,7 +275,10 @@ class Trial:
         return answer, time.process_time() - began
 
     def take_turn(self) -> None:
-        """Time the solver at its tolerance, unless it has none or a solve takes too long."""
+        """Time some solves at the tolerance.
+
+        It does nothing without a tolerance, or if a solve takes longer than `PATIENCE`.
+        """
         if self.tolerance is None or max(self._seconds, default=0.0) > PATIENCE:
             return
         turn: list[float] = []
@@ -286,7 +290,7 @@ class Trial:
 
     @property
     def seconds(self) -> float | None:
-        """Median CPU time of a solve [s]; None without any."""
+        """Median CPU time of the timed solves [s]; None if there are none."""
         return median(self._seconds) if self._seconds else None
 
     def times(self, reference: "Trial") -> float | None:
@@ -300,9 +304,9 @@ class Trial:
         Returns
         -------
         float or None
-            Median over the rounds of the ratio within a round, as a machine has slow seconds [1].
-            It is the ratio of the medians if one of the trials was timed once, and None if one was
-            not timed.
+            Median over the rounds of the ratio of both times in a round [1], on which slow seconds
+            of the machine have little effect. If one of the trials was timed only once, it is the
+            ratio of the median times. It is None if one of them was not timed.
         """
         rounds = list(zip(self._turns, reference._turns, strict=False))
         if rounds:
@@ -312,12 +316,12 @@ class Trial:
         return None
 
     def row(self, ours: "Trial") -> Row:
-        """Return the row of the table.
+        """Return the row of this trial for the table.
 
         Parameters
         ----------
         ours : Trial
-            Trial of the first solver on this contact.
+            Trial of our solver on this contact.
 
         Returns
         -------
@@ -349,7 +353,7 @@ class Trial:
         }
 
     def _error_columns(self) -> Row:
-        """Return the errors by their columns, the fields of `Errors`; None without a tolerance."""
+        """Return the fields of `Errors` by their names; all are None without a tolerance."""
         if self._errors is None:
             return dict.fromkeys(error.name for error in fields(Errors))
         return asdict(self._errors)
@@ -358,7 +362,7 @@ class Trial:
 def compare(
     cases: Sequence[Case], solvers: Sequence[Solver], rounds: int = 4
 ) -> list[Row]:
-    """Bring solvers to equal accuracy on each contact, and time them there in turn.
+    """Time solvers on each contact in turn, each at its loosest tolerance that is good enough.
 
     Prints the name of each contact on standard error.
 
@@ -389,7 +393,10 @@ def compare(
 
 
 _peer = partial(Solver, install="peers", ladder=PERIODIC_LADDER)
+"""Makes a solver by other people that is given the displacement of a periodic patch."""
+
 _peer_by_force = partial(_peer, control="force")
+"""Makes a solver by other people that is given the force on a periodic patch."""
 
 PERIODIC_SOLVERS = (
     replace(BEM, control="force", ladder=PERIODIC_LADDER),
@@ -424,9 +431,9 @@ PERIODIC_SOLVERS = (
 
 @lru_cache(maxsize=4)
 def periodic_sample(nodes: int, hurst: float, load: float) -> Case:
-    """Return a contact on a periodic patch with a side of 1 um and a rms slope of 1.
+    """Return a contact on a periodic patch with a side of 1 um and an rms slope of 1.
 
-    Solves it, to find the displacement.
+    The contact is solved here, to find its displacement.
 
     Parameters
     ----------
@@ -473,7 +480,7 @@ def peers(nodes: Sequence[int], deltas: Sequence[float], rounds: int) -> list[Ro
     Raises
     ------
     InputError
-        If a number is not possible.
+        If a number of nodes is not 2^k + 1, or another number is not finite and above 0.
     """
     _check(nodes, deltas)
     for package, install in missing().items():
@@ -505,7 +512,7 @@ def hardness(
     Raises
     ------
     InputError
-        If a number is not possible.
+        If a number of nodes is not 2^k + 1, or another number is not finite and above 0.
     """
     _check(nodes, (*deltas, *hardness))
     plastic = [solver for solver in (BEM, *installed()) if solver.plastic]
@@ -518,7 +525,7 @@ def periodic(nodes: Sequence[int], rounds: int) -> list[Row]:
     Parameters
     ----------
     nodes : sequence of int
-        Nodes a side, each a power of two of at least `others.COARSEST`.
+        Nodes a side, each a power of two that is at least `others.COARSEST`.
     rounds : int
         Number of turns of each solver.
 
@@ -530,7 +537,7 @@ def periodic(nodes: Sequence[int], rounds: int) -> list[Row]:
     Raises
     ------
     InputError
-        If a number of nodes is not possible.
+        If a number of nodes is not a power of two, or is smaller.
     """
     for size in nodes:
         is_power_of_two = not size & (size - 1)
@@ -547,7 +554,11 @@ def periodic(nodes: Sequence[int], rounds: int) -> list[Row]:
 
 
 def _check(nodes: Sequence[int], values: Sequence[float]) -> None:
-    """Raise InputError if a number of nodes is not 2^k + 1, or a value not finite and above 0."""
+    """Check the numbers of a command.
+
+    Raises InputError if a number of nodes is not 2^k + 1, or a displacement or hardness in `values`
+    is not finite and above 0.
+    """
     for size in nodes:
         is_power_and_one = not (size - 1) & (size - 2)
         if size < 3 or not is_power_and_one:

@@ -36,16 +36,16 @@ STYLES = tuple(
     {"color": colour, "marker": marker}
     for colour, marker in zip(COLOURS, MARKERS, strict=True)
 )
-"""Properties of the curves of a panel, in the order of the curves."""
+"""Colour and marker of each curve of a panel, in the order of the curves."""
 
 DPI = 150
 """Resolution of a picture [pixels per inch]."""
 
 PALETTE = 64
-"""Number of colours of a PNG file, which keeps the files of all reports small."""
+"""Number of colours of a PNG file without a colour bar. A small number makes the file small."""
 
 GRADED = 256
-"""Number of colours of a PNG file that has a colour bar."""
+"""Number of colours of a PNG file with a colour bar."""
 
 
 def new_figure(width: float = 6.4, height: float = 4.8) -> Any:
@@ -71,7 +71,7 @@ def new_figure(width: float = 6.4, height: float = 4.8) -> Any:
 
 
 def save(figure: Any, path: Path) -> Path:
-    """Write a figure as a PNG file of few colours, into a folder that is made if need be.
+    """Write a figure as a PNG file of few colours, into a folder that is made if it is missing.
 
     Parameters
     ----------
@@ -89,6 +89,7 @@ def save(figure: Any, path: Path) -> Path:
 
     drawn = BytesIO()
     figure.savefig(drawn, dpi=DPI, format="png")
+    # Matplotlib labels the axes of a colour bar so.
     has_colour_bar = any(axis.get_label() == "<colorbar>" for axis in figure.axes)
     colours = GRADED if has_colour_bar else PALETTE
     image = Image.open(drawn).convert("RGB")
@@ -116,14 +117,18 @@ def draw_figures(
     Returns
     -------
     dict
-        Matplotlib's figures by the names of their files without ending. Figures whose table is
-        missing or has no rows are left out.
+        Matplotlib's figures by the names of their files without ending. An entry without `panels`
+        is left out: it is a table, words, or a picture that the report draws itself. Figures whose
+        table is missing or has no rows are left out, too.
     """
     drawn = {}
     for entry in contents:
-        table = Path(entry.get("data", [""])[0]).stem
-        if "panels" in entry and tables.get(table):
-            drawn[Path(entry["figure"]).stem] = draw(entry, list(tables[table]))
+        if "panels" not in entry:
+            continue
+        table_name = Path(entry["data"][0]).stem
+        rows = tables.get(table_name)
+        if rows:
+            drawn[Path(entry["figure"]).stem] = draw(entry, rows)
     return drawn
 
 
@@ -139,13 +144,14 @@ def draw(entry: Mapping[str, Any], rows: Sequence[Row]) -> Any:
         - `all`: keys that all panels share;
         - `size`: width and height of a panel [inch];
         - `down`: the number of rows of panels, 1 if it is missing;
-        - `facet`: a format of a text that is filled in with a row. Each text gets a column of
-          panels, which shows the rows with this text and has it as its title;
-        - `shared`: which axes the panels share, as `Figure.subplots` takes it;
+        - `facet`: a format, as "{boundary} edges", that each row fills in. Rows that give the same
+          text are shown in one column of panels, below this text as a title. `down` is not used
+          then;
+        - `shared`: which axes the panels share, as the keywords of `Figure.subplots`;
         - `legend`: where the curves are named: "figure" for below the panels, "each" for the
-          lowest panel of each column, or the number of a panel.
+          lowest panel of each column, or the number of a panel, counted from 0 row by row.
     rows : sequence of Row
-        The rows of the table.
+        One row of the table or more.
 
     Returns
     -------
@@ -153,6 +159,7 @@ def draw(entry: Mapping[str, Any], rows: Sequence[Row]) -> Any:
     """
     panels = entry["panels"]
     has_facets = "facet" in entry
+    # Without facets the empty format puts all rows into one facet without a title.
     facets = _rows_by_text(rows, entry.get("facet", ""))
     if has_facets:
         down = len(panels)
@@ -163,10 +170,11 @@ def draw(entry: Mapping[str, Any], rows: Sequence[Row]) -> Any:
     width, height = entry.get("size", (3.7, 3.6))
     figure = new_figure(width * across, height * down)
     axes = figure.subplots(down, across, squeeze=False, **entry.get("shared", {}))
+    shared_keys = entry.get("all", {})
     for place, (title, rows_of_facet) in enumerate(facets.items()):
         axes_of_facet = axes[:, place] if has_facets else axes.flat
         for axis, panel in zip(axes_of_facet, panels, strict=True):
-            draw_panel(axis, {**entry.get("all", {}), **panel}, rows_of_facet)
+            draw_panel(axis, {**shared_keys, **panel}, rows_of_facet)
         if title:
             axes_of_facet[0].set_title(title)
     if "legend" in entry:
@@ -175,9 +183,12 @@ def draw(entry: Mapping[str, Any], rows: Sequence[Row]) -> Any:
 
 
 def _draw_legend(figure: Any, axes: Any, place: Any) -> None:
-    """Name the curves at the place that the key `legend` of a figure says; see `draw`."""
+    """Name the curves at the place that the key `legend` of a figure says; see `draw`.
+
+    `axes` has the panels, shape (down, across).
+    """
     if place == "figure":
-        curves = axes[0, 0].get_legend_handles_labels()
+        curves = axes[0, 0].get_legend_handles_labels()  # all panels have the same curves
         figure.legend(*curves, loc="outside lower center", ncols=4)
     elif place == "each":
         for axis in axes[-1]:
@@ -187,17 +198,22 @@ def _draw_legend(figure: Any, axes: Any, place: Any) -> None:
 
 
 def _rows_by_text(rows: Sequence[Row], form: str) -> dict[str, list[Row]]:
-    """Return the rows by the text that they give when they are filled into a format."""
+    """Group rows by the text that they give when their values are filled into a format.
+
+    The groups are in the order of their first rows.
+    """
     groups: dict[str, list[Row]] = {}
     for row in rows:
-        groups.setdefault(form.format(**row), []).append(row)
+        text = form.format(**row)
+        groups.setdefault(text, []).append(row)
     return groups
 
 
 def draw_panel(axis: Any, panel: Mapping[str, Any], rows: Sequence[Row]) -> None:
     """Draw columns over another column into a panel: curves, dots or a histogram.
 
-    Rows without a value of x or y are left out.
+    Rows whose x or y is missing are left out. Missing values of other columns become the text of
+    the key `none`.
 
     Parameters
     ----------
@@ -207,19 +223,21 @@ def draw_panel(axis: Any, panel: Mapping[str, Any], rows: Sequence[Row]) -> None
         The panel's entry in the TOML file. Its keys are:
 
         - `x`, `y`: names of the columns;
-        - `axes`: properties of the axes, as `Axes.set` takes them. A list of one number is a
+        - `axes`: properties of the axes, as the keywords of `Axes.set`. A list of one number is a
           lower limit;
-        - `label`: a format of a curve's name that is filled in with a row. Rows with the same
-          name are one curve;
-        - `look`: properties of the curves, as `Axes.plot` takes them;
-        - `dashed`: another column, drawn as a dashed line for each curve;
-        - `dots`: pairs of columns, drawn as hollow dots for each curve;
-        - `words`: whether the values of x are texts;
-        - `colour`: a column. It gives rows as dots with this colour instead of curves;
-        - `bins`: the bins of a histogram of x, which is drawn instead of y;
+        - `label`: a format, as "{nodes} nodes", that each row fills in. Rows that give the same
+          text are one curve, and the text is its name;
+        - `look`: properties of the curves, as the keywords of `Axes.plot`;
+        - `dashed`: name of another column, drawn over x as a dashed line for each curve;
+        - `dots`: pairs of names of columns (abscissa, ordinate), drawn as hollow dots for each
+          curve;
+        - `words`: true if the values of x are categories instead of numbers;
+        - `colour`: name of a column. Each row is drawn as a dot in the colour of its value, instead
+          of curves;
+        - `bins`: the bins of a histogram of x, which is drawn instead of curves; `y` is not used;
         - `marks`: levels of horizontal lines by their names;
-        - `ticks`: whether the values of x alone have ticks;
-        - `none`: the text that replaces a missing value.
+        - `ticks`: true if x has ticks only at the values of its column;
+        - `none`: the text that replaces a missing value; empty without this key.
     rows : sequence of Row
         The rows of the table.
     """
@@ -240,9 +258,9 @@ def draw_panel(axis: Any, panel: Mapping[str, Any], rows: Sequence[Row]) -> None
 
 
 def _drawable(panel: Mapping[str, Any], rows: Sequence[Row]) -> list[Row]:
-    """Return the rows with values of x and y; the text `none` replaces missing other values."""
+    """Return the rows that have x and y; missing values of other columns become the text `none`."""
     x = panel["x"]
-    y = panel.get("y", x)
+    y = panel.get("y", x)  # a histogram has no y
     replacement = panel.get("none", "")
     missing = {None, ""}
     drawable = []
@@ -259,7 +277,7 @@ def _draw_dots(axis: Any, panel: Mapping[str, Any], rows: Sequence[Row]) -> None
     colour = panel["colour"]
     dots = axis.scatter(
         [row[panel["x"]] for row in rows],
-        [row[panel.get("y", panel["x"])] for row in rows],
+        [row[panel["y"]] for row in rows],
         s=2,
         c=[row[colour] for row in rows],
         rasterized=True,
@@ -283,23 +301,25 @@ def _draw_marks(axis: Any, panel: Mapping[str, Any]) -> None:
 
 
 def _set_axes(axis: Any, properties: Mapping[str, Any]) -> None:
-    """Set the properties of a panel's axes."""
+    """Set the properties of a panel's axes, which are the keywords of `Axes.set`."""
     values = dict(properties)
     for name, value in properties.items():
         # TOML has no null: a list of one number is a lower limit without an upper one.
         if isinstance(value, list) and len(value) == 1:
             values[name] = [*value, None]
     axis.set(**values)
-    if properties.get("xscale") == "log" and "xlim" not in properties:
-        figures.log_axis(axis.xaxis)
-    if properties.get("yscale") == "log" and "ylim" not in properties:
-        figures.log_axis(axis.yaxis)
+    # `log_axis` chooses the labels of a logarithmic axis by the span of the drawn values. Where the
+    # TOML file sets the limits, matplotlib's labels by the limits are kept.
+    for direction in ("x", "y"):
+        is_logarithmic = properties.get(f"{direction}scale") == "log"
+        if is_logarithmic and f"{direction}lim" not in properties:
+            figures.log_axis(getattr(axis, f"{direction}axis"))
 
 
 def _draw_curves(axis: Any, panel: Mapping[str, Any], rows: Sequence[Row]) -> None:
     """Draw a curve for each label of a panel's rows."""
     curves = _rows_by_text(rows, panel.get("label", ""))
-    styles = itertools.cycle(STYLES)
+    styles = itertools.cycle(STYLES)  # never ends: zip ends with the curves
     for (name, rows_of_curve), style in zip(curves.items(), styles, strict=False):
         _draw_curve(axis, panel, rows_of_curve, name, style)
 
@@ -311,18 +331,23 @@ def _draw_curve(
     name: str,
     style: Mapping[str, str],
 ) -> None:
-    """Draw one curve of a panel, with its dashed line and hollow dots."""
+    """Draw one curve of a panel, with its dashed line and hollow dots.
+
+    `name` is the label of the curve. `style` is one of `STYLES`; the key `look` of the panel
+    overrides it.
+    """
 
     def column(column_name: str) -> list[Any]:
         return [row[column_name] for row in rows]
 
-    places = column(panel["x"])
+    x = column(panel["x"])
     if panel.get("words"):
-        places = [str(place) for place in places]
+        x = [str(value) for value in x]
     look = {**style, **panel.get("look", {})}
-    axis.plot(places, column(panel.get("y", panel["x"])), label=name, **look)
+    axis.plot(x, column(panel["y"]), label=name, **look)
     colour = style["color"]
     if "dashed" in panel:
-        axis.plot(places, column(panel["dashed"]), color=colour, ls="--", lw=1)
+        axis.plot(x, column(panel["dashed"]), color=colour, ls="--", lw=1)
+    # Circles for the first pair of columns, then squares, then triangles.
     for (abscissa, ordinate), marker in zip(panel.get("dots", ()), "os^", strict=False):
         axis.plot(column(abscissa), column(ordinate), marker, mfc="none", color=colour)

@@ -18,10 +18,10 @@ from gen.runtime.files import lock_folder, make_folder, write
 from learn.comparison.folder import KINDS as FOLDERS_OF_RESULTS
 
 LARGE = 200_000
-"""Size of the smallest table that is compressed [byte]."""
+"""Size from which a table is compressed [byte]."""
 
 KINDS = frozenset({".csv", ".json", ".jsonl", ".toml", ".txt"})
-"""Endings of the names of files that are published, besides pictures that are shown."""
+"""Suffixes of the files that are published. Of pictures only those that a report shows are."""
 
 LEFT_OUT = frozenset({*FOLDERS_OF_RESULTS, "databases", "decks", "maps", "predictions"})
 """Names of folders inside the folder of a part that are not published."""
@@ -31,21 +31,22 @@ LEFT_OUT = frozenset({*FOLDERS_OF_RESULTS, "databases", "decks", "maps", "predic
 class PartsOfFolder:
     """The parts that share a folder."""
 
-    folder: Path  # of the run
-    home: Path  # the same folder among the published results
+    folder: Path  # the folder in the run, or that of the comparison
+    published: Path  # the same folder among the published results
     parts: list[Part]
-    finished: list[Part]  # the parts among them that were made
+    finished: list[Part]  # those of the parts that were made
 
 
 def publish(parts: Sequence[Part], inputs: Inputs, target: Path) -> list[Path]:
     """Copy the results of a run into the folder of published results.
 
-    A folder whose parts were all made loses its earlier files.
+    Earlier files are deleted in each published folder whose parts were all made. In other folders,
+    earlier files of the same name are replaced.
 
     Parameters
     ----------
     parts : sequence of Part
-        The parts to publish, those that were not made included.
+        All parts. Parts that were not made are skipped.
     inputs : Inputs
         The folders of the run.
     target : Path
@@ -78,14 +79,14 @@ def publish(parts: Sequence[Part], inputs: Inputs, target: Path) -> list[Path]:
             raise InputError(
                 f"{inputs.output} holds no finished part: `python -m bench run` makes it"
             )
-        for path in _replaced(folders) - files.keys():
+        for path in _earlier_files(folders) - files.keys():
             path.unlink()
         _write_files(files)
         return sorted(files)
 
 
 def _require_apart(folders: Sequence[Path], target: Path) -> None:
-    """Raise InputError if a folder that is read is inside the target, or the target inside it."""
+    """Raise InputError if the target contains a folder that is read, or is inside one of them."""
     published = target.resolve()
     for folder in folders:
         source = folder.resolve()
@@ -99,14 +100,14 @@ def _parts_of_folder(
     """Return the parts of a folder; raise InputError if one of them was not finished."""
     return PartsOfFolder(
         folder=folder,
-        home=target / (parts[0].folder or parts[0].name),
+        published=target / (parts[0].folder or parts[0].name),
         parts=parts,
         finished=[part for part in parts if _is_finished(part, inputs)],
     )
 
 
 def _is_finished(part: Part, inputs: Inputs) -> bool:
-    """Say whether a part was made; raise InputError if it was begun and not finished."""
+    """Say whether a part was made; raise InputError if it was made but failed before its end."""
     path = inputs.path(part)
     record = read(path)
     if record is None:
@@ -116,44 +117,48 @@ def _is_finished(part: Part, inputs: Inputs) -> bool:
     return True
 
 
-def _replaced(folders: Sequence[PartsOfFolder]) -> set[Path]:
-    """Return the published files of all folders whose parts were all made."""
-    replaced: set[Path] = set()
+def _earlier_files(folders: Sequence[PartsOfFolder]) -> set[Path]:
+    """Return the published files in all folders whose parts were all made."""
+    earlier: set[Path] = set()
     for folder in folders:
         if len(folder.finished) == len(folder.parts):
-            replaced |= {path for path in folder.home.rglob("*") if path.is_file()}
-    return replaced
+            earlier |= {path for path in folder.published.rglob("*") if path.is_file()}
+    return earlier
 
 
 def _write_files(files: Mapping[Path, bytes]) -> None:
-    """Write files with their contents into folders, which are made if need be."""
+    """Write files with their contents; make their folders if these are missing."""
     for path, content in files.items():
         make_folder(path.parent)
         if path.suffix == COMPRESSED:
+            # `write` would refuse to replace a file that is not text.
             path.unlink(missing_ok=True)
-        write(path, content, "picture" if path.suffix == ".png" else "text")
+        write(path, content, kind="picture" if path.suffix == ".png" else "text")
 
 
 def _files_to_publish(folder: PartsOfFolder) -> Iterator[tuple[Path, bytes]]:
     """Yield the files of a folder's finished parts: the published path, and the content.
 
-    Large tables and lines of JSON are compressed. In other files `report` replaces the path of the
-    folder above, which is of no use to readers.
+    Tables from `LARGE` bytes and lines of JSON (.jsonl) are compressed. In other files "report"
+    replaces the absolute path of the run's folder, which is of no use to readers.
     """
-    above = bytes(folder.folder.resolve().parent)
+    run_folder = bytes(folder.folder.resolve().parent)
     for path in _paths_to_publish(folder):
-        published = folder.home / path.relative_to(folder.folder)
+        published = folder.published / path.relative_to(folder.folder)
         content = path.read_bytes()
         is_large_table = path.suffix == ".csv" and len(content) >= LARGE
         if path.suffix == ".jsonl" or is_large_table:
             compressed = published.with_name(published.name + COMPRESSED)
             yield compressed, lzma.compress(content)
         else:
-            yield published, content.replace(above, b"report")
+            yield published, content.replace(run_folder, b"report")
 
 
 def _paths_to_publish(folder: PartsOfFolder) -> Iterator[Path]:
-    """Yield the tables, words, records and shown pictures of a folder's finished parts, sorted."""
+    """Yield the tables, words, records and shown pictures of a folder, sorted by their paths.
+
+    Nothing is yielded if none of its parts was made.
+    """
     if not folder.finished:
         return
     pictures = _shown_pictures(folder)
@@ -176,8 +181,11 @@ def _shown_pictures(folder: PartsOfFolder) -> set[Path]:
 def _is_result(path: Path) -> bool:
     """Say whether a file is a table, words or a record of a part.
 
-    The output of a command is none, and neither is the list of a comparison's rows.
+    The printed output of a command is not a result, nor is the list of the rows of a comparison.
     """
-    if path.suffix not in KINDS or path.parts[-2:] == ("area", "rows.csv"):
+    is_list_of_rows = path.parts[-2:] == ("area", "rows.csv")
+    if path.suffix not in KINDS or is_list_of_rows:
         return False
-    return path.name.endswith(RECORD) or not path.name.endswith(NOT_READ)
+    is_record = path.name.endswith(RECORD)
+    is_output = path.name.endswith(NOT_READ) and not is_record
+    return not is_output

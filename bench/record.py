@@ -1,6 +1,8 @@
-"""The places of a run's files, and the records of how, where and of which code parts were made.
+"""The places of a run's files, and the records of how each part of a run was made.
 
-A part is made again only if its record differs from the circumstances of today.
+A record is a JSON file in the folder of the part. It has the command, the exit code, the machine,
+the state of the code and the versions of packages. A part is made again only if its record differs
+from the present circumstances.
 """
 
 import hashlib
@@ -36,19 +38,19 @@ PACKAGES = (
     "tamaas",
     "aspher",
 )
-"""Packages whose versions a record has, if they are installed."""
+"""Distributions whose versions are written into each record, if they are installed."""
 
 ROOT = Path(__file__).resolve().parents[1]
 """Folder of the source tree."""
 
 SOURCES = ("asperity", "bem", "bench", "gen", "learn")
-"""Packages whose files are the code of a part."""
+"""Folders of the source tree whose files are hashed as the state of the code."""
 
 RESULTS = ROOT / "bench" / "results"
 """Folder of the published results."""
 
 CODE = {".py", ".toml", ".jinja", ".html"}
-"""Endings of the names of files that are code."""
+"""Suffixes of the files in `SOURCES` that are hashed: programs, settings and templates."""
 
 COMPARED = {
     "command": "command",
@@ -57,16 +59,17 @@ COMPARED = {
     "versions": "packages",
     "machine": "machine",
 }
-"""Fields of a record that have to be as today for a part to stay, with their names in messages."""
+"""Fields of `Record`, with their names in messages. A part is made again if one of them differs."""
 
 RECORD = ".part.json"
-"""End of the name of the file with the record of a part."""
+"""The record of a part is the file of this ending after the name of the part."""
 
 NOT_READ = (RECORD, ".printed.txt", ".said.txt")
-"""Ends of the names of files about how a part was made, which no other part reads."""
+"""Endings of files about how a part was made: its record, its standard output and its standard
+error. They are no input of other parts."""
 
 PAGE = "index.html"
-"""Name of the page's file in the folder of a run."""
+"""Name of the file of the page, in the folder of a run."""
 
 
 def circumstances() -> dict[str, Any]:
@@ -75,8 +78,9 @@ def circumstances() -> dict[str, Any]:
     Returns
     -------
     dict
-        The fields `created`, `commit`, `state`, `machine` and `versions` of `Record`. The machine
-        has more keys than `Machine`.
+        Values of the fields `created`, `commit`, `state`, `machine` and `versions` of `Record`, by
+        their names. `machine` is a dict with the keys `processor`, `cores`, `system` and `threads`
+        (the environment's OMP_NUM_THREADS).
     """
     return {
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -93,9 +97,9 @@ def circumstances() -> dict[str, Any]:
 
 
 def code_state(root: Path = ROOT) -> str:
-    """Hash all programs, settings and templates of the packages.
+    """Hash all files of `SOURCES` that have a suffix of `CODE`.
 
-    Documents and published results do not change the hash. Changes that are not committed do.
+    Published results are left out. Changes that are not committed to git change the hash, too.
 
     Parameters
     ----------
@@ -105,7 +109,7 @@ def code_state(root: Path = ROOT) -> str:
     Returns
     -------
     str
-        SHA-256 of names and contents of the files, 64 hexadecimal digits.
+        SHA-256 of the relative paths and contents of the files, 64 hexadecimal digits.
     """
     results = root / RESULTS.relative_to(ROOT)
     files = [path for package in SOURCES for path in (root / package).rglob("*")]
@@ -120,7 +124,7 @@ def code_state(root: Path = ROOT) -> str:
 
 
 def processor() -> str:
-    """Return the name of the processor, as Linux or else Python has it."""
+    """Return the name of the processor from /proc/cpuinfo, or from Python where that fails."""
     with suppress(OSError):
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
             if line.startswith("model name"):
@@ -129,32 +133,39 @@ def processor() -> str:
 
 
 class Machine(documents.Document):
-    """The machine on which a part was made."""
+    """The machine on which a part was made. Records may have further keys, which are kept."""
 
-    processor: str
+    processor: str  # name of the processor
 
 
 class Record(documents.Document):
     """How a part was made, and how its command ended: a file in the folder of the part."""
 
     command: str  # as a user types it
-    code: Annotated[int, Field(ge=-64, le=255)] = 0  # exit code; negative for a signal
-    finished: bool = True  # whether the results are whole, also if a check failed
+    # Exit code of the command; the negative number of a signal that ended it.
+    code: Annotated[int, Field(ge=-64, le=255)] = 0
+    # True if all results were written, even if a check of them failed.
+    finished: bool = True
     # Wall-clock time of the command [s].
     seconds: Annotated[float, Field(ge=0, le=1e15)] = 0.0
-    told: list[str] = Field(default_factory=list)  # last lines of standard error
-    inputs: dict[str, int]  # last change of each input by its name [ns since 1970]
-    created: str  # date and time (ISO 8601)
-    commit: str  # empty without git
-    state: str = ""  # of the code, as `code_state` returns it; empty in old records
+    # The last lines that the command wrote to standard error.
+    told: list[str] = Field(default_factory=list)
+    # Time of the last change of each input [ns since 1970], by its name in `Inputs.files`.
+    inputs: dict[str, int]
+    created: str  # date and time of the end of the command (ISO 8601)
+    commit: str  # hash of the git commit; empty without git
+    state: str = ""  # state of the code from `code_state`; empty in old records
     machine: Machine
-    # Load of the machine in the minute before, near 0 if it was idle; None in old records.
+    # Load average of the machine in the minute before, near 0 if it was idle; None in old records.
     load: float | None = None
-    versions: dict[str, str]  # of installed packages, by name
+    versions: dict[str, str]  # versions of the installed `PACKAGES`, by their names
 
 
 def _inputs_in(path: Path) -> Iterator[Path]:
-    """Yield the files of an input: the file itself, or all files of a folder but `NOT_READ`."""
+    """Yield the files of an input: the file itself, or all files below a folder but `NOT_READ`.
+
+    Nothing is yielded if the path does not exist.
+    """
     if path.is_file():
         yield path
     elif path.is_dir():
@@ -181,33 +192,33 @@ def read(path: Path) -> Record | None:
     InputError
         If the file is damaged.
     """
-    document = documents.read(path, Record)
-    if document is None:
-        return None
-    return Record.model_validate(document.content(), strict=False)
+    return documents.read(path, Record)
 
 
 @dataclass(frozen=True)
 class Inputs:
     """The places of the files that the parts of a run read and write."""
 
-    output: Path  # folder of the run and of its page
-    database: Path | None  # of the paper preset; None for the one in the run's folder
-    comparison: (
-        Path | None
-    )  # of `learn compare` and `learn tune`; None for the run's folder
-    full: bool  # True for all parts, False for the parts that fit into ten minutes
+    output: Path  # folder of the run, which has the page and a folder for each part
+    # The user's database of the paper preset; None for the generated one in the run's folder.
+    database: Path | None
+    # The user's folder of `learn compare` and `learn tune`; None for the one in the run's folder.
+    comparison: Path | None
+    full: bool  # True for a full run; False for a short run, of ten minutes
 
     @property
     def files(self) -> dict[str, Path]:
-        """The files and folders that a part may read, by their names in commands."""
+        """The database and the folder of the comparison, by their names in commands' templates.
+
+        They may not exist.
+        """
         return {
             "database": self.database or self.output / "databases" / "paper.h5",
             "comparison": self.comparison or self.output / "comparison",
         }
 
     def folder(self, part: Part) -> Path:
-        """Return the folder of a part's files.
+        """Return the folder of a part's files: that of the comparison, or one in the run's folder.
 
         Parameters
         ----------
@@ -235,12 +246,13 @@ class Inputs:
         Returns
         -------
         str
-            The arguments of a short or of a full run; empty if this run leaves the part out.
+            `part.full` in a full run, `part.quick` in a short one; empty if this run leaves the
+            part out.
         """
         return part.full if self.full else part.quick
 
     def arguments(self, part: Part) -> list[str]:
-        """Return the arguments of the Python interpreter that make a part.
+        """Fill in the template of a part's command.
 
         Parameters
         ----------
@@ -250,47 +262,52 @@ class Inputs:
         Returns
         -------
         list of str
-            The arguments; empty if this run leaves the part out. Words in brackets are left out if
-            the file that they name does not exist, or the folder has no table.
+            The arguments of the Python interpreter; empty if this run leaves the part out. Words in
+            brackets are kept, without the brackets, only if the file that they name exists or the
+            folder that they name has a table.
         """
 
-        def words_in_brackets(match: re.Match[str]) -> str:
+        def words_to_keep(match: re.Match[str]) -> str:
             words, name = match.groups()
             path = self.files[name]
             if path.is_file() or any(path.glob("**/*.csv")):
                 return words
             return ""
 
-        template = re.sub(r"\[([^]]*\{(\w+)\})\]", words_in_brackets, self.template(part))
+        # Words in brackets end with the name of one of `files`: "[--comparison {comparison}]".
+        in_brackets = r"\[([^]]*\{(\w+)\})\]"
+        template = re.sub(in_brackets, words_to_keep, self.template(part))
         values = {"folder": self.folder(part), **self.files}
         return [word.format_map(values) for word in template.split()]
 
-    def command(self, part: Part, command: str) -> str:
-        """Return a recorded command without the folder of another run.
+    def portable(self, part: Part, recorded: str) -> str:
+        """Return a recorded command, with `report` in place of the folder of another run.
 
         Parameters
         ----------
         part : Part
-            The part.
-        command : str
-            The command that made the part, in this run or elsewhere.
+            The part that the command made.
+        recorded : str
+            The command, from a record of this run or of another one.
 
         Returns
         -------
         str
-            The command, with `report` in place of a run's folder that is not this run's.
+            The command. The folder of this run is not replaced.
         """
-        own_folder = re.compile(rf"(.+)/{re.escape(part.folder or part.name)}(/.*)?")
-        words = shlex.split(command)
-        matches = [own_folder.fullmatch(word) for word in words]
-        roots = {match[1] for match in matches if match}
-        for root in roots - {str(self.output)}:
-            beginning = re.compile(rf"^{re.escape(root)}(?=/)")
+        words = shlex.split(recorded)
+        # A word ROOT/PART or ROOT/PART/... shows that the command's run had the folder ROOT.
+        folder_of_part = re.compile(rf"(.+)/{re.escape(part.folder or part.name)}(/.*)?")
+        matches = [folder_of_part.fullmatch(word) for word in words]
+        run_folders = {match[1] for match in matches if match}
+        other_folders = run_folders - {str(self.output)}
+        for folder in other_folders:
+            beginning = re.compile(rf"^{re.escape(folder)}(?=/)")
             words = [beginning.sub("report", word) for word in words]
         return shlex.join(words)
 
     def path(self, part: Part) -> Path:
-        """Return the file of a part's record.
+        """Return the path of a part's record.
 
         Parameters
         ----------
@@ -320,7 +337,7 @@ class Inputs:
         return shlex.join(["python", *self.arguments(part)])
 
     def sources(self, part: Part) -> dict[str, Path]:
-        """Return the files and folders that a part's command reads.
+        """Return those of `files` that a part's command names.
 
         Parameters
         ----------
@@ -330,7 +347,8 @@ class Inputs:
         Returns
         -------
         dict
-            Paths by their names in commands, without the folder that the part writes.
+            Paths by their names in the template. The folder into which the part itself writes is
+            left out.
         """
         names = re.findall(r"\{(\w+)\}", self.template(part))
         return {
@@ -350,39 +368,52 @@ class Inputs:
         Returns
         -------
         str
-            "new", "not finished", or "other ..." with a list of the changes since the part was
-            made; "" if the part can stay.
+            "new" without a record, "not finished", or "other ..." with a list of the fields in
+            `COMPARED` that have changed, as "other code, packages"; "" if the part can stay.
+
+        Raises
+        ------
+        InputError
+            If the record is damaged.
         """
         record = read(self.path(part))
         if record is None:
             return "new"
         if not record.finished:
             return "not finished"
-        then = record.model_dump()
-        now = self._present(part)
-        changes = [words for name, words in COMPARED.items() if then[name] != now[name]]
+        recorded = record.model_dump()
+        present = self._present(part)
+        changes = [
+            words
+            for field, words in COMPARED.items()
+            if recorded[field] != present[field]
+        ]
         if not changes:
             return ""
         return f"other {', '.join(changes)}"
 
     def write(self, part: Part, **outcome: Any) -> None:
-        """Write the record of a part that was made just now.
+        """Write the record of a part that was made just now into the folder of the part.
 
         Parameters
         ----------
         part : Part
             The part.
         **outcome
-            The fields `code`, `finished`, `seconds`, `told` and `load` of `Record`.
+            Values of the fields `code`, `finished`, `seconds`, `told` and `load` of `Record`. The
+            method itself finds the values of the other fields.
         """
         record = Record(**self._present(part), **outcome)
         text = record.model_dump_json(indent=2, exclude_unset=True)
         write(self.path(part), f"{text}\n")
 
     def _present(self, part: Part) -> dict[str, Any]:
-        """Return the fields of a record that is made now: command, inputs and circumstances."""
-        changed = {
-            name: max((file.stat().st_mtime_ns for file in _inputs_in(source)), default=0)
-            for name, source in self.sources(part).items()
-        }
-        return {"command": self.typed(part), "inputs": changed, **circumstances()}
+        """Return values of the fields of a record that do not depend on the outcome, by name.
+
+        The time of an input without files is 0.
+        """
+        last_changes = {}
+        for name, source in self.sources(part).items():
+            changes = [file.stat().st_mtime_ns for file in _inputs_in(source)]
+            last_changes[name] = max(changes, default=0)
+        return {"command": self.typed(part), "inputs": last_changes, **circumstances()}

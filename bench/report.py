@@ -5,6 +5,7 @@ the commands of a short and of a full run, and the `contents`: the tables, pictu
 the page shows, with their captions. `CHAPTERS` has the order of the reports.
 """
 
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -30,33 +31,33 @@ def remark(line: str) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """Results of a report that are ready to be written, by the names of their files without ending.
+    """Results of a report that are ready to be written."""
 
-    Rows of one table have the same columns. `pictures` has only matplotlib's figures that the TOML
-    file of the report does not describe.
-    """
-
+    # Tables by the names of their files without ending. Rows of one table have the same columns.
     tables: Mapping[str, Sequence[Row]]
+    # Matplotlib's figures by the names of their files without ending. Figures that the TOML file of
+    # the report describes are not among them: they are drawn when the report is written.
     pictures: Mapping[str, Any] = field(default_factory=dict)
     text: str = ""  # for people: printed below the tables, and not written
 
     @property
     def passed(self) -> bool:
-        """Whether every row that has a verdict has the verdict `passed`."""
-        rows = (row for rows in self.tables.values() for row in rows)
+        """Whether every row with a value in the column `verdict` has the value "passed"."""
+        rows = itertools.chain.from_iterable(self.tables.values())
         return all(row.get("verdict", "passed") == "passed" for row in rows)
 
     def write(
         self, folder: Path, contents: Sequence[Mapping[str, Any]] = ()
     ) -> list[Path]:
-        """Write tables (CSV) and pictures (PNG) into a folder, which is made if need be.
+        """Write tables (CSV) and pictures (PNG) into a folder, which is made if it is missing.
 
         Parameters
         ----------
         folder : Path
             The folder of the report.
         contents : sequence of mappings
-            Contents of the report's TOML file, which describe pictures of the tables.
+            Entries `contents` of the report's TOML file. Figures among them are drawn from the
+            tables.
 
         Returns
         -------
@@ -80,36 +81,41 @@ class Report:
 class Part:
     """A report as a part of a run and of the page of all reports.
 
-    `quick` and `full` are the arguments of the Python interpreter in a short and in a full run. A
-    run fills in {folder}, {database} and {comparison}, and leaves out words in brackets if the
-    file that they name does not exist. All fields but `name`, `chapter` and `show` are keys of the
-    report's TOML file.
+    All fields but `name`, `chapter` and `show` are keys of the report's TOML file.
     """
 
-    name: str  # of its command, of its TOML file, and of its folder unless `folder` is given
+    # Name of the command and of the TOML file; also of the folder, unless `folder` is given.
+    name: str
     chapter: str  # heading above the report on the page
     title: str  # heading of the report
-    quick: str  # empty if a short run leaves the part out
-    full: str  # empty if a full run leaves the part out
+    # Arguments of the Python interpreter that make the part in a short run. A run fills in
+    # {folder}, {database} and {comparison}. It leaves out words in brackets if the file that they
+    # name does not exist. Empty if a short run leaves the part out.
+    quick: str
+    full: str  # as `quick`, for a full run
     show: Callable[[Path], Sequence[Content]]  # lists the contents of the part's folder
-    # Name of another part whose folder gets the files; empty for a folder of its own.
+    # Name of another part, into whose folder the files are written; empty for a folder of its own.
     folder: str = ""
-    # Last commit whose code has the command of the part; empty if today's code has it.
+    # Last commit whose code has the command of the part; empty if the present code has it.
     retired: str = ""
-    judges: bool = False  # whether exit code 1 reports a failed check instead of an error
-    seconds: float | None = None  # processor time of the short run [s]
+    # True if exit code 1 reports a failed check; False if it reports an error.
+    judges: bool = False
+    seconds: float | None = (
+        None  # processor time of the short run [s]; None if not measured
+    )
     # Time of the full run [min], if the published record is of another command; otherwise 0.
     minutes: float = 0
-    beside: bool = False  # whether other parts may be made at the same time
-    # Programs and distributions. If one is not installed, some rows are left out.
+    beside: bool = False  # True if other parts may be made at the same time
+    # Names of programs and distributions. If one is not installed, some rows are left out.
     needs: Sequence[str] = ()
-    # The function of the rows ("module:name"), if the command is one of `bench`; otherwise empty.
+    # The function that returns the rows ("module:name"); empty if the command is not in `bench`.
     measure: str = ""
-    help: str = ""  # help text of that command
-    # Options of that command by their names: the keys of typer.Option, `default` and `kind`, and
-    # `path` or `argument` for a path or an argument.
+    help: str = ""  # help text of the command in `bench`
+    # Descriptions of the command's options, by their names. The keys of a description are `help`,
+    # `metavar`, `min` and `max` as of typer.Option; `default`; `kind`, the type of the entries if
+    # the default is a list; and `path` or `argument` if the value is a path or an argument.
     options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    keeps: bool = False  # whether the function itself writes files into the folder
+    keeps: bool = False  # True if the function itself writes files into the folder
     # Pictures, tables and words that are shown; see `bench.contents` and `bench.picture`.
     contents: Sequence[Mapping[str, Any]] = ()
 
@@ -120,7 +126,7 @@ def part_of(report: str, chapter: str = "") -> Part:
     Parameters
     ----------
     report : str
-        Name of the report, which is that of the file in `bench/reports`.
+        Name of the report and of its file in `bench/reports`, without ending.
     chapter : str
         Heading above the report on the page.
 
@@ -129,8 +135,8 @@ def part_of(report: str, chapter: str = "") -> Part:
     Part
         The report as a part of a run.
     """
-    description: dict[str, Any] = {"quick": "", "full": "", "contents": ()}
-    description |= read_toml(f"reports/{report}")
+    required: dict[str, Any] = {"quick": "", "full": "", "contents": ()}
+    description = required | read_toml(f"reports/{report}")
     show = partial(contents_of, description["contents"])
     return Part(name=report, chapter=chapter, show=show, **description)
 

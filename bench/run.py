@@ -1,8 +1,8 @@
 """The runner: it makes each part by the command that a user would type, and writes its record.
 
 Parts that measure times are made alone, so that no other part disturbs them; other parts are made
-side by side. A part stays as long as its record has today's command, inputs, code, packages and
-machine. So the same `bench run` goes on where it was interrupted.
+side by side. A part is not made again while its record has the present command, inputs, code,
+packages and machine. So the same `bench run` goes on where it was interrupted.
 """
 
 import os
@@ -33,39 +33,38 @@ LANES = min(2, os.cpu_count() or 1)
 """Largest number of parts that are made side by side."""
 
 ROWS = 1500
-"""Rows of the paper preset that a short run generates. A full run generates all 15,878."""
+"""Rows of the paper preset that a short run generates. A full run generates all of its rows."""
 
 PATIENCE = 60.0
-"""Time that a command has to end after a signal, before it is killed [s]."""
+"""Time that a command gets to end after a signal, before it is killed [s]."""
 
 AWAKE = 0.5
 """Longest sleep of the main thread, which alone can handle signals [s]."""
 
 LONGEST = 7200.0
-"""Time after which the command of a part counts as hanging, and is interrupted [s]."""
+"""Time after which the command of a part is taken to hang, and is interrupted [s]."""
 
 LAST_LINES = 5
 """Number of the last lines of standard error that a record keeps."""
 
-DATABASE = 300
-"""Approximate time for all rows of the paper preset, for the plan [s]."""
+SECONDS_PER_ROW = 0.019
+"""Approximate time of generating a row of the paper preset, for the plan [s]."""
 
 
 @dataclass(frozen=True)
 class Outcome:
     """The end of a run."""
 
-    failed: tuple[
-        str, ...
-    ] = ()  # names of the parts that failed, in this run or an earlier one
+    # Names of the parts that failed, in this run or in an earlier one whose record is kept.
+    failed: tuple[str, ...] = ()
     signal: int = 0  # number of the signal that interrupted the run; 0 without one
 
 
 def run(inputs: Inputs, only: Sequence[str] = ()) -> tuple[Path, Outcome]:
     """Make the parts that are missing or stale, then the page of all parts.
 
-    The folder of the run is locked meanwhile. The database of the paper preset is generated first
-    if a part reads it.
+    The folder of the run is locked meanwhile. If a part reads the database of the paper preset, it
+    is generated first, or the one that the user gave is checked.
 
     Parameters
     ----------
@@ -85,15 +84,27 @@ def run(inputs: Inputs, only: Sequence[str] = ()) -> tuple[Path, Outcome]:
     ------
     InputError
         If a name is not that of a part of this run, or a folder or database cannot be used.
+    KeyboardInterrupt
+        If a signal interrupted the generation of the database.
     """
     parts = _chosen(only, inputs)
     check_folder(inputs.output, PAGE)
     with lock_folder(inputs.output):
-        if any("{database}" in inputs.template(part) for part in parts):
-            rows = load("paper").samples if inputs.full else ROWS
-            of_the_paper(inputs.database, inputs.files["database"].parent, rows)
-        outcome = make(parts, inputs, lambda: write_page(PARTS, inputs))
+        if _reads_database(parts, inputs):
+            folder = inputs.files["database"].parent
+            of_the_paper(inputs.database, folder, _rows_of_database(inputs))
+        outcome = make(parts, inputs, after=lambda: write_page(PARTS, inputs))
         return write_page(PARTS, inputs), outcome
+
+
+def _reads_database(parts: Iterable[Part], inputs: Inputs) -> bool:
+    """Say whether the command of one of the parts reads the database of the paper preset."""
+    return any("{database}" in inputs.template(part) for part in parts)
+
+
+def _rows_of_database(inputs: Inputs) -> int:
+    """Return the number of rows of the paper preset that this run generates."""
+    return load("paper").samples if inputs.full else ROWS
 
 
 def make(parts: Iterable[Part], inputs: Inputs, after: Callable[[], object]) -> Outcome:
@@ -102,22 +113,27 @@ def make(parts: Iterable[Part], inputs: Inputs, after: Callable[[], object]) -> 
     Parameters
     ----------
     parts : iterable of Part
-        The parts. Those that the run leaves out are skipped.
+        The parts. A part that has no command in this run (short or full) is skipped.
     inputs : Inputs
         The folders of the run.
     after : callable
-        Called without arguments whenever a part has been made, never twice at the same time.
+        Called without arguments whenever the command of a part has ended. Two calls never overlap.
 
     Returns
     -------
     Outcome
-        The failed parts; none of them if a signal interrupted the run.
+        The failed parts. If a signal interrupted the run, it has only the signal.
+
+    Raises
+    ------
+    InputError
+        If a folder cannot be written to, or a record is damaged.
     """
     ordered = _in_turn(parts, inputs)
     with Interruption(listening=True) as interruption:
         job = _Job(ordered, inputs, after, interruption)
-        for side_by_side, group in groupby(ordered, key=lambda part: part.beside):
-            job.make_all(list(group), lanes=LANES if side_by_side else 1)
+        for may_run_beside, group in groupby(ordered, key=lambda part: part.beside):
+            job.make_all(list(group), lanes=LANES if may_run_beside else 1)
     if interruption.signal:
         return Outcome(signal=interruption.signal)
     failed = tuple(part.name for part in ordered if part.name in job.failed)
@@ -125,7 +141,11 @@ def make(parts: Iterable[Part], inputs: Inputs, after: Callable[[], object]) -> 
 
 
 class _Job:
-    """The making of the parts of a run, of which `failed` has the names of the failed ones."""
+    """Makes the parts of a run; `failed` collects the names of those that failed.
+
+    `parts` are all parts of the run, which are numbered on standard error. `after` is called
+    whenever a part has been made.
+    """
 
     def __init__(
         self,
@@ -146,15 +166,20 @@ class _Job:
         with ThreadPoolExecutor(lanes) as pool:
             futures = [pool.submit(self._make, part) for part in parts]
             while wait(futures, timeout=AWAKE).not_done:
-                pass
+                pass  # the main thread handles signals between two waits
             for future in futures:
                 future.result()  # raises the error of the thread, if there was one
 
     def _make(self, part: Part) -> None:
-        """Make one part unless it can stay or a signal came; remember whether it failed."""
+        """Make one part, and remember whether it failed; print its progress on standard error.
+
+        A part whose record is kept is not made, but its recorded failure counts. Nothing is done
+        after a signal.
+        """
         if self._interruption.requested():
             return
-        heading = f"[{self._parts.index(part) + 1}/{len(self._parts)}] {part.name}"
+        number = self._parts.index(part) + 1
+        heading = f"[{number}/{len(self._parts)}] {part.name}"
         record = _record_to_keep(part, self._inputs)
         if record is not None:
             remark(f"{heading}: is there")
@@ -170,10 +195,11 @@ class _Job:
 
 
 def _in_turn(parts: Iterable[Part], inputs: Inputs) -> list[Part]:
-    """Return the parts of this run in the order of the work.
+    """Return the parts that this run has a command for, in the order of the work.
 
-    Parts that are made alone come first, then those that are made side by side, the longest first.
-    Parts that read the comparison come last, because other parts add to it.
+    Parts that are made alone come first. Parts that are made side by side follow, the longest
+    first. Parts that read the comparison come last, in the same order, because other parts add to
+    the comparison.
     """
 
     def turn(part: Part) -> tuple[bool, bool, float]:
@@ -187,9 +213,10 @@ def _in_turn(parts: Iterable[Part], inputs: Inputs) -> list[Part]:
 
 
 def _chosen(only: Sequence[str], inputs: Inputs) -> list[Part]:
-    """Return the named parts, or all if no name is given; raise InputError for a wrong input.
+    """Return the named parts, or all parts if no name is given.
 
-    Parts that write into the comparison are left out if the user gave it.
+    Parts that write into the comparison are left out if the user gave its folder. Raises InputError
+    if this run cannot make a named part, or the user's folder of the comparison does not exist.
     """
     for name in only:
         _require_in_run(name, inputs)
@@ -203,7 +230,7 @@ def _chosen(only: Sequence[str], inputs: Inputs) -> list[Part]:
 
 
 def _require_in_run(name: str, inputs: Inputs) -> None:
-    """Raise InputError if a name is not that of a part which this run can make."""
+    """Raise InputError if no part has this name, or this run has no command for the part."""
     parts = {part.name: part for part in PARTS}
     if name not in parts:
         raise InputError(f"{name}: give one of {', '.join(parts)}")
@@ -211,22 +238,26 @@ def _require_in_run(name: str, inputs: Inputs) -> None:
     if inputs.template(part):
         return
     if part.retired:
-        raise InputError(f"{name}: left with commit {part.retired}")
+        raise InputError(
+            f"{name}: is no longer made; the code up to commit {part.retired} has it"
+        )
     raise InputError(f"{name}: takes long, and needs --full")
 
 
 def _record_to_keep(part: Part, inputs: Inputs) -> Record | None:
-    """Return the record of a part that need not be made, or None.
+    """Return the record of a part that need not be made; None if the part has to be made.
 
-    A short run also keeps a part that a full run has made, even if it is stale.
+    A short run also keeps a part that a full run has finished, even if it is stale: its results are
+    better than those of a short run.
     """
     record = read(inputs.path(part))
     if record is None or not record.finished:
         return None
-    full_command = replace(inputs, full=True).typed(part)
-    of_full_run = record.command == full_command != inputs.typed(part)
-    if of_full_run and not inputs.full:
-        return record
+    if not inputs.full:
+        full_command = replace(inputs, full=True).typed(part)
+        has_own_short_command = inputs.typed(part) != full_command
+        if has_own_short_command and record.command == full_command:
+            return record
     if inputs.stale(part):
         return None
     return record
@@ -235,8 +266,9 @@ def _record_to_keep(part: Part, inputs: Inputs) -> Record | None:
 def _run(part: Part, inputs: Inputs, interruption: Interruption) -> int:
     """Run the command of a part to its end or a signal, and return its exit code.
 
-    Its output goes into files beside the record. The record is written at the end, but not after a
-    signal.
+    Its output goes into files beside the record. An earlier record is removed first. The new record
+    is written at the end, but not after a signal, so that the part is made again. A failure is
+    printed on standard error. Raises InputError if the folder cannot be written to.
     """
     path = inputs.path(part)
     output_file = path.with_name(f"{part.name}.printed.txt")
@@ -249,27 +281,28 @@ def _run(part: Part, inputs: Inputs, interruption: Interruption) -> int:
         began = time.monotonic()
         command = [sys.executable, *inputs.arguments(part)]
         code = _run_command(command, output_file, error_file, interruption)
-        last_lines = error_file.read_text(encoding="utf-8", errors="replace").splitlines()
+        errors = error_file.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError as error:
         raise InputError(
             f"{path.parent} cannot be written to: {error.strerror or error}"
         ) from None
     if interruption.requested():
         return code
-    crashed = any(line.startswith("Traceback") for line in last_lines)
+    # Python also ends with code 1 after an exception that nothing catches.
+    crashed = any(line.startswith("Traceback") for line in errors)
     check_failed = code == 1 and part.judges and not crashed
     code_changed = code_state() != state
     if code_changed:
-        last_lines.append("the code changed meanwhile: the same command makes it anew")
+        errors.append("the code changed meanwhile: the same command makes it anew")
     if code or code_changed:
-        reason = last_lines[-1] if last_lines else f"exit code {code}"
+        reason = errors[-1] if errors else f"exit code {code}"
         remark(f"    {part.name}: {reason}")
     inputs.write(
         part,
         code=code,
         finished=not code_changed and (code == 0 or check_failed),
         seconds=round(time.monotonic() - began, 1),
-        told=last_lines[-LAST_LINES:],
+        told=errors[-LAST_LINES:],
         load=load_before,
     )
     return code
@@ -278,10 +311,10 @@ def _run(part: Part, inputs: Inputs, interruption: Interruption) -> int:
 def _run_command(
     command: list[str], output_file: Path, error_file: Path, interruption: Interruption
 ) -> int:
-    """Run a command, and return its exit code; write standard output and error into files.
+    """Run a command, and return its exit code; write its standard output and error into files.
 
-    The command has a session of its own. So Ctrl-C reaches this process alone, which passes it on
-    once, and all processes that the command has started can be killed at its end.
+    The command runs in a new session. So Ctrl-C reaches only this process, which passes it on once,
+    and all processes that the command has started can be killed at its end.
     """
     with (
         output_file.open("w") as output,
@@ -293,15 +326,15 @@ def _run_command(
         try:
             return _wait(process, interruption)
         finally:
-            with suppress(ProcessLookupError):
+            with suppress(ProcessLookupError):  # no process of the session is left
                 os.killpg(process.pid, signal.SIGKILL)
 
 
 def _wait(process: "subprocess.Popen[bytes]", interruption: Interruption) -> int:
     """Wait for the end of a process, and return its exit code.
 
-    A signal is passed on to the process. One that hangs is interrupted, and one that ignores the
-    signal is killed.
+    A signal to this process is passed on. A process that runs longer than `LONGEST` is interrupted.
+    A process that has not ended `PATIENCE` seconds after its signal is killed.
     """
     limit = time.monotonic() + LONGEST
     while not interruption.requested() and time.monotonic() < limit:
@@ -328,8 +361,9 @@ def expected_seconds(part: Part, inputs: Inputs) -> float | None:
     Returns
     -------
     float or None
-        Time [s], by the first of these sources that there is: the record of the same command in
-        this folder, the TOML file of the part, the published record; None without any.
+        Time [s] in the record of the same command in this folder. Without this record it is
+        `part.seconds` in a short run. In a full run it is `part.minutes`, or if these are 0, the
+        time in the published record. None if the time is not known.
     """
     record = read(inputs.path(part))
     if record is not None and record.finished and record.command == inputs.typed(part):
@@ -350,7 +384,7 @@ def in_words(seconds: float | None) -> str:
     Parameters
     ----------
     seconds : float or None
-        The time [s]; None if nobody knows it.
+        The time [s]; None if it is not known.
 
     Returns
     -------
@@ -365,7 +399,7 @@ def in_words(seconds: float | None) -> str:
 
 
 def planned(inputs: Inputs, only: Sequence[str] = ()) -> str:
-    """List the parts of a run, with the reason and the time to make each of them.
+    """List the parts of a run, with the time and the reason to make each of them.
 
     Parameters
     ----------
@@ -377,7 +411,8 @@ def planned(inputs: Inputs, only: Sequence[str] = ()) -> str:
     Returns
     -------
     str
-        One line for each part, and one for the whole.
+        One line for the database if it is to be generated, one line for each part, and one line
+        with the number of parts to make, the database among them, and their time.
 
     Raises
     ------
@@ -387,25 +422,41 @@ def planned(inputs: Inputs, only: Sequence[str] = ()) -> str:
     parts = _in_turn(_chosen(only, inputs), inputs)
     check_folder(inputs.output, PAGE)
     to_make = [part for part in parts if _record_to_keep(part, inputs) is None]
-    lines = []
-    database_is_missing = inputs.full and not inputs.files["database"].exists()
-    if database_is_missing:
-        duration = in_words(DATABASE)
-        lines.append(
-            f"database{duration:>21}  alone   {'new':14}  Rows of the paper preset"
-        )
-    lines += [_planned_line(part, inputs, to_make=part in to_make) for part in parts]
-    seconds = _seconds_of_all(to_make, inputs)
     number = len(to_make)
-    if database_is_missing:
-        seconds += DATABASE
+    seconds = _seconds_of_all(to_make, inputs)
+    lines = []
+    if _makes_database(parts, inputs):
+        database_seconds = SECONDS_PER_ROW * _rows_of_database(inputs)
+        lines.append(
+            _planned_line(
+                name="database",
+                duration=in_words(database_seconds),
+                lane="alone",
+                reason="new",
+                title="Rows of the paper preset",
+            )
+        )
         number += 1
+        seconds += database_seconds
+    lines += [_line_of_part(part, inputs, to_make=part in to_make) for part in parts]
     lines.append(f"{number} parts to make: {in_words(seconds)} by earlier records")
     return "\n".join(lines)
 
 
-def _planned_line(part: Part, inputs: Inputs, *, to_make: bool) -> str:
-    """Return the line of the plan for one part."""
+def _makes_database(parts: Iterable[Part], inputs: Inputs) -> bool:
+    """Say whether the run of these parts generates a new database of the paper preset."""
+    is_given = inputs.database is not None
+    exists = inputs.files["database"].exists()
+    return not is_given and not exists and _reads_database(parts, inputs)
+
+
+def _planned_line(*, name: str, duration: str, lane: str, reason: str, title: str) -> str:
+    """Return a line of the plan, in columns."""
+    return f"{name:20}{duration:>9}  {lane:6}  {reason:14}  {title}"
+
+
+def _line_of_part(part: Part, inputs: Inputs, *, to_make: bool) -> str:
+    """Return the line of the plan for one part, with the programs that it needs and lacks."""
     duration = "-"
     reason = "is there"
     if to_make:
@@ -417,13 +468,15 @@ def _planned_line(part: Part, inputs: Inputs, *, to_make: bool) -> str:
     title = part.title
     if missing:
         title += f" (WITHOUT {missing}: not installed)"
-    return f"{part.name:20}{duration:>9}  {lane:6}  {reason:14}  {title}"
+    return _planned_line(
+        name=part.name, duration=duration, lane=lane, reason=reason, title=title
+    )
 
 
 def _seconds_of_all(parts: list[Part], inputs: Inputs) -> float:
-    """Return the time of all parts [s], of which some are made side by side.
+    """Return the time of all parts [s]. A part of unknown time adds nothing.
 
-    A part of unknown time counts as nothing.
+    Parts that are made side by side fill `LANES` lanes, but take as long as the longest of them.
     """
     alone = [expected_seconds(p, inputs) or 0.0 for p in parts if not p.beside]
     side_by_side = [expected_seconds(p, inputs) or 0.0 for p in parts if p.beside]

@@ -4,9 +4,9 @@
 paper's two grids, beside the closed form, for E* = 1 MPa. The displacement is measured from the tip
 of the paraboloid, which on an even number of nodes is a little above the highest node.
 
-`theory` presses surfaces with a power spectrum by ever larger loads, beside Persson's theory. All
-its results are dimensionless: pressures are over E* h', with the rms slope h', the rms of the
-gradient's modulus; lengths are over the rms height.
+`theory` presses surfaces with a power spectrum by rising loads, beside Persson's theory. All its
+results are dimensionless: pressures are over E* h', with the rms slope h' (the rms of the
+gradient's modulus); lengths are over the rms height.
 
 `conductance` presses these surfaces on bodies that yield, beside Cooper, Mikic and Yovanovich:
 h = 1.25 k (m / sigma) (p / H)^0.95. Here sigma is the rms height, and m the mean absolute slope of
@@ -33,7 +33,7 @@ SPHERE = Paraboloid(5000.0)
 """The paraboloid, with a radius of 5000 um at its tip."""
 
 PATCH = 1000.0
-"""Side of the patch under the paraboloid [um]."""
+"""Side of the patch that the paraboloid presses [um]."""
 
 NODES = (128, 256)
 """Nodes a side of the paper's two grids."""
@@ -42,14 +42,14 @@ LARGEST_DELTA = 1.0
 """Largest displacement of the paraboloid [um]."""
 
 STEPS = 50
-"""Number of displacements above zero."""
+"""Number of displacements above 0 with which the paraboloid is pressed."""
 
 
 @dataclass(frozen=True)
 class Pressed:
-    """The paraboloid at a displacement."""
+    """The contact of the paraboloid at a displacement."""
 
-    force: float  # [uN]
+    force: float  # normal force [uN]
     area_percent: float  # contact area [% of the patch]
 
 
@@ -63,7 +63,7 @@ def pressed(kernel: Kernel | None, nodes: int, delta: float) -> Pressed:
     nodes : int
         Nodes a side; not used by the closed form.
     delta : float
-        Displacement from the touch of the tip [um].
+        Displacement from the touch of the tip, at least 0 [um].
 
     Returns
     -------
@@ -75,7 +75,7 @@ def pressed(kernel: Kernel | None, nodes: int, delta: float) -> Pressed:
         area_percent = 100 * np.pi * radius**2 / PATCH**2
         return Pressed(SPHERE.force(delta), area_percent)
     heights = SPHERE.heights(distances_to_centre((nodes, nodes), PATCH))
-    below_tip = -float(heights.max())
+    below_tip = -float(heights.max())  # the tip is at height 0
     contact = bem.solve(heights, PATCH, delta - below_tip, kernel=kernel)
     return Pressed(contact.force, contact.area_percent)
 
@@ -91,12 +91,12 @@ def hertz(steps: int = STEPS) -> list[Row]:
     Returns
     -------
     list of Row
-        A row for each solution, "hertz" or the kernel, its nodes a side ("" for the closed form),
-        and each displacement. Deviations of force and area are in per cent of Hertz's at the
-        largest displacement.
+        A row for each solution and displacement. The solution is "hertz" or the kernel; its nodes a
+        side are "" for "hertz". Deviations of force and area from Hertz's are in per cent of
+        Hertz's at the largest displacement.
     """
     deltas = np.linspace(0, LARGEST_DELTA, steps + 1).tolist()
-    closed_form = [pressed(None, 0, delta) for delta in deltas]
+    closed_form = [pressed(kernel=None, nodes=0, delta=delta) for delta in deltas]
     largest = closed_form[-1]
     solutions: list[tuple[Kernel | None, int]] = [(None, 0), *product(KERNELS, NODES)]
     rows: list[Row] = []
@@ -120,13 +120,13 @@ def hertz(steps: int = STEPS) -> list[Row]:
 
 
 SIDE = 1.0
-"""Side of the patches of random surfaces [um]."""
+"""Side of the periodic patches of random surfaces [um]."""
 
 RMS_SLOPE = 0.1
-"""Rms slope h' of the random surfaces [1]; all results are ratios that do not depend on it."""
+"""Rms slope h' of the random surfaces [1]; no result depends on it."""
 
 NODES_PER_WAVE = 8
-"""Nodes in the shortest wave."""
+"""Nodes in the shortest wave, whose length is the cut-off wavelength."""
 
 SPECTRA = (
     (0.8, 1),
@@ -135,19 +135,19 @@ SPECTRA = (
     (0.5, 16),
     (0.3, 16),
 )
-"""Hurst exponents, and roll-off over cut-off wavelengths."""
+"""Hurst exponent of each spectrum, and its band: roll-off over cut-off wavelength [1]."""
 
 PRESSURES = np.geomspace(0.005, 1.0, 14)
 """Mean pressures [E* h']."""
 
 SOFT = 0.1
-"""Hardness of bodies that yield nearly wherever they touch [E* h']."""
+"""Hardness in table `conductance`, at which nearly all of the contact yields [E* h']."""
 
 LIGHT = np.geomspace(0.003, 0.1, 8)
-"""Mean pressures on bodies that yield, over their hardness."""
+"""Mean pressures on bodies that yield, over their hardness [1]."""
 
 STEP = 1.03
-"""Ratio of the two loads about each pressure, whose difference gives the stiffness [1]."""
+"""Ratio of two loads about each pressure; the contacts under them give the stiffness [1]."""
 
 
 def theory(nodes: int, surfaces: int) -> Report:
@@ -158,13 +158,13 @@ def theory(nodes: int, surfaces: int) -> Report:
     nodes : int
         Nodes a side.
     surfaces : int
-        Number of surfaces of each spectrum, over which results are means.
+        Number of surfaces of each spectrum; results are means over them.
 
     Returns
     -------
     Report
-        Table `theory` with area, mean gap and stiffness, and for the spectra with the first Hurst
-        exponent table `conductance` of bodies that yield.
+        Table `theory` with area, mean gap and stiffness of elastic bodies, for all spectra. Table
+        `conductance` of bodies that yield, for the spectra with the first Hurst exponent.
     """
     rows: list[Row] = []
     yielding: list[Row] = []
@@ -172,7 +172,8 @@ def theory(nodes: int, surfaces: int) -> Report:
         cut_off = NODES_PER_WAVE * SIDE / nodes
         spectrum = SelfAffineSpectrum(hurst, band * cut_off, cut_off)
         heights = [random_surface(spectrum, nodes, seed) for seed in range(surfaces)]
-        if hurst == SPECTRA[0][0]:
+        first_hurst, _ = SPECTRA[0]
+        if hurst == first_hurst:
             columns: Row = {"hurst": hurst, "band": band, "nodes": nodes}
             yielding.extend({**row, **columns} for row in conductance(heights))
         interface = persson(spectrum)
@@ -188,7 +189,7 @@ def theory(nodes: int, surfaces: int) -> Report:
 
 
 def conductance(heights: Sequence[Heights]) -> list[Row]:
-    """Press bodies that yield, and compute their conductance.
+    """Press bodies that yield at the pressures `LIGHT`, and compute their conductance.
 
     Parameters
     ----------
@@ -198,9 +199,9 @@ def conductance(heights: Sequence[Heights]) -> list[Row]:
     Returns
     -------
     list of Row
-        A row for each pressure: pressure over hardness, mean of the conductance h sigma / (k m)
-        over the surfaces, that of Cooper, Mikic and Yovanovich, and the exponent that fits all
-        pressures.
+        A row for each pressure: the pressure over the hardness; the conductance h sigma / (k m),
+        its mean over the surfaces; that of Cooper, Mikic and Yovanovich; and the exponent of the
+        power law that fits the conductance at all pressures. All are dimensionless.
     """
     hardness = SOFT * RMS_SLOPE
     stiffnesses: list[list[float]] = []
@@ -214,9 +215,9 @@ def conductance(heights: Sequence[Heights]) -> list[Row]:
         )
         stiffnesses.append([contact.interface_stiffness for contact in contacts])
     rms_heights = np.array([surface.std() for surface in heights])
-    # The conductance of two half-spaces of k is proportional to the stiffness of the interface.
+    # The conductance of an interface is proportional to its stiffness: h = k S / (E* area).
     mean_slope = RMS_SLOPE / math.sqrt(math.pi)
-    unit = mean_slope * SIDE**2 * len(heights)
+    unit = mean_slope * SIDE**2 * len(heights)  # the last factor makes the sum a mean
     measured = rms_heights @ stiffnesses / unit
     expected = 1.25 * LIGHT**0.95
     exponent, _ = np.polyfit(np.log(LIGHT), np.log(measured), 1)
@@ -253,10 +254,10 @@ def random_surface(spectrum: SelfAffineSpectrum, nodes: int, seed: int) -> Heigh
 
 
 def press(heights: Heights) -> Values:
-    """Press a surface by all mean pressures.
+    """Press a surface by the mean pressures `PRESSURES`, for E* = 1 MPa.
 
-    Each pressure is the middle of two loads. Values are means of both contacts; the compliance
-    -d(mean gap)/dp is their difference.
+    Each pressure is the geometric mean of two loads. Areas and mean gaps are means of both
+    contacts. The compliance is minus the difference of their mean gaps over that of their loads.
 
     Parameters
     ----------
@@ -266,7 +267,8 @@ def press(heights: Heights) -> Values:
     Returns
     -------
     ndarray, shape (4, len(PRESSURES))
-        Area [%], area in the continuum [%], mean gap [um] and compliance [um/MPa].
+        A row each for the area [%], the area in the continuum [%], the mean gap [um] and the
+        compliance -d(mean gap)/dp [um/MPa].
     """
     ratios = [STEP**-0.5, STEP**0.5]
     loads = RMS_SLOPE * np.outer(PRESSURES, ratios)
@@ -284,8 +286,9 @@ def press(heights: Heights) -> Values:
 def persson(spectrum: SelfAffineSpectrum) -> PerssonInterface:
     """Make Persson's interface with the rms slope of the surfaces.
 
-    Its wavenumbers begin at the radius of a disc as large as one cell of the patch's wavevectors:
-    a patch holds all cells but that of the zero wavevector.
+    The wavevectors of a patch form a lattice with a cell about each. A surface has waves in all
+    cells but that of the zero wavevector. The interface therefore has no waves in a disc with the
+    area of this cell, and its wavenumbers begin at the radius of the disc.
 
     Parameters
     ----------
@@ -295,17 +298,18 @@ def persson(spectrum: SelfAffineSpectrum) -> PerssonInterface:
     Returns
     -------
     PerssonInterface
-        The interface.
+        The interface, with wavenumbers in rad/um.
     """
-    shortest = 2 * math.sqrt(math.pi) / SIDE
-    wavenumbers = np.geomspace(shortest, 2 * math.pi / spectrum.cut_off, 4000)
+    lowest = 2 * math.sqrt(math.pi) / SIDE
+    highest = 2 * math.pi / spectrum.cut_off
+    wavenumbers = np.geomspace(lowest, highest, 4000)
     density = spectrum.density(wavenumbers, np.zeros_like(wavenumbers))
     scale = RMS_SLOPE / PerssonInterface(wavenumbers, density).rms_slope()
     return PerssonInterface(wavenumbers, scale**2 * density)
 
 
 def nayak(interface: PerssonInterface) -> float:
-    """Compute Nayak's bandwidth parameter alpha = m0 m4 / m2^2.
+    """Compute Nayak's bandwidth parameter alpha = m0 m4 / m2^2 of profiles.
 
     Parameters
     ----------
@@ -322,17 +326,21 @@ def nayak(interface: PerssonInterface) -> float:
     m0, m2, m4 = (
         np.trapezoid(2 * np.pi * q ** (power + 1) * spectrum, q) for power in (0, 2, 4)
     )
-    # A profile has the moments m0, m2 / 2 and 3 m4 / 8, if the plane has m0, m2 and m4.
+    # The parameter is that of profiles. If a surface has the moments m0, m2 and m4, its profiles
+    # have m0, m2 / 2 and 3 m4 / 8.
     return float(1.5 * m0 * m4 / m2**2)
 
 
 def _rows(heights: Sequence[Heights], interface: PerssonInterface) -> list[Row]:
-    """Return a row for each pressure: means over surfaces [um], beside Persson's interface."""
+    """Return a row for each of `PRESSURES`: means over surfaces [um], beside Persson's interface.
+
+    All columns are dimensionless or in per cent, as the module says.
+    """
     measured = np.mean([press(surface) for surface in heights], axis=0)
     area, continuum_area, mean_gap, compliance = measured
     rms = float(np.mean([surface.std() for surface in heights]))
     loads = PRESSURES * RMS_SLOPE
-    unit = RMS_SLOPE / rms  # of the stiffness
+    unit = RMS_SLOPE / rms  # unit of the stiffness, E* h' over the rms height [MPa/um]
     persson_area = 100 * area_share(PRESSURES)
     stiffness = 1 / compliance / unit
     persson_stiffness = interface.stiffness(loads) / unit

@@ -1,8 +1,8 @@
-"""Work against precision: errors of a contact's force, area and pressure over its cost.
+"""Errors of a contact's force, area and pressure against its cost, at falling tolerances.
 
-Errors are differences from a solution that is exact to rounding. Costs are wall time, and
-applications of the influence matrix, which do not depend on the load of the machine. One study
-varies the tolerance and the kernel, the other one the solver; `bench.resolution` varies the grid.
+Errors are differences from a solution that is exact to rounding. Costs are the wall time, and the
+number of applications of the influence matrix, which does not depend on other work of the machine.
+Study `tolerance` varies the kernel, study `peers` the solver; `bench.resolution` varies the grid.
 """
 
 from collections.abc import Iterator, Sequence
@@ -28,16 +28,16 @@ DECADES = tuple(10.0**-digits for digits in range(1, 13))
 """Tolerances, falling from 0.1 to 1e-12 [1]."""
 
 PEER_ROWS = (4, 0, 7)
-"""Rows of the paper preset that other solvers are measured on: few, some, many nodes in contact."""
+"""Rows of the paper preset for other solvers, with few, some and many nodes in contact."""
 
 PEER_RTOL = 1e-8
-"""Tightest tolerance to which other solvers are measured [1]."""
+"""Tightest tolerance with which other solvers are measured [1]."""
 
 
 def _evaluate(study: str, case: Case, rtol: float, solver: Solver) -> Row | None:
-    """Solve a case, and return the row with its setting, cost and errors.
+    """Solve a case with a tolerance, and return a row with the setting, the cost and the errors.
 
-    If the solver fails, print this on standard error and return None.
+    If the solver fails, the failure is printed on standard error, and the result is None.
     """
     try:
         answer = solver.solve(case, rtol)
@@ -49,7 +49,7 @@ def _evaluate(study: str, case: Case, rtol: float, solver: Solver) -> Row | None
     pressure = answer.pressure
     touching = int(np.count_nonzero(pressure > 0))
     exactly_touching = round(exact.contact_share * pressure.size)
-    force_error = None
+    force_error = None  # solvers that are given the force have no error of it
     if solver.control == "displacement":
         force = float(pressure.sum()) * case.spacing**2
         force_error = abs(force / exact.force - 1)
@@ -87,7 +87,7 @@ def paper_case(row: int, nodes: int, kernel: Kernel = "uniform-pressure") -> Cas
     row : int
         Number of the row.
     nodes : int
-        Nodes a side, 2^k + 1; the surface has fewer or more nodes than the row's.
+        Nodes a side, 2^k + 1; they replace those of the row.
     kernel : {"uniform-pressure", "concentrated-force"}
         Kernel.
 
@@ -114,9 +114,9 @@ def compare(
 ) -> Iterator[Row]:
     """Time all solvers on every case at every tolerance, solver after solver.
 
-    A first round, which is not timed, fills caches and leaves out settings with which a solver
-    fails. Of the other rounds the shortest time counts, since other work on the machine can only
-    add to it.
+    A first round, which is not timed, fills caches and finds the settings with which a solver
+    fails; these are left out. The shortest time of the other rounds is taken, as other work of the
+    machine can only add to it.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def compare(
     Yields
     ------
     Row
-        Setting, cost and errors of a solver that does not fail.
+        Setting, cost and errors, for each case, tolerance and solver that does not fail.
     """
     settings = [
         setting
@@ -144,7 +144,7 @@ def compare(
     fastest: dict[int, Row] = {}
     for index in back_and_forth(range(len(settings)), rounds):
         row = _evaluate(study, *settings[index])
-        if row is None:
+        if row is None:  # a solve that is not deterministic may fail only now
             continue
         if index not in fastest or row["seconds"] < fastest[index]["seconds"]:
             fastest[index] = row
@@ -153,7 +153,7 @@ def compare(
 
 
 CURVES = {"tolerance": "kernel", "peers": "solver"}
-"""Column that tells the curves of each study apart, by the name of the study."""
+"""Column whose values are the names of the curves of a study, by the name of the study."""
 
 AVERAGED = (
     "force_error",
@@ -162,7 +162,7 @@ AVERAGED = (
     "seconds",
     "convolutions",
 )
-"""Columns that curves have means of."""
+"""Columns of which curves have the means."""
 
 
 def curves(points: Sequence[Row]) -> list[Row]:
@@ -176,8 +176,8 @@ def curves(points: Sequence[Row]) -> list[Row]:
     Returns
     -------
     list of Row
-        A row for each curve and tolerance. There is none where a case is missing, whose mean would
-        be that of other cases. A mean is None if a value is not known.
+        A row for each curve and tolerance at which the curve has all cases of its study: means over
+        fewer cases would not be comparable. A mean is None if one of its values is None.
     """
     groups: dict[tuple[str, str, float], list[Row]] = {}
     cases: dict[str, set[str]] = {}
@@ -188,7 +188,7 @@ def curves(points: Sequence[Row]) -> list[Row]:
         cases.setdefault(study, set()).add(point["case"])
     rows: list[Row] = []
     for (study, curve, rtol), group in groups.items():
-        if len(group) != len(cases[study]):
+        if len(group) != len(cases[study]):  # a solver has failed on a case
             continue
         row: Row = {"study": study, "curve": curve, "setting": rtol}
         for name in AVERAGED:
@@ -198,32 +198,32 @@ def curves(points: Sequence[Row]) -> list[Row]:
 
 
 def _mean(values: Sequence[Any]) -> float | None:
-    """Return the mean of numbers; None if one is None."""
+    """Return the mean of numbers; None if one of them is None."""
     return None if None in values else fmean(values)
 
 
 @dataclass(frozen=True)
 class _Extent:
-    """How much both studies measure."""
+    """How much the studies measure."""
 
     nodes: int  # nodes a side
-    samples: int  # number of rows of the paper preset
-    rtols: tuple[float, ...]  # tolerances [1]
-    rounds: int  # timed rounds of the tolerance study
+    samples: int  # number of rows of the paper preset in study `tolerance`
+    rtols: tuple[float, ...]  # tolerances, falling [1]
+    rounds: int  # number of timed rounds of study `tolerance`
 
 
 QUICK = _Extent(nodes=65, samples=2, rtols=DECADES[::2], rounds=2)
-"""A look in seconds."""
+"""A measurement that takes some seconds."""
 
 FULL = _Extent(nodes=129, samples=8, rtols=DECADES, rounds=4)
 """The published measurement."""
 
 
 def solver(*, quick: bool) -> Report:
-    """Measure both studies, and print which solvers are left out.
+    """Measure both studies, and print on standard error which solvers are left out.
 
-    Other solvers define their tolerances in their own ways, so that only errors compare. Solvers
-    that are given the force get the exact one, which costs them nothing.
+    Each solver defines its tolerance in its own way, so that only errors can be compared. Solvers
+    that are given the force get the exact force; their times do not include its computation.
 
     Parameters
     ----------

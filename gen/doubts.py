@@ -231,7 +231,9 @@ def modulus_in_words(bodies: Bodies, given_by: str = OPTIONS) -> str:
 
 
 def steep_slopes(slope: float, apart: float, where: str = "") -> str:
-    """Doubt the theory of the half-space on steep surfaces.
+    """Return the warning about a surface that is too steep for the theory of the half-space.
+
+    The caller has found the slope too large.
 
     Parameters
     ----------
@@ -241,7 +243,7 @@ def steep_slopes(slope: float, apart: float, where: str = "") -> str:
         Distance of neighbouring nodes [um].
     where : str
         Part of the sentence that says for which rows this holds, with the comma before it, as
-        ", above 1 in 9 of 9 rows"; "" for a single surface.
+        ", above 1 in 7 of 9 rows", which means a slope above 1 in 7 rows; "" for a single surface.
 
     Returns
     -------

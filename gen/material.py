@@ -70,8 +70,8 @@ class Gas(NamedTuple):
             If an option is left out, or its number is not between `SMALLEST` and `LARGEST`.
         """
         return cls(
-            _required_of_gas("--gas-conductivity", conductivity, "W/(m K)"),
-            _required_of_gas("--jump-distance", jump_distance, "um"),
+            conductivity=_required_of_gas("--gas-conductivity", conductivity, "W/(m K)"),
+            jump_distance=_required_of_gas("--jump-distance", jump_distance, "um"),
         )
 
     @property
@@ -188,14 +188,16 @@ def loads_from(load: str, text: str, advice: str = "") -> list[float]:
     Parameters
     ----------
     load : {"delta", "pressure", "force"}
-        Kind of the loads, which is the name of the option that gives them.
+        Kind of the loads, which is the name of the option that gives them; "force" only with
+        `advice`.
     text : str
         The loads.
     advice : str
-        Advice of an error's message, as "give numbers". With it, numbers below `LARGEST` in size
-        and those that are not finite are accepted, and the caller has to check them. If it is "",
-        the message has the advice of `LOADS`; displacements have to be above 0, and pressures 0 or
-        more and not all 0.
+        End of the message if the loads cannot be parsed, as "give numbers". If it is given, only
+        finite numbers of `LARGEST` or more in size are refused, and the caller has to check all
+        others, also NaN and infinity. If it is "", the message ends with the text of `LOADS`, and
+        the loads have to be those of a law: displacements above 0, or pressures of 0 or more that
+        are not all 0.
 
     Returns
     -------
@@ -243,11 +245,11 @@ def _are_loads(load: str, values: Sequence[float]) -> bool:
     They have to be between `SMALLEST` and `LARGEST`. Some pressures may be 0, too, but not all.
     """
     if not any(values):
-        return False
+        return False  # all loads are 0
     nonzero = [value for value in values if value != 0]
     has_zeros = len(nonzero) < len(values)
     if has_zeros and load != "pressure":
-        return False
+        return False  # only a pressure may be 0
     return all(SMALLEST < value < LARGEST for value in nonzero)
 
 
@@ -295,7 +297,7 @@ class Bodies(NamedTuple):
 
     e_star: float
     hardness: float | None = None  # None for elastic bodies
-    # True if the user gave E* or Young's modulus, so that warnings about pressures apply.
+    # True if the user gave E* or Young's modulus. Warnings depend on it, see `gen.doubts`.
     has_modulus: bool = False
     # The elastic body, if the user gave exactly one Young's modulus; None otherwise.
     only: ElasticBody | None = None
@@ -308,7 +310,9 @@ class Bodies(NamedTuple):
         e_star: float | None,
         hardness: float | None,
     ) -> Self:
-        """Return the bodies of the options, with an E* of 1 MPa if there is no modulus.
+        """Return the bodies of the options.
+
+        Without any number E* is 1 MPa. With one Poisson's ratio alone, Young's modulus is 1 MPa.
 
         Parameters
         ----------
@@ -329,8 +333,8 @@ class Bodies(NamedTuple):
         Raises
         ------
         InputError
-            If a number is not allowed, the numbers of moduli and ratios do not match, or a
-            hardness comes without a modulus.
+            If a number is out of range, E* comes with moduli or ratios, there are more than two
+            moduli or not as many ratios as moduli, or a hardness comes without a modulus.
         """
         has_modulus = bool(young) or e_star is not None
         if hardness is not None:
@@ -376,7 +380,7 @@ def combined_modulus(
     Parameters
     ----------
     young : sequence of float or None
-        Young's moduli of one elastic body or of two [MPa]; 1 MPa if there are ratios alone.
+        Young's moduli of one elastic body or of two [MPa]; 1 MPa if there is one ratio alone.
     poisson : sequence of float or None
         Poisson's ratio of each elastic body; None or empty for 0.
     e_star : float or None
@@ -390,8 +394,8 @@ def combined_modulus(
     Raises
     ------
     InputError
-        If a number is not allowed, E* comes with moduli or ratios, or the numbers of moduli and
-        ratios do not match.
+        If a number is out of range, E* comes with moduli or ratios, there are more than two moduli,
+        or not as many ratios as moduli.
     """
     if e_star is not None:
         if young or poisson:

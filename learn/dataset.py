@@ -102,14 +102,14 @@ def results(scene: Scene, load: str = "delta") -> dict[str, Column]:
     dict of str to Column
         Columns by name, with area and force first.
     """
-    inputs = NO_TARGETS | set(parameter_columns(scene).values())
+    not_learnt = NO_TARGETS | set(parameter_columns(scene).values())
     if load in BY_FORCE:
-        inputs = (inputs - {"delta"}) | {"force"}
+        not_learnt = (not_learnt - {"delta"}) | {"force"}
     columns = {}
     for column in columns_for(scene):
         is_field = bool(column.shape_of)
         is_real = column.dtype == "f8" and not column.group and not is_field
-        if _is_count(column) or (is_real and column.name not in inputs):
+        if _is_count(column) or (is_real and column.name not in not_learnt):
             columns[column.name] = column
     first = {name: columns[name] for name in TARGETS.values() if name in columns}
     return first | columns
@@ -156,7 +156,9 @@ def read(
     ------
     InputError
         If an option of the request is wrong, a file is no database or lacks a target, databases
-        cannot be learnt together, too few rows are usable, or a target is constant.
+        cannot be learnt together, too few rows are usable, or a target is constant. For hybrid
+        features also if surfaces cannot be generated anew, or are other surfaces then; see
+        `learn.regeneration.coarse_solves`.
     """
     if request.area_max is not None and not request.area_max > 0:
         raise InputError(f"--area-max {request.area_max:g}: give a percentage above 0")
@@ -255,7 +257,7 @@ def stored(path: Path, request: Request, load: str) -> Stored:
     Raises
     ------
     InputError
-        If the file is no database, or lacks a target.
+        If the file is no database, or a target is no column that can be learnt; see `results`.
     """
     with Reader(path) as reader:
         scene = reader.scene
@@ -382,7 +384,8 @@ class Selection:
         Raises
         ------
         InputError
-            If too few rows are usable, a database has none, or the target is constant.
+            If too few rows are usable, a database has none, the target is constant, or windows of
+            maps cannot be grouped; see `learn.split.surface_groups`.
         """
         column = parts[0].targets[number]
         powers = column.powers
@@ -425,16 +428,17 @@ class Selection:
     def _usable(self, part: Stored, number: int, powers: Powers | None) -> UsableRows:
         """Return the usable rows of a database for a target, by its position in `Stored.targets`.
 
-        The target is divided by the scale that belongs to its powers; see `FeatureSet.scale`.
+        The target is divided by the scale that belongs to its powers; see `FeatureSet.scale`. The
+        `quantities` of the returned `part` are still those of all rows.
         """
         targets = [
             np.asarray(part.columns[column.name], np.float64) for column in part.targets
         ]
         target = targets[number]
-        deciding = [target]
+        must_be_finite = [target]
         if self.common:
-            deciding = targets
-        finite = np.asarray(np.isfinite(deciding).all(axis=0))
+            must_be_finite = targets
+        finite = np.asarray(np.isfinite(must_be_finite).all(axis=0))
         with np.errstate(over="ignore", invalid="ignore"):
             inputs = self.features.of(part.quantities)
         reasons = self._reasons_against(part, inputs, finite)

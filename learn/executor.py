@@ -85,7 +85,8 @@ class Executor:
         Raises
         ------
         InputError
-            If `work` raises it on any process, or `on_result` raises it.
+            If `work` raises it on any process, `on_result` raises it, or the second process of a
+            task with a time limit ends unexpectedly.
         """
         is_new = shared is not self._shared
         sent = shared if is_new else None
@@ -123,11 +124,13 @@ class Executor:
         Raises
         ------
         InputError
-            If `work` raises it.
+            If `work` raises it, or the second process of a task with a time limit ends
+            unexpectedly.
         """
         results: list[Any] = []
 
         def keep(_: Task, result: Any) -> None:
+            """Keep the only result."""
             results.append(result)
 
         self.run(work, shared, [task], keep, until=until)
@@ -159,6 +162,8 @@ def led() -> Iterator[Executor]:
 
     Raises
     ------
+    typer.Exit
+        On the workers, at the end of the job.
     MasterLeft
         On the workers, if the job raises an exception on the master.
     """
@@ -236,13 +241,15 @@ def budget_of(time_needed: float) -> str:
     Returns
     -------
     str
-        The time, rounded up, such as "90s", "12min" or "2.5h".
+        The time, rounded up: up to two minutes in seconds, such as "90s", up to two hours in
+        minutes, such as "12min", and longer ones in tenths of hours, such as "2.5h".
     """
-    if time_needed <= 120:
+    if time_needed <= 2 * UNITS["min"]:
         return f"{max(math.ceil(time_needed), 1)}s"
-    if time_needed <= 120 * 60:
-        return f"{math.ceil(time_needed / 60)}min"
-    return f"{math.ceil(time_needed / 360) / 10:g}h"
+    if time_needed <= 2 * UNITS["h"]:
+        return f"{math.ceil(time_needed / UNITS['min'])}min"
+    tenths_of_hours = math.ceil(time_needed / (UNITS["h"] / 10))
+    return f"{tenths_of_hours / 10:g}h"
 
 
 def within(

@@ -196,12 +196,12 @@ def _linear_predictions(
                 stacklevel=3,
             )
     kept = singular > EPSILON * len(train) * largest
-    singular = singular[kept]
+    kept_singular = singular[kept]
     weights = row_directions[:, kept].T @ target
     projected = test @ directions[kept].T
     results = []
     for alpha in alphas:
-        filters = singular / (singular**2 + alpha)
+        filters = kept_singular / (kept_singular**2 + alpha)
         results.append(projected @ (filters * weights))
     return results
 

@@ -52,7 +52,8 @@ def scores(truth: ArrayLike, prediction: ArrayLike) -> Scores:
     Raises
     ------
     ValueError
-        If the lengths differ, a value is not finite, or the truth does not vary.
+        If the lengths differ, a value is not finite, or the truth is not of one dimension or does
+        not vary.
     """
     from sklearn.metrics import (
         max_error,

@@ -78,8 +78,8 @@ class Model:
         for name, value in settings.items():
             if callable(value):  # it makes an object of a library
                 settings[name] = value()
-        module, _, name = self.path.rpartition(".")
-        make = getattr(import_module(module), name)
+        module, _, name_in_module = self.path.rpartition(".")
+        make = getattr(import_module(module), name_in_module)
         estimator = make(**settings)
         if "random_state" in estimator.get_params(deep=False):
             estimator.set_params(random_state=seed)
@@ -308,7 +308,8 @@ def remarks() -> Iterator[list[str]]:
     Yields
     ------
     list of str
-        The remarks, each of them once. The list is empty until the context ends.
+        The remarks, each of them once. The list is empty until the context ends, and stays empty
+        if an error leaves the context.
     """
     from sklearn.exceptions import ConvergenceWarning
 
@@ -400,7 +401,7 @@ def _scaling_by_power_of_two(target: Values) -> Scaling:
     if abs(mean) <= FAR * float(target.std()):
         mean = 0.0
     magnitudes = np.abs(target - mean)
-    if not magnitudes.any():
+    if not magnitudes.any():  # a constant target
         return Scaling(mean=mean)
     # Outliers do not change the median.
     median = float(np.median(magnitudes[magnitudes > 0]))

@@ -179,7 +179,7 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         # Results depend on the order of the draws: centres, a sample of the rows, parts.
         centres = X[random.permutation(len(y))[:CENTRES]]
         sample = random.permutation(len(y)) < LIKELY_ROWS
-        sampled_rows = rows.at(sample, _blocks(surfaces[sample]))
+        sampled_rows = rows.where(sample, _blocks(surfaces[sample]))
         likely = _most_likely(sampled_rows, centres[:LIKELY_CENTRES])
         parts = dealt(surfaces, PARTS, random)
         self._solve(rows, centres, likely, parts)
@@ -253,7 +253,7 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         # Prior covariances: 1 for the coefficients of the plane, which `PLANE` scales, and that of
         # the process for the values of the Matern functions.
         penalty = np.eye(len(matrix)) * (1 + ROUNDING * np.trace(matrix))
-        inverse_covariance = _among(self.places_).values / likely.variance
+        inverse_covariance = _matern_among(self.places_).values / likely.variance
         penalty[:count, :count] += inverse_covariance - np.eye(count)
         equations = Equations(
             whitened=whitened,
@@ -294,7 +294,7 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
 
     def _functions(self, X: Values) -> Values:
         """Return the m Matern functions and the 1 + d functions of the plane, (n, m + 1 + d)."""
-        kernel = _near(X / self.lengths_, self.places_)
+        kernel = _matern(X / self.lengths_, self.places_)
         return np.hstack([kernel.values, _plane(X)])
 
     def predict(self, X: Values) -> Values:
@@ -382,6 +382,7 @@ class Equations:
         for part in np.unique(parts):
             inside = parts == part
             rows = self.whitened[inside]
+            # For the product of `rows` with itself, numpy has a routine with other rounding.
             matrix = self.matrix - rows.T @ self.whitened[inside] + self.penalty
             right = self.right - rows.T @ self.targets[inside]
             means[inside] = functions[inside] @ solve(matrix, right, assume_a="pos")
@@ -400,7 +401,7 @@ class Equations:
         Returns
         -------
         ndarray, shape (k, q)
-            The q largest errors, one a column, which hold a share `KEPT` of the variance.
+            The q largest errors, one a column, with at least a share `KEPT` of the variance.
         """
         root = np.linalg.cholesky(self.matrix + self.penalty)
         inverse = solve_triangular(root.T, np.eye(len(self.matrix)))
@@ -449,8 +450,9 @@ class ScatterCorrelation(NamedTuple):
 class Evidence(NamedTuple):
     """The evidence of lengths and a variance, as a minimiser takes it."""
 
-    minus_logarithm: float
-    slopes: Values  # (d + 1,), by the logarithms of the lengths and of the variance
+    minus_logarithm: float  # minus the logarithm of the evidence, up to a constant
+    # (d + 1,), slopes of `minus_logarithm` by the logarithms of the lengths and of the variance
+    slopes: Values
 
 
 @dataclass(frozen=True, eq=False)
@@ -514,12 +516,12 @@ class Whitened:
         self._blocks = blocks
         self._inverses = [np.linalg.inv(root) for root in correlation.roots(X, blocks)]
 
-    def at(self, rows: NDArray[np.bool_], blocks: list[Indices]) -> "Whitened":
+    def where(self, mask: NDArray[np.bool_], blocks: list[Indices]) -> "Whitened":
         """Return some of the rows.
 
         Parameters
         ----------
-        rows : ndarray of bool, shape (n,)
+        mask : ndarray of bool, shape (n,)
             True for the k rows to return.
         blocks : list of ndarray, shape (b, j)
             Surfaces of these rows, by positions among the k rows.
@@ -530,9 +532,9 @@ class Whitened:
             The k rows.
         """
         return Whitened(
-            X=self.X[rows],
-            targets=self.targets[rows],
-            process=self.process[rows],
+            X=self.X[mask],
+            targets=self.targets[mask],
+            process=self.process[mask],
             blocks=blocks,
             correlation=self.correlation,
         )
@@ -586,8 +588,8 @@ class Whitened:
         count = len(centres)
         places = self.X / lengths
         about = centres / lengths
-        near = _near(places, about)
-        among = _among(about)
+        near = _matern(places, about)
+        among = _matern_among(about)
         functions = np.hstack([near.values, _plane(self.X)])
         targets = self.white(self.targets)
         whitened = self.white(functions * self.process[:, None])
@@ -647,7 +649,10 @@ class DirectionScores(NamedTuple):
 
 
 def _direction_scores(equations: Equations, inside: NDArray[np.bool_]) -> DirectionScores:
-    """Judge the mean of the rows outside a half, `inside` (n,), by the rows of this half."""
+    """Fit the mean to one half of the rows, and judge it by the other half.
+
+    `inside`, (n,), is True for the rows that judge.
+    """
     outside = ~inside
     functions = equations.whitened
     matrix = functions[outside].T @ functions[outside] + equations.penalty
@@ -698,9 +703,10 @@ def _most_likely(rows: Whitened, centres: Values) -> LikelyScales:
     limits = [*[LENGTHS] * features, VARIANCES]
     searches = []
     for length in STARTS:
+        start = np.log([*[length] * features, 1.0])  # with the variance 1
         search = minimize(
             rows.evidence,
-            np.log([*[length] * features, 1.0]),
+            start,
             (centres,),
             jac=True,
             method="L-BFGS-B",
@@ -790,8 +796,11 @@ def _plane(X: Values) -> Values:
     return PLANE * np.column_stack([np.ones(len(X)), X])
 
 
-def _near(places: Values, centres: Values) -> Kernel:
-    """Return the Matern function of order 5/2 between n places, (n, d), and m centres, (m, d)."""
+def _matern(places: Values, centres: Values) -> Kernel:
+    """Return the Matern function of order 5/2 between n places, (n, d), and m centres, (m, d).
+
+    Places and centres are inputs that have been divided by the lengths.
+    """
     squares = -2.0 * (places @ centres.T)
     squares += np.einsum("ij,ij->i", places, places)[:, None]
     squares += np.einsum("ij,ij->i", centres, centres)
@@ -803,9 +812,12 @@ def _near(places: Values, centres: Values) -> Kernel:
     return Kernel(values, slopes)
 
 
-def _among(centres: Values) -> Kernel:
-    """Return the Matern function among m centres, (m, d), made invertible by `JITTER`."""
-    kernel = _near(centres, centres)
+def _matern_among(centres: Values) -> Kernel:
+    """Return the Matern function among m centres, (m, d), made invertible by `JITTER`.
+
+    The centres have been divided by the lengths.
+    """
+    kernel = _matern(centres, centres)
     kernel.values[np.diag_indices_from(kernel.values)] += JITTER
     return kernel
 

@@ -38,7 +38,7 @@ VERSION = 4
 # Number of rows that a process computes at a time, rounded down to whole surfaces, but at least one
 # surface.
 BLOCK_ROWS = 32
-# Time between two writes of the file beside the database [s].
+# Shortest time between two writes of the file beside the database, except for the last one [s].
 SAVE_SECONDS = 20.0
 # Largest relative difference of statistics between a row and its surface generated again, which may
 # be on another processor.
@@ -106,12 +106,15 @@ def coarse_solves(
     Returns
     -------
     CoarseSolves
-        Deltas and columns of n rows. Columns are NaN for rows that are not done, and for rows that
-        were not computed before a stop. Under pressures Delta is that of the coarse solve,
-        otherwise that of the row.
+        Deltas and columns of n rows. Under pressures Delta is that of the coarse solve, otherwise
+        that of the row. Columns and, under pressures, Delta are NaN for rows whose status is not
+        done, rows whose coarse solve fails or lacks a statistic, and rows that were not computed
+        before a stop.
 
     Raises
     ------
+    SourceError
+        If a map or a function that surfaces are made of cannot be used.
     InputError
         If a surface that is generated again has statistics that differ from those of its row.
     """
@@ -250,6 +253,8 @@ class Regeneration:
 
         Raises
         ------
+        SourceError
+            If a map or a function that surfaces are made of cannot be used.
         InputError
             If a surface that is generated again has statistics that differ from those of its row.
         """
@@ -263,11 +268,15 @@ class Regeneration:
             )
 
             def keep(block: Block, features: BlockFeatures) -> None:
-                """Keep the features of a block, and write the file after `SAVE_SECONDS`."""
+                """Keep the features of a block; write the file if `SAVE_SECONDS` have passed.
+
+                The time is counted from the last write.
+                """
                 self._keep(block, features)
                 progress.advance(rows=block.end - block.first)
                 if time.monotonic() > self.saved + SAVE_SECONDS:
                     self.saved = time.monotonic()
+                    # If this write fails, so does the last one, which warns of it.
                     self.cache.save()
 
             try:
@@ -304,6 +313,7 @@ class Regeneration:
         """
         inside = slice(block.first - self.first, block.end - self.first)
         missing = self.missing[inside]
+        # The absolute tolerance is for statistics that are 0 but for rounding.
         agrees = np.isclose(
             self.cache.inputs[inside],
             features.inputs,
@@ -322,8 +332,9 @@ class Regeneration:
 def compute_block(shared: SharedSettings, block: Block) -> BlockFeatures:
     """Compute the features of the rows of a block, on any process.
 
-    If the scene draws displacements, these are drawn again. Otherwise they are those of the block,
-    which the solver of the database computed from pressures or forces.
+    If the scene draws displacements and features are by Delta, the Deltas are drawn again.
+    Otherwise they are those of the block: Deltas that the solver of the database computed from
+    pressures or forces, or the lengths that replace Delta under pressures.
 
     Parameters
     ----------
@@ -341,7 +352,7 @@ def compute_block(shared: SharedSettings, block: Block) -> BlockFeatures:
     Raises
     ------
     SourceError
-        If a file that surfaces are made of cannot be used.
+        If a map or a function that surfaces are made of cannot be used.
     """
     scene = shared.scene
     contact = scene.contact
@@ -378,7 +389,8 @@ def compute_block(shared: SharedSettings, block: Block) -> BlockFeatures:
 def _surface(scene: Scene, plan: Plan, row: int, name: str) -> SurfaceFeatures | None:
     """Generate the surface of a row of a plan; return None if its heights cannot be computed.
 
-    `name` is the name of the surface in messages. A file that cannot be used raises SourceError.
+    `name` is the name of the surface in messages. Raises SourceError if a map or a function that
+    the surface is made of cannot be used.
     """
     try:
         heights = surface_of(scene, plan, row)
@@ -413,12 +425,13 @@ def _values(
     None for elastic bodies.
     """
     values = np.full(_width(pressed=shared.pressed), np.nan)
-    delta = load
     try:
         if load > 0 and not surface.description.reason:
             if shared.pressed:
                 delta = surface.reached(load, ratio, shared.blocks)
                 values[-1] = delta
+            else:
+                delta = load
             values[: len(HYBRID)] = surface.hybrid(delta, ratio, shared.blocks)
     except (ArithmeticError, InputError):
         return values

@@ -49,7 +49,7 @@ class Split:
     test: Indices  # (k,), positions
     folds: Folds  # (m,), fold of each training row, 0 to `FOLDS` - 1
     seed: int  # of the draw
-    # False if all rows are of one surface, so that rows are split one by one
+    # False if all rows are of one surface; they are then split one by one
     by_surface: bool
 
 
@@ -88,8 +88,8 @@ def draw(
     Raises
     ------
     InputError
-        If there are too few rows, surfaces or tiles, or a target is constant in a part of every
-        draw.
+        If `train_rows` is below 2, there are too few rows, surfaces or tiles, or a target is
+        constant in a part of every draw.
     """
     if train_rows is not None and train_rows < 2:
         raise InputError(f"--train-rows {train_rows}: give 2 rows at least")
@@ -142,7 +142,8 @@ def _test_size(groups: Indices) -> int:
 def _constant_part(datasets: Sequence[Dataset], train: Indices, test: Indices) -> str:
     """Return a message on the first target that is constant over a part; "" if all targets vary.
 
-    Takes a dataset for each target, and the positions of their training and test rows.
+    A target does not vary over a part of fewer than two rows. Takes a dataset for each target, and
+    the positions of their training and test rows.
     """
     for dataset in datasets:
         kind = "surfaces"
@@ -168,8 +169,8 @@ def _folds(groups: Indices) -> Folds:
     sizes = np.diff(starts, append=groups.size)
     # The middle of a group among all rows decides its fold.
     middles = starts + sizes / 2
-    folds = np.minimum(FOLDS * middles / groups.size, FOLDS - 1)
-    return folds.astype(np.int8).repeat(sizes)
+    folds = (FOLDS * middles / groups.size).astype(np.int8)  # rounded down
+    return folds.repeat(sizes)
 
 
 def require_tiles(dataset: Dataset, required: int = TILES) -> None:
@@ -191,8 +192,8 @@ def require_tiles(dataset: Dataset, required: int = TILES) -> None:
     if dataset.by_tile and tiles < required:
         raise InputError(
             f"{dataset.name}: its windows lie in {tiles} of the maps' tiles,"
-            f" {required} at least are needed, as no tile may train and test: give larger maps, or"
-            " more of them"
+            f" {required} at least are needed, as no tile may have both training and test rows:"
+            " give larger maps, or more of them"
         )
 
 
@@ -329,7 +330,8 @@ def _grouping(part: Stored, parts: Sequence[Stored]) -> Grouping:
     """Return the groups of the rows of one database, `part`, among all databases, `parts`.
 
     Generated surfaces are grouped by seed and number. Windows are grouped by tile, or by map if
-    another database cuts one of the maps into different tiles.
+    another database cuts one of the maps into different tiles. Raises InputError in this last case
+    if one of these databases has a second rough body.
     """
     scene = part.scene
     surface = scene.surface

@@ -34,11 +34,11 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
         ),
     ),
     "bem/contact.py": (
-        ("touching[:, :-1], touching[:-1]", "touching[:-1], touching[:, :-1]"),
         (
-            "along[:-1]) * self.problem.spacing[1]",
-            "along[:-1]) * self.problem.spacing[0]",
+            "along = wrapped[:, :-1]\n            across = wrapped[:-1]",
+            "along = wrapped[:-1]\n            across = wrapped[:, :-1]",
         ),
+        ("crossed_along_x * dy", "crossed_along_x * dx"),
         ("- ((heights - heights.max())", "- ((heights - heights.mean())"),
         ("np.maximum(interference - self", "np.maximum(interference + self"),
         (
@@ -49,8 +49,8 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "bem/solving.py": (
         (
-            "* (problem.spacing[0] * problem.spacing[1])",
-            "* problem.spacing[0] ** 2",
+            "cell_area = problem.spacing[0] * problem.spacing[1]",
+            "cell_area = problem.spacing[0] ** 2",
         ),
         ("np.abs(contact.gap), -contact.gap)", "np.abs(contact.gap), contact.gap)"),
         ("not contact.residual <= problem.rtol", "contact.residual > problem.rtol"),
@@ -122,7 +122,7 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
         ("(dx / dy) ** 2", "dx / dy"),
     ),
     "gen/surface.py": (("2.0 ** (-hurst / 2.0)", "2.0 ** (-hurst)"),),
-    "gen/spectral.py": (("(-1 - self.hurst)", "(-0.5 - self.hurst)"),),
+    "gen/self_affine.py": (("(-1 - self.hurst)", "(-0.5 - self.hurst)"),),
     "gen/maps/prepare.py": (
         ("<= high / apart + ROUNDING", "<= high / apart - 1 + ROUNDING"),
         (

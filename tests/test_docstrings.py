@@ -12,8 +12,8 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("bem", "gen", "learn", "bench", "asperity")
-HELD = ("gen",)
-"""Packages whose docstrings are held to this; of the others `bem` has most of them already."""
+HELD = ("bem", "gen", "learn", "bench")
+"""Packages that other packages or their own folders import; nothing imports `asperity`."""
 
 COMMANDS = {"commands", "commands.py", "cli.py", "command.py"}
 """Folders and files of commands, whose docstrings are printed as help texts."""
@@ -181,7 +181,7 @@ def faults(documented: Documented) -> Iterator[str]:
 @pytest.mark.parametrize("package", HELD)
 def test_what_another_folder_calls_says_what_it_takes_and_returns(package):
     functions = list(called_elsewhere((package,)))
-    assert len(functions) > 50, "the search for functions is broken"
+    assert len(functions) > 30, "the search for functions is broken"
     wrong = [f"{item.place} {fault}" for item in functions for fault in faults(item)]
     assert not wrong, "\n".join(wrong)
 

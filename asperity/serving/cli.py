@@ -106,7 +106,9 @@ def serve(
     finally:
         workers.close()
     if ctrl_c.presses > 1:
-        raise typer.Exit(128 + signal.SIGINT)
+        raise typer.Exit(
+            128 + signal.SIGINT
+        )  # the exit code of a program that Ctrl-C ends
 
 
 def _own_names(host: str) -> tuple[str, ...]:
@@ -176,7 +178,10 @@ class _CtrlC:
         asyncio.get_running_loop().add_signal_handler(signal.SIGINT, self._press)
 
     def _press(self) -> None:
-        """Shut the server down, or end its workers, and then this process after `PATIENCE`."""
+        """Shut the server down at the first press.
+
+        At a further one, end the workers, and this process `PATIENCE` later.
+        """
         from aiohttp import web
 
         self.presses += 1

@@ -41,7 +41,8 @@ class Configuration(BaseModel):
     # Nodes along both axes, or along x and y; None for those of the scene.
     nodes: int | Annotated[list[int], Field(min_length=2, max_length=2)] | None = None
     stiffness: bool = False  # True for the solver's stiffness, a fourth output
-    interval: bool = True  # True for the ends of a surrogate's intervals
+    # True for the ends of a surrogate's intervals; the solver has none, and ignores it
+    interval: bool = True
 
 
 def _outputs(function: Function, vectors: Vectors, config: Configuration) -> list[float]:
@@ -155,7 +156,9 @@ class SurrogateModel:
         self._with_ends = SurrogateFunction(path, (*values_and_ends, "inside"))
         self._without_ends = SurrogateFunction(path, (*targets, "inside"))
         self.input_sizes = self._with_ends.inputs.sizes
-        self.remark = level_note(self._with_ends.surrogate, self._with_ends.level, None)
+        self.remark = level_note(
+            self._with_ends.surrogate, self._with_ends.level, requested=None
+        )
 
     def output_sizes(self, config: Configuration) -> list[int]:
         """Return the sizes of the output vectors, one for each target.

@@ -38,7 +38,7 @@ STEPS = 3000
 # Nodes and weights of Gauss and Legendre's quadrature from -1 to 1.
 QUADRATURE = np.polynomial.legendre.leggauss(40)
 
-# Value of x for which exp(-x^2) is below rounding [1].
+# Length of the range of x that is integrated: exp(-x^2) is below rounding at this x [1].
 FAR = 7.0
 
 
@@ -220,9 +220,8 @@ def _work(ratios: Values, gamma: float) -> Values:
     total = np.zeros(ratios.shape)
     near = np.minimum(ratios, FAR)
     nodes, weights = QUADRATURE
-    for node, weight in zip(
-        nodes, weights, strict=True
-    ):  # from each ratio to FAR beyond it
+    # Integrate from each ratio to `FAR` beyond it.
+    for node, weight in zip(nodes, weights, strict=True):
         x = near + FAR * (node + 1) / 2
         total += weight * FAR / 2 * np.exp(-(x**2)) * erf(x) ** 2 / x
     first_term = gamma * exp1(ratios**2) / 2

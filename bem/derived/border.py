@@ -50,20 +50,20 @@ WEIGHTS = np.array(
     ]
 )
 
-# Reduction of the first column of `WEIGHTS` for uniform pressure on cells [spacing]. It is the
-# difference of the offsets of both kernels in the text of this module, for each edge of a border
-# along the diagonal, between diagonal and grid, and along the grid.
+# Reduction of the first column of `WEIGHTS`, row by row, for uniform pressure on cells [spacing].
+# It is the difference of the offsets of both kernels in the text of this module. The rows belong to
+# edges of a border along the diagonal, between diagonal and grid, and along the grid.
 UNIFORM_PRESSURE = np.array([0.0095, 0.0105, 0.0152])
 
 # kappa: the geometric mean of a grid's compliance along an axis [spacing / E*].
 COMPLIANCE = {"spectral": 2 * math.e / math.pi, "uniform-pressure": 1.7240}
 
-# Means of p / (p + p2) and of g / (g + g2) along straight borders [1]. They replace the ratios of
-# which the second node is beyond the border of a free patch.
+# Means of p / (p + p2) and of g / (g + g2) along straight borders [1]. They replace a ratio if its
+# second node is beyond the border of a free patch, or if both gaps are zero.
 USUAL_RATIOS = 0.278, 0.200
 
-# Factor on the elastic compliance of a yielded node where it is weighed against the node's yielded
-# depth [1]. The border of an elastic spot is where p goes to zero; that of a yielded spot is where
+# Factor on the elastic displacement of a node where it is weighed against the node's yielded depth
+# [1]. The border of an elastic spot is where p goes to zero; that of a yielded spot is where
 # the two undeformed surfaces cut each other. The offset of a yielded node's edge is a mean of both.
 YIELDED = 4.0
 
@@ -163,7 +163,7 @@ def continuum_nodes(
         Area from 0 to nx ny, at least the force over the hardness [cells].
     """
     count = int(np.count_nonzero(pressure > 0))
-    if count in (0, pressure.size):  # there is no border
+    if count in (0, pressure.size):  # no contact or full contact has no border
         return float(count)
     weights = WEIGHTS.copy()
     if problem.boundary == "free":
@@ -226,7 +226,10 @@ def border_edges(
 def _continued(
     boundary: Boundary, pressure: Field, gap: Field, depth: Field | None
 ) -> _Continued:
-    """Continue (nx, ny) fields by `RIM` nodes on each side, as the boundary has it."""
+    """Continue (nx, ny) fields by `RIM` nodes on each side, by the mode of the boundary.
+
+    The depth is continued by zeros in any case; None is a depth of zero.
+    """
     mode = CONTINUED[boundary]
     on_patch = np.pad(np.ones(pressure.shape, dtype=bool), RIM).ravel()
     exists = np.ones(on_patch.shape, dtype=bool)
@@ -292,8 +295,8 @@ def _offsets(edges: BorderEdges, weights: Field) -> Values:
 def _area_under_concentrated_forces(count: int, edges: int) -> float:
     """Return the area under forces at `count` nodes with this number of edges [cells].
 
-    The offset depends on the radius of spots, which is estimated from area and perimeter: a
-    fixed-point iteration.
+    The offset depends on the radius of spots, which is estimated from the area and the edges. Area
+    and radius follow from each other by a fixed-point iteration.
     """
     area = float(count)
     for _ in range(REPETITIONS):

@@ -198,9 +198,10 @@ def flows_through(
 
 
 def _flows(gap: Field, spacing: tuple[float, float], *, periodic: bool) -> list[Flow]:
-    """Compute the flow along x; for a patch that repeats itself also that along y."""
+    """Compute the flow along x, and for a patch that repeats itself also the flow along y."""
     drives = 2 if periodic else 1
-    nothing = [Flow(0.0, 0.0, np.zeros((2, *gap.shape)))] * drives
+    no_flow = Flow(factor=0.0, aperture=0.0, flux=np.zeros((2, *gap.shape)))
+    nothing = [no_flow] * drives
     largest = float(gap.max())
     if not largest > 0:
         return nothing
@@ -228,7 +229,7 @@ def _flows(gap: Field, spacing: tuple[float, float], *, periodic: bool) -> list[
 def _flow(
     gap: Field, spacing: tuple[float, float], axis: int, *, faces: _Faces, drop: Values
 ) -> Flow:
-    """Return the flow along an axis from the drops at all faces, as `_solve_drops` has them."""
+    """Return the flow along an axis from the (f,) drops that `_solve_drops` returns for it."""
     largest = float(gap.max())
     sides = gap.shape[0] * spacing[0], gap.shape[1] * spacing[1]
     length = sides[axis]
@@ -280,7 +281,9 @@ def _unknowns(gap: Field, cells: Nodes, *, periodic: bool) -> _Unknowns:
     row_starts = np.concatenate([[0], np.cumsum(row_sizes)])
     entries = np.ones(members.size), place[pockets[by_member]], row_starts
     basis = csr_matrix(entries, (number + 1, unknowns.size))
-    return _Unknowns(basis, int(np.count_nonzero(red)), lift, flowing)
+    return _Unknowns(
+        basis=basis, lone=int(np.count_nonzero(red)), lift=lift, flowing=flowing
+    )
 
 
 def _levels(gap: Field, cells: Nodes, *, periodic: bool) -> _Levels:

@@ -1,16 +1,17 @@
-"""How far a grid's answers are from those of the continuum, by the same contact on half of it.
+"""Error bars of a contact's answers for the error of its grid, from a contact on a coarser grid.
 
-A contact on about every second node costs a quarter of the contact in question. The difference of
-their answers bounds the error of the finer one where both grids see the same surface. It shows that
-there is no limit where roughness continues down to the grid.
+The coarser grid has about every second node along both axes, and its contact costs a quarter of the
+contact in question. Where both grids see the same surface, the difference of their answers bounds
+the error of the finer one. Where roughness continues down to the grid, it shows that the answers
+have no limit.
 
-Two things make this difference small by chance, so that each has a part of the bar of its own. One
-is the place of the border within the cells: its part is proportional to what counting nodes adds to
-the area. The other one is the highest node, from which Delta counts: it is below the summit of the
-surface by an unknown part of the height differences to its neighbours. How much a higher summit
-changes the answers at a given Delta follows from the work W that the load has done: a force F that
-grows with the power m of the approach d has W = F d / (m + 1), and W is known from pressure and
-displacement.
+For two reasons this difference may be small by chance, and each of them adds a part to the bar. The
+first one is the place of the border within the cells: its part is proportional to the area that
+counting nodes adds. The second one is the highest node, from which Delta counts: it is below the
+summit of the surface by an unknown part of the height differences to its neighbours. How much a
+higher summit changes the answers at a given Delta follows from the work W that the load has done: a
+force F that grows with the power m of the approach d has W = F d / (m + 1), and W is known from
+pressure and displacement.
 """
 
 from __future__ import annotations  # short signatures in help()
@@ -23,36 +24,37 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bem.arrays import Field, Values
+from bem.far_field import BeyondCriticalDelta
 from bem.problem import Boundary, NoSolution, Problem, check_solvable
 from bem.threads import computed_once
 
 if TYPE_CHECKING:
     from bem.contact import Contact
 
-# Factor on the difference of both grids' answers in a bar [1]. It is chosen with `AT_LEAST` so that
-# at least 90 % of true errors are inside (`python -m bench grid-error`).
+# Factor on the difference of both grids' answers in a bar [1]. It is chosen together with
+# `AT_LEAST` so that bars hold at least 90 % of the true errors (`python -m bench grid-error`).
 OF_DIFFERENCE = 1.2
 
-# Smallest part of a bar, relative to the answer and to the share of the area that counting nodes
-# adds [1].
+# Part of a bar for the place of the border, by the answer. It is relative to the answer, and to the
+# share of the area that counting nodes adds (`GridError.counted`) [1].
 AT_LEAST = {"area": 0.10, "gap": 0.02, "stiffness": 0.25}
 
-# Height of the summit above the highest node over the sum of the node's second differences along
-# both axes [1], where the error falls in proportion to the spacing. A smooth summit has a third of
-# it.
+# Height of the summit above the highest node, over the sum of this node's second differences along
+# both axes, on a surface whose errors fall in proportion to the spacing [1]. On a smooth surface,
+# where they fall with its square, the height is a third of it (`GridError.remaining`).
 OF_SUMMIT = 0.3
 
-# Growth of the power by which area and force rise with the approach, over its mean, per share of a
-# patch without edges that is in contact [1]. Free patches have none. The stiffness takes the factor
-# twice.
+# Rate at which the power of the approach by which area and force rise, over its mean power, grows
+# with the share of a patch without edges that is in contact [1]. On free patches it does not grow.
+# The bar of the stiffness takes the resulting factor of `_steepening` twice.
 STEEPENING = 2.0
 
 # Least order in the spacing of the mean square slope of a surface whose waves end above the grid
 # [1]. The order is 2 for waves much longer than a cell, 1 for sharp edges, negative for fractals.
 LEAST_ORDER = 0.4
 
-# Relative difference of the mean square slopes over two distances below which a surface is smooth
-# [1]: its shortest waves have 60 nodes.
+# Largest relative difference of the mean square slopes over two distances for which a surface is
+# smooth [1]: its shortest waves have 60 nodes.
 SMOOTH = 3e-3
 
 # Largest relative difference of the areas on both grids for which the finer one is near the
@@ -63,19 +65,20 @@ LARGEST_DIFFERENCE = 0.3
 # waves there are below the grid [1].
 NEARLY_YIELDED = 0.03
 
-# Fewest nodes along an axis of which half can be compared with all.
+# Fewest nodes along an axis for which a grid of every second node tells an error.
 FEWEST = 8
 
-# Tolerance of the coarser contact [Delta]: its errors are far below its distance from the finer
-# one. On 1,100 contacts the bars hold as many true errors as with 1e-4 (`python -m bench
-# grid-error`).
+# Least tolerance of the coarser contact [Delta]: the errors that it allows are far below the
+# difference from the finer contact. On 1,100 contacts the bars hold as many true errors as with
+# 1e-4 (`python -m bench grid-error`).
 COARSE_RTOL = 3e-3
 
-# Least and largest order that sets how much error remains after halving the spacing [1].
+# Bounds to which the order is cut off before it sets how much error remains after halving the
+# spacing [1].
 ORDERS = math.log2(1.4), 2.0
 
-# Places between which slopes are measured, by the distance in nodes: the first one of the lower
-# nodes, so that slopes over all three distances are around the same places.
+# Index of the lower node of the first pair between whose nodes slopes are measured, by the pair's
+# distance [nodes]. With these indices, slopes over all three distances are around the same places.
 FIRST_PLACE = {1: 2, 2: 1, 4: 0}
 
 
@@ -222,7 +225,7 @@ class _Verdict:
 
 
 def grid_error_of(contact: Contact) -> GridError:
-    """Return the errors of a contact, which is solved once more on about every second node.
+    """Return the error bars of a contact, by solving it once more on about every second node.
 
     Parameters
     ----------
@@ -268,9 +271,10 @@ def grid_error_of(contact: Contact) -> GridError:
 
 
 def _drop_from_highest(heights: Field) -> float:
-    """Return the sum of the highest node's second differences along both axes, above 0 [um].
+    """Return by how much the highest node is above its neighbours, never negative [um].
 
-    At a border the inner neighbour counts twice.
+    It is the sum of 2 z - z_before - z_after over both axes. At a border the inner neighbour counts
+    twice, on every kind of patch.
     """
     row, column = np.unravel_index(int(heights.argmax()), heights.shape)
     drop = 0.0
@@ -287,13 +291,15 @@ def _compared(contact: Contact, *, order: float, summit: float, spare: float) ->
     """
     nodes = contact.problem.heights.shape
     if min(nodes) < FEWEST:
-        return _Verdict(False, f"{nodes[0]} x {nodes[1]} nodes are too few to tell")
+        reason = f"{nodes[0]} x {nodes[1]} nodes are too few to tell"
+        return _Verdict(resolved=False, reason=reason)
     try:
         coarse = _solve_coarser(contact, summit)
+    except (BeyondCriticalDelta, ArithmeticError) as error:
+        return _Verdict(resolved=False, reason=f"half of the nodes: {error}")
     except NoSolution:
-        return _Verdict(False, "half of the nodes are in full contact")
-    except ArithmeticError as error:
-        return _Verdict(False, f"half of the nodes: {error}")
+        reason = "half of the nodes are in full contact"
+        return _Verdict(resolved=False, reason=reason)
     return _judged(contact, coarse, order=order, spare=spare)
 
 
@@ -303,26 +309,33 @@ def _judged(contact: Contact, coarse: Contact, *, order: float, spare: float) ->
     coarse_area = area_within(coarse, contact.problem.spacing)
     if area == 0 < contact.force:
         reason = "no spot of contact is as large as a cell of the grid"
-        return _Verdict(False, reason, coarse)
-    change = float(coarse_area > 0)
+        return _Verdict(resolved=False, reason=reason, coarse=coarse)
+    change = float(
+        coarse_area > 0
+    )  # without contact, an area of the coarser grid is 100 % more
     if area:
         change = coarse_area / area - 1
     comparison = _in_words(change)
     if spare <= NEARLY_YIELDED:
         borne = f"{100 * (1 - spare):.3g} %"
         reason = f"yielding decides it: load / hardness alone is {borne} of this area"
-        return _Verdict(True, reason, coarse)
+        return _Verdict(resolved=True, reason=reason, coarse=coarse)
     if order < LEAST_ORDER:
         reason = "waves go on down to the grid, so that the area has no limit"
-        return _Verdict(False, f"{reason}: {comparison}", coarse)
+        reason = f"{reason}: {comparison}"
+        return _Verdict(resolved=False, reason=reason, coarse=coarse)
     if abs(change) > LARGEST_DIFFERENCE:
         reason = "too few nodes in a wave, or in contact"
-        return _Verdict(False, f"{reason}: {comparison}", coarse)
-    return _Verdict(True, comparison, coarse)
+        reason = f"{reason}: {comparison}"
+        return _Verdict(resolved=False, reason=reason, coarse=coarse)
+    return _Verdict(resolved=True, reason=comparison, coarse=coarse)
 
 
 def _in_words(change: float) -> str:
-    """Say how much the area of half of the nodes differs: `change` is relative to the full grid."""
+    """Say how much the area on half of the nodes differs.
+
+    `change` is the difference relative to the area on all nodes.
+    """
     percent = float(f"{100 * abs(change):.2g}")
     if percent <= 1e-9:  # rounding
         return "half of the nodes give the same area"
@@ -334,8 +347,10 @@ def _in_words(change: float) -> str:
 def _solve_coarser(contact: Contact, summit: float) -> Contact:
     """Solve a contact on about every second node.
 
-    Under a given Delta, the far field stays in the same place. Raises NoSolution if the coarser
-    grid, or one with a summit that is higher by `summit` [um], would be in full contact.
+    Under a given Delta, the far field stays in the same place. Raise NoSolution if the coarser
+    grid, or one with a summit that is higher by `summit` [um], would be in full contact. Raise
+    BeyondCriticalDelta, a NoSolution, if Delta is not below Delta* of the coarser surface on a
+    compliant far field. ArithmeticError passes through.
     """
     problem = contact.problem
     half, near = coarser(problem, contact.pressure)
@@ -347,7 +362,8 @@ def _solve_coarser(contact: Contact, summit: float) -> Contact:
     else:
         lost = float(problem.heights.max() - half.heights.max())
         half = replace(half, delta=contact.delta - lost, force=None)
-        check_solvable(replace(half, delta=contact.delta - lost + summit))
+        higher = replace(half, delta=contact.delta - lost + summit)
+        check_solvable(higher)
     is_full = contact.contact_nodes == problem.heights.size
     if is_full and half.boundary != "free":
         return contact.again(half, None)  # it is full too, and needs no start
@@ -369,7 +385,7 @@ def _growth(contact: Contact, summit: float) -> float:
         displaced += contact.yielded_depth[touching] / approach
     work = float(np.average(displaced, weights=pressure / pressure.max())) / 2  # [F d]
     power = _steepening(contact) * (1 / work - 1)
-    # A compliant far field gives way too: it takes up a part of the approach.
+    # A compliant far field gives way to the larger force, by which the approach grows further.
     given_way = power * (1 - contact.delta / approach)
     return power * summit / approach / max(1 - given_way, 1e-3)
 
@@ -463,7 +479,7 @@ def _mean_square_slope(lines: Field, distance: int, *, periodic: bool) -> float:
     total = squares.sum()
     count = squares.size
     if distance > 1 and not periodic:
-        # Half of the first and of the last pair is beyond the places of neighbouring nodes.
+        # Half of the first and of the last pair is beyond the places of pairs of neighbours.
         total -= (squares[0] + squares[-1]) / 2
         count -= 1
     return float(total) / int(count) / distance**2
@@ -472,32 +488,33 @@ def _mean_square_slope(lines: Field, distance: int, *, periodic: bool) -> float:
 def coarser(problem: Problem, pressure: Field) -> tuple[Problem, Field]:
     """Return the same problem on about every second node along each axis, and a pressure there.
 
-    These are every second node where they cover the patch: with an even number of nodes on a patch
-    that repeats itself, with an odd one on a free patch. Elsewhere the surface is read between its
-    nodes: by its own waves where the patch has no edges, by cubic splines on free patches. The
-    outer nodes of a free patch stay on its border, so that its outer cells reach further beyond it.
-    Where the problem has a datum of its own, the cells of both grids cover the same patch instead.
+    The coarser grid consists of nodes of the finer one where every second node covers the patch:
+    with an even number of nodes on a patch that repeats itself, with an odd one on a free patch.
+    Otherwise the surface is read between its nodes: by its own waves where the patch has no edges,
+    by cubic splines on free patches. The outer nodes of a free patch stay on its border, so that
+    its outer cells reach further beyond it. Where the problem has a datum of its own, the cells of
+    both grids cover the same patch instead.
 
     Parameters
     ----------
     problem : Problem
         The problem.
     pressure : ndarray, shape (nx, ny)
-        Contact pressure at its nodes [MPa].
+        Contact pressure at the problem's nodes [MPa].
 
     Returns
     -------
     problem : Problem
         The problem on the coarser grid, with a tolerance of at least `COARSE_RTOL` and the same
         load.
-    pressure : ndarray, shape of its heights
-        Pressure of the nearest nodes [MPa].
+    pressure : ndarray, shape of the coarser heights
+        Pressure at the finer grid's nodes nearest to the coarser ones [MPa].
     """
     heights = problem.heights
     spacing = list(problem.spacing)
     for axis in (0, 1):
         nodes = heights.shape[axis]
-        if nodes == 1:
+        if nodes == 1:  # there is nothing to halve
             continue
         on_border = problem.boundary == "free" and problem.datum is None
         centred = problem.boundary != "periodic"

@@ -34,7 +34,8 @@ class Spots:
         Whether one spot connects opposite sides of the patch, along the first and the second axis.
         A patch that repeats itself has no sides; here it is whether a spot continues without end.
     gap_connects : tuple of bool
-        Whether one region of the gap does so, which means that the contact leaks.
+        Whether one region of the gap connects opposite sides in this sense, which means that the
+        contact leaks.
     open_gap : ndarray of bool, shape (nx, ny)
         Nodes of the gap that belong to a region which connects opposite sides.
     """
@@ -105,7 +106,7 @@ class _Group:
     Attributes
     ----------
     offsets : dict of int to tuple of int
-        Patches by which each label is moved off the first one, by the label.
+        Number of patches along both axes from the first label to each label, by the label.
     endless : tuple of bool
         Whether the region meets itself in another patch, and so continues without end, along the
         first and the second axis.
@@ -130,17 +131,15 @@ def spots_of(touching: NDArray[np.bool_], cell: float, *, periodic: bool) -> Spo
     Returns
     -------
     Spots
-        The spots; their arrays of nodes are read-only.
+        The spots; `labels` and `open_gap` are read-only.
     """
     contact = regions(touching, periodic=periodic)
     gap = regions(~touching, periodic=periodic)
-    count = len(
-        contact.crosses
-    )  # of labels: the spots, and 0 for the nodes out of contact
-    cells = np.bincount(contact.labels.reshape(-1), minlength=count)[1:]
+    number_of_labels = len(contact.crosses)  # the spots, and 0 for nodes out of contact
+    cells = np.bincount(contact.labels.reshape(-1), minlength=number_of_labels)[1:]
     largest_first = np.argsort(-cells, kind="stable")
-    ranks = np.zeros(count, dtype=np.int32)
-    ranks[largest_first + 1] = np.arange(1, count)
+    ranks = np.zeros(number_of_labels, dtype=np.int32)
+    ranks[largest_first + 1] = np.arange(1, number_of_labels)
     labels = ranks[contact.labels]
     is_open = np.any(gap.crosses, axis=1)  # by the label of a region of the gap
     open_gap = is_open[gap.labels]
@@ -191,7 +190,8 @@ def regions(mask: Mask, *, periodic: bool) -> Regions:
         at_side[side, labels[:, end], 1] = True
     crosses: NDArray[np.bool_] = at_side[0] & at_side[1]
     crosses[0] = False
-    return Regions(labels, crosses, np.zeros((2, *mask.shape), dtype=np.int32))
+    no_offsets = np.zeros((2, *mask.shape), dtype=np.int32)
+    return Regions(labels=labels, crosses=crosses, offsets=no_offsets)
 
 
 def _joined_across_borders(labels: Labels, number: int) -> Regions:
@@ -210,7 +210,11 @@ def _joined_across_borders(labels: Labels, number: int) -> Regions:
         for member, offset in group.offsets.items():
             region_of[member] = count
             offsets[:, member] = offset
-    return Regions(region_of[labels], crosses[: count + 1], offsets[:, labels])
+    return Regions(
+        labels=region_of[labels],
+        crosses=crosses[: count + 1],
+        offsets=offsets[:, labels],
+    )
 
 
 def _links(labels: Labels) -> Iterator[_Link]:
@@ -223,7 +227,7 @@ def _links(labels: Labels) -> Iterator[_Link]:
         meet = (last > 0) & (first > 0)
         pairs = np.unique(np.stack([last[meet], first[meet]], axis=1), axis=0)
         for label, following in pairs:
-            yield _Link(int(label), int(following), step)
+            yield _Link(label=int(label), following=int(following), step=step)
 
 
 def _neighbours(links: Iterable[_Link]) -> dict[int, list[_Link]]:
@@ -231,14 +235,14 @@ def _neighbours(links: Iterable[_Link]) -> dict[int, list[_Link]]:
     neighbours: dict[int, list[_Link]] = {}
     for link in links:
         along, across = link.step
-        back = _Link(link.following, link.label, (-along, -across))
+        back = _Link(label=link.following, following=link.label, step=(-along, -across))
         neighbours.setdefault(link.label, []).append(link)
         neighbours.setdefault(link.following, []).append(back)
     return neighbours
 
 
 def _group_of(start: int, neighbours: dict[int, list[_Link]]) -> _Group:
-    """Follow the links from a label to all labels that it is connected to."""
+    """Return the group of a label: follow the links to all labels that it is connected to."""
     offsets = {start: (0, 0)}
     endless_along = False
     endless_across = False
@@ -256,4 +260,4 @@ def _group_of(start: int, neighbours: dict[int, list[_Link]]) -> _Group:
             earlier = offsets[link.following]
             endless_along |= earlier[0] != reached[0]
             endless_across |= earlier[1] != reached[1]
-    return _Group(offsets, (endless_along, endless_across))
+    return _Group(offsets=offsets, endless=(endless_along, endless_across))

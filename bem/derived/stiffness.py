@@ -95,7 +95,7 @@ def punch_of(problem: Problem, nodes: Nodes) -> Punch:
             f"stiffness of {nodes.size} nodes in contact: residual {residual:.1e} after"
             f" {iterate.iterations} iterations, asked for {PUNCH_RTOL:g}"
         )
-    # The pressure p has an error in proportion to the residual r, p (1 + r) one to its square.
+    # The error of the pressure p is proportional to the residual r, that of p (1 + r) to r^2.
     pressure = iterate.pressure[marked]
     force = float((pressure * (1 + iterate.residual[marked].astype(np.float64))).sum())
     return Punch(
@@ -144,12 +144,12 @@ def without_patch(stiffness: float, patch: float) -> float:
         1 / (1 / stiffness - 1 / patch); 0 without contact, infinite where the contact is as stiff
         as the patch to rounding [MPa um].
     """
-    if not stiffness > 0:
+    if not stiffness > 0:  # without contact
         return stiffness
-    share = 1 - stiffness / patch  # of the compliance that is not the patch's
-    if not share > PUNCH_RTOL**2:
+    share_of_interface = 1 - stiffness / patch  # share of the contact's compliance
+    if not share_of_interface > PUNCH_RTOL**2:
         return np.inf
-    return stiffness / share
+    return stiffness / share_of_interface
 
 
 @lru_cache(maxsize=8)

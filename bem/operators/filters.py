@@ -42,12 +42,14 @@ PLAN_BYTES = 5 * 2**10
 # Largest memory of the filters that all threads together keep for later solves [bytes].
 KEPT_BYTES = 256 * 2**20
 
-# Largest memory of these filters over that of the largest one [1]. The larger bound applies.
+# Largest memory of these filters, over the memory of the largest filter of the thread [1]. The
+# larger one of this bound and of `KEPT_BYTES` applies.
 KEPT_LARGEST = 4
 
 # Number of filters that each thread keeps whatever their memory is.
 FEWEST_KEPT = 4
 
+# The kind of filter that a function makes, and the arguments of this function.
 Kind = TypeVar("Kind", bound="FieldFilter")
 Arguments = TypeVarTuple("Arguments")
 
@@ -137,11 +139,11 @@ class _Batch(NamedTuple):
     buffer : ndarray, shape (columns, 2 period)
         Real and imaginary parts of the buffer.
     factors : ndarray, shape (columns, 2 period)
-        Factors of both.
+        Factor of each of these real and imaginary parts.
     backward : Plan
         Transform from the buffer back into the columns.
     padding : ndarray, shape (columns, period - rows)
-        Part of the columns beyond the rows of the field, zero before each call.
+        Part of the columns beyond the rows of the field. It has to be zero before each call.
     """
 
     forward: "Plan"
@@ -194,16 +196,16 @@ class Filter:
         self._rows_backward = _plan(in_rows.T, self.field, backward=True)
         fitting = max(BATCH_BYTES // self._waves[:1].nbytes, 1)
         batches = max(round(columns / fitting), 1)
-        size = -(-columns // batches)  # columns of a batch
-        buffer: Any = _aligned((size, period), waves)
+        batch_columns = -(-columns // batches)
+        buffer: Any = _aligned((batch_columns, period), waves)
         self._batches = []
-        for first in range(0, columns, size):
-            batch_waves = self._waves[first : first + size]
+        for first in range(0, columns, batch_columns):
+            batch_waves = self._waves[first : first + batch_columns]
             batch_buffer = buffer[: len(batch_waves)]
             batch = _Batch(
                 forward=_plan(batch_waves, batch_buffer),
                 buffer=batch_buffer.view(factors.dtype),
-                factors=self._factors[first : first + size],
+                factors=self._factors[first : first + batch_columns],
                 backward=_plan(batch_buffer, batch_waves, backward=True),
                 padding=batch_waves[:, shape[0] :],
             )
@@ -214,6 +216,7 @@ class Filter:
 
     def in_single_precision(self) -> "Filter":
         """Return a filter by the same spectrum in single precision, with buffers of its own."""
+        # Every factor is stored twice, and the factors beyond half a period mirror the first ones.
         half = 2 * (self.periods[0] // 2 + 1)
         factors = self._factors[:, :half:2].astype(np.float32)
         return Filter(self.shape, factors, self.periods, self.largest)
@@ -228,7 +231,9 @@ class Filter:
                 backward.execute()
                 padding.fill(0)
             self._rows_backward.execute()
-        except BaseException:  # the filter is used again, for example after Ctrl-C
+        except BaseException:
+            # The filter may be used again, for example after Ctrl-C. Leave the padding zero, as
+            # the next call expects; the field is undefined.
             self._waves.fill(0)
             raise
 
@@ -275,7 +280,7 @@ class LargeFilter:
         return single
 
     def _make_buffers(self, factors: Real) -> None:
-        """Set factors and buffers from the factors of half of the waves of each column."""
+        """Set factors, buffers and the first lane from factors up to half of a period."""
         rows = self.shape[0]
         columns = len(factors)
         if factors.dtype == np.float32:
@@ -285,6 +290,7 @@ class LargeFilter:
             self.factors = factors
         waves = _wave_type(factors)
         self.field: Real = self._buffer("fields", self.shape, factors.dtype)
+        # A row is as long as whole lines of the cache, and one more line as a gap.
         line = GAP_BYTES // waves.itemsize
         width = -(-columns // line) * line + line
         self.waves: Any = self._buffer("waves", (rows, width), waves)[:, :columns]
@@ -306,7 +312,7 @@ class LargeFilter:
     def transform(self) -> None:
         """Filter the field in place."""
         missing = threads_here() - len(self._lanes)
-        if missing > 0:
+        if missing > 0:  # more threads than in any earlier call
             with unforked():
                 self._lanes += [_Lane(self) for _ in range(missing)]
         rows, columns = self.waves.shape
@@ -317,7 +323,10 @@ class LargeFilter:
     def _share(
         self, work: Callable[["_Lane", slice], None], size: int, length: int
     ) -> None:
-        """Do some work on all slices of a length, up to a size, each thread in its own lane."""
+        """Cut `size` rows or columns into slices of at most `length`, and do the work on them.
+
+        Threads share the slices. `work` takes the lane of its thread and a slice.
+        """
         slices = [
             slice(first, min(first + length, size)) for first in range(0, size, length)
         ]
@@ -361,6 +370,7 @@ class _Lane:
         self._returned = _aligned((ROWS, period), dtype)
         self._rows_forward = {}  # plans by the number of rows
         self._rows_backward = {}
+        # A part has `ROWS` rows, or the rows that remain at the end.
         for count in {min(ROWS, rows), rows % ROWS} - {0}:
             waves = self._waves[:count]
             if count < ROWS:  # the remaining rows are the last ones
@@ -372,17 +382,18 @@ class _Lane:
 
     def _make_column_plans(self, period: int) -> None:
         """Make the buffers and plans of columns."""
-        waves = self._waves.dtype
-        self.columns = max(BATCH_BYTES // (period * waves.itemsize), 1)
-        length = period + GAP_BYTES // waves.itemsize
-        self._source = _aligned((self.columns, length), waves)[:, :period]
-        self._target = _aligned((self.columns, length), waves)[:, :period]
-        self._filtered: Any = _aligned((self.columns, period), waves)
+        wave_type = self._waves.dtype
+        self.columns = max(BATCH_BYTES // (period * wave_type.itemsize), 1)
+        length = period + GAP_BYTES // wave_type.itemsize
+        self._source = _aligned((self.columns, length), wave_type)[:, :period]
+        self._target = _aligned((self.columns, length), wave_type)[:, :period]
+        # No gap is needed here: nothing reads or writes across the columns of this buffer.
+        self._filtered: Any = _aligned((self.columns, period), wave_type)
         self._forward = _plan(self._source, self._filtered)
         self._backward = _plan(self._filtered, self._target, backward=True)
 
     def transform_rows(self, part: slice) -> None:
-        """Pad a part of the field's rows and transform them to waves."""
+        """Pad a part of the field's rows, and write their waves to the rows of waves."""
         rows = self._field[part]
         padded = self._padded[: len(rows)]
         padded[:, : rows.shape[1]] = rows
@@ -409,7 +420,7 @@ class _Lane:
         waves[:] = self._target[:columns, :rows].T
 
     def transform_back(self, part: slice) -> None:
-        """Transform a part of the rows of waves back, and keep the columns of the field."""
+        """Transform a part of the rows of waves back into the field, without the padding."""
         rows = self._field[part]
         returned = self._returned[: len(rows)]
         backward = self._rows_backward[len(rows)]
@@ -525,9 +536,9 @@ class _Kept(threading.local):
 
 
 class _Memory:
-    """The memory of the filters that one thread keeps [bytes]; the object ends with the thread."""
+    """The memory of the filters that one thread keeps; the object ends with the thread."""
 
-    bytes = 0
+    bytes = 0  # memory of all these filters [bytes]
 
 
 # The memories of all threads, and the lock under which they are added up.
@@ -555,13 +566,15 @@ def kept(make: Callable[[*Arguments], Kind]) -> Callable[[*Arguments], Kind]:
 
     @wraps(make)
     def kept_or_made(*arguments: *Arguments) -> Kind:
+        """Return the filter that this thread keeps for the arguments, or make and keep it."""
         filters = _KEPT.filters
         key = make, *arguments
         if key in filters:
             filters.move_to_end(key)
             earlier: Kind = filters[key]
             return earlier
-        with unforked():  # plans and transforms are made under locks
+        # A fork meanwhile would copy the locks under which plans and transforms are made.
+        with unforked():
             new = make(*arguments)
             filters[key] = new
             _KEPT.memory.bytes += new.bytes
@@ -572,9 +585,9 @@ def kept(make: Callable[[*Arguments], Kind]) -> Callable[[*Arguments], Kind]:
 
 
 def _forget_oldest() -> None:
-    """Forget the least recently used filters of this thread while all filters take too much memory.
+    """Forget filters of this thread until the filters of all threads are within their memory.
 
-    The `FEWEST_KEPT` latest filters stay.
+    The least recently used filters go first. The `FEWEST_KEPT` latest ones stay in any case.
     """
     filters = _KEPT.filters
     largest = max(kept_filter.bytes for kept_filter in filters.values())

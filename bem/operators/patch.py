@@ -36,20 +36,24 @@ from bem.operators.filters import (
 from bem.problem import Boundary
 from bem.threads import threads_here
 
-# The next four constants were chosen by the number of iterations of conjugate gradients on the
-# paper's surfaces of 129 to 513 nodes a side, at 1, 10 and 50 % contact. None of them matters much.
+# `BLOCK`, `DECAY`, `OWN_BLOCK` and `VACANT` were chosen by the number of iterations of conjugate
+# gradients on the paper's surfaces of 129 to 513 nodes a side, at 1, 10 and 50 % contact.
 
 # Nodes a side of the blocks whose means extend the residual.
 BLOCK = 4
 
-# Power of the inverse distance between blocks that is the weight of a block in a mean [1].
+# Power of the inverse distance between blocks that is the weight of a block in a mean [1]. Solves
+# take up to 118 % more iterations if it is halved, and up to 29 % more if it is doubled
+# (`python -m tests.ledger --halved bem.operators.patch.DECAY`).
 DECAY = 2.5
 
-# Weight of a node's own block over the weight of a neighbouring block [1].
+# Weight of a node's own block over the weight of a neighbouring block [1]. Solves take up to 12 %
+# fewer iterations if it is halved, and up to 16 % more if it is doubled
+# (`python -m tests.ledger --halved bem.operators.patch.OWN_BLOCK`).
 OWN_BLOCK = 10.0
 
-# Weight of the value zero in the means, over that of one node outside the set [1]: the extension
-# falls to zero far from the set.
+# Weight of the value zero in the means, over the weight of all nodes together [1]. It lets the
+# extension fall to zero far from the set.
 VACANT = np.float32(0.05)
 
 # Penalty for the difference of the two pressures of a splitting, over the geometric mean of the
@@ -57,14 +61,15 @@ VACANT = np.float32(0.05)
 # needs three times as many.
 PENALTY = 0.5
 
-# Size of the largest contact set worth factorising, as factor times a power of the number of nodes;
-# the smallest of several sizes applies. The cost of a factor grows with the cube of the set, that
-# of iterations with the grid (`pytest bench -k few_in_contact`).
+# Pairs (a, b) that bound the contact sets worth factorising: a set on a grid of n nodes may have
+# a n^b nodes, for each of the pairs. The cost of a factor grows with the cube of the set's size,
+# the cost of iterations with the size of the grid (`pytest bench -k few_in_contact`).
 FEW_FREE = ((27.0, 1 / 3),)
 FEW_EDGELESS = ((0.105, 5 / 6), (9.0, 0.4))
 
-# Largest share of all nodes for which vectors of a contact set hold its nodes alone [1]. Reading
-# listed nodes takes about as long as ten passes over as many values of whole fields.
+# Largest share of the grid's nodes in a contact set whose values are stored as a list; values on
+# larger sets are stored as whole fields [1]. Reading listed nodes takes about as long as ten passes
+# over as many values of whole fields.
 LISTED = 0.12
 
 # Rows of blocks that are extended at a time, so that they stay in the cache.
@@ -114,7 +119,8 @@ class Patch:
         are in single precision, which takes a third of the time, and on large grids they are bools,
         which take the least memory.
     singular : bool
-        Whether the contact set is all of a patch without edges.
+        Whether the contact set is all of a patch without edges, where a uniform pressure displaces
+        nothing.
     """
 
     contact: Mask
@@ -164,7 +170,7 @@ class Patch:
         -------
         ndarray, shape (nx, ny)
             Displacement [first side of a cell]. It is a view of a buffer that the next call
-            overwrites, also one of another patch of this shape.
+            overwrites. Patches of this shape share the buffer.
         """
         self.convolutions += 1
         matrix = self._exact if exactly else self._rough
@@ -215,7 +221,8 @@ class Patch:
             np.logical_not(nodes, out=self._outside[: self.shape[0], : self.shape[1]])
             self.within = nodes.astype(np.float32) if nodes.size < LARGE else nodes
             means.field[:] = BLOCK**2 - _block_sums(self._outside)
-        # The buffer of the means has the number of contact nodes of each block; now their means.
+        # The buffer holds counts of contact nodes by block. `transform` turns them into weighted
+        # shares of contact nodes nearby.
         means.transform()
         self._weights = 1 / (means.field + VACANT)
 
@@ -317,12 +324,13 @@ class Patch:
         corrected: Real = field[listed]
         sums = _block_sums(field)
         self._sum_listed(corrected)
-        means.field[:] = self._weights * (sums - means.field)
+        outside_sums = sums - means.field
+        means.field[:] = self._weights * outside_sums
         means.transform()
         corrected += means.field.reshape(-1)[self._blocks]
         return corrected
 
-    def unbalanced(self, displacement: Field) -> Field:
+    def zero_mean_pressure(self, displacement: Field) -> Field:
         """Compute the pressure of zero mean that displaces a patch without edges as given.
 
         Parameters
@@ -335,19 +343,23 @@ class Patch:
         ndarray, shape (nx, ny)
             Pressure, a new array [E*].
         """
-        inverse = edgeless_filter(
-            self.shape, self.boundary, self._aspect, "float64", True
+        inverse = True
+        stiffness = edgeless_filter(
+            self.shape, self.boundary, self._aspect, "float64", inverse
         )
-        pressure: Field = filtered(inverse, displacement).copy()
+        pressure: Field = filtered(stiffness, displacement).copy()
         return pressure
 
     def splitting(self) -> tuple[FieldFilter, float] | None:
-        """Return the inverse of H plus a penalty c, which a splitting of the contact problem needs.
+        """Return the inverse of H + c and the penalty c, for a splitting of the contact problem.
+
+        The alternating direction method of multipliers needs both (`ActiveSet._split`).
 
         Returns
         -------
         filter : FieldFilter
-            (H + c)^-1 of a patch without edges; None instead of the pair for a free patch.
+            (H + c)^-1 of a patch without edges. All patches of this shape on this thread share it.
+            For a free patch, the result is None instead of the pair.
         penalty : float
             c, a share of the geometric mean of the largest and the least compliance of a wave
             [1 / E*].
@@ -358,7 +370,7 @@ class Patch:
         return _splitting_filter(*grid), _penalty(*grid)
 
     def entries(self, nodes: Nodes, dtype: str) -> Real:
-        """Return the lower triangle of the matrix of some nodes.
+        """Return the lower triangle of the matrix of some nodes, less the far field's `give`.
 
         Parameters
         ----------
@@ -480,7 +492,8 @@ def displacement_filter(
         calls on this thread, with its buffer.
     """
     if boundary != "free":
-        return edgeless_filter(shape, boundary, aspect, dtype, False)
+        inverse = False
+        return edgeless_filter(shape, boundary, aspect, dtype, inverse)
     if dtype == "float32":
         exact: Any = displacement_filter(shape, "free", kernel, aspect, "float64")
         rough: FieldFilter = exact.in_single_precision()
@@ -496,9 +509,9 @@ def displacement_filter(
 
 
 def _even_spectrum(quarter: Field) -> Field:
-    """Transform a table that is even along both axes; `quarter` has it up to half of its periods.
+    """Transform a table that is even along both axes, and given up to half of its periods.
 
-    The result has the shape of `quarter`, which is overwritten.
+    The result has the shape of `quarter`, the given part, which is overwritten.
     """
     spectrum: Field = fft.dctn(quarter, type=1, overwrite_x=True, workers=threads_here())
     return spectrum
@@ -521,7 +534,8 @@ def edgeless_filter(
     dtype : str
         Precision, "float64" or "float32".
     inverse : bool
-        Whether to return the inverse, |q| / 2 of each wave, instead of 2 / |q|, or 0 for the mean.
+        Whether to return the inverse. It multiplies each wave by |q| / 2, while H multiplies it by
+        2 / |q|. Both make the mean 0.
 
     Returns
     -------
@@ -584,7 +598,8 @@ def _inverse_filter(
     rows = _whole_blocks(shape[0])
     columns = _whole_blocks(shape[1])
     if boundary != "free":
-        return edgeless_filter((rows, columns), boundary, aspect, "float32", True)
+        inverse = True
+        return edgeless_filter((rows, columns), boundary, aspect, "float32", inverse)
     periods = _fast_length(rows), _fast_length(shape[1])
     table = influence_coefficients(periods, kernel, aspect)
     for period in periods:
@@ -652,6 +667,7 @@ def _fast_length(nodes: int) -> int:
     if nodes <= 256:
         sixteens = -(-nodes // 16)
         return 16 * int(fft.next_fast_len(sixteens, real=True))
+    # Each odd number is multiplied by the smallest power of two that suffices.
     return min(odd << (-(-nodes // odd) - 1).bit_length() for odd in (1, 5, 25))
 
 
@@ -674,9 +690,10 @@ def _block_sums(field: Real, factors: Real | None = None) -> Real:
 
 @lru_cache(maxsize=4)
 def _edgeless_coefficients(periods: tuple[int, int], aspect: float, dtype: str) -> Real:
-    """Return the displacement by a unit pressure on one node of each period, flat and read-only.
+    """Return the displacement by a unit pressure on one node of each period [1 / E*].
 
-    The table has two periods along each axis, for offsets of either sign.
+    The table is flat and read-only. It has two periods along each axis, for offsets of either sign.
+    Its mean is zero.
     """
     stiffnesses = wave_numbers(periods, "periodic", aspect) / 2
     stiffnesses[0, 0] = math.inf

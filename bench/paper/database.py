@@ -27,13 +27,13 @@ from learn.features import OF_SURFACES
 from learn.metrics import Scores, scores
 
 UNEXPLAINED = {"bandwidth_x", "bandwidth_y"}
-"""Columns that the paper defines otherwise, without saying how."""
+"""Names of columns whose definition in the paper is another one, which the paper does not give."""
 
 SHOWN = [column for column in ALL_COLUMNS if column.name in RANGES]
-"""Columns of Table 1, in our order."""
+"""Columns of Table 1, in the order of our databases."""
 
 BINS = 10
-"""Number of bins with equally many rows, over which solve times are tabulated."""
+"""Largest number of bins, each with equally many rows, for which solve times are tabulated."""
 
 
 def finished(path: Path) -> pd.DataFrame:
@@ -47,7 +47,8 @@ def finished(path: Path) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        The columns of Table 1, and `solve_seconds` [s]. The index is the row of the database.
+        The columns of Table 1 by our names, and `solve_seconds` [s]. The index is the number of the
+        row in the database.
 
     Raises
     ------
@@ -74,13 +75,19 @@ def solve_times(database: Path) -> Report:
     Returns
     -------
     Report
-        Tables `solve-times`, of bins with equally many rows, and `rows`, of all rows for pictures.
+        Table `solve-times`, with a row for each of `BINS` bins of displacement and of area, and
+        table `rows`, with a row for each finished row of the database, for pictures.
+
+    Raises
+    ------
+    InputError
+        If fewer than two rows are finished.
     """
     rows = finished(database)
+    number_of_bins = min(BINS, len(rows))
     bins: list[Row] = []
     for name in (DELTA.name, AREA.name):
-        number = min(BINS, len(rows))
-        for places in np.array_split(rows[name].argsort(), number):
+        for places in np.array_split(rows[name].argsort(), number_of_bins):
             values = rows[name].iloc[places]
             milliseconds = 1000 * rows["solve_seconds"].iloc[places]
             bins.append(
@@ -121,29 +128,39 @@ def table_1(database: Path) -> Report:
     Returns
     -------
     Report
-        Table `table-1`.
+        Table `table-1`, with a row for each of `SHOWN`.
+
+    Raises
+    ------
+    InputError
+        If fewer than two rows are finished.
     """
     rows = finished(database)
     return Report({"table-1": [_range(column, rows[column.name]) for column in SHOWN]})
 
 
 def _range(column: Column, values: "pd.Series[float]") -> Row:
-    """Return the row of Table 1 for a column, with the reason why its ends differ."""
-    low, high = RANGES[column.name]
-    inside = 100 * ((values >= low) & (values <= high)).mean()
+    """Return the row of Table 1 for a column and its values in our database.
+
+    `ours_inside_percent` is the share of our values inside the paper's range. `deviation` is the
+    shift of both ends over the length of the paper's range.
+    """
+    paper_low, paper_high = RANGES[column.name]
     our_low = values.min()
     our_high = values.max()
+    inside = 100 * ((values >= paper_low) & (values <= paper_high)).mean()
+    length = paper_high - paper_low
     shifts = [
-        100 * (our_low - low) / (high - low),
-        100 * (our_high - high) / (high - low),
+        100 * (our_low - paper_low) / length,
+        100 * (our_high - paper_high) / length,
     ]
     return {
         "parameter": column.long_name,
         "unit": column.unit,
         "ours_low": our_low,
         "ours_high": our_high,
-        "paper_low": low,
-        "paper_high": high,
+        "paper_low": paper_low,
+        "paper_high": paper_high,
         "ours_inside_percent": f"{inside:.1f}",
         "deviation": ", ".join(f"{shift:+.1f} %" for shift in shifts),
         "explanation": _reason_for_range(column.name),
@@ -151,10 +168,10 @@ def _range(column: Column, values: "pd.Series[float]") -> Row:
 
 
 def _reason_for_range(name: str) -> str:
-    """Say why the range of a column differs from the paper's; "" where it should not."""
+    """Say why the range of a column differs from the paper's; "" if it should not differ."""
     if name in UNEXPLAINED:
         return why("bandwidth")
-    if name in {"hurst", "delta"}:
+    if name in {"hurst", "delta"}:  # drawn from the paper's range
         return ""
     if name == "area_percent":
         return why("areas", largest=AREA_MAX)
@@ -165,10 +182,11 @@ MODEL = "kernel-ridge"
 """The model that section 4.3 tests on the finer grid."""
 
 CURVATURE = "peak_curvature_mean"
-"""The statistic whose growth explains why statistics do not carry over to another grid."""
+"""Column of the statistic whose growth on the finer grid explains why a surrogate of statistics is
+wrong there."""
 
 FINE_SCENE = "[surface]\nnodes = 257\n"
-"""Keys of the scene of the finer grid; all other keys are the paper preset's."""
+"""Keys (TOML) of the scene of the finer grid. All other keys are those of the paper preset."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,8 +194,8 @@ class FineTest:
     """A surrogate of the coarse grid, tested on rows of the finer one."""
 
     rows: Dataset  # n rows of the finer grid
-    prediction: Values  # areas, shape (n,) [%]
-    scores: Scores  # [%]
+    prediction: Values  # (n,) predicted areas [%]
+    scores: Scores  # scores on these rows [%]
 
 
 def fine_grid(database: Path, fine: Path) -> Report:
@@ -188,23 +206,28 @@ def fine_grid(database: Path, fine: Path) -> Report:
     database : Path
         A database of the paper preset.
     fine : Path
-        A database with `FINE_SCENE`.
+        A database of the scene with `FINE_SCENE`.
 
     Returns
     -------
     Report
-        Table and picture `fine-grid` of the predictions, and `table-5` of the scores.
+        Table and picture `fine-grid` of the predictions, and table `table-5` of the scores.
+
+    Raises
+    ------
+    InputError
+        If a database has too few usable rows.
     """
     tests = {
         features: _test_on_fine(database, fine, features) for features in OF_SURFACES
     }
-    rows = tests["paper"].rows
+    rows = tests["paper"].rows  # equal for all feature sets
+    columns = {"solved_percent": rows.target}
+    columns |= {features: test.prediction for features, test in tests.items()}
     dots: list[Row] = []
-    for place, number in enumerate(rows.rows.tolist()):
-        areas = {"solved_percent": rows.target[place]}
-        areas |= {features: test.prediction[place] for features, test in tests.items()}
-        values = dict(zip(areas, rounded(areas.values()), strict=True))
-        dots.append({"row": number, **values})
+    for number, *areas in zip(rows.rows.tolist(), *columns.values(), strict=True):
+        row_of_areas = dict(zip(columns, rounded(areas), strict=True))
+        dots.append({"row": number, **row_of_areas})
     tables = {"table-5": _table_5(tests, database), "fine-grid": dots}
     return Report(tables, pictures={"fine-grid": _fine_picture(tests)})
 
@@ -238,7 +261,10 @@ def _test_on_fine(database: Path, fine: Path, features: str) -> FineTest:
 
 
 def _table_5(tests: dict[str, FineTest], database: Path) -> list[Row]:
-    """Return the rows of Table 5: one for each score, with a column for each feature set."""
+    """Return the rows of Table 5: one for each score, with a column for each feature set.
+
+    `deviation` compares our score with the paper's features to the paper's score.
+    """
     reason = _reason_for_fine(database, tests["paper"].rows)
     table: list[Row] = []
     for name, theirs in asdict(FINE).items():
@@ -257,18 +283,21 @@ def _table_5(tests: dict[str, FineTest], database: Path) -> list[Row]:
 
 
 def _reason_for_fine(database: Path, fine: Dataset) -> str:
-    """Say how the mean curvature of peaks changes on the finer grid."""
+    """Say how the mean curvature of peaks changes on the finer grid.
+
+    `database` is that of the coarse grid; rows that failed have NaN.
+    """
     with Reader(database) as reader:
         coarse_values = reader.column(CURVATURE)
     with Reader(Path(fine.name)) as reader:
         fine_values = reader.column(CURVATURE)[fine.rows]
     growth = np.median(fine_values) / np.nanmedian(coarse_values)
-    beyond = 100 * (fine_values > np.nanmax(coarse_values)).mean()
-    return why("fine", growth=float(growth), beyond=float(beyond))
+    is_beyond = fine_values > np.nanmax(coarse_values)
+    return why("fine", growth=float(growth), beyond=100 * float(is_beyond.mean()))
 
 
 def _fine_picture(tests: dict[str, FineTest]) -> Any:
-    """Draw the areas that are predicted with each feature set over the solved areas."""
+    """Draw predicted over solved areas, in a panel for each feature set."""
     figure = new_figure(12, 4)
     axes = figure.subplots(1, len(tests))
     for axis, (features, test) in zip(axes, tests.items(), strict=True):

@@ -1,8 +1,8 @@
-"""Numbers of the paper that no other module needs, and the reasons why ours differ.
+"""Numbers of the paper that no other package needs, and the reasons why ours differ.
 
-Other modules have the rest, and this package imports it from there: `gen.scene` the ranges of
-Table 1, `learn.comparison.paper` the search spaces, optima, times and scores of Tables 2 to 4,
-`bench.surrogates.cost` the costs of section 4.4, and `bench.theory` the paraboloid of section 2.4.
+Other modules have further numbers: `gen.scene` the ranges of Table 1, `learn.comparison.paper` the
+search spaces, optima, times and scores of Tables 2 to 4, `bench.surrogates.cost` the costs of
+section 4.4, and `bench.theory` the paraboloid of section 2.4.
 """
 
 import math
@@ -15,19 +15,20 @@ from gen.scene import ALL_COLUMNS
 from learn.metrics import Scores
 
 GRIDS = (2, 8, 32, 128)
-"""Cells a side of the surfaces that show how the generator works (section 2.2)."""
+"""Cells a side of the surfaces that show how the generator works (section 2.2). A surface has one
+node more a side."""
 
 DELTAS = (25.0, 35.0)
-"""Displacements at which two topographies are pressed (section 2.4) [um]."""
+"""The two displacements at which topographies are pressed (section 2.4) [um]."""
 
 LONGEST_SOLVE = 1750.0
 """Approximate time of the longest simulation (section 2.4) [s]."""
 
 TRAIN_ROWS = PAPER_ROWS - PAPER_TESTS
-"""Number of rows that train (section 3.2)."""
+"""Number of training rows of the paper (section 3.2)."""
 
 FINE_ROWS = 800
-"""Number of simulations on the finer grid (section 4.3)."""
+"""Number of the paper's simulations on the finer grid (section 4.3)."""
 
 FINE = Scores(nmse=1.46, nmae=3.95, nmaxe=7.56, r2=99.16)
 """Scores of kernel ridge on the finer grid (Table 5) [%]."""
@@ -53,7 +54,7 @@ def why(name: str, **values: Any) -> str:
     name : str
         Name of the reason in `why.toml`.
     **values
-        Values for the braces in its text.
+        Values of the placeholders in its text, which are in braces.
 
     Returns
     -------
@@ -90,12 +91,12 @@ def ratio(ours: float, theirs: float) -> str:
     Returns
     -------
     str
-        "x 1.2" for example, "1/20" for a ratio below 0.1, or "" if a number is NaN or the paper's
-        is 0.
+        "x 1.2", for example; "1/20" for a ratio below 0.1; "" if a number is NaN, or if the
+        paper's number is 0.
     """
     if not theirs or math.isnan(ours) or math.isnan(theirs):
         return ""
-    times = ours / theirs
-    if times >= 0.1:
-        return f"x {times:.3g}"
-    return f"1/{1 / times:,.0f}"
+    quotient = ours / theirs
+    if quotient >= 0.1:
+        return f"x {quotient:.3g}"
+    return f"1/{1 / quotient:,.0f}"

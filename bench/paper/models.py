@@ -1,9 +1,10 @@
 """The paper's nine models beside ours: Tables 2 to 4, their pictures, and numbers in the text.
 
-Our scores, times and optima are read from the folder of `learn compare` and `learn tune`, where
-`learn.comparison.jobs` wrote them. `learn.comparison.paper` has the paper's.
+Our scores, times and optima are read from the folder of `learn compare` and `learn tune`. The
+paper's are in `learn.comparison.paper`.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,31 +25,33 @@ from gen.schema import Status
 from learn.comparison import paper, tables
 from learn.comparison.folder import Folder, Result, SearchReport, StoredScores, Times
 from learn.comparison.paper import OPTIMA, SPACES
-from learn.comparison.tables import DOTS, NOT_SEARCHED
+from learn.comparison.plots import DOTS
+from learn.comparison.tables import NOT_SEARCHED
 from learn.metrics import Scores
 from learn.models import MODELS
 
 BELONG = 0.15
-"""Largest relative distance of a model's variance over mean, by its nMSE and R2, from the paper's
-median, at which both scores still belong to the same test areas."""
+"""The paper's nMSE and R2 of a model give the variance of the test areas over their mean. If this
+ratio differs by more than this relative distance from `paper.SPREAD`, the median over the models,
+both scores cannot be of the same test areas [1]."""
 
 MANY = 20
-"""Largest number of values of a hyperparameter that are all listed."""
+"""Number of values of a hyperparameter above which not all of them are listed."""
 
 
 @dataclass(frozen=True)
 class ScoredResult:
     """A result of a comparison that has scores."""
 
-    model: str
+    model: str  # name of the model
     kind: str  # "baseline", "library" or "tuned"
     result: Result
-    test: StoredScores  # on the test rows [%]
-    times: Times  # [s]
+    test: StoredScores  # scores on the test rows [%]
+    times: Times  # times of the fit, the prediction and the search [s]
 
 
 def area_folder(comparison: Path) -> Folder:
-    """Open the part of a comparison that is about the area, from the paper's features.
+    """Open the part of a comparison that is about the area and has the paper's features.
 
     Parameters
     ----------
@@ -63,7 +66,7 @@ def area_folder(comparison: Path) -> Folder:
     Raises
     ------
     InputError
-        If the folder has no results for the area, or they are from other features.
+        If the folder has no results for the area, or they are for other features.
     """
     folder = Folder(comparison / "area")
     if not (folder.path / "comparison.json").exists():
@@ -79,7 +82,7 @@ def area_folder(comparison: Path) -> Folder:
 
 
 def _scored(folder: Folder) -> list[ScoredResult]:
-    """Return the results that have scores, in the order of Table 4."""
+    """Return the results that have scores and times, in the order of Table 4."""
     scored = []
     for stored in folder.results():
         result = stored.result
@@ -102,7 +105,7 @@ def _of_kind(folder: Folder, kind: str) -> dict[str, ScoredResult]:
 
 
 def _searched(folder: Folder) -> dict[str, ScoredResult]:
-    """Return the results of searches that judged enough candidates, by model."""
+    """Return the results of searches that judged enough candidates to name a winner, by model."""
     return {
         model: scored
         for model, scored in _of_kind(folder, "tuned").items()
@@ -112,12 +115,12 @@ def _searched(folder: Folder) -> dict[str, ScoredResult]:
 
 
 def spread(folder: Folder) -> float:
-    """Compute the variance of the test areas over their mean, as in `paper.SPREAD`.
+    """Compute the variance of our test areas over their mean; the paper's is `paper.SPREAD`.
 
     Parameters
     ----------
     folder : Folder
-        A folder with one result or more that has scores.
+        A folder with at least one result that has scores.
 
     Returns
     -------
@@ -135,12 +138,17 @@ def table_2(comparison: Path | None = None) -> Report:
     Parameters
     ----------
     comparison : Path or None
-        Folder of `learn tune`, which has our optima; None for the paper's alone.
+        Folder of `learn tune`, which has our optima; None for the paper's optima alone.
 
     Returns
     -------
     Report
-        Table `table-2`: one row for each hyperparameter.
+        Table `table-2`: one row for each model and hyperparameter.
+
+    Raises
+    ------
+    InputError
+        If the folder is refused by `area_folder`.
     """
     searched: dict[str, ScoredResult] = {}
     if comparison is not None:
@@ -165,15 +173,16 @@ def table_2(comparison: Path | None = None) -> Report:
 
 
 def _baseline_won(winner: ScoredResult) -> bool:
-    """Say whether no candidate of a search was better than the library's settings."""
+    """Say whether no candidate of a search was better than the settings of the baseline."""
     search = winner.result.search
     return search is not None and search.winner == "baseline"
 
 
 def _our_optimum(winner: ScoredResult | None, name: str) -> str:
-    """Return our value of a hyperparameter; "" if the model was not searched.
+    """Return our value of a hyperparameter, by the result of the model's search.
 
-    Where the baseline won, values that it does not set are "the library's".
+    It is "" if the model was not searched (`winner` is None), or the result does not have the
+    hyperparameter. If the baseline won and does not set it, it is "the library's".
     """
     if winner is None:
         return ""
@@ -186,14 +195,20 @@ def _our_optimum(winner: ScoredResult | None, name: str) -> str:
 
 
 def _compared(winner: ScoredResult | None, ours: str, theirs: str) -> str:
-    """Say whether our optimum is the paper's; "" if there is none to compare."""
-    if winner is None or not (winner.result.settings or _baseline_won(winner)):
+    """Return "same" or "another", by the texts of our optimum and the paper's.
+
+    It is "" if the model was not searched (`winner` is None), or its search has no optimum.
+    """
+    if winner is None:
+        return ""
+    has_optimum = winner.result.settings or _baseline_won(winner)
+    if not has_optimum:
         return ""
     return "same" if ours == theirs else "another"
 
 
 def _list_in_words(values: Sequence[Any]) -> str:
-    """Write the values of a hyperparameter: all, or the first five and the last two of many."""
+    """Write the values of a hyperparameter: all, or the first five and last two of over `MANY`."""
     texts = [_in_words(value) for value in values]
     if len(texts) > MANY:
         texts = [*texts[:5], "...", *texts[-2:]]
@@ -201,10 +216,8 @@ def _list_in_words(values: Sequence[Any]) -> str:
 
 
 def _in_words(value: Any) -> str:
-    """Write the value of a hyperparameter.
-
-    The sizes of a network's layers are a list in results, and a tuple in search spaces.
-    """
+    """Write the value of a hyperparameter as a text."""
+    # The sizes of a network's layers are a list in results, and a tuple in search spaces.
     if isinstance(value, tuple | list):
         return "-".join(map(str, value))
     if value is None:
@@ -223,7 +236,13 @@ def table_3(comparison: Path) -> Report:
     Returns
     -------
     Report
-        Table `table-3`: one row for each model.
+        Table `table-3`: one row for each model. Our times of models that were not searched are
+        empty.
+
+    Raises
+    ------
+    InputError
+        If the folder is refused by `area_folder`.
     """
     searched = _searched(area_folder(comparison))
     rows: list[Row] = []
@@ -248,9 +267,9 @@ def table_3(comparison: Path) -> Report:
 
 
 def _reason_for_time(searched: ScoredResult) -> str:
-    """Say why the time of a search differs from the paper's."""
+    """Say why the time of a search differs from the paper's; the result is one of `_searched`."""
     search = searched.result.search
-    assert search is not None  # `_searched` returns no other results
+    assert search is not None  # all results of `_searched` have a search
     reason = why("search", done=search.fits, nominal=search.fits_nominal)
     if search.how != "whole grid":
         reason = f"{search.how} of the grid searched; {reason}"
@@ -258,7 +277,7 @@ def _reason_for_time(searched: ScoredResult) -> str:
 
 
 def table_4(comparison: Path) -> Report:
-    """Tabulate scores and times of all models, and their distance from the paper's (Table 4).
+    """Tabulate scores and times of all models, ours beside the paper's (Table 4).
 
     Parameters
     ----------
@@ -269,6 +288,11 @@ def table_4(comparison: Path) -> Report:
     -------
     Report
         Table `table-4`: one row for each result that has scores.
+
+    Raises
+    ------
+    InputError
+        If the folder is refused by `area_folder`.
     """
     folder = area_folder(comparison)
     our_spread = spread(folder)
@@ -278,11 +302,15 @@ def table_4(comparison: Path) -> Report:
 
 
 def _row_of_4(scored: ScoredResult, our_spread: float) -> Row:
-    """Return the row of Table 4 for a result. Scores are in percent, times in seconds."""
+    """Return the row of Table 4 for a result: scores [%] and times [s], as texts.
+
+    `our_spread` is from `spread` [%]. Columns of the paper and of ratios are empty for results with
+    the library's settings, which the paper does not have.
+    """
     theirs = paper.TEST.get(scored.kind, {}).get(scored.model)
     row: Row = {
         "model": MODELS[scored.model].title,
-        "result": tables.label(scored.model, scored.kind),
+        "result": tables.kind_text(scored.model, scored.kind),
     }
     for name, title in tables.SCORES.items():
         row[title] = f"{getattr(scored.test, name):.2f}"
@@ -318,12 +346,17 @@ def _short(seconds: float | None) -> str:
 def _reason_for_scores(
     search: SearchReport | None, theirs: Scores, our_spread: float
 ) -> str:
-    """Say why the scores of a model differ from the paper's."""
+    """Say why the scores of a model differ from the paper's, `theirs`.
+
+    `search` is None for a baseline. `our_spread` is from `spread` [%].
+    """
     reasons = []
     if search is not None and tables.winner_of(search) == NOT_SEARCHED:
         reasons.append(why("few"))
-    if abs(paper.spread_of(theirs) / paper.SPREAD - 1) > BELONG:
+    distance = abs(paper.spread_of(theirs) / paper.SPREAD - 1)
+    if distance > BELONG:
         reasons.append(why("two-spreads"))
+    # nMSE is (1 - R2) times the spread of the test areas.
     factor = our_spread / paper.SPREAD
     reasons.append(f"nMSE x {factor:.2g} by the areas' spread, at equal R2")
     return "; ".join(reasons)
@@ -340,8 +373,13 @@ def predictions(comparison: Path) -> Report:
     Returns
     -------
     Report
-        Tables and pictures `predictions-baseline` and `predictions-tuned`. Either is left out if
-        the folder has no scores of its kind.
+        Tables and pictures `predictions-baseline` and `predictions-tuned`. A table and its picture
+        are left out if the folder has no scores of this kind.
+
+    Raises
+    ------
+    InputError
+        If the folder is refused by `area_folder`, or a tuned model's baseline has no scores.
     """
     folder = area_folder(comparison)
     rows: dict[str, list[Row]] = {}
@@ -356,7 +394,7 @@ def predictions(comparison: Path) -> Report:
 
 
 def _predicted_rows(folder: Folder, kind: str, models: list[str]) -> list[Row]:
-    """Return the solved and predicted areas [%] of all test rows, for each model."""
+    """Return rows of predictions: a model, and the solved and predicted area of a test row [%]."""
     rows: list[Row] = []
     for model in models:
         for pair in zip(*folder.prediction(kind, model), strict=True):
@@ -366,18 +404,21 @@ def _predicted_rows(folder: Folder, kind: str, models: list[str]) -> list[Row]:
 
 
 def _draw_predictions(folder: Folder, kind: str, models: list[str]) -> Any:
-    """Draw a panel for each model; a tuned model's has the predictions of its baseline, too."""
+    """Draw a panel for each model, three beside each other.
+
+    The panel of a tuned model has the predictions of its baseline, too.
+    """
     columns = min(3, len(models))
-    lines = -(-len(models) // columns)
+    lines = math.ceil(len(models) / columns)
     figure = new_figure(max(3.5 * columns, 4.6), 3.1 * lines + 0.4)
     axes = figure.subplots(lines, columns, squeeze=False).ravel()
-    kinds = dict.fromkeys(["baseline", kind])  # each kind once
+    kinds = dict.fromkeys(["baseline", kind])  # only one key if the kind is "baseline"
     for model, axis in zip(models, axes, strict=False):
         for drawn_kind in kinds:
             if folder.result(drawn_kind, model):
                 _draw_prediction(axis, folder, drawn_kind, model)
         axis.set_title(MODELS[model].title, fontsize=10)
-    for axis in axes[len(models) :]:
+    for axis in axes[len(models) :]:  # empty places of the last line
         axis.set_axis_off()
     figure.supxlabel("solved area [%]", fontsize=10)
     figure.supylabel("predicted area [%]", fontsize=10)
@@ -393,7 +434,7 @@ def _draw_prediction(axis: Any, folder: Folder, kind: str, model: str) -> None:
     colour = COLOURS[0] if kind == "baseline" else COLOURS[1]
     theirs = paper.TEST[kind][model]
     label = f"{kind}: R² {result.test.r2:.2f} %\n(paper's {theirs.r2:.2f} %)"
-    if not axis.lines:
+    if not axis.lines:  # the first predictions of this panel
         parity_axes(axis, truth)
     draw_parity(axis, truth, predicted, label=label, color=colour, **DOTS[kind])
     axis.legend(loc="lower right", fontsize=7, markerscale=2, framealpha=0.9)
@@ -417,7 +458,12 @@ def bars(comparison: Path) -> Report:
     Returns
     -------
     Report
-        Table and picture `bars`; nothing if there is no baseline.
+        Table and picture `bars`; neither if there is no baseline.
+
+    Raises
+    ------
+    InputError
+        If the folder is refused by `area_folder`.
     """
     shown = _of_kind(area_folder(comparison), "baseline")
     if not shown:
@@ -445,7 +491,7 @@ def bars(comparison: Path) -> Report:
 class Pair:
     """Our number and the paper's, in the same unit."""
 
-    ours: float | None
+    ours: float | None  # None for a time if the fit failed
     paper: float
 
 
@@ -470,7 +516,11 @@ def _panels_of_bars(shown: dict[str, ScoredResult]) -> dict[str, list[Pair]]:
 def _draw_bars(
     axis: Any, label: str, pairs: list[Pair], names: list[str], *, legend: bool
 ) -> None:
-    """Draw one panel of bars; R2 as its difference to 100 %, in which good models differ."""
+    """Draw one panel with a pair of bars for each model, on a logarithmic axis.
+
+    `names` are the texts below the pairs. For R2 the difference to 100 % is drawn, which shows how
+    good models differ.
+    """
     drawn = pd.DataFrame(
         [(pair.ours, pair.paper) for pair in pairs],
         index=names,
@@ -488,19 +538,24 @@ def _draw_bars(
 
 
 def numbers(database: Path, comparison: Path | None = None) -> Report:
-    """Collect the numbers of the paper's text that the inputs can be compared with.
+    """Collect the numbers in the paper's text, beside ours.
 
     Parameters
     ----------
     database : Path
         A database of the paper preset.
     comparison : Path or None
-        Folder of `learn compare`; None to leave out its numbers.
+        Folder of `learn compare`; None to leave out the numbers about it.
 
     Returns
     -------
     Report
         Table `numbers`.
+
+    Raises
+    ------
+    InputError
+        If fewer than two rows are finished, or the folder is refused by `area_folder`.
     """
     rows = _of_the_database(database)
     if comparison is not None:
@@ -509,7 +564,7 @@ def numbers(database: Path, comparison: Path | None = None) -> Report:
 
 
 def _of_the_database(path: Path) -> list[Row]:
-    """Return the numbers about the database and its solve times."""
+    """Return the rows of `numbers` about a database and its solve times."""
     rows = finished(path)
     areas = rows["area_percent"]
     seconds = rows["solve_seconds"]
@@ -578,7 +633,7 @@ def _of_the_database(path: Path) -> list[Row]:
 
 
 def _duration(seconds: float) -> str:
-    """Write a time with three digits, in the unit that suits it."""
+    """Write a time [s] with three digits, in us, ms, s, hours (h) or days (d)."""
     if seconds < 1e-3:
         return f"{1e6 * seconds:.3g} us"
     if seconds < 1.0:
@@ -591,7 +646,7 @@ def _duration(seconds: float) -> str:
 
 
 def _of_the_comparison(comparison: Path) -> list[Row]:
-    """Return the numbers about the rows that train and test the models."""
+    """Return the rows of `numbers` about the rows that train and test the models."""
     folder = area_folder(comparison)
     conditions = folder.record().conditions
     reason = "as asked for"
@@ -634,7 +689,11 @@ def _number(
     reason: str,
     form: str = "{:.4g}",
 ) -> Row:
-    """Return a row of the numbers; the reason is left out where both are written the same."""
+    """Return a row of `numbers` that compares ours with theirs, the paper's number.
+
+    `form` is the format of both. If both texts are equal, the deviation is "none" and the reason is
+    left out.
+    """
     paper_text = form.format(theirs)
     our_text = form.format(ours)
     row: Row = {

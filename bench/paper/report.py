@@ -1,4 +1,4 @@
-"""`python -m bench paper`: the tables and figures of the paper that the inputs allow."""
+"""`python -m bench paper`: all tables and figures of the paper for which there are inputs."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -25,25 +25,27 @@ def paper(
     folder : Path
         Folder of the report. Generated databases are kept in its folder `databases`.
     rows : int
-        Number of rows of the paper preset that are generated if no database is given.
+        Number of the first rows of the paper preset that are generated without a database.
     database : Path or None
-        A database of the paper preset.
+        A database of the paper preset; None to generate one.
     comparison : Path or None
-        Folder of `learn compare` and `learn tune`. Without it Tables 3 and 4, their pictures and
-        our optima are left out.
+        Folder of `learn compare` and `learn tune`. With None, Tables 3 and 4, their pictures, our
+        optima in Table 2 and the numbers of the comparison are left out.
 
     Returns
     -------
     Report
-        All tables and pictures.
+        All tables and pictures of this package.
 
     Raises
     ------
     InputError
         If the database or the folder cannot be used.
+    KeyboardInterrupt
+        If a signal interrupted the generation of a database.
     """
     if comparison is not None:
-        models.area_folder(comparison)  # before any work is done
+        models.area_folder(comparison)  # refuses a wrong folder before any work is done
     path = databases.of_the_paper(database, folder / "databases", rows)
     fine = _fine_database(folder, path)
     parts: list[Callable[[], Report]] = [
@@ -75,7 +77,10 @@ def paper(
 
 
 def _fine_database(folder: Path, coarse: Path) -> Path:
-    """Generate rows of the finer grid that test a surrogate of the coarse database."""
+    """Generate the database of the finer grid, and return its path.
+
+    The number of its rows depends on the number of finished rows of the `coarse` database.
+    """
     number = of_database.number_of_fine_rows(len(of_database.finished(coarse)))
     text = f"samples = {number}\nseed = {OTHER_SEED}\n{of_database.FINE_SCENE}"
     return databases.generated(folder / "databases", "fine", text)

@@ -1,7 +1,7 @@
 """The paper's pictures of surfaces (sections 2.2 to 2.4), and two equal models (Appendix A).
 
-The paper does not give its random numbers: the pictures show the same kinds of surfaces as its own,
-not the same surfaces.
+The paper does not give its random numbers. So our pictures show other surfaces, of the paper's
+kinds and parameters.
 """
 
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ _PAPER = load("paper").surface
 assert isinstance(_PAPER, DisplacedSurface)
 
 PRESET = _PAPER
-"""The surfaces of the paper preset."""
+"""The table `surface` of the paper preset, with the ranges of its parameters."""
 
 SIDE = PRESET.side
 """Scan length [um]."""
@@ -43,25 +43,25 @@ NODES = PRESET.nodes
 """Nodes a side."""
 
 ROUGH, SMOOTH = limits(PRESET.hurst)
-"""Smallest and largest Hurst exponent of the preset."""
+"""Smallest and largest Hurst exponent of the preset: the roughest and the smoothest surfaces."""
 
 SIGMA0 = sum(limits(PRESET.sigma0)) / 2
 """Middle of the preset's range of sigma0 [um]."""
 
 Offset = tuple[int, int]
-"""Place of a node relative to another node: nodes along x and along y."""
+"""Position of a neighbour relative to a node: numbers of nodes along x and along y."""
 
 ALONG: tuple[Offset, ...] = ((-1, 0), (1, 0))
-"""Neighbours in a profile along x."""
+"""The two neighbours of a node in a profile along x."""
 
 ACROSS: tuple[Offset, ...] = ((0, -1), (0, 1))
-"""Neighbours in a profile along y."""
+"""The two neighbours of a node in a profile along y."""
 
 
 def shown_surface(
     hurst: float, generator: str = "diamond-square", nodes: int = NODES
 ) -> Heights:
-    """Generate the surface that all pictures show.
+    """Generate the surface that all pictures show, at a Hurst exponent and on a grid.
 
     Parameters
     ----------
@@ -88,18 +88,21 @@ def above(heights: Heights, *offsets: Offset) -> NDArray[np.bool_]:
     heights : ndarray, shape (nx, ny)
         Heights, in any unit.
     *offsets : pair of int
-        Places of the neighbours relative to the node, each -1, 0 or 1 along x and along y.
+        Positions of the neighbours relative to the node: -1, 0 or 1 along x and along y.
 
     Returns
     -------
     ndarray of bool, shape (nx, ny)
-        True for a node that is higher. A node without one of the neighbours is not marked.
+        True for a node that is higher than all of these neighbours. A node at the border that lacks
+        one of them is not marked.
     """
-    padded = np.pad(heights, 1, constant_values=np.nan)  # no number is above NaN
+    # No number is higher than NaN.
+    padded = np.pad(heights, 1, constant_values=np.nan)
     nx, ny = heights.shape
     is_above = np.ones((nx, ny), dtype=bool)
     for i, j in offsets:
-        is_above &= heights > padded[1 + i : 1 + i + nx, 1 + j : 1 + j + ny]
+        neighbours = padded[1 + i : 1 + i + nx, 1 + j : 1 + j + ny]
+        is_above &= heights > neighbours
     return is_above
 
 
@@ -109,7 +112,8 @@ def levels() -> Report:
     Returns
     -------
     Report
-        Table and picture `levels`.
+        Table and picture `levels`: a line of panels for each of `GENERATORS`, a panel for each of
+        `GRIDS`.
     """
     figure = new_figure(10.5, 4.9)
     axes = figure.subplots(len(GENERATORS), len(GRIDS))
@@ -147,7 +151,7 @@ def profile() -> Report:
     """
     heights = shown_surface(ROUGH)
     asperities = above(heights, *ALONG, *ACROSS)
-    middle = NODES // 2  # number of the profile
+    middle = NODES // 2  # index along y of the profile
     shown = _Profile(
         x=np.linspace(0, SIDE, NODES),
         heights=heights[:, middle],
@@ -172,16 +176,21 @@ def profile() -> Report:
 class _Profile:
     """A profile along x of n nodes."""
 
-    x: Values  # (n,) [um]
-    heights: Heights  # (n,) [um]
-    peaks: NDArray[np.bool_]  # (n,) nodes above both neighbours in the profile
-    asperities: NDArray[np.bool_]  # (n,) nodes above all four neighbours in the surface
+    x: Values  # (n,) places of the nodes [um]
+    heights: Heights  # (n,) heights of the nodes [um]
+    peaks: NDArray[np.bool_]  # (n,) True for nodes above both neighbours in the profile
+    # (n,) True for nodes above all four neighbours in the surface.
+    asperities: NDArray[np.bool_]
 
 
 def _rows_of_profile(
     heights: Heights, shown: _Profile, number_of_asperities: int
 ) -> list[Row]:
-    """Return number, mean height and rms of peaks, asperities and nodes of a surface [um]."""
+    """Return the rows of the table `profile`: number, mean height and rms of kinds of nodes [um].
+
+    The kinds are the peaks of the shown profile, the peaks of all profiles, asperities, and all
+    nodes. `heights` are those of the surface.
+    """
     statistics = describe(heights, PRESET.side / (NODES - 1)).values
     peak_heights = shown.heights[shown.peaks]
     return [
@@ -193,7 +202,8 @@ def _rows_of_profile(
         },
         {
             "of": "profile peaks, all profiles",
-            # The density is the number of peaks, along x and along y, over twice the nodes.
+            # The density is the number of peaks, along x and along y, over twice the number of
+            # nodes.
             "number": round(statistics["peak_density"] * 2 * heights.size),
             "mean_height_um": statistics["peak_mean"],
             "rms_um": statistics["peak_rms"],
@@ -214,13 +224,14 @@ def _rows_of_profile(
 
 
 def _draw_profile(axis: Any, shown: _Profile) -> None:
-    """Draw a profile, its peaks, and the mean, rms and highest of their heights."""
-    heights = shown.heights[shown.peaks]
-    mean = float(heights.mean())
-    rms = float(heights.std())
-    highest = float(heights.max())
+    """Draw a profile with its peaks and asperities, and the mean, rms and largest peak height."""
+    peak_heights = shown.heights[shown.peaks]
+    peak_places = shown.x[shown.peaks]
+    mean = float(peak_heights.mean())
+    rms = float(peak_heights.std())
+    highest = float(peak_heights.max())
     axis.plot(shown.x, shown.heights, color="0.45", lw=1, label="profile")
-    axis.plot(shown.x[shown.peaks], heights, "^", ms=4, color=COLOURS[0], label="peaks")
+    axis.plot(peak_places, peak_heights, "^", ms=4, color=COLOURS[0], label="peaks")
     axis.plot(
         shown.x[shown.asperities],
         shown.heights[shown.asperities],
@@ -248,20 +259,21 @@ def _draw_profile(axis: Any, shown: _Profile) -> None:
 class _Pressed:
     """A surface that is pressed at a displacement, with the letters of its two panels."""
 
-    panels: str
-    hurst: float
-    delta: float  # [um]
+    panels: str  # letters of the panels of topography and forces, as "ad"
+    hurst: float  # the generator's Hurst exponent
+    delta: float  # far-field displacement [um]
     heights: Heights  # (n, n) [um]
-    contact: bem.Contact
+    contact: bem.Contact  # solved for E* = 1 MPa
 
     @property
     def forces(self) -> Values:
         """Force on each node for E* = 1 MPa, shape (n, n) [uN]."""
-        return np.asarray(self.contact.pressure * (SIDE / (NODES - 1)) ** 2)
+        spacing = SIDE / (NODES - 1)
+        return np.asarray(self.contact.pressure * spacing**2)
 
 
 def _pressed(panels: str, hurst: float, delta: float) -> _Pressed:
-    """Press the shown surface of a Hurst exponent at a displacement [um], with E* = 1 MPa."""
+    """Press the surface that all pictures show; see the fields of `_Pressed`."""
     heights = shown_surface(hurst)
     return _Pressed(
         panels=panels,
@@ -293,7 +305,7 @@ def topographies() -> Report:
     for (upper, lower), case in zip(axes.T, cases, strict=True):
         topography = _draw_field(upper, case.heights, vmin=0, vmax=highest)
         upper.set_title(f"({case.panels[0]}) H = {case.hurst:g}", fontsize=10)
-        spots = np.ma.masked_equal(case.forces, 0)
+        spots = np.ma.masked_equal(case.forces, 0)  # nodes out of contact stay white
         forces = _draw_field(lower, spots, vmin=0, vmax=strongest, cmap="inferno_r")
         area = f"area {case.contact.area_percent:.2f} %"
         lower.set_title(f"({case.panels[1]}) Δ = {case.delta:g} µm: {area}", fontsize=10)
@@ -320,7 +332,10 @@ def topographies() -> Report:
 
 
 def _draw_field(axis: Any, field: Any, **options: Any) -> Any:
-    """Draw a field of nodes, shape (nx, ny), with x to the right; return matplotlib's image."""
+    """Draw a field of nodes, shape (nx, ny), with x to the right; return matplotlib's image.
+
+    `options` are those of `Axes.imshow`.
+    """
     return axis.imshow(field.T, origin="lower", extent=(0, SIDE, 0, SIDE), **options)
 
 
@@ -330,18 +345,19 @@ agree, and the memory of a Gaussian process grows with their square."""
 
 
 class _EqualModels(NamedTuple):
-    """Kernel and noise for a Gaussian process, and the settings that make kernel ridge equal."""
+    """A Gaussian process and a kernel ridge that predict equal values."""
 
-    kernel: Any  # of scikit-learn
-    ridge: dict[str, Any]  # its `alpha` is the noise
+    kernel: Any  # scikit-learn's kernel of the Gaussian process
+    # Settings of kernel ridge. Their `alpha` is also the noise of the Gaussian process.
+    ridge: dict[str, Any]
 
 
 def _equal_models() -> dict[str, _EqualModels]:
     """Return the two cases of Appendix A by the names of their kernels.
 
-    The radial basis function has length 1, which is gamma = 1/2, and 1e-10 on the diagonal. The
-    paper gives the linear kernel no noise, but with 23 inputs its matrix is singular then: both
-    models get 1, the default of kernel ridge.
+    The radial basis function has length 1, which is gamma = 1/2 of kernel ridge, and a noise of
+    1e-10 on the diagonal. In the paper the linear kernel has no noise. With 23 inputs its matrix
+    would then be singular, so that both models get a noise of 1, the default of kernel ridge.
     """
     from sklearn.gaussian_process.kernels import RBF, DotProduct
 
@@ -360,7 +376,7 @@ def _equal_models() -> dict[str, _EqualModels]:
 def equal_kernels(database: Path) -> Report:
     """Compare a Gaussian process and kernel ridge with equal kernels (Appendix A).
 
-    They predict the same, except for rounding.
+    Their predictions are equal, except for rounding.
 
     Parameters
     ----------
@@ -371,6 +387,11 @@ def equal_kernels(database: Path) -> Report:
     -------
     Report
         Table and picture `appendix`.
+
+    Raises
+    ------
+    InputError
+        If the database has too few usable rows.
     """
     (rows,) = dataset.read(Request((database,), area_max=AREA_MAX))
     parts = split.draw(rows, 0, APPENDIX_ROWS)
@@ -405,7 +426,7 @@ def equal_kernels(database: Path) -> Report:
         areas.plot(truth, ridge, ".", ms=2, label="kernel ridge")
         areas.set(xlabel="solved area [%]", ylabel="predicted area [%]", title=case)
         areas.legend()
-        # A difference of 0 has no logarithm.
+        # A difference of 0 has no logarithm, so that a very small number is added.
         differences.semilogy(truth, difference + 1e-18, ".", ms=3)
         differences.set(
             xlabel="solved area [%]", ylabel="difference of the predictions [%]"

@@ -1,14 +1,15 @@
-"""Contact by the dense matrix: all influence coefficients are written out, and sets factorised.
+"""Contact by the dense matrix of influence coefficients, whose parts are factorised.
 
-`press` uses block principal pivoting with Cholesky factors, which is slow and short. It accepts a
-solution only if the conditions of complementarity hold. `press_yielding` bounds the pressure by a
-hardness. With A = L L^T, the pressure 0 <= p <= H that minimises p A p / 2 - u p is the
-least-squares solution of L^T p = L^-1 u within these bounds; `solve` may begin with it.
+`press` uses block principal pivoting with Cholesky factors. Its code is short, and its solves are
+slow. It accepts a solution only if the conditions of complementarity hold. `press_yielding` bounds
+the pressure by a hardness. With A = L L^T, the pressure 0 <= p <= H that minimises p A p / 2 - u p
+is the least-squares solution of L^T p = L^-1 u within these bounds; `solve` may begin with it.
 
 `press_by_nnls` is the paper's algorithm: A. Bemporad and M. Paggi (2015), Int. J. Solids Struct.
 69-70, algorithm 3, after Lawson and Hanson (1974). It solves one dense system for each node that
-comes into contact, as MIRCO does. To compare fairly it is faster than MIRCO: LAPACK's Cholesky
-factors take half the work of MIRCO's LU factors, and influence coefficients are kept.
+comes into contact, as MIRCO does. It is made faster than MIRCO, so that comparisons do not favour
+our solver: LAPACK's Cholesky factors take half the work of MIRCO's LU factors, and influence
+coefficients are computed once.
 """
 
 from collections.abc import Callable
@@ -28,30 +29,32 @@ Nodes = NDArray[np.intp]
 """Flat indices of nodes."""
 
 Sides = NDArray[np.intp]
-"""State of each node: -1 without pressure, 1 yielded, 0 in elastic contact."""
+"""State of each node: -1 without pressure, 0 in elastic contact, 1 yielded."""
 
 ROUNDING = 1e-11
 """Pressures and gaps in reduced units below this count as zero [largest interference]."""
 
 PATIENCE = 4
-"""Number of exchanges of all wrong nodes that may pass without fewer wrong nodes."""
+"""Number of exchanges of all wrong nodes that `solve` makes without finding fewer wrong nodes."""
 
 EXCHANGES = 10_000
-"""Number of exchanges after which `solve` gives up; only rounding can take as many."""
+"""Number of exchanges after which `solve` gives up; only rounding can make it need more."""
 
 
 class DenseContact(NamedTuple):
-    """A contact that was solved with the dense matrix. The function that makes it states the units.
+    """A contact that was solved with the dense matrix; the function that makes it states the units.
 
     Both fields have the shape of the heights, (nx, ny).
     """
 
     pressure: Field
-    gap: Field  # negative at yielded nodes, by the depth to which they yield
+    gap: Field  # distance of the surfaces; minus the depth of yielding at yielded nodes
 
 
 def influence_view(shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0) -> Field:
-    """Return all influence coefficients as a view of a table, which takes no memory of its own.
+    """Return all influence coefficients as a view of a small table.
+
+    The view takes no memory of its own; each coefficient occurs many times in it.
 
     Parameters
     ----------
@@ -79,7 +82,7 @@ def influence_matrix(
     aspect: float = 1.0,
     nodes: Nodes | None = None,
 ) -> Field:
-    """Write out the displacement of nodes under unit pressure on each of them.
+    """Compute the displacement of each node under unit pressure on each node.
 
     Parameters
     ----------
@@ -95,7 +98,7 @@ def influence_matrix(
     Returns
     -------
     ndarray, shape (m, m)
-        Influence matrix [first side of a cell / E*].
+        Influence matrix: the displacement of a node in each row [first side of a cell / E*].
     """
     if nodes is None:
         nodes = np.arange(shape[0] * shape[1])
@@ -106,7 +109,7 @@ def influence_matrix(
 
 
 def displace(pressure: Field, kernel: Kernel, aspect: float = 1.0) -> Field:
-    """Compute the displacement under a pressure by the whole matrix.
+    """Compute the displacement under a pressure by the whole matrix, without transforms.
 
     Parameters
     ----------
@@ -134,21 +137,22 @@ def solve(
 ) -> Field:
     """Find the pressure 0 <= p <= H with gap w = A p - u >= 0 where p = 0 and <= 0 where p = H.
 
-    All nodes of the wrong sign change sides at once as long as this lowers their number; otherwise
-    only the last of them does. This ends for any positive definite matrix (Judice and Pires 1994;
-    Murty 1974).
+    A node is wrong if its pressure or gap has the wrong sign for its side. All wrong nodes change
+    sides at once, as long as their number falls within `PATIENCE` exchanges. Then only the last
+    wrong node changes sides, until fewer are wrong. This ends for any positive definite matrix
+    (Judice and Pires 1994; Murty 1974).
 
     Parameters
     ----------
     matrix : ndarray, shape (m, m)
         Positive definite matrix A.
     interference : ndarray, shape (m,)
-        Overlap u of the undeformed bodies, negative where they are apart.
+        Overlap u of the undeformed bodies, negative where they are apart. Its unit is that of A p.
     start : ndarray of int, shape (m,), optional
-        Sides to begin with: -1 at nodes without pressure, 1 at yielded nodes, 0 between. By
-        default nodes that overlap are at 0, and other nodes at -1.
+        Sides to begin with: -1 at nodes without pressure, 0 in elastic contact, 1 at yielded nodes.
+        By default nodes that overlap are at 0, and other nodes at -1.
     hardness : float
-        Largest pressure H; infinite for elastic bodies.
+        Largest pressure H, in the unit of the pressure; infinite for elastic bodies.
 
     Returns
     -------
@@ -158,8 +162,8 @@ def solve(
     Raises
     ------
     ArithmeticError
-        If rounding keeps nodes changing sides, or leaves a gap in contact above `ROUNDING` of the
-        largest interference.
+        If nodes are still wrong after `EXCHANGES`, or if rounding leaves a gap in elastic contact
+        that is larger than `ROUNDING` of the largest interference.
     """
     side = start
     if side is None:
@@ -183,15 +187,16 @@ def solve(
             patience -= 1
         else:  # only the last wrong node changes sides
             wrong[: np.flatnonzero(wrong)[-1]] = False
-        # A node between the bounds goes to the bound that it exceeds; others go between.
-        bound_beyond = np.where(pressure > 0, 1, -1)
-        opposite = np.where(side == 0, bound_beyond, 0)
-        side = np.where(wrong, opposite, side)
+        # A wrong node in elastic contact goes to the bound that its pressure exceeds. A wrong node
+        # at a bound goes into elastic contact.
+        exceeded_bound = np.where(pressure > 0, 1, -1)
+        next_side = np.where(side == 0, exceeded_bound, 0)
+        side = np.where(wrong, next_side, side)
     raise ArithmeticError(f"dense solve: {count} of {side.size} nodes are still wrong")
 
 
 def _require_closed(gap: Field, accepted: float) -> None:
-    """Raise ArithmeticError if a gap in elastic contact, (k,), is larger than the accepted one."""
+    """Raise ArithmeticError if a gap in elastic contact, (k,), is larger than `accepted`."""
     largest = float(np.abs(gap).max(initial=0.0))
     if largest > accepted:
         raise ArithmeticError(f"dense solve: gap of {largest:.1e} in contact")
@@ -200,7 +205,7 @@ def _require_closed(gap: Field, accepted: float) -> None:
 def balance(
     matrix: Field, interference: Field, side: Sides, hardness: float = np.inf
 ) -> Field:
-    """Compute the pressure that closes the gap at all nodes between the bounds.
+    """Compute the pressure that closes the gap at all nodes in elastic contact.
 
     Parameters
     ----------
@@ -209,14 +214,15 @@ def balance(
     interference : ndarray, shape (m,)
         Overlap u of the undeformed bodies.
     side : ndarray of int, shape (m,)
-        -1 at nodes without pressure, 1 at yielded nodes, 0 between the bounds.
+        -1 at nodes without pressure, 0 in elastic contact, 1 at yielded nodes.
     hardness : float
         Pressure of yielded nodes.
 
     Returns
     -------
     ndarray, shape (m,)
-        Pressure: 0 and the hardness at the bounds; between them it may be outside of the bounds.
+        Pressure in the unit of A^-1 u: 0 at nodes without pressure, the hardness at yielded nodes.
+        In elastic contact it may be negative or above the hardness.
     """
     pressure = np.where(side > 0, hardness, 0.0)
     free = side == 0
@@ -256,7 +262,7 @@ def press(
     """
     overlap = (heights - heights.max()) + delta
     interference = (overlap / delta).reshape(-1)
-    nodes = np.flatnonzero(interference > 0)  # other nodes carry nothing
+    nodes = np.flatnonzero(interference > 0)  # nodes without overlap cannot touch
     matrix = influence_matrix(heights.shape, kernel, aspect, nodes)
     pressure = np.zeros(heights.size)
     pressure[nodes] = solve(matrix, interference[nodes])
@@ -268,8 +274,8 @@ def press(
 def full_contact_delta(heights: Field, kernel: Kernel, aspect: float = 1.0) -> float:
     """Compute the displacement at which the last node comes into contact on a rigid far field.
 
-    If all nodes are in contact, the pressure is linear in Delta. The result is the Delta at which
-    the last pressure becomes positive.
+    If all nodes are in contact, the pressure is linear in Delta. The result is the smallest Delta
+    at which no pressure is negative.
 
     Parameters
     ----------
@@ -299,7 +305,7 @@ def press_yielding(
     aspect: float = 1.0,
     sides: Callable[[Field, Field, float], Sides] | None = None,
 ) -> DenseContact:
-    """Solve a contact with a bounded pressure on a rigid far field.
+    """Solve a contact of bodies that yield at a hardness, on a rigid far field.
 
     Parameters
     ----------
@@ -314,8 +320,8 @@ def press_yielding(
     aspect : float
         Second side of a cell over its first [1].
     sides : callable, optional
-        Function that returns the sides to begin with from matrix, interference and hardness, as
-        `by_least_squares` does; by default `solve` chooses them.
+        Function with the arguments and the result of `by_least_squares`, which gives the sides that
+        `solve` begins with; by default those of `solve`.
 
     Returns
     -------
@@ -328,7 +334,7 @@ def press_yielding(
         If `solve` finds no solution.
     """
     interference = ((heights - heights.max()) + delta).reshape(-1)
-    nodes = np.flatnonzero(interference > 0)  # other nodes carry nothing
+    nodes = np.flatnonzero(interference > 0)  # nodes without overlap cannot touch
     matrix = influence_matrix(heights.shape, kernel, aspect, nodes)
     start = None
     if sides is not None:
@@ -341,7 +347,7 @@ def press_yielding(
 
 
 def by_least_squares(matrix: Field, interference: Field, hardness: float) -> Sides:
-    """Find the sides of the nodes by bounded least squares.
+    """Find the side of each node by bounded least squares.
 
     Parameters
     ----------
@@ -355,7 +361,7 @@ def by_least_squares(matrix: Field, interference: Field, hardness: float) -> Sid
     Returns
     -------
     ndarray of int, shape (m,)
-        -1 at nodes without pressure, 1 at yielded nodes, 0 between.
+        -1 at nodes without pressure, 0 in elastic contact, 1 at yielded nodes.
     """
     factor = cholesky(matrix, lower=True)
     target = solve_triangular(factor, interference, lower=True)
@@ -368,14 +374,16 @@ def by_least_squares(matrix: Field, interference: Field, hardness: float) -> Sid
 class _ActiveSet:
     """Nodes in contact in the paper's algorithm, with the rows of the matrix that belong to them.
 
-    `add` and `release` keep both in one order: the first `count` entries are in contact.
+    Only the first `count` entries of `nodes` and `rows` are valid. They are in one order, which
+    `add` and `release` keep.
     """
 
     def __init__(self, matrix: Field) -> None:
-        self.matrix = matrix  # shape (m, m)
-        self.nodes: Nodes = np.empty(len(matrix), np.intp)  # indices of candidates
-        self.rows = np.empty_like(matrix)  # rows of the matrix for these nodes
-        self.count = 0
+        self.matrix = matrix  # influence matrix of all m candidates, (m, m)
+        # Indices of the nodes in contact among the candidates, (m,).
+        self.nodes: Nodes = np.empty(len(matrix), np.intp)
+        self.rows = np.empty_like(matrix)  # rows of the matrix for these nodes, (m, m)
+        self.count = 0  # number of nodes in contact
 
     @property
     def inside(self) -> Nodes:
@@ -389,25 +397,31 @@ class _ActiveSet:
         self.count += 1
 
     def balance(self, interference: Field) -> Field:
-        """Return the pressures of the nodes in contact, (count,), which close their gaps."""
+        """Return the pressures of the nodes in contact, (count,), which close their gaps.
+
+        Raises ArithmeticError if rounding has made the matrix indefinite.
+        """
         inside = self.inside
         block = self.rows[: self.count, inside].T
+        pressures: Field
         _, pressures, failed = dposv(block, interference[inside], overwrite_a=True)
         if failed:
             raise ArithmeticError("the influence matrix is not positive definite")
-        return np.asarray(pressures)
+        return pressures
 
     def release(self, pressure: Field, balanced: Field) -> None:
-        """Move towards balanced pressures until one becomes zero, and release its node.
+        """Move pressures towards balanced ones until one of them becomes 0, and release its node.
 
-        Changes `pressure`, (m,), at the nodes in contact. `balanced`, (count,), has a pressure that
-        is not positive. The last node in contact takes the place of the released one.
+        `pressure`, (m,), is changed in place at the nodes in contact. `balanced`, (count,), must
+        have a pressure that is not positive. In `nodes` and `rows` the last node in contact takes
+        the place of the released one.
         """
         inside = self.inside
         before = pressure[inside]
         falling = np.flatnonzero(balanced <= 0)
-        tiny = np.finfo(float).tiny
+        tiny = np.finfo(float).tiny  # which avoids 0 / 0
         falls = before[falling] - balanced[falling] + tiny
+        # Share of the way to the balanced pressure at which each pressure becomes 0.
         shares = before[falling] / falls
         pressure[inside] = before + shares.min() * (balanced - before)
         stopping = falling[shares.argmin()]
@@ -436,21 +450,22 @@ def press_by_nnls(
     kernel : {"uniform-pressure", "concentrated-force"}
         Kernel, as for `half_space.influence_coefficients`.
     rtol : float
-        Largest penetration that may be left at nodes without pressure [Delta].
+        Largest penetration that may remain at nodes without pressure [Delta].
 
     Returns
     -------
     ndarray, shape (nx, ny)
-        Pressure p >= 0 with gap w = H p - u >= -rtol and p w = 0 [E* Delta / spacing].
+        Pressure [E* Delta / spacing]. It is not negative; the gap is 0 where it is positive, and at
+        least -rtol Delta elsewhere.
 
     Raises
     ------
     ArithmeticError
-        If rounding keeps the algorithm from ending. No contact is known with which it does.
+        If rounding keeps the algorithm from ending. No contact is known for which this happens.
     """
     overlap = (heights - heights.max()) + delta
     reduced = (overlap / delta).reshape(-1)
-    nodes = np.flatnonzero(reduced > 0)
+    nodes = np.flatnonzero(reduced > 0)  # the candidates: other nodes cannot touch
     interference = reduced[nodes]
     candidates = interference.size
     active = _ActiveSet(influence_matrix(heights.shape, kernel, nodes=nodes))

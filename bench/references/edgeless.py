@@ -1,9 +1,10 @@
-"""Contact of patches without edges, by the dense matrix of sines and cosines written out.
+"""Contact of patches without edges, by a dense matrix that is made of sines and cosines.
 
-A periodic patch repeats; its modes along an axis are the sines and cosines of its period. A
-mirrored patch is continued by its mirror images; its modes are cosines. A mode of wave number |q|
-has the compliance 2 / (E* |q|), and the mean has none. To make the matrix positive definite, the
-patch also rests on a spring, whose displacement `Patch.press` finds by the load.
+A periodic patch repeats itself; its modes along an axis are the sines and cosines of its period. A
+mirrored patch is continued by its mirror images; its modes along an axis are cosines. A mode of
+wave number |q| has the compliance 2 / (E* |q|), and the constant mode has the compliance 0. To make
+the matrix positive definite, the patch also rests on a spring. `Patch.press` finds the displacement
+of the spring that belongs to the load.
 """
 
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ Boundary = Literal["periodic", "mirror"]
 """How a patch is continued beyond its edges."""
 
 CLOSE = 4 * np.finfo(float).eps
-"""Relative accuracy of the displacement of the spring [1]."""
+"""Relative accuracy to which the displacement of the spring is found [1]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,11 +29,13 @@ class AxisModes:
     """The waves of the cells along one axis."""
 
     wave_numbers: Field  # shape (n,) [rad/um]
-    modes: Field  # shape (n, n): a mode a row, orthonormal
+    modes: (
+        Field  # shape (n, n), orthonormal: the values of a mode at the nodes in each row
+    )
 
 
 def axis_modes(nodes: int, side: float, boundary: Boundary) -> AxisModes:
-    """Write out the waves along an axis.
+    """Compute the waves along an axis.
 
     Parameters
     ----------
@@ -87,11 +90,11 @@ class Patch:
     below : ndarray, shape (m,)
         Heights over that of the highest node, at most 0 [um].
     modes : ndarray, shape (m, m)
-        A mode of the patch a row, orthonormal.
+        Modes of the patch, one in each row, orthonormal; the first one is constant.
     compliances : ndarray, shape (m,)
-        Displacement over pressure of each mode; of the first one the spring's [um/MPa].
+        Displacement over pressure of each mode; that of the spring for the first mode [um/MPa].
     spring : float
-        Displacement of the spring by a unit sum of the nodes' pressures [um/MPa].
+        Displacement of the spring over the sum of the nodes' pressures [um/MPa].
     """
 
     def __init__(
@@ -107,42 +110,50 @@ class Patch:
         self.below = (heights - heights.max()).reshape(-1)
         along = axis_modes(rows, sides[0], boundary)
         across = axis_modes(columns, sides[1], boundary)
-        pairs = np.hypot.outer(along.wave_numbers, across.wave_numbers)
-        wave_numbers = pairs.reshape(-1)
+        by_axes = np.hypot.outer(along.wave_numbers, across.wave_numbers)
+        wave_numbers = by_axes.reshape(-1)  # of the modes of the patch
         modes = np.kron(along.modes, across.modes)
         self.modes: Field = np.asarray(modes, np.float64)
         self.compliances = np.ones(heights.size)
         self.compliances[1:] = 2 / wave_numbers[1:]
-        # The spring is as compliant as the most compliant wave; any compliance would do.
+        # The spring is as compliant as the most compliant wave. Results do not depend on it.
         self.compliances[0] = self.compliances[1:].max(initial=1.0)
         self.spring = float(self.compliances[0]) / heights.size
 
     @cached_property
     def sprung(self) -> Field:
-        """Displacement of each node, on the spring, by unit pressure on each, (m, m) [um/MPa]."""
+        """Displacement of each node, with that of the spring, by unit pressure on each node.
+
+        It has the shape (m, m) [um/MPa].
+        """
         matrix: Field = (self.modes.T * self.compliances) @ self.modes
         return matrix
 
     @property
     def matrix(self) -> Field:
-        """Displacement without the spring, of zero mean over the patch, (m, m) [um/MPa]."""
+        """Displacement of each node without the spring by unit pressure on each node.
+
+        Its mean over the patch is 0. It has the shape (m, m) [um/MPa].
+        """
         return self.sprung - self.spring
 
     @property
     def full_contact_delta(self) -> float:
-        """Displacement of full elastic contact, which a larger load does not change [um]."""
+        """Displacement at which elastic contact is full; a larger load does not raise it [um]."""
         return -float(self.below.mean())
 
     @cached_property
     def full_contact_load(self) -> float:
         """Smallest sum of the nodes' pressures at which elastic contact is full [MPa]."""
+        # Of the pressure of zero mean that flattens the surface.
         amplitudes: Field = self.modes @ self.below / self.compliances
         amplitudes[0] = 0
         pressure: Field = amplitudes @ self.modes
+        # A mean pressure is added, so that the lowest pressure becomes 0.
         return -float(pressure.min()) * pressure.size
 
     def press(self, load: float) -> Field:
-        """Find the pressure under a load.
+        """Find the pressure of the contact under a load.
 
         Parameters
         ----------
@@ -161,12 +172,14 @@ class Patch:
         """
 
         def solve(sprung: float) -> Field:
+            """Return the pressure, (m,), if the patch moves by `sprung` with its spring [um]."""
             return dense.solve(self.sprung, self.below + sprung, hardness=self.hardness)
 
         def excess(sprung: float) -> float:
+            """Return the sum of pressures less the load [MPa]."""
             return float(solve(sprung).sum()) - load
 
-        # Beside the spring, no load displaces the patch by more than the range of its heights.
+        # Without the spring, no load displaces the patch by more than the range of its heights.
         span = -float(self.below.min())
         largest = 1.001 * (self.spring * load + span)
         sprung = float(brentq(excess, 0.0, largest, xtol=CLOSE * largest, rtol=CLOSE))

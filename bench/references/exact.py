@@ -1,7 +1,7 @@
-"""The 22 statistics of a surface in whole numbers and fractions, which are exact to the last step.
+"""The 22 statistics of a surface, computed in whole numbers and fractions.
 
-Nothing here is shared with `gen`: the definitions are written again, in plain slices. Only
-results are rounded to floats.
+Only square roots and results are rounded. No code is shared with `gen`: the definitions are written
+again, in plain slices.
 """
 
 from collections.abc import Iterable
@@ -17,10 +17,13 @@ from numpy.typing import NDArray
 from bench.references.half_space import Field
 
 SMALL_ENOUGH = 2**20
-"""Range of whole heights below which machine words hold them, and their curvatures too."""
+"""Machine words are used if the highest less the lowest height, in units, is below this.
+
+They then hold the curvatures too.
+"""
 
 DIGITS = 60
-"""Decimal digits of square roots that are no fractions."""
+"""Number of decimal digits of square roots."""
 
 Whole = NDArray[Any]
 """Whole numbers, as machine words or as Python's integers of any length."""
@@ -28,7 +31,7 @@ Whole = NDArray[Any]
 
 @dataclass(frozen=True)
 class Moments:
-    """Moments of numbers; all are NaN for no numbers."""
+    """Moments of numbers; all of them are NaN if there are no numbers."""
 
     mean: float  # in the unit of the numbers
     rms: float  # standard deviation, in the unit of the numbers
@@ -39,6 +42,28 @@ class Moments:
     def excess(self) -> float:
         """Kurtosis less that of a normal distribution [1]."""
         return self.kurtosis - 3
+
+
+class _Profiles:
+    """The profiles along an axis, at the nodes that have both neighbours along this axis.
+
+    `inner` holds the heights of these nodes, `before` and `after` the heights of their neighbours.
+    All three arrays have one shape.
+
+    Attributes
+    ----------
+    curvatures : ndarray
+        Second differences of the heights with the opposite sign, positive on peaks.
+    is_peak : ndarray of bool
+        Whether a node is higher than both neighbours.
+    peaks : ndarray, shape (number of peaks,)
+        Heights of the peaks.
+    """
+
+    def __init__(self, before: Whole, inner: Whole, after: Whole) -> None:
+        self.curvatures = 2 * inner - before - after
+        self.is_peak = (inner > before) & (inner > after)
+        self.peaks = inner[self.is_peak]
 
 
 def statistics(heights: Field, spacing: tuple[float, float]) -> dict[str, float]:
@@ -59,38 +84,29 @@ def statistics(heights: Field, spacing: tuple[float, float]) -> dict[str, float]
     z, unit = integers(heights)
     dx2 = Fraction(spacing[0]) ** 2
     dy2 = Fraction(spacing[1]) ** 2
-    ratio = dx2 / dy2
-    # Nodes with both neighbours on an axis: second differences with the opposite sign, and which
-    # of the nodes are peaks of the profile.
-    inner_x = z[1:-1]
-    before = z[:-2]
-    after = z[2:]
-    along_x = 2 * inner_x - before - after
-    on_x = (inner_x > before) & (inner_x > after)
-    inner_y = z[:, 1:-1]
-    before = z[:, :-2]
-    after = z[:, 2:]
-    along_y = 2 * inner_y - before - after
-    on_y = (inner_y > before) & (inner_y > after)
-    # Asperities are peaks along both axes.
-    summits = on_x[:, 1:-1] & on_y[1:-1]
-    peaks = np.concatenate((inner_x[on_x], inner_y[on_y]))
-    # Curvatures in whole numbers of unit / (dx2 denominator); the unit of sums of two is half.
-    over = ratio.numerator
-    under = ratio.denominator
-    peaks_x = _times(along_x[on_x], under)
-    peaks_y = _times(along_y[on_y], over)
-    on_peaks = np.concatenate((peaks_x, peaks_y))
-    summits_x = _times(along_x[:, 1:-1][summits], under)
-    summits_y = _times(along_y[1:-1][summits], over)
-    per_length = unit / dx2 / under
+    squared_ratio = dx2 / dy2
+    along_x = _Profiles(z[:-2], z[1:-1], z[2:])
+    along_y = _Profiles(z[:, :-2], z[:, 1:-1], z[:, 2:])
+    peaks = np.concatenate((along_x.peaks, along_y.peaks))
+    # Asperities are peaks along both axes; border nodes are peaks along one axis at most.
+    summits = along_x.is_peak[:, 1:-1] & along_y.is_peak[1:-1]
+    # Curvatures along both axes in whole numbers of one unit [um-1].
+    curvature_unit = unit / dx2 / squared_ratio.denominator
+    curvatures_x = _times(along_x.curvatures, squared_ratio.denominator)
+    curvatures_y = _times(along_y.curvatures, squared_ratio.numerator)
+    on_peaks = np.concatenate(
+        (curvatures_x[along_x.is_peak], curvatures_y[along_y.is_peak])
+    )
+    summits_x = curvatures_x[:, 1:-1][summits]
+    summits_y = curvatures_y[1:-1][summits]
 
     height = moments(z.ravel(), unit)
     peak = moments(peaks, unit)
-    peak_curvature = moments(on_peaks, per_length)
+    peak_curvature = moments(on_peaks, curvature_unit)
     inner = z[1:-1, 1:-1]
     asperity = moments(inner[summits], unit)
-    curvature = moments(summits_x + summits_y, per_length / 2)
+    # The curvature of an asperity is the mean along both axes: the sum, in half units.
+    curvature = moments(summits_x + summits_y, curvature_unit / 2)
     return {
         "peak_mean": peak.mean,
         "peak_rms": peak.rms,
@@ -100,8 +116,8 @@ def statistics(heights: Field, spacing: tuple[float, float]) -> dict[str, float]
         "peak_curvature_mean": peak_curvature.mean,
         "peak_curvature_kurtosis_excess": peak_curvature.excess,
         "peak_curvature_skewness": peak_curvature.skewness,
-        "bandwidth_x": _bandwidth(z, np.diff(z, axis=0), along_x),
-        "bandwidth_y": _bandwidth(z, np.diff(z, axis=1), along_y),
+        "bandwidth_x": _bandwidth(z, np.diff(z, axis=0), along_x.curvatures),
+        "bandwidth_y": _bandwidth(z, np.diff(z, axis=1), along_y.curvatures),
         "asperity_mean": asperity.mean,
         "asperity_rms": asperity.rms,
         "asperity_kurtosis_excess": asperity.excess,
@@ -118,7 +134,7 @@ def statistics(heights: Field, spacing: tuple[float, float]) -> dict[str, float]
 
 
 def integers(heights: Field) -> tuple[Whole, Fraction]:
-    """Convert heights to whole numbers of a unit, with all of their bits.
+    """Convert heights to whole numbers of a unit, without rounding.
 
     Parameters
     ----------
@@ -128,25 +144,27 @@ def integers(heights: Field) -> tuple[Whole, Fraction]:
     Returns
     -------
     ndarray, shape (nx, ny)
-        Heights above the lowest one, in units.
+        Heights above the lowest one, in units; machine words or Python's integers.
     Fraction
         The unit [um].
     """
     ratios = [float(height).as_integer_ratio() for height in np.unique(heights)]
-    unit = max(denominator for _, denominator in ratios)
-    # The unit is a multiple of all denominators, as all are powers of two.
+    # The number of units in a um is a multiple of all denominators, as all are powers of two.
+    per_um = max(denominator for _, denominator in ratios)
     numerator, denominator = ratios[0]
-    lowest = numerator * (unit // denominator)
+    lowest = numerator * (per_um // denominator)
     numerator, denominator = ratios[-1]
-    highest = numerator * (unit // denominator)
-    fits = unit < 2**40 and abs(lowest) < 2**53
-    if fits and highest - lowest < SMALL_ENOUGH:
-        numbers = (heights * unit).astype(np.int64)
-        return numbers - lowest, Fraction(1, unit)
-    steps = np.vectorize(
-        lambda height: int(Fraction(height) * unit) - lowest, otypes=[object]
+    highest = numerator * (per_um // denominator)
+    unit = Fraction(1, per_um)
+    # Floats hold the products below exactly.
+    is_exact_in_floats = per_um < 2**40 and abs(lowest) < 2**53
+    if is_exact_in_floats and highest - lowest < SMALL_ENOUGH:
+        numbers = (heights * per_um).astype(np.int64)
+        return numbers - lowest, unit
+    above_lowest = np.vectorize(
+        lambda height: int(Fraction(height) * per_um) - lowest, otypes=[object]
     )
-    return steps(heights), Fraction(1, unit)
+    return above_lowest(heights), unit
 
 
 def moments(values: Whole, unit: Fraction) -> Moments:
@@ -155,14 +173,15 @@ def moments(values: Whole, unit: Fraction) -> Moments:
     Parameters
     ----------
     values : ndarray
-        Numbers in units, of any shape.
+        Whole numbers, of any shape.
     unit : Fraction
-        The unit.
+        Factor that makes lengths or curvatures of these numbers [um or um-1].
 
     Returns
     -------
     Moments
-        Mean and standard deviation in the unit's own unit, kurtosis and skewness [1].
+        Mean and standard deviation in um or um-1; kurtosis and skewness [1]. All are NaN if there
+        are no numbers.
     """
     number = values.size
     if not number:
@@ -171,7 +190,8 @@ def moments(values: Whole, unit: Fraction) -> Moments:
     total = _total(counts)
 
     def central(power: int) -> Fraction:
-        # Deviations from the mean, times the number of values: whole numbers.
+        """Return the mean of the deviations from the mean to a power, in units to that power."""
+        # Deviations from the mean, times the number of values, are whole numbers.
         deviations = ((number * value - total, count) for value, count in counts)
         powers = (count * deviation**power for deviation, count in deviations)
         return Fraction(sum(powers), number ** (power + 1))
@@ -180,11 +200,11 @@ def moments(values: Whole, unit: Fraction) -> Moments:
     rms = root(variance)
     kurtosis = nan
     skewness = nan
-    if variance:
+    if variance:  # equal numbers have neither
         kurtosis = float(central(4) / variance**2)
         skewness = float(central(3) / (variance * rms))
     mean = float(Fraction(total, number) * unit)
-    return Moments(mean, float(rms * unit), kurtosis, skewness)
+    return Moments(mean=mean, rms=float(rms * unit), kurtosis=kurtosis, skewness=skewness)
 
 
 def root(square: Fraction) -> Fraction:
@@ -213,9 +233,11 @@ def _times(values: Whole, factor: int) -> Whole:
 
 
 def _bandwidth(z: Whole, slopes: Whole, curvatures: Whole) -> float:
-    """Return Nayak's bandwidth m0 m4 / m2^2 along an axis [1]; NaN without curvatures or slopes.
+    """Return Nayak's bandwidth m0 m4 / m2^2 along an axis [1].
 
-    `z` are heights, `slopes` and `curvatures` their first and second differences along the axis.
+    `z` are heights, `slopes` and `curvatures` their first and second differences along the axis,
+    not divided by the spacing, which cancels. The result is NaN if there are no curvatures, or if
+    all slopes are 0.
     """
     if not curvatures.size:
         return nan
@@ -233,12 +255,16 @@ def _mean_square(values: Whole) -> Fraction:
     return Fraction(_total(squares), values.size)
 
 
-def _total(counts: Iterable[tuple[int, int]]) -> int:
-    """Return the sum of numbers, given as pairs of a number and its count."""
+Counted = tuple[int, int]
+"""A number, and how often it occurs."""
+
+
+def _total(counts: Iterable[Counted]) -> int:
+    """Return the sum of numbers, each as often as it occurs."""
     return sum(value * count for value, count in counts)
 
 
-def _counts(values: Whole) -> list[tuple[int, int]]:
-    """Return pairs of each distinct number, in rising order, and its count."""
+def _counts(values: Whole) -> list[Counted]:
+    """Return each distinct number, in rising order, with how often it occurs."""
     distinct, counts = np.unique(values, return_counts=True)
     return list(zip(distinct.tolist(), counts.tolist(), strict=True))

@@ -1,7 +1,7 @@
-"""The elastic half-space, written independently of `bem`, whose results are compared with it.
+"""The elastic half-space, written independently of `bem`, to compare results of `bem` with it.
 
-Lengths are in units of a cell's first side, and E* = 1. Love's closed form gives the coefficients
-at every distance; SciPy convolves and solves.
+Lengths are in units of a cell's first side, and E* = 1. Closed forms give the influence
+coefficients at every distance; SciPy convolves and solves.
 """
 
 from functools import lru_cache
@@ -27,7 +27,7 @@ FLAT_PUNCH_RTOL = 1e-13
 def influence_coefficients(
     shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0
 ) -> Field:
-    """Compute the displacement at a cell's centre by unit pressure on the cell (i, j) away.
+    """Compute the displacement at the centre of a cell by unit pressure on the cell (i, j) away.
 
     Calls with equal arguments return one array.
 
@@ -36,8 +36,8 @@ def influence_coefficients(
     shape : (int, int)
         Numbers of offsets along x and y.
     kernel : {"uniform-pressure", "concentrated-force"}
-        Uniform pressure on the cell, after Love (1929), or MIRCO's force on a disc, which is for
-        square cells.
+        How the pressure acts: uniformly on the cell, after Love (1929), or as MIRCO's force on a
+        disc, which is for square cells.
     aspect : float
         Second side of a cell over its first [1].
 
@@ -61,7 +61,8 @@ def influence_coefficients(
 def _uniform_pressure(x: Long, y: Long, aspect: float) -> Long:
     """Return the displacement at the offset (x, y) by unit pressure on a cell of 1 by `aspect`.
 
-    Johnson (1985), eq. 3.25. Its terms cancel far away, which the longest numbers allow for.
+    Source: Johnson (1985), eq. 3.25. Far away its terms cancel. Numbers of the longest type keep
+    enough digits there.
     """
     x_low = x - 0.5
     x_high = x + 0.5
@@ -77,7 +78,10 @@ def _uniform_pressure(x: Long, y: Long, aspect: float) -> Long:
 
 
 def _log_ratio(across: Long, far: Long, near: Long) -> Long:
-    """Return the logarithm in a term of Love's solution, for an edge at the distance `across`."""
+    """Return the logarithm in a term of Love's solution.
+
+    The term is for an edge at the distance `across`, with ends at `far` and `near` along it.
+    """
     to_far = np.hypot(across, far)
     to_near = np.hypot(across, near)
     ratio = (far + to_far) / (near + to_near)
@@ -87,7 +91,8 @@ def _log_ratio(across: Long, far: Long, near: Long) -> Long:
 def _concentrated_force(distance: Long) -> Long:
     """Return the displacement 2/pi asin(1/(2 r)) by a force on a disc of half a cell's radius.
 
-    `distance` holds r, and its first entry is overwritten; there the result is MIRCO's 2/pi.
+    `distance` holds r; its first entry, the distance 0, is overwritten. The result there is 2/pi,
+    as in MIRCO.
     """
     distance[0, 0] = 0.5
     table: Long = 2 / np.pi * np.arcsin(0.5 / distance)
@@ -121,7 +126,7 @@ def displacement(pressure: Field, kernel: Kernel, aspect: float = 1.0) -> Field:
 
 @lru_cache(maxsize=16)
 def flat_punch(shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0) -> Field:
-    """Find the pressure that moves every node by one unit, by SciPy's conjugate gradients.
+    """Find the pressure that displaces every node by 1, by SciPy's conjugate gradients.
 
     Calls with equal arguments return one array.
 
@@ -146,6 +151,7 @@ def flat_punch(shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0) -> F
     """
 
     def moved(pressure: Field) -> Field:
+        """Return the displacement, (nodes,), under a pressure, (nodes,)."""
         return displacement(pressure.reshape(shape), kernel, aspect).reshape(-1)
 
     nodes = shape[0] * shape[1]
@@ -161,9 +167,9 @@ def flat_punch(shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0) -> F
 
 
 def critical_delta(heights: Field, kernel: Kernel, aspect: float = 1.0) -> float:
-    """Compute Delta*, below which a displacement of a compliant far field has a solution.
+    """Compute Delta*; a compliant far field has a solution for displacements below it only.
 
-    It is the mean depth below the highest node, weighted by the pressure of a flat punch.
+    Delta* is the mean depth below the highest node, weighted by the pressure of a flat punch.
 
     Parameters
     ----------

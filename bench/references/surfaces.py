@@ -1,6 +1,6 @@
-"""Random surfaces of many kinds, on any grid, for properties that hold on all of them.
+"""Random surfaces of many kinds, on any grid, to test properties that hold on all surfaces.
 
-A kind is a function of a random generator, whose state it moves, and of the shape. It returns
+Each kind is a function of a random generator, whose state it moves, and of the shape. It returns
 heights in any unit.
 """
 
@@ -11,6 +11,8 @@ import numpy as np
 from bench.references.half_space import Field
 
 Random = np.random.Generator
+"""A source of random numbers."""
+
 Shape = tuple[int, int]
 """Nodes along x and y."""
 
@@ -19,10 +21,10 @@ HURST = 0.7
 
 
 def self_affine(random: Random, shape: Shape) -> Field:
-    """Draw random phases under a power law.
+    """Draw a self-affine surface: random waves whose amplitudes follow a power law.
 
-    The waves are periodic; the surface is cut out of one of twice as many nodes a side, so that it
-    is not.
+    The waves are periodic on twice as many nodes a side. The surface is cut out of these, so that
+    it is not periodic itself.
 
     Parameters
     ----------
@@ -93,7 +95,7 @@ def tilted_plane(random: Random, shape: Shape) -> Field:
 
 
 def waves(random: Random, shape: Shape) -> Field:
-    """Draw crossed or parallel ridges, or a flat surface; the shortest waves have two nodes.
+    """Draw crossed waves, parallel waves or a flat surface; the shortest waves have two nodes.
 
     Parameters
     ----------
@@ -118,7 +120,7 @@ def waves(random: Random, shape: Shape) -> Field:
 
 
 def spikes(random: Random, shape: Shape) -> Field:
-    """Draw a plain from which about one node in ten rises to a random height.
+    """Draw a plane from which about one node in ten rises to a random height.
 
     Parameters
     ----------
@@ -138,7 +140,7 @@ def spikes(random: Random, shape: Shape) -> Field:
 
 
 def plateaus(random: Random, shape: Shape) -> Field:
-    """Draw plateaus of two heights with straight borders and corners.
+    """Draw plateaus of two heights, whose borders are straight and along the axes.
 
     Parameters
     ----------
@@ -175,7 +177,7 @@ SURFACES: dict[str, Callable[[Random, Shape], Field]] = {
     "pits": lambda random, shape: -spikes(random, shape),
     "plateaus": plateaus,
 }
-"""The function that draws each kind of surface."""
+"""Function that draws a surface of each kind, by the name of the kind."""
 
 
 def surface(kind: str, shape: Shape, seed: int = 0) -> Field:

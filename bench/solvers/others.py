@@ -1,21 +1,21 @@
 """Solvers by other people that can be compared with ours.
 
-**ContactMechanics** (Pastewka and others, MIT licence), free or periodic, controls displacement or
-force. It convolves on exactly twice the nodes a side. For 257 nodes this has a large prime factor,
-which slows the FFT. The variant with a margin runs on more nodes that the FFT likes; users of the
-package would have to know this. In version 1.8.3, `dual_minimize_proxy` needs `init_force` in spite
-of its default None.
+**ContactMechanics** (Pastewka and others, MIT licence) solves free and periodic patches, and is
+given a displacement or a force. It convolves on exactly twice the nodes a side. For 257 nodes this
+number has a large prime factor, which slows the FFT. The variant with a margin adds nodes, so that
+the FFT is fast; users of the package would have to know this. In version 1.8.3,
+`dual_minimize_proxy` fails without `init_force`, although its default is None.
 
-**Tamaas** (Frérot and others, AGPL), non-periodic or periodic, controls force only. It solves the
-periodic problem without a warning unless the operator is registered and the solver is told to use
-it. In version 2.9, the displacement that it leaves lacks the far field's part; the reports compute
-it from the pressure, and do not count the time.
+**Tamaas** (Frérot and others, AGPL) solves free and periodic patches, and is given a force. It
+solves the periodic problem without a warning unless an operator for free patches is registered, and
+the solver is told to use it. In version 2.9, the displacement that it returns lacks the part of the
+far field. The reports compute the displacement from the pressure, and do not count the time.
 
-**ASPHER** (Yastrebov, BSD), free or periodic, controls force only. To build it one needs a C++17
-compiler, CMake and the headers of Eigen. Its nested grids need coarsest x 2^k nodes a side, which
-2^k + 1 nodes are not: they run with a margin.
+**ASPHER** (Yastrebov, BSD) solves free and periodic patches, and is given a force. To build it one
+needs a C++17 compiler, CMake and the headers of Eigen. Its nested grids need coarsest x 2^k nodes a
+side. Surfaces of 2^k + 1 nodes a side therefore run with a margin.
 
-The functions that set a solver up import its package.
+The functions that set up a solver import its package.
 """
 
 import importlib
@@ -38,17 +38,19 @@ from bench.solvers.solver import (
 )
 
 RIGID = 1e30
-"""Stiffness of the mean displacement of a periodic patch, which makes it zero [MPa / um]."""
+"""Stiffness against a mean displacement of a periodic patch, which makes it zero [MPa / um]."""
 
 OPERATOR = "dcfft"
-"""Name under which Tamaas knows its operator for free boundaries."""
+"""Name of the operator of Tamaas for free patches."""
 
 COARSEST = 32
 """Fewest nodes a side of the coarsest of ASPHER's nested grids."""
 
 
 def fast_grid(nodes: int) -> int:
-    """Return the smallest number of nodes a side whose FFT has no prime factors above 5.
+    """Return the smallest sufficient number of nodes that has no prime factors above 5.
+
+    FFTs of this number of nodes are fast.
 
     Parameters
     ----------
@@ -72,7 +74,8 @@ def primal_gradients(
     """Set up ContactMechanics' default, Polonsky and Keer's conjugate gradients.
 
     The tolerance bounds the largest penetration over Delta, and the last change of the force over
-    the force. It bounds neither tension that a step cuts off nor pressures above the hardness.
+    the force. It bounds neither the tension that each step sets to 0 nor pressures above the
+    hardness.
 
     Parameters
     ----------
@@ -88,11 +91,15 @@ def primal_gradients(
     Returns
     -------
     callable
-        Function that solves a case.
+        Function that solves a case on this grid.
     """
     system_of = _systems(nodes, spacing, boundary)
 
     def press(case: Case, force: float, tolerance: float) -> Answer:
+        """Solve a case at its displacement, or under `force` [uN] if `control` is "force".
+
+        Raises Failure if it is not solved.
+        """
         load = {"offset": case.delta - case.heights.max()}
         if control == "force":
             load = {"external_force": force}
@@ -127,15 +134,16 @@ def dual_gradients(nodes: int, spacing: float, boundary: Boundary = "free") -> P
     Returns
     -------
     callable
-        Function that solves a case.
+        Function that solves a case on this grid.
     """
     system_of = _systems(nodes, spacing, boundary)
 
     def press(case: Case, force: float, tolerance: float) -> Answer:
+        """Solve a case at its displacement. Raises Failure if it is not solved."""
         offset = case.delta - case.heights.max()
         result = system_of(case).dual_minimize_proxy(
             offset=offset,
-            init_force=np.maximum(case.heights + offset, 0) * spacing,
+            init_force=np.maximum(case.heights + offset, 0) * spacing,  # from the overlap
             solver="ccg-without-restart",
             gtol=tolerance * case.delta,
             maxiter=MAX_ITERATIONS,
@@ -147,9 +155,10 @@ def dual_gradients(nodes: int, spacing: float, boundary: Boundary = "free") -> P
 
 
 def _systems(nodes: int, spacing: float, boundary: Boundary) -> Callable[[Case], Any]:
-    """Return a function that makes ContactMechanics' system of a case.
+    """Return a function that makes the system, the object by which ContactMechanics solves a case.
 
-    All systems share one substrate of `nodes` a side at a spacing [um], with its coefficients.
+    All systems share one elastic half-space, of `nodes` nodes a side at a spacing [um], and its
+    influence coefficients.
     """
     package = importlib.import_module("ContactMechanics")
     surface = importlib.import_module("SurfaceTopography")
@@ -164,6 +173,7 @@ def _systems(nodes: int, spacing: float, boundary: Boundary) -> Callable[[Case],
         )
 
     def system_of(case: Case) -> Any:
+        """Return the system of the half-space and the surface of a case, with its hardness."""
         topography = surface.Topography(
             case.heights, physical_sizes=sides, periodic=boundary == "periodic"
         )
@@ -176,7 +186,10 @@ def _systems(nodes: int, spacing: float, boundary: Boundary) -> Callable[[Case],
 
 
 def _cm_answer(result: Any, pressure: Any, convolutions: int | None = None) -> Answer:
-    """Return ContactMechanics' pressure [MPa] as an answer; raises Failure if it was not found."""
+    """Return a pressure of ContactMechanics [MPa] as an answer.
+
+    Raises Failure if `result` states no success.
+    """
     if not result.success:
         raise Failure(str(result.message))
     return Answer(np.asarray(pressure), convolutions)
@@ -185,7 +198,7 @@ def _cm_answer(result: Any, pressure: Any, convolutions: int | None = None) -> A
 def projected_gradients(nodes: int, spacing: float, boundary: Boundary = "free") -> Press:
     """Set up Tamaas' projected conjugate gradients, `PolonskyKeerRey`.
 
-    The tolerance bounds Tamaas' own measure of the sum of pressure times gap.
+    The tolerance bounds the error that Tamaas itself computes from the sum of pressure times gap.
 
     Parameters
     ----------
@@ -199,7 +212,7 @@ def projected_gradients(nodes: int, spacing: float, boundary: Boundary = "free")
     Returns
     -------
     callable
-        Function that solves a case.
+        Function that solves a case on this grid.
     """
     package = importlib.import_module("tamaas")
     package.set_log_level(package.LogLevel.error)
@@ -213,14 +226,15 @@ def projected_gradients(nodes: int, spacing: float, boundary: Boundary = "free")
         package.ModelFactory.registerNonPeriodic(model, OPERATOR)
 
     def press(case: Case, force: float, tolerance: float) -> Answer:
-        model.traction[:] = 0  # every solve starts afresh
+        """Solve a case under a force [uN]. Raises Failure if the error exceeds the tolerance."""
+        model.traction[:] = 0  # or else the solve would start from the last solution
         model.displacement[:] = 0
         solver = package.PolonskyKeerRey(model, case.heights, tolerance)
         if boundary == "free":
             solver.setIntegralOperator(OPERATOR)
         solver.max_iter = MAX_ITERATIONS
         error = solver.solve(case.mean_pressure(force))
-        if not error <= tolerance:
+        if not error <= tolerance:  # also if it is NaN
             raise Failure(f"error {error:.1e} after {MAX_ITERATIONS} iterations")
         return Answer(np.array(model.traction))
 
@@ -244,7 +258,7 @@ def levels(nodes: int) -> int:
 
 
 def nested_grid(nodes: int) -> int:
-    """Return the smallest grid, no smaller than the given one, that can be halved `levels` times.
+    """Return the smallest sufficient number of nodes that can be halved `levels(nodes)` times.
 
     Parameters
     ----------
@@ -257,7 +271,7 @@ def nested_grid(nodes: int) -> int:
         Nodes a side.
     """
     step: int = 2 ** levels(nodes)
-    return -(-nodes // step) * step
+    return -(-nodes // step) * step  # rounded up to a multiple of the step
 
 
 def single_grid(
@@ -265,8 +279,8 @@ def single_grid(
 ) -> Press:
     """Set up ASPHER's Polonsky and Keer with its |q| preconditioner, in double precision.
 
-    The tolerance bounds Frank and Wolfe's duality gap over the force, and the largest penetration,
-    both over the range of heights.
+    The tolerance bounds two numbers over the range of heights: Frank and Wolfe's duality gap per
+    force, and the largest penetration.
 
     Parameters
     ----------
@@ -275,14 +289,14 @@ def single_grid(
     spacing : float
         Spacing of the nodes [um].
     precond : {"fourier", "fourier-fft"}
-        Preconditioner: by a stencil, or by transforms of the grid.
+        How the preconditioner works: by a stencil, or by transforms of the grid.
     backend : {"fft", "periodic"}
-        Boundary of the patch, "fft" for a free one.
+        Boundary of the patch; "fft" is a free patch.
 
     Returns
     -------
     callable
-        Function that solves a case.
+        Function that solves a case on this grid.
     """
     solver = importlib.import_module("aspher").ContactSolver(
         grid_size=nodes, domain_size=nodes * spacing, E_star=1.0, backend=backend
@@ -291,9 +305,10 @@ def single_grid(
 
 
 def nested_grids(nodes: int, spacing: float, engine: str, backend: str = "fft") -> Press:
-    """Set up ASPHER from coarse to fine grids, in single and then double precision.
+    """Set up ASPHER's solve from coarse to fine grids, in single and then in double precision.
 
-    Every solve sets up every grid, which its time includes. The tolerance is that of `single_grid`.
+    Every solve sets up all grids again, so that the time of a solve includes this. The tolerance
+    bounds the numbers that it bounds in `single_grid`.
 
     Parameters
     ----------
@@ -302,14 +317,15 @@ def nested_grids(nodes: int, spacing: float, engine: str, backend: str = "fft") 
     spacing : float
         Spacing of the nodes [um].
     engine : {"stencil", "fft"}
-        Preconditioner: on the nodes in contact, or by transforms of the grid.
+        How the preconditioner works: by a stencil on the nodes in contact, or by transforms of the
+        grid.
     backend : {"fft", "periodic"}
-        Boundary of the patch, "fft" for a free one.
+        Boundary of the patch; "fft" is a free patch.
 
     Returns
     -------
     callable
-        Function that solves a case.
+        Function that solves a case on this grid.
     """
     solve = partial(
         importlib.import_module("aspher").solve_nested,
@@ -321,11 +337,16 @@ def nested_grids(nodes: int, spacing: float, engine: str, backend: str = "fft") 
         precision="float_then_double",
         precond_engine=engine,
     )
+    # `_press_aspher` gives the gap by position, `solve_nested` takes it by its name.
     return partial(_press_aspher, lambda gap, **settings: solve(gap=gap, **settings))
 
 
 def _press_aspher(solve: Any, case: Case, force: float, tolerance: float) -> Answer:
-    """Solve a case by a function of ASPHER; raises Failure if it does not converge."""
+    """Solve a case under a force [uN] by a function of ASPHER.
+
+    `solve` takes the gap of the undeformed bodies, (n * n,) [um], and the settings below by name.
+    Raises Failure if it does not converge.
+    """
     result = solve(
         -case.heights.ravel(),
         p_nominal=case.mean_pressure(force),
@@ -340,6 +361,8 @@ def _press_aspher(solve: Any, case: Case, force: float, tolerance: float) -> Ans
 _contact_mechanics = partial(
     Solver, package="ContactMechanics", install="pip install ContactMechanics"
 )
+"""Makes a solver of ContactMechanics."""
+
 _aspher = partial(
     Solver,
     package="aspher",
@@ -347,6 +370,7 @@ _aspher = partial(
     " (Debian: apt-get install g++ cmake libeigen3-dev)",
     control="force",
 )
+"""Makes a solver of ASPHER."""
 
 OTHERS: tuple[Solver, ...] = (
     _contact_mechanics("ContactMechanics primal", primal_gradients, plastic=True),
@@ -386,13 +410,13 @@ def installed(solvers: Iterable[Solver] = OTHERS) -> list[Solver]:
     Returns
     -------
     list of Solver
-        The installed ones, in their order.
+        The installed solvers, in the given order.
     """
     return [solver for solver in solvers if solver.version]
 
 
 def missing(solvers: Iterable[Solver] = OTHERS) -> dict[str, str]:
-    """Return the packages of solvers that are not installed.
+    """Return how to install the packages of solvers that are not installed.
 
     Parameters
     ----------
@@ -402,6 +426,6 @@ def missing(solvers: Iterable[Solver] = OTHERS) -> dict[str, str]:
     Returns
     -------
     dict
-        Commands that install the packages, by package.
+        Commands by the names of the packages; empty if all are installed.
     """
     return {solver.package: solver.install for solver in solvers if not solver.version}

@@ -1,4 +1,4 @@
-"""Contacts that solvers are measured on, their exact solutions, and the interface of a solver."""
+"""The interface of all solvers, the contacts that they solve, and exact solutions of these."""
 
 import math
 import time
@@ -20,7 +20,10 @@ from bench.references.half_space import Field
 from gen.runtime.installation import versions
 
 EXACT_RTOL = 1e-14
-"""Tolerance of exact solutions [Delta]: a hundredth of the tightest measured one, near rounding."""
+"""Tolerance of the exact solutions of free patches [Delta].
+
+It is a hundredth of the tightest tolerance that is measured, and near rounding.
+"""
 
 PERIODIC_RTOL = 1e-13
 """Tolerance of the exact solutions of periodic patches [Delta]."""
@@ -28,19 +31,19 @@ PERIODIC_RTOL = 1e-13
 PROVED = 1e-10
 """Largest violation of the conditions of contact by an exact solution [Delta].
 
-Two convolutions of one pressure may differ by as much.
+It is the rounding by which two convolutions of one pressure may differ.
 """
 
 YIELDED = 1 - 1e-9
-"""Share of the hardness from which a pressure counts as the hardness [1].
+"""Smallest share of the hardness at which a node counts as yielded [1].
 
-Solvers scale the pressure that they return, which rounds it.
+It is below 1 because solvers scale the pressure that they return, which rounds it.
 """
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A contact on a rigid far field with E* = 1 MPa, of a free patch or of a periodic one."""
+    """A contact with E* = 1 MPa: a free patch on a rigid far field, or a periodic patch."""
 
     name: str  # name in tables: the surface and its load
     heights: Field  # heights of the surface, (n, n) [um]
@@ -48,11 +51,8 @@ class Case:
     delta: float  # displacement of the far field from first touch [um]
     kernel: Kernel = "uniform-pressure"
     hardness: float | None = None  # bound of the pressure [MPa]; None for elastic bodies
-    hurst: float | None = (
-        None  # Hurst exponent of the surface [1]; None if no table has it
-    )
-    # Mean pressure on a periodic patch, which takes the displacement `delta` [MPa]; None for a
-    # free patch.
+    hurst: float | None = None  # Hurst exponent [1]; None if no table has it
+    # Mean pressure on a periodic patch, whose displacement is `delta` [MPa]; None for a free patch.
     load: float | None = None
 
     @property
@@ -67,7 +67,7 @@ class Case:
         return node_spacing(self.nodes, self.side, boundary)
 
     def mean_pressure(self, force: float) -> float:
-        """Return the mean pressure over all cells.
+        """Return the mean pressure over all cells under a force.
 
         Parameters
         ----------
@@ -82,9 +82,9 @@ class Case:
         return force / (self.spacing**2 * self.heights.size)
 
     def with_margin(self, nodes: int) -> "Case":
-        """Put the case on a larger grid, of which only the margin is new.
+        """Return the case on a larger grid, with a margin of new nodes that do not touch.
 
-        The margin is two Delta below the highest node, so that it never touches.
+        The new nodes follow the others along both axes. They are two Delta below the highest node.
 
         Parameters
         ----------
@@ -94,7 +94,7 @@ class Case:
         Returns
         -------
         Case
-            The case on the larger grid, with equal spacing.
+            The case with as many nodes a side, at the spacing that it had.
         """
         if nodes == self.nodes:
             return self
@@ -104,7 +104,7 @@ class Case:
         return replace(self, heights=heights, side=self.spacing * (nodes - 1))
 
     def yielded(self, pressure: Field) -> NDArray[np.bool_]:
-        """Return which nodes have yielded.
+        """Return which nodes have yielded under a pressure.
 
         Parameters
         ----------
@@ -114,7 +114,8 @@ class Case:
         Returns
         -------
         ndarray of bool, shape (n, n)
-            Whether the pressure is the hardness; False everywhere for elastic bodies.
+            Whether the pressure is the hardness but for rounding (`YIELDED`); False everywhere for
+            elastic bodies.
         """
         return pressure >= YIELDED * (self.hardness or math.inf)
 
@@ -126,7 +127,7 @@ class Case:
         return overlap
 
     def displacement(self, pressure: Field) -> Field:
-        """Compute the displacement under a pressure; of zero mean on a periodic patch.
+        """Compute the displacement under a pressure.
 
         Parameters
         ----------
@@ -136,7 +137,7 @@ class Case:
         Returns
         -------
         ndarray, shape (n, n)
-            Displacement [um].
+            Displacement [um]. On a periodic patch its mean is 0.
         """
         if self.load is None:
             shape = (self.nodes, self.nodes)
@@ -145,7 +146,7 @@ class Case:
         along = np.fft.fftfreq(self.nodes, self.spacing)
         across = np.abs(along[: self.nodes // 2 + 1])
         orders = np.hypot.outer(along, across)
-        orders[0, 0] = np.inf  # which makes the mean zero
+        orders[0, 0] = np.inf  # so that the mean is 0
         waves = np.fft.rfft2(pressure) / (np.pi * orders)
         return np.asarray(np.fft.irfft2(waves, s=pressure.shape))
 
@@ -160,7 +161,12 @@ class Case:
         Returns
         -------
         bem.Contact
-            The contact.
+            The contact, at `delta` or, on a periodic patch, under `load`.
+
+        Raises
+        ------
+        bem.NotConverged
+            If the solver does not reach the tolerance.
         """
         if self.load is not None:
             return bem.solve(
@@ -182,7 +188,7 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class Exact:
-    """The exact solution of a case, with which answers are compared."""
+    """The solution of a case, exact to rounding, with which answers are compared."""
 
     pressure: Field  # contact pressure, (n, n) [MPa]
     force: float  # normal force [uN]
@@ -194,8 +200,9 @@ class Exact:
 def find_exact(case: Case) -> Exact:
     """Solve a case to rounding, and prove the solution by a convolution that is not `bem`'s.
 
-    The solution is the only pressure within its bounds whose gap is zero under pressure and not
-    negative elsewhere; yielded nodes may penetrate. A case is solved once.
+    The proof is that the pressure is within its bounds, and the gap is 0 under pressure and not
+    negative elsewhere; yielded nodes may penetrate. Only the exact solution fulfils this. A second
+    call for a case returns the first result.
 
     Parameters
     ----------
@@ -210,7 +217,7 @@ def find_exact(case: Case) -> Exact:
     Raises
     ------
     ArithmeticError
-        If the pressure violates these conditions by more than `PROVED`.
+        If the gap violates these conditions by more than `PROVED`.
     """
     if case.load is None:
         rtol = EXACT_RTOL
@@ -227,23 +234,24 @@ def find_exact(case: Case) -> Exact:
         raise ArithmeticError(f"{case.name}, {case.kernel}: no exact solution")
     force = float(pressure.sum()) * case.spacing**2
     contact_share = float((pressure > 0).mean())
-    return Exact(pressure, force, contact_share, rtol)
+    return Exact(pressure=pressure, force=force, contact_share=contact_share, rtol=rtol)
 
 
 Control = Literal["displacement", "force"]
 """The quantity that a solver is given."""
 
 Item = TypeVar("Item")
+"""Type of the items of `back_and_forth`."""
 
 MAX_ITERATIONS = 1000
-"""Most steps of a solver; a run that takes them all counts as failed."""
+"""Largest number of steps of a solver; a solve that needs more counts as failed."""
 
 LADDER = tuple(10.0 ** (-half_decades / 2) for half_decades in range(2, 25))
 """Tolerances that are tried, falling from 0.1 to 1e-12 by half decades [1]."""
 
 
 class Failure(ArithmeticError):
-    """The solver did not reach the requested tolerance."""
+    """A solver cannot solve a case, or did not reach the tolerance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,43 +261,46 @@ class Answer:
     pressure: Field  # contact pressure, (n, n) [MPa]
     # Number of applications of the influence matrix; None if the solver does not count them.
     convolutions: int | None = None
-    seconds: float = (
-        math.nan
-    )  # wall time of the solve, without the set-up of its grid [s]
+    # Wall time of the solve, without the set-up of its grid [s].
+    seconds: float = math.nan
 
 
 Press = Callable[[Case, float, float], Answer]
 """A function that solves a case on the grid that a solver is set up for, or raises `Failure`.
 
-Its arguments are the case, its exact force [uN], and a tolerance as the solver defines it. The
-force is NaN for solvers that control the displacement.
+Its arguments are the case, the exact force [uN], and a tolerance as the solver defines it. The
+force is NaN if the solver is given the displacement of the case. The result is an `Answer`.
 """
 
 
 @dataclass(frozen=True)
 class Solver:
-    """A solver of contacts on a rigid far field."""
+    """A solver of contacts, of which nothing is imported or set up before the first solve."""
 
     name: str  # name in tables: package, method and whether it has a margin
-    # Sets the solver up for nodes a side and their spacing [um].
+    # Takes nodes a side and their spacing [um]; sets the solver up for this grid.
     open: Callable[[int, float], Press]
     package: str = "asperity"  # name of its distribution
-    install: str = ""  # command that installs it; empty for our own solvers
-    control: Control = "displacement"
+    install: str = ""  # how to install the package; empty for our own solvers
+    control: Control = "displacement"  # the quantity that it is given
     kernels: tuple[Kernel, ...] = ("uniform-pressure",)  # kernels that it has
-    plastic: bool = False  # whether it knows a hardness
-    # Returns the nodes a side of its grid for the nodes a side of a case; the rest is a margin.
+    plastic: bool = False  # whether it solves contacts of bodies that yield
+    # Takes the nodes a side of a case; returns those of the solver's grid. More nodes are a margin.
     grid: Callable[[int], int] = int
     ladder: tuple[float, ...] = LADDER  # tolerances that are tried, falling
-    largest_contact: float = math.inf  # most nodes in contact with which it is tried
+    # Largest number of nodes in contact with which it is tried.
+    largest_contact: float = math.inf
 
     @property
     def version(self) -> str:
-        """Version of the package, empty if it is not installed; the package is not imported."""
+        """Version of the package, empty if it is not installed. The package is not imported."""
         return versions([self.package]).get(self.package, "")
 
     def solve(self, case: Case, rtol: float) -> Answer:
-        """Solve a case. The first case on a grid sets the solver up, which is kept.
+        """Solve a case.
+
+        The first case on a grid sets the solver up, outside of the time. Further cases on the grid
+        use this set-up.
 
         Parameters
         ----------
@@ -307,20 +318,22 @@ class Solver:
         ------
         Failure
             If the solver lacks the kernel or a hardness, or does not reach the tolerance. Any error
-            of another program is a failure.
+            of a solve by another program is a Failure too.
+        ArithmeticError
+            If the solver is given the force, and the exact solution that has it is not found.
         """
         if case.kernel not in self.kernels:
             raise Failure(f"{self.name} has no kernel {case.kernel!r}")
         if case.hardness is not None and not self.plastic:
             raise Failure(f"{self.name} has no hardness")
         press = _set_up(self, case.nodes, case.spacing)
-        with_margin = case.with_margin(self.grid(case.nodes))
+        on_its_grid = case.with_margin(self.grid(case.nodes))
         force = math.nan
         if self.control == "force":
             force = find_exact(case).force
         began = time.perf_counter()
         try:
-            answer = press(with_margin, force, rtol)
+            answer = press(on_its_grid, force, rtol)
         except Failure:
             raise
         except Exception as fault:
@@ -328,20 +341,20 @@ class Solver:
                 raise
             raise Failure(f"{type(fault).__name__}: {fault}") from fault
         seconds = time.perf_counter() - began
-        pressure = answer.pressure[: case.nodes, : case.nodes]
+        pressure = answer.pressure[: case.nodes, : case.nodes]  # without the margin
         return replace(answer, pressure=pressure, seconds=seconds)
 
 
 @lru_cache(maxsize=64)
 def _set_up(solver: Solver, nodes: int, spacing: float) -> Press:
-    """Set a solver up for a grid of cases, of nodes a side and their spacing [um]; done once."""
+    """Set a solver up for cases of `nodes` nodes a side at a spacing [um]; once for each grid."""
     return solver.open(solver.grid(nodes), spacing)
 
 
 def back_and_forth(items: Sequence[Item], rounds: int) -> Iterator[Item]:
     """Yield all items in every round, in their order and in the reverse order by turns (A B B A).
 
-    A machine that warms up or slows down then favours none of them.
+    No item then has an advantage on a machine that becomes slower or faster.
 
     Parameters
     ----------
@@ -353,7 +366,7 @@ def back_and_forth(items: Sequence[Item], rounds: int) -> Iterator[Item]:
     Yields
     ------
     object
-        An item.
+        One of the items; each is yielded `rounds` times.
     """
     for number in range(rounds):
         yield from items if number % 2 == 0 else reversed(items)
@@ -367,14 +380,14 @@ def press_boundary_elements(case: Case, force: float, tolerance: float) -> Answe
     case : Case
         The case.
     force : float
-        Not used.
+        Not used: the case states its load.
     tolerance : float
         Largest violation of the conditions of contact [Delta].
 
     Returns
     -------
     Answer
-        The pressure, with the number of convolutions.
+        The pressure and the number of convolutions.
 
     Raises
     ------
@@ -396,7 +409,7 @@ def press_by_nnls(case: Case, force: float, tolerance: float) -> Answer:
     case : Case
         The case.
     force : float
-        Not used.
+        Not used: the case states its load.
     tolerance : float
         Largest penetration [Delta].
 
@@ -412,7 +425,7 @@ def press_by_nnls(case: Case, force: float, tolerance: float) -> Answer:
 
 
 BEM = Solver("bem", lambda *_: press_boundary_elements, kernels=KERNELS, plastic=True)
-"""Our solver."""
+"""Our solver, `bem.solve`, which needs no set-up."""
 
 PAPERS = Solver(
     "paper's NNLS",
@@ -420,4 +433,4 @@ PAPERS = Solver(
     ladder=(1e-8,),  # the tolerance that MIRCO has built in
     largest_contact=1200.0,  # the time grows with the fourth power of this
 )
-"""The paper's algorithm."""
+"""The paper's algorithm, which needs no set-up."""

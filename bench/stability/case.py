@@ -14,7 +14,7 @@ from gen.runtime.errors import InputError
 
 @dataclass(frozen=True)
 class Finding:
-    """One number of a check, and the largest number that passes."""
+    """One number that a check has measured, and the largest number that passes."""
 
     name: str  # name of the number in the table, as "force off its pressure"
     error: float  # the number, in the unit that its check states; NaN never passes
@@ -27,10 +27,10 @@ class Finding:
 
     @property
     def rank(self) -> tuple[bool, float]:
-        """Key that sorts findings from good to bad: whether it failed, then its share of the bound.
+        """Key that sorts findings from good to bad: whether it failed, then a share.
 
-        The share is the number over the allowed one, or the number itself if zero is allowed. It
-        is infinite if the number is NaN.
+        The share is the number over the largest allowed one, or the number itself if only zero is
+        allowed. It is infinite if the number is NaN.
         """
         share = self.error / (self.allowed or 1.0)
         if math.isnan(share):
@@ -38,31 +38,31 @@ class Finding:
         return not self.passed, share
 
     def __str__(self) -> str:
-        """Return the name and both numbers, with the sign that tells which one is larger."""
+        """Return a text as "force off its pressure 2e-16 ≤ 1e-12"; the sign is > if it failed."""
         sign = "≤" if self.passed else ">"
         return f"{self.name} {self.error:.2g} {sign} {self.allowed:.2g}"
 
 
 @dataclass(frozen=True)
 class Refusal:
-    """The error with which input has to be refused."""
+    """The error by which the solver has to refuse the input of a case."""
 
     error: type[Exception]  # exact class of the error; a subclass fails
     words: tuple[str, ...]  # texts that the message has to contain
 
     def judge(self, raised: Exception | None) -> Iterator[Finding]:
-        """Compare an error with the required one: its class, its lines and its words.
+        """Compare an error with the required one by its class, number of lines, and words.
 
         Parameters
         ----------
         raised : Exception or None
-            Error that the case has raised, None if it has raised none.
+            Error that the case has raised; None if it has raised none, which fails.
 
         Yields
         ------
         Finding
-            Whether the class is another one, number of lines of the message (one is allowed), and
-            number of words that the message lacks.
+            1 if the class is another one or else 0; the number of lines of the message, of which
+            one is allowed; and the number of texts that the message lacks.
         """
         message = str(raised)
         missing = [word for word in self.words if word not in message]
@@ -88,8 +88,8 @@ class Refusal:
 class Answer:
     """The answer to a case, and the findings that judge it.
 
-    `run_case` adds the input if the answer has none, the findings about a refusal, and a finding
-    for each warning.
+    The function of a case makes it. `run_case` adds the input if the answer has none, the findings
+    about a refusal, and a finding for each warning.
     """
 
     out: str  # the answer in words, or the message of the error
@@ -101,17 +101,17 @@ class Answer:
 
     @property
     def passed(self) -> bool:
-        """Whether there are findings, and all are within their bounds."""
+        """Whether there are findings, and all of them have passed."""
         return bool(self.findings) and all(finding.passed for finding in self.findings)
 
     @property
     def failed(self) -> str:
-        """The findings beyond their bounds, in one line; empty if there are none."""
+        """The findings that have failed, in one line; empty if there are none."""
         return "; ".join(str(finding) for finding in self.findings if not finding.passed)
 
     @property
     def worst(self) -> Finding:
-        """The finding with the highest rank; without any findings, one that fails."""
+        """The finding with the highest rank; if there are no findings, one that fails."""
         nothing = Finding("nothing was looked for", error=1, allowed=0)
         return max(self.findings, key=lambda finding: finding.rank, default=nothing)
 
@@ -123,16 +123,16 @@ class Case:
     family: str  # kind of the extreme, as "size"
     name: str  # name of the case within its family
     input: str  # the input in words; empty if the answer describes it
-    # Asks and judges. Returns an `Answer`; any other result counts as an answer without findings.
+    # Solves or computes, and judges. It returns an `Answer`; any other result means that there was
+    # an answer, about which there are no findings.
     examine: Callable[[], object]
-    refusal: Refusal | None = (
-        None  # how the input has to be refused; None if it has an answer
-    )
+    # How the input has to be refused; None if it has an answer.
+    refusal: Refusal | None = None
     slow: bool = False  # whether only the full table has the case
 
 
 def run_case(case: Case) -> Answer:
-    """Run a case and judge it. Errors and warnings of the run become findings.
+    """Run a case and judge it; errors and warnings of the run become findings.
 
     Parameters
     ----------
@@ -142,7 +142,8 @@ def run_case(case: Case) -> Answer:
     Returns
     -------
     Answer
-        The answer with all findings: about the refusal, of the case, and one for each warning.
+        The answer with all findings: about the refusal, by the case itself, and a failed one for
+        each warning with another text.
 
     Raises
     ------
@@ -159,7 +160,7 @@ def run_case(case: Case) -> Answer:
 
 
 def _examined(case: Case) -> Answer:
-    """Return the answer of a case; an error becomes an answer that holds it."""
+    """Return the answer of a case; an error becomes the field `raised` of an answer."""
     try:
         answer = case.examine()
     except ModuleNotFoundError:  # an extra is missing: this says nothing about the case
@@ -172,7 +173,10 @@ def _examined(case: Case) -> Answer:
 
 
 def _refusal_findings(case: Case, answer: Answer) -> list[Finding]:
-    """Return the findings about the error of an answer; none if an answer was due and is there."""
+    """Return the findings about the error of an answer.
+
+    There are none if the case has to have an answer, and has one.
+    """
     if case.refusal is not None:
         return list(case.refusal.judge(answer.raised))
     if answer.raised is not None:
@@ -207,24 +211,40 @@ class CaseTable:
 
 
 TABLES = {
-    "surfaces": CaseTable("surfaces", "Generators and statistics", "surfaces:cases"),
-    "solver": CaseTable("stability", "The contact solver", "solver:cases"),
+    "surfaces": CaseTable(
+        file="surfaces",
+        title="Generators and statistics",
+        cases="surfaces:cases",
+    ),
+    "solver": CaseTable(
+        file="stability",
+        title="The contact solver",
+        cases="solver:cases",
+    ),
     "hardness": CaseTable(
-        "hardness", "Random contacts that yield", "random_contacts:yielding"
+        file="hardness",
+        title="Random contacts that yield",
+        cases="random_contacts:yielding",
     ),
     "edgeless": CaseTable(
-        "edgeless", "Random contacts without edges", "random_contacts:edgeless"
+        file="edgeless",
+        title="Random contacts without edges",
+        cases="random_contacts:edgeless",
     ),
-    "models": CaseTable("models", "The nine models", "models:cases"),
+    "models": CaseTable(
+        file="models",
+        title="The nine models",
+        cases="models:cases",
+    ),
 }
 """The tables by their names in the option --of, in the order in which they are made."""
 
 NUMBERS = (AREA.name, FORCE.in_tables, "residual", "iterations", "ordinary_iterations")
-"""Columns that only the solver's table has; the answers hold them as `Answer.numbers`."""
+"""Columns of `Answer.numbers`, which only the table of the solver has."""
 
 
 def cases_of(table: str) -> list[Case]:
-    """Return the cases of a table; imports only the module that has them.
+    """Return the cases of a table, from the only module that is imported for them.
 
     Parameters
     ----------
@@ -246,7 +266,7 @@ def row_of(table: str, case: Case, answer: Answer) -> Row:
     Parameters
     ----------
     table : str
-        Name of the table in `TABLES`; the solver's table has further columns.
+        Name of the table in `TABLES`.
     case : Case
         The case.
     answer : Answer
@@ -256,7 +276,8 @@ def row_of(table: str, case: Case, answer: Answer) -> Row:
     -------
     Row
         The input, the answer, the worst finding, all findings, and the verdict "passed" or
-        "failed".
+        "failed". The table of the solver adds the message of an error, the worst finding as a text,
+        and the columns `NUMBERS`, "" where there is no value.
     """
     worst = answer.worst
     row = {
@@ -286,7 +307,7 @@ def report(full: bool, of: Sequence[str]) -> Report:
     full : bool
         Whether the slow cases are run too.
     of : sequence of str
-        Names of the tables in `TABLES`; empty for all of them.
+        Names of the tables in `TABLES`, as the option --of; empty for all of them.
 
     Returns
     -------
@@ -296,7 +317,7 @@ def report(full: bool, of: Sequence[str]) -> Report:
     Raises
     ------
     InputError
-        If a name is that of no table, before any case is run.
+        If there is no table of a name; no case is run then.
     """
     unknown = [table for table in of if table not in TABLES]
     if unknown:
@@ -312,14 +333,14 @@ def report(full: bool, of: Sequence[str]) -> Report:
 
 
 def _run_table(table: str, *, full: bool) -> list[tuple[Case, Answer]]:
-    """Return the cases of a table with their answers; only if `full`, the slow cases too."""
+    """Run the cases of a table, the slow ones only if `full`; return them with their answers."""
     cases = [case for case in cases_of(table) if full or not case.slow]
     remark(f"{TABLES[table].title}: {len(cases)} cases")
     return [(case, run_case(case)) for case in cases]
 
 
 def _summary(table: str, answers: Sequence[tuple[Case, Answer]]) -> list[str]:
-    """Return the lines about a table: the counts, then a line for each failed case."""
+    """Return the lines of text about a table: one with the counts, and one for each failed case."""
     failed = [(case, answer) for case, answer in answers if not answer.passed]
     counts = f"{TABLES[table].title}: {len(answers)} cases, {len(failed)} failed"
     names = [f"  {case.family}, {case.name}: {answer.failed}" for case, answer in failed]

@@ -1,9 +1,9 @@
 """Judgements of the solver's answers that do not rely on the solver, and contacts as cases.
 
-The problem is strictly convex. Its solution is the only pressure that is not negative, whose gap
-is not negative, and which is zero where the gap is positive. `complementarity` proves this of
-every answer, with influence coefficients and a convolution that share no code with the solver. The
-other checks compare the numbers that an answer states.
+The problem of elastic contact is strictly convex. Its solution is the only pressure that is not
+negative, whose gap is not negative, and which is zero where the gap is positive. `complementarity`
+proves this of every answer, with influence coefficients and a convolution that share no code with
+the solver. The other checks compare the numbers that an answer states.
 
 A check is called with the problem and its contact. `functools.partial` supplies the arguments that
 some checks take before these two.
@@ -27,14 +27,20 @@ from gen.quantities import AREA, FORCE
 ROUNDING = 1e-9
 """Largest difference of two convolutions of one pressure through rounding [Delta]."""
 
+SUM_ROUNDING = 1e-12
+"""Largest difference of two sums over a grid through rounding: of forces [1], of shares [%]."""
+
+ONE_ROUNDING = 1e-15
+"""Relative difference of two numbers that at most a few roundings tell apart [1]."""
+
 FOUR_ULP = 4 * float(np.finfo(np.float64).eps)
-"""Relative error that a handful of roundings may add up to."""
+"""Relative error that a handful of roundings may add up to [1]."""
 
 MOST_TIMES_ORDINARY = 3.0
-"""Largest ratio of the iterations to the ordinary contact's, unless a case allows more."""
+"""Largest number of iterations over that of the ordinary contact, unless a case allows more [1]."""
 
 Check = Callable[[Setup, bem.Contact], Iterable[Finding]]
-"""A function that judges the contact of a problem."""
+"""A function that takes a problem and its contact, and returns findings about the contact."""
 
 Displace = Callable[[Field, Kernel, float], Field]
 """A function that returns the displacement under a pressure, as `half_space.displacement` does."""
@@ -53,10 +59,10 @@ def complementarity(problem: Setup, contact: bem.Contact) -> Iterator[Finding]:
     Yields
     ------
     Finding
-        The largest violation by a gap [Delta]. Only if there are any, the number of nodes in
-        tension, and of those above the hardness.
+        The largest violation by a gap [Delta, or um if Delta <= 0]. If there are any, the number of
+        nodes in tension, and the number of nodes above the hardness.
     """
-    tension = int(np.count_nonzero(~(contact.pressure >= 0)))
+    tension = int(np.count_nonzero(~(contact.pressure >= 0)))  # also counts NaN
     too_high = int(np.count_nonzero(contact.pressure > problem.bound))
     worst = violation(problem, contact.pressure)
     yield Finding(
@@ -95,7 +101,8 @@ def honesty(
     Yields
     ------
     Finding
-        Difference of the residual [Delta], of the force [1] and of the area [% of the patch].
+        Difference of the residual [Delta, or um if Delta <= 0], relative difference of the force
+        [1], and difference of the area [% of the patch].
     """
     recomputed = violation(problem, contact.pressure, displace)
     yield Finding(
@@ -107,13 +114,13 @@ def honesty(
     yield Finding(
         name="force off its pressure",
         error=deviation(contact.force, force),
-        allowed=1e-12,
+        allowed=SUM_ROUNDING,
     )
     percent = 100 * float(np.mean(contact.pressure > 0))
     yield Finding(
         name="area off its nodes",
         error=abs(contact.area_percent - percent),
-        allowed=1e-12,
+        allowed=SUM_ROUNDING,
     )
 
 
@@ -125,7 +132,7 @@ def says_what_yields(
     Parameters
     ----------
     problem : Setup
-        The problem, which has a hardness.
+        The problem, with a hardness and a Delta above 0.
     contact : bem.Contact
         Its contact.
     displace : callable
@@ -134,7 +141,7 @@ def says_what_yields(
     Yields
     ------
     Finding
-        Difference of the yielded share [% of the patch], of the yielded depth [Delta], and of the
+        Differences of the yielded share [% of the patch], of the yielded depth [Delta], and of the
         flattened heights [largest height].
     """
     yielded = contact.pressure == problem.hardness
@@ -142,7 +149,7 @@ def says_what_yields(
     yield Finding(
         name="yielded share off",
         error=abs(contact.yielded_percent - percent),
-        allowed=1e-12,
+        allowed=SUM_ROUNDING,
     )
     gap = gap_under(problem, contact.pressure, displace)
     depth = np.where(yielded, np.maximum(-gap, 0.0), 0.0)
@@ -150,15 +157,15 @@ def says_what_yields(
     yield Finding(
         name="yielded depth off",
         error=float(np.abs(stated - depth).max()),
-        allowed=1e-9,
+        allowed=ROUNDING,
     )
     flattened = problem.surface - contact.yielded_depth
     off = float(np.abs(contact.flattened - flattened).max())
-    largest = float(np.abs(problem.surface).max()) or 1.0
+    largest = float(np.abs(problem.surface).max()) or 1.0  # any unit for heights of zero
     yield Finding(
         name="flattened heights off",
         error=off / largest,
-        allowed=1e-15,
+        allowed=ONE_ROUNDING,
     )
 
 
@@ -179,7 +186,7 @@ def violation(
     Returns
     -------
     float
-        The largest violation as of `worst_gap` [Delta, or um if Delta <= 0].
+        The largest violation, at least 0, as `worst_gap` defines it [Delta, or um if Delta <= 0].
     """
     gap = gap_under(problem, pressure, displace)
     return worst_gap(pressure, gap, problem.bound)
@@ -188,8 +195,9 @@ def violation(
 def worst_gap(pressure: Field, gap: Field, bound: float) -> float:
     """Return the largest violation of the conditions of contact by a pressure and its gap.
 
-    Nodes under pressure violate them by a gap or a penetration, nodes without pressure by a
-    penetration, and yielded nodes by a gap: these penetrate by the depth to which they yield.
+    Elastic nodes under pressure violate them by a gap or a penetration, and nodes without pressure
+    by a penetration. Yielded nodes violate them by a gap only: they may penetrate, by the depth to
+    which they yield.
 
     Parameters
     ----------
@@ -206,7 +214,8 @@ def worst_gap(pressure: Field, gap: Field, bound: float) -> float:
         The largest violation, at least 0, in the unit of the gap; infinite if one is NaN.
     """
     elastic = np.where(pressure > 0, np.abs(gap), -gap)
-    yielded = pressure >= bound * (1 - 1e-15)
+    # Pressure and hardness may have been divided by a modulus, which rounds both.
+    yielded = pressure >= bound * (1 - ONE_ROUNDING)
     worst = float(np.where(yielded, gap, elastic).max())
     if np.isnan(worst):
         return np.inf
@@ -233,11 +242,12 @@ def gap_under(
         Distance, negative where the surfaces penetrate [Delta, or um if Delta <= 0].
     """
     unit = problem.delta if problem.delta > 0 else 1.0
-    # Numbers that overflow here make an infinite gap, which `violation` reports.
+    # Numbers that overflow here make the gap infinite or NaN, which `violation` reports.
     with np.errstate(all="ignore"):
         reduced: Field = pressure * (problem.compliance / unit)
         approach = problem.delta / unit
         if problem.far_field == "compliant":
+            # The far field moves back by the displacement of a flat punch under this force.
             punch = flat_punch(pressure.shape, problem.kernel, problem.aspect)
             approach += float(reduced.sum() / punch.sum())
         depth = (problem.surface - problem.surface.max()) / unit
@@ -302,13 +312,13 @@ def _ordinary_contact() -> bem.Contact:
 
 
 def scales(
-    force: float, allowed: float, _problem: Setup, contact: bem.Contact
+    force_ratio: float, allowed: float, _problem: Setup, contact: bem.Contact
 ) -> Iterator[Finding]:
-    """Compare a contact with the ordinary one, of which it is a copy in other units.
+    """Compare a contact with the ordinary contact, of which it is a copy in other units.
 
     Parameters
     ----------
-    force : float
+    force_ratio : float
         Expected force over that of the ordinary contact [1].
     allowed : float
         Largest relative deviation of the force [1].
@@ -320,12 +330,13 @@ def scales(
     Yields
     ------
     Finding
-        Relative deviation of the force [1], and number of nodes in contact in one of both only.
+        Relative deviation of the force [1], and number of nodes that are in contact in only one of
+        the two contacts.
     """
     ordinary = _ordinary_contact()
     yield Finding(
         name="force off similarity",
-        error=deviation(contact.force, force * ordinary.force),
+        error=deviation(contact.force, force_ratio * ordinary.force),
         allowed=allowed,
     )
     yield Finding(
@@ -336,7 +347,7 @@ def scales(
 
 
 def is_nearly_elastic(problem: Setup, contact: bem.Contact) -> Iterator[Finding]:
-    """Compare the force and the nodes in contact with the elastic contact.
+    """Compare the force and the nodes in contact with those of elastic bodies, which are solved.
 
     Parameters
     ----------
@@ -348,7 +359,8 @@ def is_nearly_elastic(problem: Setup, contact: bem.Contact) -> Iterator[Finding]
     Yields
     ------
     Finding
-        Relative deviation of the force [1], and number of nodes in contact in one of both only.
+        Relative deviation of the force [1], and number of nodes that are in contact in only one of
+        the two contacts.
     """
     elastic = replace(problem, hardness=None).solve()
     yield Finding(
@@ -376,10 +388,10 @@ def is_bearing_area(problem: Setup, contact: bem.Contact) -> Iterator[Finding]:
     Yields
     ------
     Finding
-        Number of nodes at which the pressure is another one.
+        Number of nodes at which the pressure differs from this: the hardness, or 0 elsewhere.
     """
-    overlap = problem.surface - problem.surface.max() + problem.delta > 0
-    expected = np.where(overlap, problem.hardness or 0.0, 0.0)
+    overlaps = problem.surface - problem.surface.max() + problem.delta > 0
+    expected = np.where(overlaps, problem.hardness or 0.0, 0.0)
     yield Finding(
         name="nodes off the bearing area",
         error=unlike(contact.pressure, expected),
@@ -398,7 +410,7 @@ def deviation(value: float, expected: float) -> float:
     Returns
     -------
     float
-        Relative deviation [1]: 0 if both are equal, infinite if only zero was expected.
+        Relative deviation, at least 0 [1]. It is infinite if zero was expected of another value.
     """
     if value == expected:
         return 0.0
@@ -430,12 +442,12 @@ def contact_case(
     surface : array_like, shape (nx, ny), or callable
         Heights [um], or a function that makes them when the case is run.
     delta : float or callable
-        Displacement [um], or a function that returns it for the heights. It is not used if the
-        further arguments hold a load.
+        Displacement [um], or a function that returns it for heights [um]. It is not used if the
+        further arguments hold a pressure or a force.
     checks : sequence of Check
-        Checks besides the ones of every contact.
+        Checks besides complementarity and honesty, which every contact has to pass.
     largest_ratio : float
-        Largest ratio of the iterations to the ordinary contact's on the grid.
+        Largest number of iterations over that of the ordinary contact on the grid [1].
     refusal : Refusal, optional
         How the input has to be refused.
     slow : bool
@@ -450,6 +462,7 @@ def contact_case(
     """
 
     def examine() -> Answer:
+        """Solve the contact and judge it; an error of the solve becomes the answer."""
         heights = surface() if callable(surface) else surface
         displacement = delta
         if callable(displacement):
@@ -464,7 +477,14 @@ def contact_case(
             problem = replace(problem, delta=contact.approach)
         return judge(problem, contact, checks, largest_ratio)
 
-    return Case(family, name, input="", examine=examine, refusal=refusal, slow=slow)
+    return Case(
+        family=family,
+        name=name,
+        input="",  # the answer describes it
+        examine=examine,
+        refusal=refusal,
+        slow=slow,
+    )
 
 
 def judge(
@@ -473,31 +493,40 @@ def judge(
     checks: Sequence[Check] = (),
     largest_ratio: float = MOST_TIMES_ORDINARY,
 ) -> Answer:
-    """Judge the contact that the solver has returned.
+    """Judge a contact that the solver has returned.
 
     Parameters
     ----------
     problem : Setup
-        The problem.
+        The problem, with the displacement that belongs to a given pressure.
     contact : bem.Contact
         Its contact.
     checks : sequence of Check
         Checks besides complementarity and honesty, which every contact has to pass.
     largest_ratio : float
-        Largest ratio of the iterations to the ordinary contact's on the grid.
+        Largest number of iterations over that of the ordinary contact on the grid [1].
 
     Returns
     -------
     Answer
-        The findings of all checks, with the columns `NUMBERS` of the row.
+        The findings of all checks and about the number of iterations, with values for the columns
+        `NUMBERS` of the row.
     """
     ordinary = ordinary_iterations(contact.pressure.shape)
     findings: list[Finding] = []
     for check in (*checks, complementarity):
         findings.extend(check(problem, contact))
-    ratio = contact.iterations / ordinary
-    findings.append(Finding("iterations", contact.iterations, problem.max_iterations))
-    findings.append(Finding("times ordinary", ratio, allowed=largest_ratio))
+    iterations = Finding(
+        name="iterations",
+        error=contact.iterations,
+        allowed=problem.max_iterations,
+    )
+    times_ordinary = Finding(
+        name="times ordinary",
+        error=contact.iterations / ordinary,
+        allowed=largest_ratio,
+    )
+    findings += [iterations, times_ordinary]
     findings.extend(honesty(problem, contact))
     numbers = {
         AREA.name: contact.area_percent,
@@ -506,15 +535,20 @@ def judge(
         "iterations": contact.iterations,
         "ordinary_iterations": ordinary,
     }
-    out = f"{contact.area_percent:.4g} %, {contact.force:.6g} µN"
-    return Answer(out, findings, problem.describe(), numbers)
+    return Answer(
+        out=f"{contact.area_percent:.4g} %, {contact.force:.6g} µN",
+        findings=findings,
+        input=problem.describe(),
+        numbers=numbers,
+    )
 
 
 @lru_cache(maxsize=64)
 def ordinary_iterations(shape: tuple[int, int]) -> int:
-    """Count the iterations of the ordinary contact on a grid; solved once for each grid.
+    """Count the iterations of the ordinary contact on a grid.
 
-    The ordinary contact is the paper's surface, cropped to the grid, at Delta = 25 um.
+    The ordinary contact is the paper's surface, cropped to the grid, with a spacing of 1 um, at
+    Delta = 25 um. It is solved once for each grid.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Cases of the nine models: ordinary rows, changes that spoil rows, and checks of the fits.
 
-Models are fitted and asked by the functions with which the product does it.
+The functions of the product fit the models, and make the predictions.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -24,7 +24,7 @@ from learn.comparison.folder import Settings
 from learn.comparison.grid import baseline, space_of
 from learn.database_rows import Dataset, Origin
 from learn.dataset import Request, remarks
-from learn.features import chosen
+from learn.features import FeatureSet, chosen
 from learn.features.rows import Rows
 from learn.models import MODELS, STEP
 from learn.surrogate import Surrogate
@@ -33,31 +33,31 @@ from learn.surrogate.fitting import fit_target
 from learn.surrogate.learnt import Fit
 
 Change = Callable[[Dataset], Dataset]
-"""A function that returns a changed copy of rows."""
+"""A function that takes rows, and returns a changed copy."""
 
 Check = Callable[["FittedModel"], Iterator[Finding]]
-"""A function that judges a fitted model."""
+"""A function that takes a fitted model, and yields findings about it."""
 
 ROWS = 90
-"""Number of rows."""
+"""Number of rows, each of which has a surface of its own."""
 
 NODES = 33
-"""Nodes a side of their surfaces."""
+"""Nodes a side of the surfaces of the rows."""
 
 SEEN = 60
-"""Number of the first rows, which train; of the other rows 10 calibrate and 20 test."""
+"""Number of rows that train. They come first; then 10 rows calibrate, and 20 rows test."""
 
 CALIBRATING = 10
-"""Most rows that calibrate."""
+"""Largest number of rows that calibrate."""
 
 SCENE = Scene.parse(f"samples = {ROWS}\n[surface]\nnodes = {NODES}\n", "the cases' scene")
-"""The scene of the rows: the paper's on a small grid."""
+"""The scene of the rows: the default scene, which is the paper's, on a small grid."""
 
 SIDE = SCENE.sides[0]
 """Scan length of the surfaces [um]."""
 
 BACKWARD = 1e-12
-"""Largest residual of a linear system after good elimination, over the size of its terms [1]."""
+"""Largest residual that a well solved linear system leaves, over the size of its terms [1]."""
 
 FAR = (1e-12, 1e-3, 1e3, 1e12, 1e150, 1e300)
 """Factors that put statistics far outside of the range of the training rows [1]."""
@@ -69,12 +69,15 @@ FEWER: dict[str, dict[str, Any]] = {
     "xgboost": {"n_estimators": 50},
     "mlp": {"max_iter": 30},
 }
-"""Settings by model that replace tuned ones to save work; no check depends on them."""
+"""Settings that replace tuned ones to save work, by the name of the model.
+
+No check depends on them.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class SolvedRows:
-    """The rows of the cases' scene, solved."""
+    """The statistics and the contact areas of the rows of `SCENE`."""
 
     described: Values  # Delta [um], then the 22 statistics; shape (ROWS, 23)
     areas: Values  # contact areas [% of the patch], shape (ROWS,)
@@ -82,7 +85,10 @@ class SolvedRows:
 
 @lru_cache(maxsize=1)
 def solved() -> SolvedRows:
-    """Generate, describe and solve the rows of the cases' scene; done once."""
+    """Generate, describe and solve the rows of `SCENE`.
+
+    The work is done once; further calls return the first result.
+    """
     plan = parameters(load("paper"), 0, ROWS)
     deltas = plan.load.tolist()
     statistics: list[list[float]] = []
@@ -98,26 +104,26 @@ def solved() -> SolvedRows:
 
 @lru_cache(maxsize=8)
 def ordinary(features: str = "paper") -> Dataset:
-    """Return the rows of the cases' scene as a dataset whose target is the area.
+    """Return the rows of `SCENE` as a dataset whose target is the area.
 
     Parameters
     ----------
     features : str
-        Kind of features, "paper" or "dimensionless".
+        Name of the set of features, "paper" or "dimensionless".
 
     Returns
     -------
     Dataset
-        The rows, unchanged; calls with equal arguments return one object.
+        The `ROWS` rows, without any fault. Calls with equal arguments return one object.
     """
     rows = solved()
-    kind = chosen(features)
+    feature_set = chosen(features)
     delta = rows.described[:, 0]
     numbers = Rows(rows.described[:, 1:], delta, SIDE)
-    scale = kind.scale(AREA.powers, numbers, 1.0)
+    scale = feature_set.scale(AREA.powers, numbers, modulus=1.0)
     zeros = np.zeros(ROWS, dtype=np.int64)
     return Dataset(
-        inputs=kind.of(numbers),
+        inputs=feature_set.of(numbers),
         target=rows.areas / scale,
         rows=np.arange(ROWS),
         groups=np.arange(ROWS),
@@ -127,37 +133,38 @@ def ordinary(features: str = "paper") -> Dataset:
         unit="%",
         dropped={},
         described=rows.described,
-        origins=(Origin("the cases' rows", "", SCENE, ROWS),),
+        origins=(Origin(database="the cases' rows", sha256="", scene=SCENE, rows=ROWS),),
         name="the cases' rows",
         powers=AREA.powers,
         scale=scale,
-        features=kind,
+        features=feature_set,
     )
 
 
 def altered(
     part: str, where: Any, to: float | None = None, factor: float = 1.0
 ) -> Change:
-    """Return a change that sets some numbers of the rows, or multiplies them.
+    """Return a change that sets some numbers of the rows to a value, or multiplies them.
 
     Parameters
     ----------
     part : {"inputs", "target"}
-        Field of the dataset.
+        Field of the dataset, an array with a row of the dataset in each row.
     where : index
-        Any index of its array.
+        Any index of that array; `...` for all of its numbers.
     to : float, optional
-        Number that is set.
+        New value, in the unit of the numbers.
     factor : float
-        Factor of the numbers if none is set [1].
+        Factor of the numbers; not used if there is a new value [1].
 
     Returns
     -------
     callable
-        The change.
+        Function that takes rows, and returns a changed copy.
     """
 
     def change(rows: Dataset) -> Dataset:
+        """Return a copy of the rows with the changed numbers."""
         values = getattr(rows, part).copy()
         if to is None:
             values[where] = values[where] * factor
@@ -200,7 +207,7 @@ def doubled(rows: Dataset) -> Dataset:
     Returns
     -------
     Dataset
-        As many rows, of which the first half of the training rows appears twice.
+        The rows, as many as before; the first half of the training rows appears twice.
     """
     half = SEEN // 2
     return rows.at(np.r_[:half, :half, SEEN : rows.size])
@@ -211,7 +218,7 @@ class FittedModel:
     """A model that the product has fitted, and a surrogate with this model alone."""
 
     name: str  # name of the model in `MODELS`
-    fit: Fit
+    fit: Fit  # the fit, with its warnings
     surrogate: Surrogate  # its target is named "target"
     train: Dataset  # rows that the model was fitted to
     test: Dataset  # rows that it has not seen
@@ -232,7 +239,7 @@ class FittedModel:
         Returns
         -------
         ndarray, shape (n,)
-            Targets in the unit of the rows, not bounded to possible ones.
+            Targets in the unit of the rows, also impossible ones, as areas below 0.
         """
         return self.fit.learnt.raw(rows.inputs)
 
@@ -246,15 +253,17 @@ class FittedModel:
         """Return R2 on the training rows [1]; NaN if the target is constant."""
         truth = self.train.target
         predicted = self.predicted(self.train)
-        unit = float(np.ptp(truth)) or np.nan  # so that squares do not overflow
-        error = (truth - predicted) / unit
-        spread = (truth - truth.mean()) / unit
+        # Errors over the range of the target, so that their squares do not overflow.
+        target_range = float(np.ptp(truth)) or np.nan
+        error = (truth - predicted) / target_range
+        spread = (truth - truth.mean()) / target_range
         return 1 - float(error @ error) / float(spread @ spread)
 
     def worse_than_constant(self) -> bool:
-        """Say whether a constant fits the training rows better.
+        """Return whether constants fit the training rows better than the model.
 
-        The mean has to be better by squares, and the median by absolute errors.
+        This is so if the mean of the target has smaller squared errors, and the median of the
+        target has smaller absolute errors, by more than 1 %.
         """
         truth = self.train.target
         predicted = self.predicted(self.train)
@@ -270,26 +279,26 @@ def fitted(
     settings: Mapping[str, Any] | None = None,
     seen: int = SEEN,
 ) -> FittedModel:
-    """Fit a model to the first rows as the product does it.
+    """Fit a model to the first of some rows, by the functions of the product.
 
     Parameters
     ----------
     name : str
         Name of the model in `MODELS`.
     tuning : {"default", "tuned"}
-        Whose settings are used: the defaults of the model's library, or the paper's tuned ones.
+        Settings of the model: the defaults of its library, or tuned ones (with `FEWER`).
     rows : Dataset
         The rows.
     settings : mapping, optional
-        Settings that replace these.
+        Settings that replace some of these, by their names.
     seen : int
-        Number of the first rows that train. Half of the other rows, at most `CALIBRATING`,
-        calibrate; the rest of them tests.
+        Number of the first rows, which train. Half of the other rows, but at most `CALIBRATING`,
+        calibrate, and the last rows test.
 
     Returns
     -------
     FittedModel
-        The fitted model.
+        The fitted model, with its training rows and its test rows.
     """
     calibrating = min(CALIBRATING, (rows.size - seen) // 2)
     parts = np.split(np.arange(rows.size), [seen, seen + calibrating])
@@ -313,11 +322,23 @@ def fitted(
         request,
         train,
         plan,
-        np.zeros(train.size, np.int8),
+        np.zeros(train.size, np.int8),  # folds, which only a choice of settings needs
         settings=Settings(values, is_tuned, tuning),
         other=calibration,
     )
-    card: dict[str, Any] = {
+    surrogate = Surrogate(
+        card=_card(features),
+        learnt={"target": fit.learnt},
+        low=train.inputs.min(axis=0),
+        high=train.inputs.max(axis=0),
+        distance=plan.distance,
+    )
+    return FittedModel(name=name, fit=fit, surrogate=surrogate, train=train, test=test)
+
+
+def _card(features: FeatureSet) -> dict[str, Any]:
+    """Return the entries of a surrogate's card that its predictions need, by their names."""
+    return {
         "features": features.name,
         "nodes": NODES,
         "side": SIDE,
@@ -325,18 +346,10 @@ def fitted(
         "modulus": 1.0,
         "columns": [(column, "1") for column in features.columns],
     }
-    surrogate = Surrogate(
-        card,
-        {"target": fit.learnt},
-        train.inputs.min(axis=0),
-        train.inputs.max(axis=0),
-        plan.distance,
-    )
-    return FittedModel(name, fit, surrogate, train, test)
 
 
 def sound(model: FittedModel) -> Iterator[Finding]:
-    """Check that predictions are finite, and never worse than a constant without a warning.
+    """Check that predictions are finite, and that there is a warning if a constant is better.
 
     Parameters
     ----------
@@ -346,7 +359,7 @@ def sound(model: FittedModel) -> Iterator[Finding]:
     Yields
     ------
     Finding
-        Number of predictions that are not finite, and whether a warning is missing.
+        Number of predictions that are not finite, and 1 if the warning is missing or else 0.
     """
     not_finite = 0
     for rows in (model.test, model.train):
@@ -357,16 +370,16 @@ def sound(model: FittedModel) -> Iterator[Finding]:
         error=not_finite,
         allowed=0,
     )
-    unsaid = int(model.worse_than_constant() and not model.remarks)
+    lacks_warning = model.worse_than_constant() and not model.remarks
     yield Finding(
         name="worse than a constant, unsaid",
-        error=unsaid,
+        error=int(lacks_warning),
         allowed=0,
     )
 
 
 def constant(model: FittedModel) -> Iterator[Finding]:
-    """Check that a constant target is predicted, by models that can.
+    """Check that a constant target is predicted.
 
     Parameters
     ----------
@@ -376,13 +389,14 @@ def constant(model: FittedModel) -> Iterator[Finding]:
     Yields
     ------
     Finding
-        Largest relative error on the test rows [1]; nothing for models that only come near.
+        Largest relative error on the test rows [1]. There is none for kernel ridge, the Gaussian
+        process and the neural network, which predict constants only nearly.
     """
     if model.name in {"kernel-ridge", "gaussian-process", "mlp"}:
         return
     value = float(model.train.target[0])
     allowed = 1e-6
-    if model.name == "svm":  # which ignores errors below its epsilon
+    if model.name == "svm":  # it ignores errors below its epsilon
         allowed = model.estimator.epsilon / abs(value)
     error = np.abs(model.predicted(model.test) - value).max()
     yield Finding(
@@ -393,7 +407,9 @@ def constant(model: FittedModel) -> Iterator[Finding]:
 
 
 def flagged(model: FittedModel) -> Iterator[Finding]:
-    """Check that rows far outside of the training are refused or flagged, with possible areas.
+    """Check that rows far outside of the training are refused, or flagged with possible areas.
+
+    The rows are the test rows with all statistics times a factor.
 
     Parameters
     ----------
@@ -403,8 +419,8 @@ def flagged(model: FittedModel) -> Iterator[Finding]:
     Yields
     ------
     Finding
-        For each factor of `FAR` whose rows are not refused, the number of rows without a flag, and
-        that of areas and bounds outside of 0 to 100 %.
+        For each factor of `FAR`: the number of rows without a flag, and the number of areas and
+        bounds of intervals outside of 0 to 100 %. There is none if the rows are refused.
     """
     delta = model.test.described[:, 0]
     for factor in FAR:
@@ -412,7 +428,7 @@ def flagged(model: FittedModel) -> Iterator[Finding]:
         try:
             rows = model.surrogate.of_statistics(statistics, delta, SIDE)
             prediction = model.surrogate.predict_rows(rows)
-        except InputError:
+        except InputError:  # the rows are refused
             continue
         unflagged = sum(not reason for reason in prediction.reasons)
         name = f"statistics times {factor:g}"
@@ -438,7 +454,7 @@ def flagged(model: FittedModel) -> Iterator[Finding]:
 
 
 def solves_its_equations(model: FittedModel) -> Iterator[Finding]:
-    """Check that kernel ridge, which is our own code, solves (K + alpha I) a = y.
+    """Check that kernel ridge, which is code of the product, solves (K + alpha I) a = y.
 
     Parameters
     ----------
@@ -448,8 +464,8 @@ def solves_its_equations(model: FittedModel) -> Iterator[Finding]:
     Yields
     ------
     Finding
-        Largest residual over |K| |a| + |y|, in the machine's longest numbers [1]; nothing for other
-        models.
+        Largest residual over |K + alpha I| |a| + |y| in the maximum norm, computed in the machine's
+        longest numbers [1]. There is none for other models.
     """
     if model.name != "kernel-ridge":
         return
@@ -463,8 +479,9 @@ def solves_its_equations(model: FittedModel) -> Iterator[Finding]:
     matrix = x @ x.T
     if ridge.kernel != "linear":
         gamma = ridge.gamma
-        if gamma is None:
+        if gamma is None:  # the default of scikit-learn
             gamma = 1 / np.longdouble(x.shape[1])
+        # Radial functions: K = exp(-gamma |x_i - x_j|^2).
         differences = x[:, None, :] - x[None, :, :]
         squares = (differences**2).sum(axis=2)
         matrix = np.exp(-squares * gamma)
@@ -499,14 +516,15 @@ def unchanged(rows: Dataset) -> Dataset:
 
 @dataclass(frozen=True)
 class Spoilt:
-    """A family of cases: rows that are spoilt in one way, for each of some models."""
+    """A family of cases: rows that are spoilt in one way, with a case for each of some models."""
 
-    family: str  # fault of the rows
+    family: str  # fault of the rows, the name of the family
     input: str  # the input in words
     change: Change = unchanged  # makes the rows from ordinary ones
-    checks: tuple[Check, ...] = ()  # checks besides the ones of every fit
-    features: str = "paper"  # kind of features, "paper" or "dimensionless"
-    # Settings that replace the models' own.
+    # Checks besides `sound` and `solves_its_equations`, which every fit has to pass.
+    checks: tuple[Check, ...] = ()
+    features: str = "paper"  # name of the set of features, "paper" or "dimensionless"
+    # Settings that replace some of the models' own, by their names.
     settings: Mapping[str, Any] = field(default_factory=dict)
     models: tuple[str, ...] = tuple(MODELS)  # names of the models
     seen: int = SEEN  # number of the first rows, which train
@@ -522,7 +540,8 @@ class Spoilt:
         Returns
         -------
         Answer
-            R2 and warnings of both fits, with the findings of all checks.
+            R2 and warnings of both fits in words, with the findings of all checks. Their names
+            begin with "default: " or "tuned: ".
         """
         parts: list[str] = []
         findings: list[Finding] = []
@@ -539,7 +558,7 @@ class Spoilt:
 
 
 def _in_words(model: FittedModel) -> str:
-    """Return R2 on the training rows, then in brackets the beginning of the warnings, if any."""
+    """Return R2 on the training rows as a text, with the first 150 letters of warnings, if any."""
     score = model.score()
     text = f"R2 {100 * score:.4g} % of seen rows"
     if np.isnan(score):
@@ -563,72 +582,91 @@ def cases() -> Iterator[Case]:
 
 
 KINDS = (
-    Spoilt("ordinary rows", "60 rows train"),
     Spoilt(
-        "constant target",
-        "area 3.7 % in all rows",
-        altered("target", ..., to=3.7),
+        family="ordinary rows",
+        input="60 rows train",
+    ),
+    Spoilt(
+        family="constant target",
+        input="area 3.7 % in all rows",
+        change=altered("target", ..., to=3.7),
         checks=(constant,),
     ),
     Spoilt(
-        "constant column",
-        "an input is 0.25 in all rows",
-        altered("inputs", np.s_[:, 5], to=0.25),
-    ),
-    Spoilt("collinear columns", "an input is twice another, one a sum of two", collinear),
-    Spoilt("duplicated rows", "30 rows, each twice", doubled),
-    Spoilt(
-        "a row of zeros",
-        "cannot be scaled to unit length",
-        altered("inputs", [3, SEEN + 15], to=0.0),
+        family="constant column",
+        input="an input is 0.25 in all rows",
+        change=altered("inputs", np.s_[:, 5], to=0.25),
     ),
     Spoilt(
-        "tiny inputs",
-        "all inputs times 2^-40",
-        altered("inputs", ..., factor=2.0**-40),
+        family="collinear columns",
+        input="an input is twice another, one a sum of two",
+        change=collinear,
     ),
     Spoilt(
-        "huge inputs",
-        "all inputs times 2^40",
-        altered("inputs", ..., factor=2.0**40),
+        family="duplicated rows",
+        input="30 rows, each twice",
+        change=doubled,
     ),
     Spoilt(
-        "one huge input",
-        "an input times 1e12",
-        altered("inputs", np.s_[:, 20], factor=1e12),
+        family="a row of zeros",
+        input="cannot be scaled to unit length",
+        change=altered("inputs", [3, SEEN + 15], to=0.0),
     ),
-    Spoilt("outlier among inputs", "one row times 1e9", altered("inputs", 3, factor=1e9)),
-    Spoilt("outlier among targets", "one area of 1e12 %", altered("target", 3, to=1e12)),
     Spoilt(
-        "few rows",
-        "6 rows train, 2 calibrate, 2 test",
-        lambda rows: rows.at(np.arange(10)),
+        family="tiny inputs",
+        input="all inputs times 2^-40",
+        change=altered("inputs", ..., factor=2.0**-40),
+    ),
+    Spoilt(
+        family="huge inputs",
+        input="all inputs times 2^40",
+        change=altered("inputs", ..., factor=2.0**40),
+    ),
+    Spoilt(
+        family="one huge input",
+        input="an input times 1e12",
+        change=altered("inputs", np.s_[:, 20], factor=1e12),
+    ),
+    Spoilt(
+        family="outlier among inputs",
+        input="one row times 1e9",
+        change=altered("inputs", 3, factor=1e9),
+    ),
+    Spoilt(
+        family="outlier among targets",
+        input="one area of 1e12 %",
+        change=altered("target", 3, to=1e12),
+    ),
+    Spoilt(
+        family="few rows",
+        input="6 rows train, 2 calibrate, 2 test",
+        change=lambda rows: rows.at(np.arange(10)),
         seen=6,
     ),
     Spoilt(
-        "nearly singular",
-        "alpha 0, linear kernel or radial functions, 30 rows twice",
-        doubled,
+        family="nearly singular",
+        input="alpha 0, linear kernel or radial functions, 30 rows twice",
+        change=doubled,
         settings={"alpha": 0.0},
         models=("kernel-ridge",),
     ),
     Spoilt(
-        "nearly singular process",
-        "alpha 1e-10, length 1e3: every row nearly the same to it; rows twice",
-        doubled,
+        family="nearly singular process",
+        input="alpha 1e-10, length 1e3: every row nearly the same to it; rows twice",
+        change=doubled,
         settings={"alpha": 1e-10, "kernel__length_scale": 1e3, "optimizer": None},
         models=("gaussian-process",),
     ),
     Spoilt(
-        "far outside",
-        "statistics of the test rows times 1e-12 to 1e300",
+        family="far outside",
+        input="statistics of the test rows times 1e-12 to 1e300",
         checks=(flagged,),
     ),
     Spoilt(
-        "far outside, without units",
-        "dimensionless features",
+        family="far outside, without units",
+        input="dimensionless features",
         checks=(flagged,),
         features="dimensionless",
     ),
 )
-"""The families of cases."""
+"""The families of cases, in the order of the table."""

@@ -17,10 +17,10 @@ from gen.scene import load
 from gen.surface import generate
 
 NODES = 129
-"""Nodes a side, unless a case is about another grid."""
+"""Nodes a side of surfaces, unless a case is about another grid."""
 
 SMALL = 33
-"""Nodes a side of cases in which all nodes may touch and the dense matrix is the judge."""
+"""Nodes a side of cases in which all nodes may touch, or that need the dense matrix."""
 
 SIDE = 1000.0
 """Scan length of the paper's surfaces [um]."""
@@ -32,7 +32,7 @@ DELTA = 25.0
 """Displacement of an ordinary contact, unless a case is about another displacement [um]."""
 
 Lengths = float | tuple[float, float]
-"""A length along x and another one along y, or one for both [um]."""
+"""Lengths along x and y, or one length for both axes [um]."""
 
 
 @lru_cache(maxsize=16)
@@ -41,16 +41,17 @@ def paper(
 ) -> Field:
     """Generate the surface of the first row of the paper preset.
 
-    All grids share their coarse nodes. Calls with equal arguments return one array.
+    Grids of other sizes show the same surface: nodes at equal places have equal heights, but for a
+    constant. Calls with equal arguments return one array.
 
     Parameters
     ----------
     nodes : int
         Nodes a side, 2^k + 1.
     hurst : float, optional
-        Hurst exponent [1] instead of that of the row.
+        Hurst exponent; by default that of the row [1].
     sigma0 : float, optional
-        Standard deviation of the first displacement [um] instead of that of the row.
+        Standard deviation of the first displacement; by default that of the row [um].
 
     Returns
     -------
@@ -70,7 +71,7 @@ def paper(
 
 
 def cropped_paper(shape: tuple[int, int]) -> Field:
-    """Crop the smallest of the paper's surfaces that holds a grid.
+    """Crop the paper's surface, generated on the smallest grid that contains a given one.
 
     Parameters
     ----------
@@ -84,12 +85,14 @@ def cropped_paper(shape: tuple[int, int]) -> Field:
     """
     rows, columns = shape
     steps = max(rows - 1, columns - 1, 2)
-    k = (steps - 1).bit_length()  # of the smallest power of two that is at least as large
+    k = (
+        steps - 1
+    ).bit_length()  # 2^k is the smallest power of two that is at least `steps`
     return paper(2**k + 1)[:rows, :columns]
 
 
 def terraces(nodes: int = NODES) -> Field:
-    """Round the paper's surface to steps of 10 um, which makes plateaus of exact ties.
+    """Round the paper's surface to steps of 10 um, so that neighbours are exactly equally high.
 
     Parameters
     ----------
@@ -121,14 +124,14 @@ def flat(nodes: int = NODES) -> Field:
 
 
 def with_middle_at(height: float, base: Field) -> Field:
-    """Put the middle node of a surface at another height: a spike, a needle or a pit.
+    """Copy a surface with its middle node at another height: a spike, a needle or a pit.
 
     Parameters
     ----------
     height : float
         Height of the middle node [um].
     base : ndarray, shape (n, n)
-        Heights of the surface [um], which stay.
+        Heights of the surface [um], which are not changed.
 
     Returns
     -------
@@ -160,7 +163,7 @@ def checkerboard(nodes: int = NODES) -> Field:
 
 
 def step(nodes: int = NODES) -> Field:
-    """Make a step: one half of the patch is 1 um above the other.
+    """Make a step: the half of the patch with smaller x is 1 um above the other half.
 
     Parameters
     ----------
@@ -194,7 +197,7 @@ def white_noise(nodes: int = NODES) -> Field:
 
 
 def indenter(body: Indenter, nodes: int = NODES) -> Field:
-    """Make the surface of a body of revolution over the centre of the patch.
+    """Make the surface of a body of revolution with its tip at the centre of the patch.
 
     Parameters
     ----------
@@ -206,7 +209,7 @@ def indenter(body: Indenter, nodes: int = NODES) -> Field:
     Returns
     -------
     ndarray, shape (nodes, nodes)
-        Heights [um]; the tip is at height 0.
+        Heights [um]. The tip is at height 0; there may be no node at the tip.
     """
     return body.heights(distances_to_centre((nodes, nodes), SIDE))
 
@@ -215,13 +218,13 @@ def indenter(body: Indenter, nodes: int = NODES) -> Field:
 class Setup:
     """A contact problem: the arguments of `bem.solve`, which documents them.
 
-    A given pressure or force replaces `delta`.
+    A pressure or force other than 0 replaces `delta`. The fields have the names of the arguments.
     """
 
     heights: ArrayLike  # shape (nx, ny) [um]; other shapes belong to cases of wrong input
     delta: float = DELTA  # displacement from first touch [um]
     side: Lengths = SIDE  # scan length [um]
-    spacing: Lengths | None = None  # spacing of the nodes [um]; None if `side` counts
+    spacing: Lengths | None = None  # spacing of the nodes, replaces `side` if given [um]
     modulus: float = 1.0  # Young's modulus [MPa]
     poisson: float = 0.0  # Poisson's ratio [1]
     kernel: Kernel = "uniform-pressure"
@@ -249,7 +252,7 @@ class Setup:
 
     @property
     def cell(self) -> tuple[float, float]:
-        """Sides of a cell along x and y [um]."""
+        """Sides of a cell along x and y, which are the spacings of the nodes [um]."""
         if self.spacing is not None:
             return _pair(self.spacing)
         rows, columns = self.surface.shape
@@ -265,7 +268,7 @@ class Setup:
 
     @property
     def given_force(self) -> float:
-        """The force of the given load, also of a mean pressure [uN]; 0 if Delta is given."""
+        """The given force, or that of the given mean pressure [uN]; 0 if Delta is given."""
         if self.force:
             return self.force
         return (self.pressure or 0.0) * self.surface.size * self.cell_area
@@ -287,7 +290,11 @@ class Setup:
         return self.cell[0] / e_star
 
     def describe(self) -> str:
-        """Return the input in one line: grid, lengths in um, and fields that are no defaults."""
+        """Return the input in one line.
+
+        These are the grid, the range of heights [um], Delta [um], and all further fields that do
+        not have their defaults.
+        """
         heights = np.asarray(self.heights)
         parts = [" x ".join(str(nodes) for nodes in heights.shape)]
         if heights.size:
@@ -295,7 +302,7 @@ class Setup:
             highest = heights.max()
             parts.append(f"z {lowest:.9g} to {highest:.9g}")
         parts.append(f"delta = {self.delta:.9g}")
-        for argument in fields(self)[2:]:
+        for argument in fields(self)[2:]:  # all fields after heights and delta
             value = getattr(self, argument.name)
             if value != argument.default:
                 parts.append(f"{argument.name} = {value}")
@@ -303,7 +310,7 @@ class Setup:
 
 
 def _pair(lengths: Lengths) -> tuple[float, float]:
-    """Return the lengths along x and y [um]."""
+    """Return the lengths along x and y [um]; a single length is for both."""
     if isinstance(lengths, tuple):
         return lengths
     return lengths, lengths

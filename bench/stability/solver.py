@@ -1,4 +1,4 @@
-"""Cases of the contact solver: elastic bodies, and a hardness from none to all nodes yielded."""
+"""Cases of the contact solver: elastic bodies, then bodies of which no node to all nodes yield."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -15,20 +15,43 @@ from bem.far_field import BeyondCriticalDelta
 from bem.influence import KERNELS, Kernel
 from bench.references import dense
 from bench.references.half_space import Field, critical_delta, influence_coefficients
-from bench.stability import checks as judged
-from bench.stability import setup as topographies
 from bench.stability.case import Case, Refusal
-from bench.stability.checks import Check, contact_case
-from bench.stability.setup import CELL, DELTA, NODES, SIDE, SMALL, Setup, flat, paper
+from bench.stability.checks import (
+    FOUR_ULP,
+    Check,
+    contact_case,
+    has_force,
+    is_bearing_area,
+    is_nearly_elastic,
+    says_what_yields,
+    scales,
+)
+from bench.stability.setup import (
+    CELL,
+    DELTA,
+    NODES,
+    SIDE,
+    SMALL,
+    Setup,
+    checkerboard,
+    cropped_paper,
+    flat,
+    indenter,
+    paper,
+    step,
+    terraces,
+    white_noise,
+    with_middle_at,
+)
 
 HEIGHT_ROUNDING = 1e-6
-"""Allowed error of the force if heights are multiplied by no power of two [1].
+"""Allowed error of the force if heights are multiplied by a factor that is no power of two [1].
 
 Each height is then rounded again, so that two solves differ by their tolerance.
 """
 
 slow_case = partial(contact_case, largest_ratio=math.inf)
-"""Makes a case of a contact that may take any number of iterations.
+"""Makes a case of a contact that may take any number of iterations up to `max_iterations`.
 
 Many iterations are needed for long cells, whose short side matters little; for concentrated forces,
 which resist a checkerboard seven times less than uniform pressures do; for compliant far fields
@@ -36,7 +59,7 @@ near Delta*; and for bodies that yield, whose yielded nodes have to be found too
 """
 
 LONG_CELLS = ((1000.0, 64000.0), (64000.0, 1000.0))
-"""Sides of patches whose cells are 64 times as long as wide [um]."""
+"""Sides along x and y of patches whose cells are 64 times as long as wide [um]."""
 
 
 def cases() -> Iterator[Case]:
@@ -58,27 +81,28 @@ def cases() -> Iterator[Case]:
 
 
 def _one_cell(delta: float, spacing: float) -> Check:
-    """Return the check that the force is that of one square cell pressed down by Delta [um].
+    """Return a check that the force is that of one square cell, pressed down by `delta` [um].
 
-    The modulus is E* = 1 MPa, and `spacing` is the side of the cell [um].
+    E* is 1 MPa, and `spacing` is the side of the cell [um].
     """
     compliance = float(influence_coefficients((1, 1), "uniform-pressure")[0, 0])
     force = delta * spacing / compliance
-    return partial(judged.has_force, "one cell", force, 1e-6)
+    allowed = 1e-6
+    return partial(has_force, "one cell", force, allowed)
 
 
 def _scaled(
-    family: str, name: str, factor: float, force: float, **arguments: Any
+    family: str, name: str, factor: float, force_ratio: float, **arguments: Any
 ) -> Case:
     """Make a case of the ordinary contact in other units.
 
-    Heights and Delta are multiplied by `factor`; the force has to be `force` times the ordinary
-    one. Further arguments are fields of `Setup`.
+    Heights and Delta are multiplied by `factor`; the force has to be that of the ordinary contact
+    times `force_ratio`. Further arguments are fields of `Setup`.
     """
     allowed = HEIGHT_ROUNDING
     if np.log2(factor).is_integer():  # all heights keep their bits
-        allowed = judged.FOUR_ULP
-    check = partial(judged.scales, force, allowed)
+        allowed = FOUR_ULP
+    check = partial(scales, force_ratio, allowed)
     heights = paper() * factor
     return contact_case(
         family, name, heights, DELTA * factor, checks=(check,), **arguments
@@ -89,18 +113,18 @@ def _materials() -> Iterator[Case]:
     """Yield the ordinary contact with extreme moduli and Poisson's ratios."""
     for modulus in (1e-12, 1e-6, 1e6, 1e15):
         name = f"E = {modulus:g} MPa"
-        yield _scaled("material", name, factor=1, force=modulus, modulus=modulus)
+        yield _scaled("material", name, factor=1, force_ratio=modulus, modulus=modulus)
     for poisson in (-0.99, -0.5, 0.3, 0.5):
         name = f"ν = {poisson:g}"
-        force = 1 / (1 - poisson**2)
-        yield _scaled("material", name, factor=1, force=force, poisson=poisson)
+        ratio = 1 / (1 - poisson**2)  # E* over the modulus
+        yield _scaled("material", name, factor=1, force_ratio=ratio, poisson=poisson)
 
 
 def _sizes() -> Iterator[Case]:
     """Yield the ordinary contact with extreme scan lengths, heights and displacements."""
     for side in (1e-9, 1.0, 1e9):
         name = f"L = {side:g} um"
-        yield _scaled("size", name, factor=1, force=side / SIDE, side=side)
+        yield _scaled("size", name, factor=1, force_ratio=side / SIDE, side=side)
     factors = {
         "1e-12": 1e-12,
         "1e12": 1e12,
@@ -109,16 +133,32 @@ def _sizes() -> Iterator[Case]:
     }
     for text, factor in factors.items():
         name = f"heights and Δ times {text}"
-        yield _scaled("size", name, factor=factor, force=factor)
-    name = "E, L, heights and Δ"
-    yield _scaled("size", f"{name} small", 1e-12, 1e-36, side=1e-9, modulus=1e-12)
-    yield _scaled("size", f"{name} large", 1e12, 1e33, side=1e9, modulus=1e15)
+        yield _scaled("size", name, factor=factor, force_ratio=factor)
+    # The force is proportional to the modulus, the scan length (over `SIDE`) and the heights.
+    yield _scaled(
+        "size",
+        "E, L, heights and Δ small",
+        factor=1e-12,
+        force_ratio=1e-36,
+        side=1e-9,
+        modulus=1e-12,
+    )
+    yield _scaled(
+        "size",
+        "E, L, heights and Δ large",
+        factor=1e12,
+        force_ratio=1e33,
+        side=1e9,
+        modulus=1e15,
+    )
 
 
 def _displacements() -> Iterator[Case]:
     """Yield displacements from none to far beyond full contact."""
     case = partial(contact_case, "displacement")
-    untouched = partial(judged.has_force, "nothing touches", 0.0, 0.0)
+    expected_force = 0.0
+    allowed = 0.0
+    untouched = partial(has_force, "nothing touches", expected_force, allowed)
     for delta in (0.0, -1.0, -1e300):
         yield case(f"Δ = {delta:g}", paper, delta, checks=(untouched,))
     ulp = float(np.spacing(paper().max()))
@@ -141,18 +181,17 @@ def _displacements() -> Iterator[Case]:
 
 
 def _to_full_contact(share: float, heights: Field) -> float:
-    """Return a share of the displacement of full contact [um]."""
+    """Return a displacement [um], `share` times that of full contact."""
     return share * dense.full_contact_delta(heights, "uniform-pressure")
 
 
 def _grids() -> Iterator[Case]:
     """Yield numbers of nodes, and patches and cells that are not square."""
     case = partial(contact_case, "grid")
-    corner = topographies.cropped_paper
     for k in range(1, 12):
         surface = partial(paper, 2**k + 1)
         yield case(f"k = {k}", surface, slow=k >= 10)
-    check = _one_cell(3, 2)
+    check = _one_cell(delta=3, spacing=2)
     yield case("a single node", flat(1), 3.0, spacing=2.0, checks=(check,))
     shapes = {
         "one row": (1, 129),
@@ -160,8 +199,8 @@ def _grids() -> Iterator[Case]:
         "four nodes": (2, 2),
     }
     for name, shape in shapes.items():
-        yield case(name, corner(shape), 10.0, spacing=7.8125)
-    narrow = corner((3, 129))
+        yield case(name, cropped_paper(shape), 10.0, spacing=7.8125)
+    narrow = cropped_paper((3, 129))
     yield case("a patch of 1:64", narrow, side=(1000 / 64, 1000.0))
     for sides in LONG_CELLS:
         name = _cells(sides)
@@ -171,7 +210,7 @@ def _grids() -> Iterator[Case]:
 
 
 def _cells(sides: tuple[float, float]) -> str:
-    """Return the name of cells, which states the sides of the patch [um] in mm."""
+    """Return a name as "cells of 1:64", with the ratio of the sides of the patch."""
     first, second = (side / 1000 for side in sides)
     return f"cells of {first:g}:{second:g}"
 
@@ -185,7 +224,7 @@ def _roughness() -> Iterator[Case]:
         yield case(f"H = {hurst:g}, large contact", heights, 200.0)
     yield case("σ0 = 0: flat, edge singular", paper(sigma0=0.0))
     for delta in (1.0, 10.0, 100.0, 1000.0):
-        yield case(f"white noise, Δ = {delta:g} σ", topographies.white_noise, delta)
+        yield case(f"white noise, Δ = {delta:g} σ", white_noise, delta)
     plane = np.linspace(0.0, SIDE, NODES)[:, None]
     for delta in (1.0, 25.0, 700.0, 5000.0):
         name = f"rough, tilted by 45°, Δ = {delta:g}"
@@ -194,27 +233,27 @@ def _roughness() -> Iterator[Case]:
 
 
 def _single_nodes() -> Iterator[Case]:
-    """Yield surfaces with one node far above or far below all others."""
+    """Yield surfaces with one node above or below all others, most by far."""
     case = partial(contact_case, "feature")
-    spike = topographies.with_middle_at(10.0, flat())
-    check = _one_cell(5, CELL)
+    spike = with_middle_at(10.0, flat())
+    check = _one_cell(delta=5, spacing=CELL)
     yield case("a spike on a plane", spike, 5.0, checks=(check,))
     yield case("spike and plane touch", spike, 20.0)
-    needle = topographies.with_middle_at(1e6, paper())
-    check = _one_cell(25, CELL)
+    needle = with_middle_at(1e6, paper())
+    check = _one_cell(delta=25, spacing=CELL)
     yield case("a needle carries all load", needle, 25.0, checks=(check,))
     yield case("a needle in to its root", needle, 1.1e6)
-    pit = topographies.with_middle_at(-1e6, flat())
+    pit = with_middle_at(-1e6, flat())
     for delta in (1.0, 1e7):
         yield case(f"a pit 1e6 deep, Δ = {delta:g}", pit, delta)
 
 
 def _terraces() -> Iterator[Case]:
-    """Yield steps and exact ties."""
+    """Yield surfaces with steps, and surfaces many of whose nodes are exactly equally high."""
     for name, surface, deltas in (
-        ("a step of 1 um", topographies.step, (0.5, 1.0, 3.0)),
-        ("a checkerboard of 1 um", topographies.checkerboard, (1.0, 1e3, 10.0)),
-        ("plateaus of exact ties", topographies.terraces, (10.0, 25.0, 60.0)),
+        ("a step of 1 um", step, (0.5, 1.0, 3.0)),
+        ("a checkerboard of 1 um", checkerboard, (1.0, 1e3, 10.0)),
+        ("plateaus of exact ties", terraces, (10.0, 25.0, 60.0)),
     ):
         for delta in deltas:
             title = f"{name}, Δ = {delta:g}"
@@ -223,14 +262,14 @@ def _terraces() -> Iterator[Case]:
 
 @dataclass(frozen=True)
 class _ClosedForm:
-    """A body of revolution whose force has a closed form."""
+    """A contact of a body of revolution, whose force has a closed form."""
 
     case: str  # name of the case
     name: str  # name of the closed form in the finding
     body: Indenter
-    delta: float  # displacement from the highest node [um]
+    delta: float  # displacement from the touch of the highest node [um]
     nodes: int  # nodes a side
-    allowed: float  # relative error of the force by the grid [1]
+    allowed: float  # largest relative error of the force, which the grid makes [1]
 
 
 CLOSED_FORMS = (
@@ -267,7 +306,7 @@ CLOSED_FORMS = (
         allowed=0.01,
     ),
 )
-"""Bodies of the closed forms; the first is carried by some 60 nodes."""
+"""The contacts with closed forms. In the first, some 60 nodes are in contact."""
 
 
 def _bodies() -> Iterator[Case]:
@@ -277,26 +316,28 @@ def _bodies() -> Iterator[Case]:
         if form.nodes % 2 == 0:  # the tip is in the middle of four nodes
             off_tip = SIDE / (form.nodes - 1) * np.sqrt(0.5)
         below_tip = -float(form.body.heights(np.array(off_tip)))
-        force = form.body.force(form.delta + below_tip)
-        check = partial(judged.has_force, form.name, force, form.allowed)
-        surface = partial(topographies.indenter, form.body, form.nodes)
+        force = form.body.force(
+            form.delta + below_tip
+        )  # displacement from the tip's touch
+        check = partial(has_force, form.name, force, form.allowed)
+        surface = partial(indenter, form.body, form.nodes)
         yield contact_case("closed form", form.case, surface, form.delta, checks=(check,))
 
 
 def _concentrated_forces() -> Iterator[Case]:
-    """Yield contacts with concentrated forces, nearly singular if much is in contact."""
+    """Yield contacts with concentrated forces; if large, their matrix is nearly singular."""
     case = partial(slow_case, "concentrated force", kernel="concentrated-force")
     for delta in (25.0, 80.0, 150.0, 500.0, 5000.0):
         yield case(f"Δ = {delta:g}", paper, delta)
-    yield case("white noise", topographies.white_noise, 100.0)
+    yield case("white noise", white_noise, 100.0)
     yield case("flat", flat)
     for nodes, delta in product((NODES, SMALL), (1.0, 10.0, 50.0, 1e3)):
         name = f"a checkerboard of {nodes} nodes, Δ = {delta:g}"
-        yield case(name, topographies.checkerboard(nodes), delta)
+        yield case(name, checkerboard(nodes), delta)
 
 
 def _compliant_far_fields() -> Iterator[Case]:
-    """Yield displacements near Delta*, from which a compliant far field has no solution."""
+    """Yield displacements near Delta*, at and above which compliant far fields have no solution."""
     case = partial(contact_case, "compliant far field", far_field="compliant")
     refusal = Refusal(BeyondCriticalDelta, ("delta = ", "must stay below Delta* = "))
     shares = (0.9, 0.99, 0.999, 1 + 1e-9, 2.0)
@@ -313,28 +354,32 @@ def _compliant_far_fields() -> Iterator[Case]:
 
 
 def _of_critical(share: float, kernel: Kernel, heights: Field) -> float:
-    """Return a share of Delta* [um]."""
+    """Return a displacement [um], `share` times Delta*."""
     return share * critical_delta(heights, kernel)
 
 
 CAPS = (1e-9, 1e-6, 1e-4, 1e-3, 5e-3, 2e-2, 5e-2, 0.1, 0.3, 1.0, 1e3)
-"""Hardnesses on a half-space of E* = 1 MPa, from nearly all to no nodes yielded [MPa]."""
+"""Hardnesses for E* = 1 MPa; from the lowest to the highest, nearly all to no nodes yield [MPa]."""
 
 capped = partial(slow_case, "hardness")
 """Makes a case of bodies that yield."""
 
 
 def _hardnesses() -> Iterator[Case]:
-    """Yield the paper's surface with fewer and fewer yielded nodes."""
+    """Yield the paper's surface with rising hardness, so that fewer and fewer nodes yield."""
     for hardness in CAPS:
-        checks = (judged.says_what_yields,)
+        checks = (says_what_yields,)
         yield capped(f"H = {hardness:g} E*", paper, hardness=hardness, checks=checks)
 
 
 def _limits() -> Iterator[Case]:
-    """Yield hardnesses near the largest elastic pressure, of the bearing area, and wrong ones."""
+    """Yield extreme and wrong hardnesses.
+
+    They are near the largest elastic pressure or far above it, so small that the contact is the
+    bearing area, or not above 0.
+    """
     largest = float(Setup(paper()).solve().pressure.max())
-    elastic = {
+    nearly_elastic = {
         "the largest elastic pressure": largest,
         "one ulp above the largest elastic pressure": float(
             np.nextafter(largest, np.inf)
@@ -342,10 +387,10 @@ def _limits() -> Iterator[Case]:
         "one ulp below the largest elastic pressure": float(np.nextafter(largest, 0)),
         "H = 1e90 E*": 1e90,
     }
-    for name, hardness in elastic.items():
-        yield capped(name, paper, hardness=hardness, checks=(judged.is_nearly_elastic,))
+    for name, hardness in nearly_elastic.items():
+        yield capped(name, paper, hardness=hardness, checks=(is_nearly_elastic,))
     for hardness in (1e-12, 1e-90):
-        checks = (judged.is_bearing_area, judged.says_what_yields)
+        checks = (is_bearing_area, says_what_yields)
         name = f"bearing area, H = {hardness:g} E*"
         yield capped(name, paper, hardness=hardness, checks=checks)
     refusal = Refusal(ValueError, ("hardness",))
@@ -353,35 +398,47 @@ def _limits() -> Iterator[Case]:
         yield capped(f"H = {hardness:g}", paper, hardness=hardness, refusal=refusal)
 
 
-YIELDING_SURFACES: tuple[tuple[str, Callable[..., Field], float], ...] = (
-    ("flat", flat, 5.0),
-    ("sphere", partial(topographies.indenter, Paraboloid(5000.0)), 5.0),
-    ("white noise", topographies.white_noise, 10.0),
-    ("checkerboard", topographies.checkerboard, 10.0),
-    ("exact ties", topographies.terraces, 25.0),
+@dataclass(frozen=True)
+class _YieldingSurface:
+    """A surface of extreme form that bodies of several hardnesses have."""
+
+    name: str  # name in the table
+    make: Callable[[], Field]  # returns the heights [um]
+    delta: float  # displacement [um]
+
+
+YIELDING_SURFACES = (
+    _YieldingSurface(name="flat", make=flat, delta=5.0),
+    _YieldingSurface(
+        name="sphere", make=partial(indenter, Paraboloid(5000.0)), delta=5.0
+    ),
+    _YieldingSurface(name="white noise", make=white_noise, delta=10.0),
+    _YieldingSurface(name="checkerboard", make=checkerboard, delta=10.0),
+    _YieldingSurface(name="exact ties", make=terraces, delta=25.0),
 )
-"""Names of the surfaces that yield, the functions that make them, and displacements [um]."""
+"""The surfaces of extreme form."""
 
 
 def _yielding_surfaces() -> Iterator[Case]:
-    """Yield surfaces of extreme forms, and long cells, of bodies that yield."""
+    """Yield surfaces of extreme form, and long cells, of bodies that yield."""
     combinations = product(YIELDING_SURFACES, (1e-3, 1e-2, 5e-2), KERNELS)
-    for (surface, make, delta), hardness, kernel in combinations:
-        name = f"{surface}, H = {hardness:g} E*, {kernel}"
-        yield capped(name, make, delta, hardness=hardness, kernel=kernel)
+    for surface, hardness, kernel in combinations:
+        name = f"{surface.name}, H = {hardness:g} E*, {kernel}"
+        yield capped(name, surface.make, surface.delta, hardness=hardness, kernel=kernel)
     for sides, hardness in product(LONG_CELLS, (1e-4, 1e-3, 1e-2)):
         name = f"{_cells(sides)}, H = {hardness:g} E*"
         yield capped(name, paper, hardness=hardness, side=sides)
 
 
 def _loads() -> Iterator[Case]:
-    """Yield mean pressures up to the hardness, from which there is no solution."""
+    """Yield mean pressures below the hardness, and impossible ones at the hardness or above it."""
     for hardness, share in product(
         (1e-3, 0.1), (1e-3, 0.5, 0.9, 0.99, 1 - 1e-6, 1.0, 2.0)
     ):
         pressure = share * hardness
         force = pressure * paper().size * CELL**2
-        check = partial(judged.has_force, "the one given", force, 1e-12)
+        allowed = 1e-12
+        check = partial(has_force, "the one given", force, allowed)
         refusal = None
         if share >= 1:
             refusal = Refusal(bem.NoSolution, ("hardness",))

@@ -16,34 +16,34 @@ from gen.statistics import NAMES, Description, describe
 from gen.surface import GENERATORS, generate
 
 Spacing = tuple[float, float]
-"""Spacing of the nodes along x and y [um]."""
+"""Spacings of the nodes along x and y [um]."""
 
 SEED = 3
-"""Seed of the generated surfaces."""
+"""Seed of the surfaces of the generators' cases."""
 
 NODES = 33
 """Nodes a side of the surfaces, unless a case is about another grid."""
 
-G = 7.8125
+PAPER_SPACING = 7.8125
 """Spacing of the nodes of the paper's surfaces [um]."""
 
 STEP = 1 / 1024
-"""Steps of heights to which offsets are added without rounding [um]."""
+"""Steps of heights, a power of two, so that offsets are added to them without rounding [um]."""
 
 EXACT = 1e-12
 """Relative error of a statistic that a few hundred roundings may add up to [1]."""
 
 ROUNDING = 1e-14
-"""Error of heights that the roundings of a few levels may add up to [range of heights]."""
+"""Error of heights that roundings at all levels of a grid may add up to [range of heights]."""
 
 LENGTHS = {name for name in NAMES if name.split("_")[-1] in {"mean", "rms", "max"}}
 """Names of the statistics with a unit: heights [um] and curvatures [um-1]."""
 
 CURVATURES = {name for name in LENGTHS if "curvature" in name}
-"""Names of the statistics in um-1."""
+"""Names of the statistics with the unit um-1."""
 
 SHAPES = {name for name in NAMES if "kurtosis" in name or "skewness" in name}
-"""Names of the statistics of the form of a distribution [1]."""
+"""Names of the kurtoses and skewnesses [1]."""
 
 HURSTS = {
     "0": 0.0,
@@ -53,7 +53,7 @@ HURSTS = {
     "1 less one ulp": math.nextafter(1.0, 0.0),
     "1": 1.0,
 }
-"""Hurst exponents, some as near to 0 and 1 as floats are, by their names."""
+"""Hurst exponents by their names; some are the floats next to 0 and to 1 [1]."""
 
 FACTORS = {
     "2^-40": 2.0**-40,
@@ -64,7 +64,7 @@ FACTORS = {
 """Factors of heights by their names [1]."""
 
 AMPLITUDES = {"0": 0.0, **FACTORS, "1e-300": 1e-300, "1e300": 1e300}
-"""Amplitudes sigma0, from zero to the range of floats, by their names [um]."""
+"""Amplitudes sigma0 by their names, from zero to nearly the largest float [um]."""
 
 
 def cases() -> Iterator[Case]:
@@ -87,7 +87,7 @@ def generator_cases() -> Iterator[Case]:
 
 
 def _hurst_exponents(generator: str) -> Iterator[Case]:
-    """Yield Hurst exponents from 0 to 1."""
+    """Yield Hurst exponents from 0 to 1, each on two grids."""
     for name, hurst in HURSTS.items():
         yield Case(
             family="generator: Hurst exponent",
@@ -98,7 +98,7 @@ def _hurst_exponents(generator: str) -> Iterator[Case]:
 
 
 def _amplitudes(generator: str) -> Iterator[Case]:
-    """Yield amplitudes from 0 to the range of floats, beside an amplitude of 1 um."""
+    """Yield amplitudes from 0 to nearly the largest float, beside an amplitude of 1 um."""
     for name, sigma0 in AMPLITUDES.items():
         surface = "129 x 129, H = 0.65"
         title = f"σ0 = {name}"
@@ -106,7 +106,7 @@ def _amplitudes(generator: str) -> Iterator[Case]:
             surface += ", beside σ0 = 1 um"
             title += " um"
         allowed = ROUNDING
-        if name.startswith(("0", "2^")):  # factors that round nothing
+        if name.startswith(("0", "2^")):  # these factors round nothing
             allowed = 0.0
         yield Case(
             family="generator: amplitude",
@@ -132,68 +132,80 @@ def _levels(generator: str) -> Iterator[Case]:
 def _surface(
     generator: str, nodes: int, hurst: float = 0.65, sigma0: float = 12.0
 ) -> Field:
-    """Generate heights [um] of 2^k + 1 nodes a side; `sigma0` is in um."""
+    """Generate heights [um] of `nodes` = 2^k + 1 nodes a side; `sigma0` is in um."""
     random = np.random.default_rng(SEED)
     return generate(generator, nodes, hurst, sigma0, random)
 
 
 def _answer(heights: Field, *findings: Finding) -> Answer:
-    """Return the answer of a generator's case, which states the range and the rms height."""
+    """Return the answer of a case of a generator, with the range and the rms height in words."""
     largest = float(heights.max()) or 1.0
-    # Heights over the largest, so that no squares overflow.
+    # Heights are divided by the largest one, so that no squares overflow.
     rms = float((heights / largest).std()) * largest
-    span = np.ptp(heights)
-    return Answer(f"range {span:.4g} um, rms {rms:.4g} um", findings)
+    height_range = np.ptp(heights)
+    out = f"range {height_range:.4g} um, rms {rms:.4g} um"
+    return Answer(out=out, findings=findings)
 
 
 def _scaled(generator: str, sigma0: float, allowed: float) -> Answer:
-    """Check that heights are proportional to sigma0 [um], within `allowed` [range of heights]."""
-    unit = _surface(generator, 129, sigma0=1.0)
+    """Check that heights are proportional to sigma0 [um], within `allowed` [range of heights].
+
+    They are compared with the heights for a sigma0 of 1 um, or with 0 if `sigma0` is 0.
+    """
+    of_unit = _surface(generator, 129, sigma0=1.0)
     heights = _surface(generator, 129, sigma0=sigma0)
     off = heights
     if sigma0:
-        off = heights / sigma0 - unit
-    error = float(np.abs(off).max() / unit.max())
-    return _answer(heights, Finding("off proportion [range]", error, allowed))
+        off = heights / sigma0 - of_unit
+    error = float(np.abs(off).max() / of_unit.max())
+    finding = Finding(name="off proportion [range]", error=error, allowed=allowed)
+    return _answer(heights, finding)
 
 
 def _nested(generator: str, nodes: int, hurst: float = 0.65) -> Answer:
-    """Check that a seed gives one surface, with equal coarse nodes on all grids, and a lowest 0."""
+    """Check that one seed always gives one surface, also on another grid.
+
+    A second call has to give equal heights. The next coarser grid has to have equal heights at its
+    nodes, but for a constant. The lowest height has to be 0.
+    """
     heights = _surface(generator, nodes, hurst)
     repeated = _surface(generator, nodes, hurst)
     coarse = _surface(generator, max((nodes + 1) // 2, 3), hurst)
     step = (nodes - 1) // (len(coarse) - 1)
     shared = heights[::step, ::step]
+    # Heights above the first corner: the lowest node, at 0, may be another one on each grid.
     above_corner = shared - shared[0, 0]
     expected = coarse - coarse[0, 0]
     difference = np.abs(above_corner - expected).max()
     off = float(difference / np.ptp(heights))
     unlike = int(np.count_nonzero(heights != repeated))
-    unlike += abs(heights.shape[0] - nodes)
+    unlike += abs(heights.shape[0] - nodes)  # a grid of another size fails too
     lowest = abs(float(heights.min()))
     return _answer(
         heights,
-        Finding("coarse nodes off [range]", off, allowed=ROUNDING),
-        Finding("nodes unlike a second time", unlike, allowed=0),
-        Finding("lowest height", lowest, allowed=0),
+        Finding(name="coarse nodes off [range]", error=off, allowed=ROUNDING),
+        Finding(name="nodes unlike a second time", error=unlike, allowed=0),
+        Finding(name="lowest height", error=lowest, allowed=0),
     )
 
 
-def described(heights: ArrayLike, spacing: Spacing = (G, G)) -> Answer:
-    """Describe a surface, and compare the statistics with those in whole numbers.
+def described(
+    heights: ArrayLike, spacing: Spacing = (PAPER_SPACING, PAPER_SPACING)
+) -> Answer:
+    """Describe a surface, and compare the statistics with the exact ones of `exact.statistics`.
 
     Parameters
     ----------
     heights : array_like, shape (nx, ny)
         Heights of any type [um].
     spacing : (float, float)
-        Spacing of the nodes along x and y [um].
+        Spacings of the nodes along x and y [um].
 
     Returns
     -------
     Answer
-        The worst error of a statistic, and the number of statistics that are defined in only one of
-        both descriptions.
+        The description in words. The findings are the largest error of a statistic [1], and the
+        number of statistics that are defined here but not there, or the reverse.
     """
     surface = np.asanyarray(heights)
     expected = exact.statistics(np.array(surface, dtype=np.float64), spacing)
@@ -202,21 +214,26 @@ def described(heights: ArrayLike, spacing: Spacing = (G, G)) -> Answer:
     errors = [_error(name, values[name], expected) for name in NAMES]
     worst = int(np.argmax(errors))
     undefined = {name for name in NAMES if math.isnan(values[name])}
-    to_be_undefined = {name for name in NAMES if math.isnan(expected[name])}
-    in_one_only = undefined ^ to_be_undefined
+    exactly_undefined = {name for name in NAMES if math.isnan(expected[name])}
+    in_one_only = undefined ^ exactly_undefined
     unlike = [name for name in NAMES if name in in_one_only]
     findings = [
-        Finding(f"off exact: {NAMES[worst]}", errors[worst], allowed=EXACT),
-        Finding(", ".join(["defined unlike", *unlike]), len(unlike), allowed=0),
+        Finding(name=f"off exact: {NAMES[worst]}", error=errors[worst], allowed=EXACT),
+        Finding(
+            name=", ".join(["defined unlike", *unlike]),
+            error=len(unlike),
+            allowed=0,
+        ),
     ]
-    return Answer(in_words(description), findings)
+    return Answer(out=in_words(description), findings=findings)
 
 
 def _error(name: str, value: float, exact_values: dict[str, float]) -> float:
     """Return the error of a statistic [1]; 0 if it or the exact value is undefined.
 
-    It is relative to the exact value. That of kurtosis and skewness counts as at least 1. If a
-    length is exactly 0, the error is relative to the largest length of its unit.
+    The error is relative to the exact value, or to 1 for a kurtosis or skewness below 1. If the
+    exact value of a height or curvature is 0, the error is relative to the largest exact value of
+    the statistics with the same unit.
     """
     expected = exact_values[name]
     if value == expected or math.isnan(value) or math.isnan(expected):
@@ -226,15 +243,15 @@ def _error(name: str, value: float, exact_values: dict[str, float]) -> float:
     if expected:
         return abs(value / expected - 1)
     same_unit = CURVATURES if name in CURVATURES else LENGTHS - CURVATURES
-    sizes = [abs(exact_values[length]) for length in same_unit]
+    sizes = [abs(exact_values[statistic]) for statistic in same_unit]
     largest = max((size for size in sizes if not math.isnan(size)), default=0.0)
-    if not largest:
+    if not largest:  # all are exactly 0, so that any other value is wrong
         return math.inf
     return abs(value) / largest
 
 
 def says(heights: ArrayLike, *words: str) -> Answer:
-    """Describe a surface some of whose statistics are undefined, and check the stated reason.
+    """Describe a surface that has undefined statistics, and check the reason that is stated.
 
     Parameters
     ----------
@@ -246,21 +263,25 @@ def says(heights: ArrayLike, *words: str) -> Answer:
     Returns
     -------
     Answer
-        The number of words that the reason lacks, and whether all statistics are defined.
+        The description in words. The findings are the number of texts that the reason lacks, and 1
+        if all statistics are defined or else 0.
     """
-    description = describe(np.asanyarray(heights), (G, G))
+    description = describe(np.asanyarray(heights), (PAPER_SPACING, PAPER_SPACING))
     missing = [word for word in words if word not in description.reason]
-    defined = not any(map(math.isnan, description.values.values()))
-    name = ", ".join(["words missing in the reason", *missing])
+    all_defined = not any(map(math.isnan, description.values.values()))
     findings = [
-        Finding(name, len(missing), allowed=0),
-        Finding("undefined without a reason", int(defined), allowed=0),
+        Finding(
+            name=", ".join(["words missing in the reason", *missing]),
+            error=len(missing),
+            allowed=0,
+        ),
+        Finding(name="undefined without a reason", error=int(all_defined), allowed=0),
     ]
-    return Answer(in_words(description), findings)
+    return Answer(out=in_words(description), findings=findings)
 
 
 def in_words(description: Description) -> str:
-    """Put a description into a line: heights, density of asperities, and undefined statistics.
+    """Put a description into a line of text.
 
     Parameters
     ----------
@@ -270,7 +291,8 @@ def in_words(description: Description) -> str:
     Returns
     -------
     str
-        The line.
+        Rms height, mean height and density of asperities, then the number of undefined statistics
+        and the reason, if there are any.
     """
     values = description.values
     rms = values["height_rms"]
@@ -305,7 +327,7 @@ def rough(nodes: int = NODES, sigma0: float = 12.0) -> Field:
 
 
 def stepped(nodes: int = NODES, step: float = STEP) -> Field:
-    """Round a surface like the paper's to steps: heights tie, and their sums are exact.
+    """Round the heights of `rough` to steps, so that some are equal, and their sums are exact.
 
     Parameters
     ----------
@@ -328,25 +350,32 @@ def _case(
     text: str,
     surface: ArrayLike | Callable[[], ArrayLike],
     *words: str,
-    spacing: Spacing = (G, G),
+    spacing: Spacing = (PAPER_SPACING, PAPER_SPACING),
 ) -> Case:
-    """Make a case of the statistics from heights, or from a function that makes them when it runs.
+    """Make a case of the statistics of heights.
 
-    `text` is the input in words. With `words`, statistics have to be undefined for a reason with
-    these words. Without any, the statistics are compared with those in whole numbers.
+    `text` is the input in words. `surface` is an array, or a function that makes it when the case
+    runs. If `words` are given, some statistics have to be undefined for a reason that contains
+    these texts. If not, the statistics are compared with exact ones.
     """
 
     def examine() -> Answer:
+        """Describe the surface and judge the description."""
         heights: Any = surface() if callable(surface) else surface
         if words:
             return says(heights, *words)
         return described(heights, spacing)
 
-    return Case(f"statistics: {family}", name, input=text, examine=examine)
+    return Case(
+        family=f"statistics: {family}",
+        name=name,
+        input=text,
+        examine=examine,
+    )
 
 
 LOST = "heights lost in rounding"
-"""Words of the reason why a surface far above zero has no statistics."""
+"""Part of the reason why a surface far above or below zero has undefined statistics."""
 
 LOST_HEIGHTS = (
     (1e14, 12.0),
@@ -354,7 +383,7 @@ LOST_HEIGHTS = (
     (1e8, 1e-6),
     (-1e300, 1e284),
 )
-"""Offsets at which rounding destroys surfaces, and amplitudes sigma0 of these [um]."""
+"""Offsets at which rounding destroys a surface, and amplitudes sigma0 of the surface [um]."""
 
 
 def _offsets() -> Iterator[Case]:
@@ -378,7 +407,7 @@ def _offsets() -> Iterator[Case]:
 
 
 def _cancellation() -> Iterator[Case]:
-    """Yield surfaces whose variance is a small difference of large numbers."""
+    """Yield surfaces of which some variance is a small difference of large numbers."""
     case = partial(_case, "cancellation")
     for spread in (1e-3, 1e-6, 1e-9, 1e-11):
         text = f"high nodes of a checkerboard differ by {spread:g} of their height"
@@ -399,7 +428,7 @@ def _cancellation() -> Iterator[Case]:
 
 
 def _with(heights: Field, height: float, at: tuple[int, int] = (5, 7)) -> Field:
-    """Put the node `at` at a height [um]; changes the heights and returns them."""
+    """Put the node with the indices `at` at a height [um]; changes the array and returns it."""
     heights[at] = height
     return heights
 
@@ -415,7 +444,7 @@ SPACINGS = (
 
 
 def _sizes() -> Iterator[Case]:
-    """Yield extreme units of heights and spacings."""
+    """Yield extreme heights, and extreme spacings."""
     case = partial(_case, "size")
     factors = {**FACTORS, "1e-290": 1e-290, "1e290": 1e290}
     for name, factor in factors.items():
@@ -435,17 +464,17 @@ SHAPES_OF_GRIDS = (
     (9, 100),
     (128, 17),
 )
-"""Nodes along x and y of grids that are not of 2^k + 1 nodes a side."""
+"""Nodes along x and y of grids that are not square, or have other than 2^k + 1 nodes a side."""
 
 
 def _grids() -> Iterator[Case]:
-    """Yield numbers of nodes, and arrays that are views with other strides."""
+    """Yield numbers of nodes, and arrays with their heights in another order in memory."""
     case = partial(_case, "grid")
     for k in range(1, 12):
         nodes = 2**k + 1
         text = f"{nodes} x {nodes}"
         surface = partial(rough, nodes)
-        if k > 5:  # the whole numbers of small steps are counted much faster
+        if k > 5:  # exact statistics of heights with few different values are much faster
             text += ", heights in steps of 1/16 um"
             surface = partial(stepped, nodes, 1 / 16)
         yield case(f"k = {k}", text, surface)
@@ -465,11 +494,16 @@ def _grids() -> Iterator[Case]:
 
 
 def _bodies() -> Iterator[Case]:
-    """Yield bodies with one peak or none: their statistics, then the reason for undefined ones."""
+    """Yield bodies with one peak or none.
+
+    Each body has two cases: one about its statistics, one about the reason for undefined ones.
+    """
     case = partial(_case, "feature")
     x = np.arange(NODES) - NODES // 2
     squares = x**2
-    bowl = (squares[:, None] + squares) / 64
+    bowl = (
+        squares[:, None] + squares
+    ) / 64  # of whole numbers and a power of two, hence exact
     plane = 3.0 * x[:, None] - 2.0 * x
     level = np.full((NODES, NODES), 3.3)
     far_up = np.full((9, 9), 1e308)
@@ -485,7 +519,7 @@ def _bodies() -> Iterator[Case]:
 
 
 def _peaks() -> Iterator[Case]:
-    """Yield surfaces with few, equal or very different peaks."""
+    """Yield surfaces with few peaks, equally high ones, or very different ones."""
     case = partial(_case, "feature")
     board = checkerboard(NODES)
     yield case("exact ties", "a checkerboard of 0 and 1 um", board)

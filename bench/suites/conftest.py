@@ -1,4 +1,4 @@
-"""Use one thread for all benchmarks, as in production: more threads would blur the times."""
+"""Use one thread for all benchmarks, as in production, because more threads make times vary."""
 
 import os
 

@@ -36,7 +36,7 @@ from gen.statistics import describe
 from gen.surface import GENERATORS, generate
 
 SPECS = {"smoke": Spec(32, 33, 1), "paper": Spec(256, 129, 1), "large": Spec(32, 513, 1)}
-"""Rows and nodes a side of the databases that are written, by size."""
+"""Rows and nodes a side of the databases that are written, by size of the benchmark."""
 
 
 @pytest.mark.parametrize("size", SPECS)
@@ -62,21 +62,26 @@ def test_write_by_one(benchmark: Any, tmp_path: Path, size: str) -> None:
 
 
 TASKS = {"smoke": 256, "paper": 15_878, "large": 100_000}
-"""Numbers of tasks that the farm hands out, by size."""
+"""Number of tasks that the farm hands out, by size of the benchmark."""
 
 
 def dispatch(tasks: int) -> int:
-    """Hand out tasks that cost nothing; return the sum of their results, 0 to `tasks` - 1."""
+    """Hand out tasks that cost nothing, and return the sum of their results.
+
+    The tasks are the numbers from 0 to `tasks` - 1, and each result is the number itself.
+    """
     results: list[int] = []
-    farm.run(
-        abs, iter(range(tasks)), lambda _task, result: results.append(result), World()
-    )
+
+    def take_result(_task: int, result: int) -> None:
+        results.append(result)
+
+    farm.run(abs, iter(range(tasks)), take_result, World())
     return sum(results)
 
 
 @pytest.mark.parametrize("size", TASKS)
 def test_dispatch_serially(benchmark: Any, size: str) -> None:
-    """Time the farm's own work."""
+    """Time the work of the farm itself, with tasks that cost nothing."""
     tasks = TASKS[size]
     assert benchmark(dispatch, tasks) == tasks * (tasks - 1) // 2
     if benchmark.enabled:
@@ -84,16 +89,16 @@ def test_dispatch_serially(benchmark: Any, size: str) -> None:
 
 
 SIZES = {"smoke": 33, "paper": 129, "large": 513}
-"""Nodes a side of the surfaces, by size."""
+"""Nodes a side of the surfaces, by size of the benchmark."""
 
 SPACING = 1.0
-"""Distance of the nodes of windows [um]."""
+"""Distance between neighbouring nodes of windows [um]."""
 
 sizes = pytest.mark.parametrize("nodes", SIZES.values(), ids=SIZES)
 
 
 def stream(surface: int) -> np.random.Generator:
-    """Make the random numbers of a surface, by its number, as scenes do."""
+    """Make the random generator of the surface with this number, as scenes do."""
     sequence = np.random.SeedSequence(7, spawn_key=(surface,))
     return np.random.Generator(np.random.PCG64(sequence))
 
@@ -123,7 +128,7 @@ def test_window(benchmark: BenchmarkFixture, nodes: int, tmp_path: Path) -> None
 
 @sizes
 def test_spectral_window(benchmark: BenchmarkFixture, nodes: int) -> None:
-    """Make a free patch of a scene, cut from twice its length, with the shortest waves it holds."""
+    """Make a free spectral patch, which is cut from twice its length, with waves from two nodes."""
     scene = Scene.parse(
         f"samples = 1\n[surface]\ngenerator = 'spectral'\nnodes = {nodes}\n"
         f"side = {(nodes - 1) * SPACING}\nroll_off = {nodes / 4}\ncut_off = 2.0\nrms_slope = 0.1",
@@ -139,24 +144,27 @@ SIDE = 1000.0
 """Scan length of the generated surfaces [um]."""
 
 STEP = 1 / 8192
-"""Multiple to which heights are rounded, so that their exact statistics take only seconds [um]."""
+"""Heights are rounded to multiples of this [um], so that exact statistics take only seconds."""
 
 
 def generated(generator: str, nodes: int) -> NDArray[np.float64]:
-    """Generate a surface of random midpoint displacement, (nodes, nodes) heights [um]."""
-    return generate(generator, nodes, 0.65, 12.0, np.random.default_rng(7))
+    """Generate heights of random midpoint displacement, (nodes, nodes) [um]."""
+    return generate(
+        generator, nodes, hurst=0.65, sigma0=12.0, random=np.random.default_rng(7)
+    )
 
 
 @sizes
 @pytest.mark.parametrize("generator", GENERATORS)
 def test_generate(benchmark: BenchmarkFixture, generator: str, nodes: int) -> None:
-    """Generate a surface, which keeps the nodes of the coarse surface of the same seed."""
+    """Generate a surface, which has the nodes of a coarser surface of the same seed."""
     heights = benchmark(generated, generator, nodes)
     coarse = generated(generator, 17)
     step = (nodes - 1) // 16
     shared = heights[::step, ::step]
     assert heights.shape == (nodes, nodes)
     assert heights.min() == 0.0
+    # Each surface is shifted so that its lowest node is at 0.
     assert shared - shared[0, 0] == pytest.approx(coarse - coarse[0, 0], abs=1e-10)
 
 

@@ -28,17 +28,18 @@ from learn.features.columns import HYBRID
 from learn.models import MODELS, STEP, check_memory, pipeline
 
 ROWS = {"smoke": 250, "paper": 12_703}
-"""Training rows by size. The paper's are fitted only if times are taken and memory suffices."""
+"""Number of training rows by size of the benchmark. The paper's size runs only if times are taken
+and memory suffices."""
 
 NUMBERS = {"smoke": [4, 8], "paper": [10, 20, 30, 40, 50, 60, 70, 80]}
-"""Numbers of estimators by size. Their sum over their maximum is the largest factor of time that
-one fit for all of them can save."""
+"""Searched numbers of estimators by size of the benchmark. One fit of the largest number serves all
+of them, which saves a factor of at most their sum over their maximum."""
 
 SEARCHED = 250
 """Number of rows of the searches."""
 
 Samples = tuple[NDArray[np.float64], NDArray[np.float64]]
-"""Inputs, shape (rows, 23), and target, shape (rows,)."""
+"""Inputs, shape (rows, 23), and target, shape (rows,), of a fit."""
 
 Folds = NDArray[np.int8]
 """Fold of each row, 0 to 4."""
@@ -49,11 +50,11 @@ SPACES: dict[str, Space] = {
     "gradient-boost": {"learning_rate": [0.1], "max_depth": [3, 6]},
     "xgboost": {"learning_rate": [0.1], "max_depth": [3, 6]},
 }
-"""Values of the searched settings, besides the numbers of estimators, by model."""
+"""Searched values of each setting except for the numbers of estimators, by model."""
 
 
 def samples_of(rows: int) -> Samples:
-    """Make a smooth function of 23 inputs with a little noise."""
+    """Draw random inputs, and compute a smooth function of them with a little noise."""
     generator = np.random.default_rng(0)
     inputs = generator.uniform(0.2, 1.0, (rows, 23))
     target = 1 + inputs[:, 0] ** 2 + np.sin(3 * inputs[:, 1]) * inputs[:, 2]
@@ -66,7 +67,7 @@ def space_of(name: str, size: str) -> Space:
 
 
 def best_of_scikit_learn(name: str, size: str, samples: Samples, folds: Folds) -> float:
-    """Search by scikit-learn; return the best mean R2 over the folds."""
+    """Search by scikit-learn, and return the best mean R2 over the folds [1]."""
     from sklearn.model_selection import GridSearchCV, PredefinedSplit
 
     space = {f"{STEP}__{key}": values for key, values in space_of(name, size).items()}
@@ -81,8 +82,12 @@ def best_of_scikit_learn(name: str, size: str, samples: Samples, folds: Folds) -
 def best_of_ours(
     name: str, size: str, samples: Samples, folds: Folds, path: Path
 ) -> float:
-    """Search by `learn`, without fits of earlier calls; return the best mean R2 over the folds."""
+    """Search by `learn`, and return the best mean R2 over the folds [1].
+
+    `path` is the file of the search's fits. It is deleted first, so that none of them is reused.
+    """
     inputs, target = samples
+    # The last two fields are test rows, which a search does not use.
     training = Training(inputs, target, folds, inputs[:2], target[:2])
     model = MODELS[name]
     grid = Grid(model, space_of(name, size), inputs.shape[1])
@@ -96,7 +101,7 @@ def best_of_ours(
 @pytest.mark.parametrize("size", NUMBERS)
 @pytest.mark.parametrize("name", SPACES)
 def test_search(benchmark: Any, name: str, size: str, tmp_path: Path) -> None:
-    """Search as exactly as scikit-learn, in at most a third of its time on one core."""
+    """Search with the best R2 of scikit-learn's search; record scikit-learn's time over ours."""
     if size == "paper" and not benchmark.enabled:
         pytest.skip("the smoke size asserts the same; this one is for times")
     samples = samples_of(SEARCHED)
@@ -120,7 +125,7 @@ def test_search(benchmark: Any, name: str, size: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize("work", ["fit", "predict"])
 def test_baseline(benchmark: Any, name: str, work: str, size: str) -> None:
-    """Fit a baseline, or predict with it; its R2 on training rows is that of a fitted model."""
+    """Time the fit or the prediction of a baseline, whose R2 on training rows has to be high."""
     rows = ROWS[size]
     if size == "paper":
         if not benchmark.enabled:
@@ -140,19 +145,20 @@ def test_baseline(benchmark: Any, name: str, work: str, size: str) -> None:
         else:
             model.fit(*samples)
             benchmark.pedantic(model.predict, args=samples[:1], rounds=5, warmup_rounds=1)
+    # Predicting all rows of the paper's size again would take long.
     first_rows = slice(2000)
     score = model.score(samples[0][first_rows], samples[1][first_rows])
-    # On the rows of the smoke size the perceptron's 200 epochs are only as good as the mean.
+    # On the few rows of the smoke size, 200 epochs make a perceptron only as good as the mean.
     lowest = -0.1 if name == "mlp" else 0.5
     assert score > lowest
     benchmark.extra_info["R2"] = score
 
 
 NODES = {"smoke": 33, "paper": 129, "large": 513}
-"""Nodes a side of the surface, by size."""
+"""Nodes a side of the surface, by size of the benchmark."""
 
-ASKED_ROWS = {"smoke": 1, "paper": 1000, "large": 100_000}
-"""Numbers of answers that are asked for together, by size."""
+QUESTIONS = {"smoke": 1, "paper": 1000, "large": 100_000}
+"""Number of questions that are answered together, by size of the benchmark."""
 
 SIDE = 1000.0
 """Scan length [um]."""
@@ -164,15 +170,16 @@ DELTA = 12.0
 @pytest.mark.parametrize("size", NODES)
 @pytest.mark.parametrize("name", OF_SURFACES)
 def test_features(benchmark: Any, name: str, size: str) -> None:
-    """Compute the features of a surface without anything that an earlier round has computed."""
+    """Compute the features of a surface, of which no earlier round has kept anything."""
+    random = np.random.default_rng(7)
     heights = generate(
-        "diamond-square", NODES[size], 0.65, 12.0, np.random.default_rng(7)
+        "diamond-square", NODES[size], hurst=0.65, sigma0=12.0, random=random
     )
     feature_set = chosen(name)
     step = SIDE / (NODES[size] - 1)
 
     def features(scale: float = 1.0) -> NDArray[np.float64]:
-        """Return the features, shape (1, columns), of the surface with all lengths scaled."""
+        """Return the features, shape (1, columns), of the surface with all lengths multiplied."""
         sides = (scale * SIDE, scale * SIDE)
         steps = (scale * step, scale * step)
         surface = SurfaceFeatures(scale * heights, sides, steps)
@@ -181,24 +188,26 @@ def test_features(benchmark: Any, name: str, size: str) -> None:
     row = benchmark(features)
     assert row.shape == (1, len(feature_set.columns))
     if feature_set.needs_surface:
-        # The first two hybrid features: share and mean interference of nodes in rigid overlap.
+        # The first two hybrid features are the share of nodes in rigid overlap, and the mean
+        # interference over Delta.
         above = np.maximum(heights - (heights.max() - DELTA), 0.0)
         expected = [np.mean(above > 0), above.mean() / DELTA]
         places = [feature_set.columns.index(column) for column in HYBRID[:2]]
         assert row[0, places] == pytest.approx(expected, rel=1e-12)
-    # The first feature is the displacement, over the rms height if the features have no units.
+    # The first feature is the displacement. If the features have no units, it is divided by the rms
+    # height, so that it does not change with the scale.
     factor = 1.0 if feature_set.scaled else 2.0
     assert features(2.0)[0, 0] == pytest.approx(factor * row[0, 0], rel=1e-12)
 
 
-@pytest.mark.parametrize("size", ASKED_ROWS)
+@pytest.mark.parametrize("size", QUESTIONS)
 @pytest.mark.parametrize("name", ["kernel-ridge", "xgboost", "gaussian-process"])
 def test_surrogate(benchmark: Any, name: str, size: str) -> None:
-    """Answer with intervals; an answer does not depend on the number of rows asked for."""
+    """Answer with intervals; an answer does not depend on the number of questions."""
     fit = fitted(name, "tuned", ordinary("dimensionless"))
     surrogate = fit.surrogate
-    described = fit.test.described  # the displacement, then the statistics
-    order = np.arange(ASKED_ROWS[size]) % fit.test.size
+    described = fit.test.described  # columns: the displacement, then the statistics
+    order = np.arange(QUESTIONS[size]) % fit.test.size  # repeats the test rows
     repeated = described[order]
     questions = surrogate.of_statistics(repeated[:, 1:], repeated[:, 0], MADE_SIDE)
     answer = benchmark(surrogate.predict_rows, questions)
@@ -210,5 +219,5 @@ def test_surrogate(benchmark: Any, name: str, size: str) -> None:
     low = answer.low["target"][:40]
     assert low == pytest.approx(expected.low["target"][first], rel=1e-9)
     if benchmark.enabled:
-        answers_per_second = ASKED_ROWS[size] / benchmark.stats["median"]
+        answers_per_second = QUESTIONS[size] / benchmark.stats["median"]
         benchmark.extra_info["answers_per_second"] = answers_per_second

@@ -1,6 +1,6 @@
 """Time tables, convolutions, preconditioners and solves; each benchmark asserts its answer.
 
-    pytest bench --benchmark-only
+    pytest bench/suites/test_solver.py --benchmark-only
 
 A round of `test_solve_paper` solves the first 64 rows of the paper's database. It records the
 convolutions, the residual, and the cost of a solve in bare convolutions.
@@ -32,7 +32,7 @@ from bench.references import half_space as references
 from bench.work_precision import paper_case
 
 SIZES = {"smoke": 33, "paper": 129, "large": 513}
-"""Nodes a side of the surfaces, by size."""
+"""Nodes a side of the surfaces, by size of the benchmark."""
 
 SIDE = 1000.0
 """Scan length [um]."""
@@ -41,15 +41,15 @@ ROWS = 64
 """Number of the first rows of the paper's database that are solved."""
 
 EXACT = 1e-10
-"""Tolerance of the solutions that answers are compared with."""
+"""Relative tolerance of the solutions that answers are compared with."""
 
 DELTAS = {
     33: {1: 6.48, 10: 16.09, 50: 43.35},
     129: {1: 7.86, 10: 20.05, 50: 60.32},
     513: {1: 9.56, 10: 24.38, 50: 84.25},
 }
-"""Delta [um] that brings a share [%] of the first surface's nodes into contact, by nodes a side and
-share."""
+"""Delta that brings a share of the nodes of the first row's surface into contact [um], by the nodes
+a side and by the share [%]."""
 
 sizes = pytest.mark.parametrize("nodes", SIZES.values(), ids=SIZES)
 kernels = pytest.mark.parametrize("kernel", KERNELS)
@@ -60,14 +60,15 @@ Work = Callable[[], object]
 
 
 def random_field(nodes: int, seed: int = 7) -> NDArray[np.float64]:
-    """Draw normal numbers, shape (nodes, nodes)."""
+    """Draw standard normal numbers, shape (nodes, nodes)."""
     return np.random.default_rng(seed).standard_normal((nodes, nodes))
 
 
 def assert_exact(contact: bem.Contact) -> None:
-    """Compare a contact with the one of tolerance `EXACT`: its nodes and its force.
+    """Assert that a contact has the nodes and the force of a solution of tolerance `EXACT`.
 
-    The number of nodes may differ by 0.05 %, or by one node.
+    The number of nodes in contact may differ by 0.05 %, or by one node. The force may differ by
+    0.001 %.
     """
     problem = contact.problem
     exact = bem.solve(
@@ -79,12 +80,12 @@ def assert_exact(contact: bem.Contact) -> None:
 
 
 def convolutions(contacts: list[bem.Contact]) -> int:
-    """Add up the convolutions of contacts."""
+    """Return the sum of the convolutions of contacts."""
     return sum(contact.convolutions for contact in contacts)
 
 
 def seconds_of(work: Work, rounds: int = 5) -> list[float]:
-    """Return the wall-clock times of several repetitions [s]."""
+    """Return the wall-clock time of each of several repetitions [s]."""
     seconds = []
     for _ in range(rounds):
         began = time.perf_counter()
@@ -96,16 +97,17 @@ def seconds_of(work: Work, rounds: int = 5) -> list[float]:
 def record_time_over(
     benchmark: BenchmarkFixture, name: str, work: Work, other: Work
 ) -> None:
-    """Record the median time of one work over that of another, if times are taken."""
+    """Record the median time of `work` over that of `other` by a name, if times are taken."""
     if benchmark.enabled:
         benchmark.extra_info[name] = median(seconds_of(work)) / median(seconds_of(other))
 
 
 def record_effort(benchmark: BenchmarkFixture, contacts: list[bem.Contact]) -> None:
-    """Record the cost of a solve: convolutions, residual and, if times are taken, time [s].
+    """Record the mean convolutions of the contacts of a round, and their largest residual.
 
-    The cost in bare convolutions is that of the fastest round, which other work on the machine
-    disturbs least.
+    If times are taken, this also records the mean time of a solve [s], and the time of a solve over
+    that of a bare convolution. The latter is from the fastest round, which other work on the
+    machine disturbs least.
     """
     benchmark.extra_info["convolutions"] = convolutions(contacts) / len(contacts)
     benchmark.extra_info["residual"] = max(c.residual for c in contacts)
@@ -113,7 +115,7 @@ def record_effort(benchmark: BenchmarkFixture, contacts: list[bem.Contact]) -> N
         rows, columns = contacts[0].pressure.shape
         kernel = contacts[0].problem.kernel
         operator = displacement_filter((rows, columns), "free", kernel, 1.0, "float64")
-        # The transform works in place: any other field would grow from one time to the next.
+        # The transform works in place. A field that is not 0 would grow from one call to the next.
         operator.field.fill(0)
         bare = min(seconds_of(operator.transform, 50))
         solves = len(contacts)
@@ -127,7 +129,7 @@ def record_effort(benchmark: BenchmarkFixture, contacts: list[bem.Contact]) -> N
 def test_influence_coefficients(
     benchmark: BenchmarkFixture, kernel: Kernel, nodes: int
 ) -> None:
-    """Tabulate the influence coefficients; no round uses the table of an earlier one."""
+    """Tabulate the influence coefficients; no round reuses the table of an earlier one."""
 
     def tabulate() -> NDArray[np.float64]:
         influence._kept_table.cache_clear()
@@ -161,7 +163,7 @@ def test_convolution(benchmark: BenchmarkFixture, dtype: str, nodes: int) -> Non
 def test_approximate_inverse(
     benchmark: BenchmarkFixture, boundary: Boundary, nodes: int
 ) -> None:
-    """Precondition half the nodes: symmetric and positive definite, as conjugate gradients need."""
+    """Precondition half of the nodes; the operator is symmetric and positive definite."""
     operator = Patch((nodes, nodes), boundary, "uniform-pressure", 1.0)
     operator.take_contact(random_field(nodes) > 0)
     residual, other = (random_field(nodes, seed) * operator.contact for seed in (1, 2))
@@ -179,7 +181,7 @@ def test_approximate_inverse(
 
 @pytest.mark.parametrize("rtol", [1e-6, RTOL])
 def test_solve_paper(benchmark: BenchmarkFixture, rtol: float) -> None:
-    """Solve contacts of the paper's database, at the tolerance of stated marks and the default."""
+    """Solve contacts of the paper's database, at a tolerance of 1e-6 and at the default one."""
     cases = [paper_case(row, SIZES["paper"]) for row in range(ROWS)]
     contacts = benchmark(
         lambda: [bem.solve(case.heights, SIDE, case.delta, rtol=rtol) for case in cases]
@@ -192,7 +194,7 @@ def test_solve_paper(benchmark: BenchmarkFixture, rtol: float) -> None:
 @sizes
 @pytest.mark.parametrize("percent", [1, 10, 50])
 def test_solve_at_contact(benchmark: BenchmarkFixture, percent: int, nodes: int) -> None:
-    """Solve contacts of small, medium and large shares of the nodes."""
+    """Solve contacts with small, medium and large shares of the nodes in contact."""
     contact = benchmark(
         bem.solve, paper_case(0, nodes).heights, SIDE, DELTAS[nodes][percent]
     )
@@ -206,7 +208,10 @@ def test_solve_at_contact(benchmark: BenchmarkFixture, percent: int, nodes: int)
 def test_solve_few_in_contact(
     benchmark: BenchmarkFixture, nodes: int, percent: float
 ) -> None:
-    """Solve by dense algebra on few nodes; record its time over that of iterations alone."""
+    """Solve contacts of few nodes by dense algebra; record the time over that of iterations alone.
+
+    Both solutions have equal forces.
+    """
     heights = paper_case(0, nodes).heights
 
     def excess(delta: float) -> float:
@@ -216,7 +221,8 @@ def test_solve_few_in_contact(
     solve = partial(bem.solve, heights, SIDE, delta)
 
     def iterate() -> bem.Contact:
-        with mock.patch.object(patch, "FEW_FREE", ((0.0, 1.0),)):
+        never_dense = ((0.0, 1.0),)
+        with mock.patch.object(patch, "FEW_FREE", never_dense):
             return solve()
 
     contact = benchmark(solve)
@@ -231,7 +237,7 @@ def test_solve_few_in_contact(
 
 @pytest.mark.parametrize("control", ["force", "pressure"])
 def test_solve_given_force(benchmark: BenchmarkFixture, control: str) -> None:
-    """Solve contacts for their force or mean pressure; record the cost over that of their Delta."""
+    """Solve contacts under a given force or mean pressure; record the cost over a given Delta."""
     cases = [paper_case(row, SIZES["paper"]) for row in range(ROWS // 4)]
 
     def solve_for_delta() -> list[bem.Contact]:
@@ -263,7 +269,11 @@ def test_solve_given_force(benchmark: BenchmarkFixture, control: str) -> None:
 @pytest.mark.parametrize("boundary", BOUNDARIES)
 @sizes
 def test_stiffness(benchmark: BenchmarkFixture, nodes: int, boundary: Boundary) -> None:
-    """Solve for the stiffness at 10 % contact; record the cost over that of the contact."""
+    """Solve for the stiffness of a contact; record the cost over that of the contact.
+
+    The stiffness is the slope of force over Delta, by central differences. A free patch has 10 % of
+    its nodes in contact; other patches are pressed by 0.01 E*.
+    """
     heights = paper_case(0, nodes).heights[:-1, :-1]
     solve = partial(bem.solve, heights, SIDE, DELTAS[nodes][10], boundary=boundary)
     if boundary != "free":
@@ -285,7 +295,7 @@ def test_stiffness(benchmark: BenchmarkFixture, nodes: int, boundary: Boundary) 
 
 
 FLOWS = [(129, load, boundary) for load in (0.003, 0.01, 0.03) for boundary in BOUNDARIES]
-"""Nodes a side, mean pressure over E*, and boundary of the flows."""
+"""Nodes a side, mean pressure over E*, and boundary of each contact whose flow is solved for."""
 
 
 @pytest.mark.parametrize(
@@ -298,7 +308,7 @@ def test_flow(benchmark: Any, nodes: int, pressure: float, boundary: Boundary) -
     contact = solve()
     gap = np.where(contact.pressure > 0, 0, contact.gap.clip(0))
     periodic = boundary == "periodic"
-    # Without edges one factorisation serves both axes.
+    # `Contact.flow` solves both axes of a periodic patch, with one factorisation.
     axes = (0, 1) if periodic else (0,)
     work = partial(flows_through, gap, contact.problem.spacing, axes, periodic=periodic)
     rounds = 1 if nodes > SIZES["paper"] else 9
@@ -310,7 +320,10 @@ def test_flow(benchmark: Any, nodes: int, pressure: float, boundary: Boundary) -
 
 @pytest.mark.parametrize("rungs", [9, 41, 161])
 def test_solve_ladder(benchmark: BenchmarkFixture, rungs: int) -> None:
-    """Solve for Delta from 5 to 45 um on one surface, each contact begun from the last three."""
+    """Solve contacts at Deltas from 5 to 45 um as a ladder; record the cost over single solves.
+
+    On a ladder, each contact starts from the three contacts before it.
+    """
     heights = paper_case(0, SIZES["paper"]).heights
     deltas = np.linspace(5, 45, rungs)
 
@@ -322,9 +335,9 @@ def test_solve_ladder(benchmark: BenchmarkFixture, rungs: int) -> None:
 
     ladder = benchmark(together)
     alone = apart()
-    for started, single in zip(ladder, alone, strict=True):
-        assert abs(started.contact_nodes - single.contact_nodes) <= 1
-        assert started.force == pytest.approx(single.force, rel=1e-5)
+    for of_ladder, single in zip(ladder, alone, strict=True):
+        assert abs(of_ladder.contact_nodes - single.contact_nodes) <= 1
+        assert of_ladder.force == pytest.approx(single.force, rel=1e-5)
     record_effort(benchmark, ladder)
     ratio = convolutions(ladder) / convolutions(alone)
     benchmark.extra_info["convolutions_over_single_solves"] = ratio

@@ -31,39 +31,40 @@ from learn.comparison.folder import Folder
 from learn.dataset import Request
 from learn.features import OF_SURFACES, SurfaceFeatures, chosen
 from learn.metrics import scores
+from learn.split import FOLDS
 
 PAPER_SOLVE = 189.79
-"""Mean time of the paper's solver for one contact (section 4.4) [s]."""
+"""Mean time of a solve by the paper's solver (section 4.4) [s]."""
 
 PAPER_ROWS = 15_878
 """Number of rows of the paper's database."""
 
 PAPER_TESTS = 3_175
-"""Number of rows of the paper's test set, which its prediction times are for."""
+"""Number of rows of the paper's test set. The paper's prediction times are for all of them."""
 
 FEWEST_ROWS = 200
-"""Smallest number of rows of the database."""
+"""Smallest number of rows of the database that is accepted."""
 
 ENOUGH = 0.3
-"""Total time of the calls after which a median is taken [s]."""
+"""Total time of repeated calls after which their median is taken [s]."""
 
 FEWEST_CALLS = 3
-"""Smallest number of calls that a median is over."""
+"""Smallest number of calls whose median is taken."""
 
 MOST_CALLS = 300
-"""Largest number of calls that a median is over."""
+"""Largest number of calls whose median is taken."""
 
 BATCH = 2000
 """Number of rows that are predicted together, as in section 4.4."""
 
 LOADS = 10
-"""Number of displacements of a ladder on one surface."""
+"""Number of displacements on one surface that are solved or predicted together."""
 
 DELTAS = (5.0, 45.0)
-"""The paper's range of displacements [um]."""
+"""Smallest and largest displacement of the paper [um]."""
 
 LOOSE = 1e-2
-"""Residual of the loose solves, which a surrogate competes with."""
+"""Relative tolerance of loose solves, the solver's cheap alternative to a surrogate."""
 
 SCENE = load("paper").model_copy(update={"seed": OTHER_SEED})
 """The paper preset with surfaces that no surrogate was trained on."""
@@ -74,41 +75,42 @@ SIDE = SCENE.sides[0]
 
 @dataclass(frozen=True, eq=False)
 class Query:
-    """A contact that is asked for."""
+    """A contact whose area is to be computed."""
 
     heights: Heights  # (n, n) [um]
-    delta: float  # [um]
+    delta: float  # far-field displacement [um]
 
 
 @dataclass(frozen=True)
 class SolverTimes:
     """Mean times of the solver, without any surrogate [s], and the error of loose solves."""
 
-    row: float  # computing a row of a database
-    surface: float  # generating the surface of a row
-    solve: float  # a contact on a new surface
-    ladder: float  # a contact among `LOADS` on one surface
-    loose: float  # a contact on a new surface, to a residual of `LOOSE`
+    row: float  # time of computing a row of a database
+    surface: float  # time of generating the surface of a row
+    solve: float  # time of solving a contact on a new surface
+    ladder: float  # time of solving one of `LOADS` contacts on one surface
+    loose: float  # time of solving a contact on a new surface, to the tolerance `LOOSE`
     loose_nmae: float  # error nMAE of the area of loose solves [%]
 
 
 @dataclass(frozen=True)
 class AnswerTimes:
-    """Times of a surrogate's answers [s]."""
+    """Times of a surrogate's answers, for one contact each [s]."""
 
-    surface: float  # features of a contact on a new surface
-    load: float  # features of a further contact on a surface, of `LOADS` at once
-    single: float  # prediction of a single row
-    batched: float  # prediction of a row among `BATCH`
+    surface: float  # time of the features of a contact on a new surface
+    load: float  # time of the features of one of `LOADS` contacts on a known surface
+    single: float  # time of predicting one row alone
+    batched: float  # time of predicting one of `BATCH` rows
 
 
 @dataclass(frozen=True)
 class BuildTimes:
     """Times before the first answer of a surrogate [s]."""
 
-    database: float  # t_d: the rows, and their surfaces again if the features need them
-    tuning: float  # t_h: the choice among the settings that come with the program
-    fit: float  # t_f
+    # t_d, time of computing the rows, and their surfaces again if the features need them.
+    database: float
+    tuning: float  # t_h, time of the choice among the settings that come with the program
+    fit: float  # t_f, time of the fit
 
     @property
     def total(self) -> float:
@@ -131,7 +133,7 @@ def break_even(build: float, solver: float, query: float) -> float:
     Returns
     -------
     float
-        A whole number; infinity if the surrogate never is cheaper.
+        A whole number, rounded up; infinity if a query takes no less time than a solve.
     """
     if query >= solver:
         return math.inf
@@ -157,13 +159,13 @@ def seconds_of(call: Callable[[], object]) -> float:
 
 
 def median_seconds(call: Callable[[], object]) -> float:
-    """Measure the time of a call that does the same whenever it is repeated.
+    """Measure the median time of a call that does the same whenever it is repeated.
 
     Parameters
     ----------
     call : callable
-        Called without arguments, once to warm up and then until the calls took `ENOUGH` seconds,
-        from `FEWEST_CALLS` to `MOST_CALLS` times.
+        Called without arguments: once to warm up, then until the calls took `ENOUGH` seconds
+        together, but at least `FEWEST_CALLS` and at most `MOST_CALLS` times.
 
     Returns
     -------
@@ -178,12 +180,12 @@ def median_seconds(call: Callable[[], object]) -> float:
 
 
 def mean_seconds(calls: Iterable[Callable[[], object]]) -> float:
-    """Measure the mean time of calls that differ, which is the cost of one among many.
+    """Measure the mean time of calls that differ from each other.
 
     Parameters
     ----------
     calls : iterable of callables
-        One call or more. The first is made twice, once to warm up.
+        One call or more. The first one is made twice, once to warm up.
 
     Returns
     -------
@@ -201,7 +203,7 @@ def measure_solver(queries: list[Query]) -> SolverTimes:
     Parameters
     ----------
     queries : list of Query
-        Contacts on different surfaces of `SCENE`, as many as rows are timed.
+        Contacts on different surfaces of `SCENE`. As many rows and surfaces are computed, too.
 
     Returns
     -------
@@ -237,7 +239,7 @@ def measure_solver(queries: list[Query]) -> SolverTimes:
 
 
 def measure_surrogate(fitted: Fitted, features: str, queries: list[Query]) -> AnswerTimes:
-    """Measure the times of a surrogate's answers, on surfaces that it was not trained on.
+    """Measure the times of a surrogate's answers.
 
     Parameters
     ----------
@@ -246,12 +248,12 @@ def measure_surrogate(fitted: Fitted, features: str, queries: list[Query]) -> An
     features : str
         Name of its feature set.
     queries : list of Query
-        Contacts on different surfaces of `SCENE`.
+        Contacts on different surfaces of `SCENE`, on which the surrogate was not trained.
 
     Returns
     -------
     AnswerTimes
-        Times [s].
+        Mean times of features, and median times of predictions [s].
     """
     feature_set = chosen(features, roots=True)
 
@@ -268,9 +270,10 @@ def measure_surrogate(fitted: Fitted, features: str, queries: list[Query]) -> An
     new_surface_seconds = mean_seconds(
         partial(of_new_surface, query) for query in queries
     )
-    # Each surface keeps the features that do not depend on Delta once they are computed.
     surfaces = [described(query.heights) for query in queries]
     deltas = np.linspace(*DELTAS, LOADS)
+    # This first use of a surface computes its features that do not depend on Delta. The surface
+    # keeps them, so that the second use, which is timed, is that of a known surface.
     rows = np.concatenate([features_of(surface, deltas) for surface in surfaces])
     batch = np.resize(rows, (BATCH, rows.shape[1]))
     ladder_seconds = mean_seconds(
@@ -291,29 +294,30 @@ OURS = "ours"
 """Name of our solver in the tables."""
 
 NEW = "new surfaces"
-"""The question for a contact on a new surface."""
+"""Name of the question in which each contact has a new surface."""
 
 LADDER = "loads on one surface"
-"""The question for a further contact on a surface."""
+"""Name of the question in which many contacts have one surface."""
 
 KNOWN = "statistics at hand"
-"""The question for a contact whose features are known already."""
+"""Name of the question in which the features of each contact are known already."""
 
 FEWEST = 100
-"""Training rows of a learning curve's first point."""
+"""Number of training rows of the first point of a learning curve."""
 
 DRAWS = 3
-"""Largest number of fits of a point, to different rows; the point is their median."""
+"""Largest number of fits for a point of a learning curve, each to other rows. The point has the
+medians of their values."""
 
 
 @dataclass(frozen=True, eq=False)
 class Studied:
-    """A surrogate of one feature set, with all times that its costs are made of."""
+    """A surrogate of one feature set, with all times that add up to its costs."""
 
     request: Request
-    parts: Parts
-    rows: int  # of the database that were solved, also those that are left out
-    fitted: Fitted  # to all training rows
+    parts: Parts  # training and test rows
+    rows: int  # number of solved rows of the database, unusable ones included
+    fitted: Fitted  # fit to all training rows
     solver: SolverTimes
     answer: AnswerTimes
 
@@ -333,15 +337,16 @@ def cost(
 ) -> Report:
     """Measure costs and savings of kernel ridge surrogates of the paper preset.
 
-    Break-even is computed twice: with the settings that come with the program, and with the search
-    of the comparison, which is for the paper's features. Progress is printed on standard error.
+    Break-even is computed with the settings that come with the program. For the paper's features it
+    is computed a second time, with the time of the comparison's search for settings. Progress is
+    printed on standard error.
 
     Parameters
     ----------
     folder : Path
         Folder of the report. A generated database is kept in its folder `databases`.
     rows : int
-        Number of the preset's first rows, `FEWEST_ROWS` or more.
+        Number of the preset's first rows that are used, `FEWEST_ROWS` or more.
     database : Path or None
         A database of the paper preset; None to generate one.
     comparison : Path or None
@@ -354,8 +359,9 @@ def cost(
     Returns
     -------
     Report
-        Tables `cost` of the questions, `learning` of the learning curves, `times`, and `totals`,
-        the total costs over the number of queries. Times are in seconds.
+        Table `cost` of the questions, `learning` of the learning curves, `times` of the solver and
+        of all answers, and `totals` of the total costs over the number of queries. Times are in
+        seconds.
 
     Raises
     ------
@@ -382,7 +388,14 @@ def cost(
         remark(f"{features} features: {parts.train.size} rows train")
         fitted = fit(request, parts.train, parts.folds)
         answer = measure_surrogate(fitted, features, queries)
-        studied = Studied(request, parts, rows, fitted, solver, answer)
+        studied = Studied(
+            request=request,
+            parts=parts,
+            rows=rows,
+            fitted=fitted,
+            solver=solver,
+            answer=answer,
+        )
         times += _rows_of_times(f"{features} features", asdict(answer))
         # The search of the comparison is for the paper's features alone.
         search_of_features = search if features == "paper" else math.nan
@@ -404,12 +417,12 @@ def _queries(surfaces: int) -> list[Query]:
 
 
 def _rows_of_times(subject: str, values: dict[str, float]) -> list[Row]:
-    """Return a row for each time of the solver or of a feature set."""
+    """Return a row for each of the values (by their names) of the solver or of a feature set."""
     return [{"of": subject, "what": name, "value": values[name]} for name in values]
 
 
 def tuning_seconds(comparison: Path) -> float:
-    """Read the time of all fits of the search of kernel ridge for the area.
+    """Read the time of the comparison's search for settings of kernel ridge, for the area.
 
     Parameters
     ----------
@@ -419,8 +432,8 @@ def tuning_seconds(comparison: Path) -> float:
     Returns
     -------
     float
-        Time [s]. If the folder has no search of kernel ridge, it is NaN, and a remark on standard
-        error says so.
+        Time of all fits of the search [s]. If the folder has no search of kernel ridge, it is NaN,
+        and a remark is printed on standard error.
     """
     result = Folder(comparison / "area").result("tuned", "kernel-ridge")
     if result is None or result.times is None:
@@ -431,11 +444,11 @@ def tuning_seconds(comparison: Path) -> float:
 
 @dataclass(frozen=True)
 class Situation:
-    """A surrogate of some features beside a solver, for one question."""
+    """The names of a question, and of the solver and the features that are compared in it."""
 
     question: str  # `NEW`, `LADDER` or `KNOWN`
     solver: str  # `PAPERS` or `OURS`
-    features: str
+    features: str  # name of the surrogate's feature set
 
 
 def question(
@@ -466,8 +479,9 @@ def question(
     Returns
     -------
     Row
-        A row of the table `cost`: all times [s], break-even without and with the search, and the
-        number of queries that pay for the search alone. The last two are NaN without a search.
+        A row of the table `cost`: all times [s]; break-even without the search (`break_even`) and
+        with it (`break_even_searched`); and the number of queries that pay for the search alone
+        (`search_pays`). The last two are NaN without a search.
     """
     row = {
         "asked": situation.question,
@@ -489,7 +503,7 @@ def question(
 
 
 def of_the_paper() -> Row:
-    """Compute the paper's own break-even from its own times.
+    """Compute the break-even of the paper from the times that the paper gives.
 
     Returns
     -------
@@ -498,6 +512,7 @@ def of_the_paper() -> Row:
     """
     fit_seconds, test_seconds = paper.TIMES["tuned"]["kernel-ridge"]
     build = BuildTimes(database=PAPER_ROWS * PAPER_SOLVE, tuning=0.0, fit=fit_seconds)
+    # The paper's times do not contain the computation of features.
     return question(
         Situation(question=KNOWN, solver=PAPERS, features="paper, as published"),
         rows=PAPER_ROWS,
@@ -514,16 +529,17 @@ def build_times(studied: Studied, fitted: Fitted, rows: float) -> BuildTimes:
     Parameters
     ----------
     studied : Studied
-        The surrogate's feature set, and the times of the solver.
+        The feature set, and the times of the solver.
     fitted : Fitted
-        A fit, to all training rows or to some of them.
+        The fit, to all training rows or to some of them.
     rows : float
         Number of rows that had to be solved for the fit.
 
     Returns
     -------
     BuildTimes
-        Times [s]. Surfaces are generated a second time if the features need them.
+        Times [s]. If the features need the surfaces, their generation is added a second time, and
+        the computation of the features: a database has no surfaces.
     """
     row_seconds = studied.solver.row
     if chosen(studied.features).needs_surface:
@@ -534,15 +550,17 @@ def build_times(studied: Studied, fitted: Fitted, rows: float) -> BuildTimes:
 
 
 def _questions(studied: Studied, search: float) -> Iterator[Row]:
-    """Yield the rows of all situations of a feature set.
+    """Yield a row for each question and solver that a feature set is compared in.
 
-    The time of generating a surface is left out, because solver and surrogate both need it.
+    `search` is the time of a search for settings [s], NaN without one. The time of generating the
+    surface of a query is left out, because solver and surrogate both need it.
     """
     features = studied.features
     rows = studied.rows
     solver = studied.solver
     answer = studied.answer
     build = build_times(studied, studied.fitted, rows)
+    # The paper's solver would have computed the same rows more slowly.
     slower = rows * (PAPER_SOLVE - solver.solve)
     build_by_papers = replace(build, database=build.database + slower)
     on_new_surface = answer.surface + answer.batched
@@ -594,7 +612,7 @@ def sizes(rows: int) -> list[int]:
     Returns
     -------
     list of int
-        `FEWEST`, doubled again and again below three quarters of all rows, and then all rows.
+        `FEWEST` and its doublings that are below three quarters of all rows; then all rows.
     """
     chosen_sizes = []
     size = FEWEST
@@ -605,16 +623,16 @@ def sizes(rows: int) -> list[int]:
 
 
 def _learning_curve(studied: Studied) -> Iterator[Row]:
-    """Yield the points of a feature set's learning curve, all judged by the same test rows.
+    """Yield the points of a feature set's learning curve, as rows of the table `learning`.
 
-    The times of a point are for the rows that had to be solved for its training rows, also for
-    those that were left out.
+    All points are judged by the same test rows. A point pays for test rows and unusable rows, too,
+    in proportion to its training rows.
     """
-    all_rows = studied.parts.train.size
+    all_training_rows = studied.parts.train.size
     on_new_surface = studied.answer.surface + studied.answer.batched
-    for size in sizes(all_rows):
+    for size in sizes(all_training_rows):
         fits = _fits_of_size(studied, size)
-        solved = size * studied.rows / all_rows
+        solved = size * studied.rows / all_training_rows
         judged = [asdict(fitted.scores(studied.parts.test)) for fitted in fits]
         builds = [build_times(studied, fitted, solved).total for fitted in fits]
         build = float(np.median(builds))
@@ -631,34 +649,40 @@ def _learning_curve(studied: Studied) -> Iterator[Row]:
 
 
 def _fits_of_size(studied: Studied, size: int) -> list[Fitted]:
-    """Fit the surrogate to different rows, `size` at a time, up to `DRAWS` times.
+    """Fit the surrogate to disjoint blocks of `size` training rows, at most `DRAWS` of them.
 
-    The fit to all training rows is not made a second time.
+    If the block has all training rows, the fit that was made before is returned. The rows are in
+    random order, and each has a surface of its own, so that any folds will do.
     """
     train = studied.parts.train
     if size == train.size:
         return [studied.fitted]
-    folds = (np.arange(size) % 5).astype(np.int8)
+    folds = (np.arange(size) % FOLDS).astype(np.int8)
+    blocks = min(DRAWS, train.size // size)
     fits = []
-    for draw in range(min(DRAWS, train.size // size)):
-        rows = np.arange(draw * size, (draw + 1) * size)
+    for block in range(blocks):
+        rows = np.arange(block * size, (block + 1) * size)
         fits.append(fit(studied.request, train.at(rows), folds))
     return fits
 
 
 def _totals(questions: list[Row]) -> Iterator[Row]:
-    """Yield total costs [s] over the number of queries, of solvers and of surrogates beside them.
+    """Yield rows of the table `totals`: costs [s] over the number of queries on new surfaces.
 
-    The queries go up to thirty times the largest finite break-even.
+    There is a curve for each solver, and beside it one for each feature set. The queries go up to
+    thirty times the largest finite break-even of these surrogates.
     """
     for solver in (PAPERS, OURS):
-        rows = [q for q in questions if q["asked"] == NEW and q["solver"] == solver]
-        finite = [q["break_even"] for q in rows if math.isfinite(q["break_even"])]
+        rows = [
+            row for row in questions if row["asked"] == NEW and row["solver"] == solver
+        ]
+        finite = [row["break_even"] for row in rows if math.isfinite(row["break_even"])]
         largest = max(finite, default=1e5)
-        curves = {"the solver": _Line(build=0.0, query=rows[0]["solve"])}
+        curves = {"the solver": _CostLine(build=0.0, query=rows[0]["solve"])}
         for row in rows:
             build = row["database"] + row["tuning"] + row["fit"]
-            curves[f"{row['features']} features"] = _Line(build, row["query"])
+            name = f"{row['features']} features"
+            curves[name] = _CostLine(build=build, query=row["query"])
         for name, line in curves.items():
             for number in np.geomspace(1, 30 * largest, 40).tolist():
                 yield {
@@ -670,8 +694,8 @@ def _totals(questions: list[Row]) -> Iterator[Row]:
 
 
 @dataclass(frozen=True)
-class _Line:
-    """Times before the first answer and of each answer [s]."""
+class _CostLine:
+    """The cost of a solver or surrogate as a linear function of the number of queries [s]."""
 
-    build: float
-    query: float
+    build: float  # time before the first answer
+    query: float  # time of each answer

@@ -1,8 +1,9 @@
 """The share of rows inside their interval, among the rows that a surrogate does not flag.
 
-An interval is promised for rows that resemble the training rows, and a flag marks the other rows.
-So the coverage of the rows without a flag has to be the promised one: on surfaces, grids and bodies
-that the surrogate has not been trained on, and for several draws of the training rows.
+The level of an interval is promised for rows that resemble the training rows. A flag marks the
+other rows. So the share of rows inside their interval (the coverage) has to be the level for rows
+without a flag: on surfaces, grids and bodies that the surrogate has not been trained on, and for
+several draws of the training rows.
 """
 
 from collections.abc import Iterator, Sequence
@@ -29,31 +30,33 @@ from learn.database_rows import Dataset
 from learn.split import FOLDS
 
 HURST_BORDER = 0.7
-"""Surfaces up to this Hurst exponent train, surfaces above it test."""
+"""Hurst exponent up to which surfaces train in one case; surfaces above it test."""
 
 TARGETS = ("area", FORCE.name, MEAN_GAP.name)
-"""Targets of the surrogates."""
+"""Names of the targets, each with a surrogate of its own."""
 
 FEW = 20
 """Number of rows of a finer grid that train a surrogate, alone or together with the preset."""
 
 HARDNESS = (0.006, 0.05)
-"""Smallest and largest hardness over E* of the rows that train; the preset has 0.003 to 0.1."""
+"""Smallest and largest hardness over E* of the rows that train in one case [1]. The preset has
+0.003 to 0.1."""
 
 LEVEL = 0.9
-"""Level of the intervals."""
+"""Level of the intervals, 0 to 1."""
 
-WANTED = 0.86
-"""Smallest coverage of unflagged rows that meets the promise, within its standard error."""
+REQUIRED = 0.86
+"""Smallest coverage of unflagged rows that meets the promise, 0 to 1. It may be missed by one
+standard error."""
 
 ENOUGH = 30
-"""Smallest number of unflagged rows that are worth a verdict."""
+"""Smallest number of unflagged rows for which there is a verdict."""
 
 FEWEST = 300
-"""Smallest number of rows of the preset."""
+"""Smallest accepted number of rows of the preset."""
 
 FEWEST_OF_DATABASE = 40
-"""Smallest number of rows of any database."""
+"""Smallest number of rows that are generated for a database."""
 
 PAPER = "paper"
 """Name of the paper preset's database."""
@@ -65,28 +68,31 @@ SPECTRAL = "broad-spectral"
 """Name of the database of broad spectral surfaces."""
 
 YIELDING = "paper-yielding"
-"""Name of the database of the paper preset with bodies that yield."""
+"""Name of the preset, and of its database, that is the paper preset with bodies that yield."""
 
 FINE = {257: "fine-257", 513: "fine-513"}
 """Names of the databases of finer grids, by their nodes a side."""
 
 STORE = "[store]\nmean_gap = true\n"
-"""Keys that every scene has in addition, because the mean gap is a target."""
+"""Table (TOML) that is added to every scene, because the mean gap is a target."""
 
 SCENES = read_toml("surrogates/scenes")["coverage"]
-"""The scenes of this study."""
+"""Texts (TOML) of the scenes of this study: `others` and `kinds` have scenes by their names,
+`function` and `load` have parts of scenes."""
 
 KIND = "kinds"
-"""Name of the cases that are tested on kinds of surfaces which train no surrogate."""
+"""Value of `tested_on` for cases that are tested on kinds of surfaces which train no surrogate. In
+rows about one kind it is "kinds: NAME"."""
 
 FOREIGN = (*SCENES["kinds"], *kinds.NAMES)
-"""Names of the databases of these kinds. The last four were made after the features."""
+"""Names of these kinds, and of their databases. The last four were made after the features had been
+chosen, so that they test the features independently."""
 
 SHARES = {FINE[257]: 6, FINE[513]: 15, "broad-fine": 6, **dict.fromkeys(FOREIGN, 6)}
-"""Number of rows of the preset over that of a database, for the databases that have fewer rows."""
+"""Number of rows of the preset over that of a database, for databases that have fewer rows."""
 
 BROAD = tuple(name for name in preset_names() if name.startswith("broad-"))
-"""Names of the broad scenes, whose surrogate was trained on most kinds of surfaces."""
+"""Names of the presets with many kinds of surfaces, which train a surrogate together."""
 
 KINDS = {
     "midpoint": ("broad-midpoint",),
@@ -97,7 +103,7 @@ KINDS = {
 
 
 def _no_rows() -> Indices:
-    """Return an empty array of positions."""
+    """Return an empty array of positions in a dataset."""
     return np.empty(0, np.int64)
 
 
@@ -105,40 +111,41 @@ def _no_rows() -> Indices:
 class Case:
     """Rows that train a surrogate, and rows that judge it, by their positions in a dataset."""
 
-    trained_on: str  # description of the rows that train
-    tested_on: str  # description of the rows that judge
-    pool: tuple[str, ...]  # names of the databases that are read together
-    train: Indices  # rows that are split into training, calibration and test rows
+    trained_on: str  # description of the rows that train, for the table
+    tested_on: str  # description of the rows that judge, for the table
+    pool: tuple[str, ...]  # names of the databases of the dataset
+    train: Indices  # rows that are drawn from, and split into training and test rows
     judged: Indices | None = None  # rows that judge; None for the test rows of the split
-    added: Indices = field(default_factory=_no_rows)  # further training rows
-    flagged: Indices = field(
-        default_factory=_no_rows
-    )  # rows that always count as flagged
+    # Further training rows, which are all used.
+    added: Indices = field(default_factory=_no_rows)
+    # Rows of `judged` that are taken as flagged, whether or not the surrogate flags them.
+    flagged: Indices = field(default_factory=_no_rows)
 
 
 def databases(folder: Path, rows: int) -> dict[str, Path]:
-    """Generate the databases of the study as far as they are missing.
+    """Generate the databases of the study that are missing.
 
-    The scenes' own Python functions are marked as trusted.
+    This marks Python functions of scenes as trusted for the rest of the process: the kinds of
+    surfaces are such functions.
 
     Parameters
     ----------
     folder : Path
         Folder of the databases.
     rows : int
-        Number of rows of the preset.
+        Number of rows of the preset. Databases in `SHARES` get fewer rows.
 
     Returns
     -------
     dict
         Paths of the databases by the names of their scenes.
     """
-    texts = {PAPER: "", **SCENES["others"]}
+    texts = {PAPER: "", **SCENES["others"]}  # without text, a scene is the paper preset
     for name in (YIELDING, *BROAD):
         texts[name] = _shipped_scene(name)
-    for seed, name in enumerate(FOREIGN, 3000):
-        function = SCENES["function"].replace("NAME", name)
-        surface = SCENES["kinds"].get(name, function)
+    for seed, name in enumerate(FOREIGN, start=3000):
+        surface_of_function = SCENES["function"].replace("NAME", name)
+        surface = SCENES["kinds"].get(name, surface_of_function)
         texts[name] = f"seed = {seed}\n{surface}{SCENES['load']}"
     TRUSTED.set(True)
     paths = {}
@@ -149,7 +156,7 @@ def databases(folder: Path, rows: int) -> dict[str, Path]:
 
 
 def _shipped_scene(name: str) -> str:
-    """Return the text of a preset without its title and number of rows."""
+    """Return the text (TOML) of a preset without its title and number of rows."""
     path = files("gen") / "scenes" / f"{name}.toml"
     lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
     return "".join(line for line in lines if not line.startswith(("title", "samples")))
@@ -172,7 +179,7 @@ def cases(pool: tuple[str, ...], rows: Dataset, seed: int) -> Iterator[Case]:
     Case
         Rows that train and rows that judge.
     """
-    if {*FOREIGN} <= {*pool}:
+    if {*FOREIGN} <= {*pool}:  # with the preset or the broad scenes
         yield _case_of_kinds(pool, rows)
     elif pool == (PAPER,):
         yield from _cases_of_preset(pool, rows)
@@ -185,14 +192,17 @@ def cases(pool: tuple[str, ...], rows: Dataset, seed: int) -> Iterator[Case]:
 
 
 def _rows_of(pool: tuple[str, ...], rows: Dataset, names: Sequence[str]) -> Indices:
-    """Return the positions of the rows of some databases of a pool, database by database."""
+    """Return the positions of the rows of the named databases of a pool, database by database."""
     return np.concatenate(
         [np.flatnonzero(rows.database == pool.index(name)) for name in names]
     )
 
 
 def _case_of_kinds(pool: tuple[str, ...], rows: Dataset) -> Case:
-    """Return the case that is judged by the kinds of surfaces which train no surrogate."""
+    """Return the case that is judged by all kinds of surfaces which train no surrogate.
+
+    The other databases of the pool train: the preset, or the broad scenes.
+    """
     foreign = _rows_of(pool, rows, FOREIGN)
     trained_on = "preset"
     if BROAD[0] in pool:
@@ -207,7 +217,7 @@ def _case_of_kinds(pool: tuple[str, ...], rows: Dataset) -> Case:
 
 
 def _cases_of_preset(pool: tuple[str, ...], rows: Dataset) -> Iterator[Case]:
-    """Yield the cases of the preset alone: like its training, and of larger Hurst exponents."""
+    """Yield the cases of the preset alone: judged by test rows, and by larger Hurst exponents."""
     preset = _rows_of(pool, rows, [PAPER])
     yield Case(trained_on="preset", tested_on="preset", pool=pool, train=preset)
     is_low = column(rows, "hurst") <= HURST_BORDER
@@ -221,7 +231,10 @@ def _cases_of_preset(pool: tuple[str, ...], rows: Dataset) -> Iterator[Case]:
 
 
 def _case_of_hardness(pool: tuple[str, ...], rows: Dataset) -> Case:
-    """Return the case that is judged by bodies harder or softer than those that train."""
+    """Return the case that is judged by bodies harder or softer than the bodies that train.
+
+    All rows that judge are taken as flagged: they are outside the range of the training.
+    """
     smallest, largest = HARDNESS
     hardness = column(rows, "hardness")  # over E*, which is 1 MPa
     is_inside = (hardness >= smallest) & (hardness <= largest)
@@ -239,9 +252,10 @@ def _case_of_hardness(pool: tuple[str, ...], rows: Dataset) -> Case:
 def _cases_beside_preset(
     pool: tuple[str, ...], rows: Dataset, seed: int
 ) -> Iterator[Case]:
-    """Yield the cases that are judged by a database beside the preset.
+    """Yield the cases that are judged by the second database of a pool; the first is the preset.
 
-    If that has a finer grid, two more cases train on `FEW` of its rows, with the preset and alone.
+    The preset trains. If the second database has a finer grid, there are two more cases: the preset
+    and `FEW` rows of the finer grid train, or these rows alone.
     """
     name = pool[1]
     preset = _rows_of(pool, rows, [PAPER])
@@ -271,7 +285,11 @@ def _cases_beside_preset(
 
 
 def _cases_of_broad_scenes(pool: tuple[str, ...], rows: Dataset) -> Iterator[Case]:
-    """Yield the cases of the broad scenes: all of them, and without one kind that judges."""
+    """Yield the cases of the broad scenes.
+
+    In the first, all of them train, and test rows judge. In each of the others, one kind of
+    surfaces judges, and the other kinds train.
+    """
     all_rows = np.arange(rows.size)
     yield Case(trained_on="broad", tested_on="broad", pool=pool, train=all_rows)
     for kind, names in KINDS.items():
@@ -326,7 +344,8 @@ def pools() -> Sequence[tuple[str, ...]]:
 def coverage(folder: Path, rows: int, seeds: int) -> Report:
     """Count the rows inside their intervals, for all cases, targets and seeds.
 
-    Progress is printed on standard error.
+    Progress is printed on standard error. Python functions of scenes are trusted from then on, see
+    `databases`.
 
     Parameters
     ----------
@@ -340,7 +359,9 @@ def coverage(folder: Path, rows: int, seeds: int) -> Report:
     Returns
     -------
     Report
-        Tables `coverage-seeds` of all seeds, and `coverage` and `kinds` with means over the seeds.
+        Table `coverage-seeds` with a row for each seed, and tables `coverage` and `kinds` with
+        means over the seeds. `kinds` has the cases that are tested on kinds of surfaces which train
+        no surrogate, `coverage` the other cases.
 
     Raises
     ------
@@ -362,7 +383,7 @@ def coverage(folder: Path, rows: int, seeds: int) -> Report:
     return Report(
         {
             "coverage-seeds": judged,
-            "coverage": [r for r in table if not r["tested_on"].startswith(KIND)],
+            "coverage": [row for row in table if not row["tested_on"].startswith(KIND)],
             "kinds": by_kind(table),
         }
     )
@@ -371,32 +392,35 @@ def coverage(folder: Path, rows: int, seeds: int) -> Report:
 def _judged_pool(
     pool: tuple[str, ...], rows: Dataset, target: str, row_limit: int, seed: int
 ) -> list[Row]:
-    """Return the rows of the table for the cases of a pool, and print the coverage of each case."""
+    """Return the rows of `coverage-seeds` for the cases of a pool, one target and one seed.
+
+    The coverage of each case is printed on standard error.
+    """
     judged: list[Row] = []
     for case in cases(pool, rows, seed):
         of_case = [
             {"target": target, **row} for row in _judged(case, rows, row_limit, seed)
         ]
-        share = of_case[0]["covered_unflagged"]
+        share = of_case[0]["covered_unflagged"]  # of all rows that judge
         remark(f"{case.trained_on}: {case.tested_on}, {target}: {share:.1%} in 90 %")
         judged += of_case
     return judged
 
 
 REQUEST = replace(request_for(Path(), "kernel-ridge", "hybrid", None), targets=TARGETS)
-"""The request of all surrogates, without databases."""
+"""The request for the surrogates of all targets, without databases."""
 
 
 def _read(*paths: Path) -> list[Dataset]:
-    """Read the rows that all targets have from some databases: one dataset for each target."""
+    """Read databases together: one dataset for each target, with the rows that all targets have."""
     return dataset.read(replace(REQUEST, databases=paths))
 
 
 def _judged(case: Case, rows: Dataset, row_limit: int, seed: int) -> list[Row]:
     """Fit the surrogate of a case to `row_limit` rows or fewer, and judge it.
 
-    The first row of the table is of all rows that judge. If these are of several databases, a row
-    of each database follows.
+    The first returned row scores all rows that judge. If they are from several databases, a row for
+    each database follows, whose `tested_on` is that of the case, a colon and the database.
     """
     parts = _parts(case, rows, row_limit, seed)
     fitted = fit(REQUEST, parts.train, parts.folds)
@@ -407,21 +431,25 @@ def _judged(case: Case, rows: Dataset, row_limit: int, seed: int) -> list[Row]:
         return [{**names, "tested_on": case.tested_on, **scores}]
     judged = rows.at(case.judged)
     flagged = np.isin(case.judged, case.flagged)
-    scenes = {case.tested_on: np.arange(judged.size)}
+    # Positions among the rows that judge, by the description of what they test.
+    scored = {case.tested_on: np.arange(judged.size)}
     numbers = np.unique(judged.database)
     if len(numbers) > 1:
         for number in numbers:
-            scene = f"{case.tested_on}: {case.pool[number]}"
-            scenes[scene] = np.flatnonzero(judged.database == number)
+            tested_on = f"{case.tested_on}: {case.pool[number]}"
+            scored[tested_on] = np.flatnonzero(judged.database == number)
     table = []
-    for scene, places in scenes.items():
+    for tested_on, places in scored.items():
         scores = _scores(fitted, judged.at(places), flagged[places])
-        table.append({**names, "tested_on": scene, **scores})
+        table.append({**names, "tested_on": tested_on, **scores})
     return table
 
 
 def _parts(case: Case, rows: Dataset, row_limit: int, seed: int) -> Parts:
-    """Split `row_limit` rows of a case or fewer, and add `case.added` to the training rows."""
+    """Draw `row_limit` rows of `case.train`, or all if there are fewer, and split them.
+
+    `case.added` are added to the training rows, at random places.
+    """
     chosen = np.sort(np.random.default_rng(seed).permutation(case.train)[:row_limit])
     drawn = split.draw(rows.at(chosen), seed)
     train = chosen[drawn.train]
@@ -429,7 +457,7 @@ def _parts(case: Case, rows: Dataset, row_limit: int, seed: int) -> Parts:
     if case.added.size:
         train = np.append(train, case.added)
         folds = np.append(folds, np.arange(case.added.size) % FOLDS).astype(np.int8)
-        # A search may use the first rows only, so that the added ones have to be among them.
+        # A search may use the first rows only, so that the added rows have to be spread over all.
         order = np.random.default_rng(seed).permutation(train.size)
         train = train[order]
         folds = folds[order]
@@ -437,10 +465,13 @@ def _parts(case: Case, rows: Dataset, row_limit: int, seed: int) -> Parts:
 
 
 def _scores(fitted: Fitted, judged: Dataset, always: NDArray[np.bool_]) -> Row:
-    """Return shares of flagged and covered rows, the width of the intervals [%], and the error [%].
+    """Return the scores of a surrogate on rows that judge, as columns of the table.
 
-    `always` marks the rows that count as flagged even if the surrogate does not flag them. The
-    width is the mean of the rows without a flag, over their mean target.
+    Shares of flagged, covered, and covered unflagged rows are 0 to 1; the last is NaN if all rows
+    are flagged. `nmae` [%] is the error of all rows. `width` [%] is the mean width of the intervals
+    of unflagged rows over their mean target, NaN if all are flagged. `empty` is the number of
+    unflagged rows whose interval has no width. `always` marks rows that are taken as flagged even
+    if the surrogate does not flag them.
     """
     low, high = fitted.interval(judged, LEVEL)
     truth = judged.target * judged.scale
@@ -465,9 +496,10 @@ def _scores(fitted: Fitted, judged: Dataset, always: NDArray[np.bool_]) -> Row:
 
 
 def pooled(judged: Sequence[Row]) -> list[Row]:
-    """Average over the seeds.
+    """Average the scores of each case over the seeds.
 
-    Coverage and width weight each seed with the number of its unflagged rows.
+    In the means of coverage and width of unflagged rows, the weight of a seed is the number of its
+    unflagged rows.
 
     Parameters
     ----------
@@ -477,7 +509,7 @@ def pooled(judged: Sequence[Row]) -> list[Row]:
     Returns
     -------
     list of Row
-        One row for each case, database and target, with a verdict.
+        One row for each `trained_on`, `tested_on` and target, with a verdict.
     """
     groups: dict[tuple[str, ...], list[Row]] = {}
     for row in judged:
@@ -487,25 +519,30 @@ def pooled(judged: Sequence[Row]) -> list[Row]:
 
 
 def by_kind(table: Sequence[Row]) -> list[Row]:
-    """Collect the rows about kinds of surfaces that train no surrogate.
+    """Put the rows of all targets about one kind of surfaces into one row.
 
     Parameters
     ----------
     table : sequence of Row
-        Rows of `pooled`.
+        Rows of `pooled`. Rows whose `tested_on` is neither "kinds" (for all kinds together) nor
+        "kinds: NAME" are left out.
 
     Returns
     -------
     list of Row
-        One row for each kind, with the share of covered rows (0 to 1) and the width [%] of all
-        targets. `flagged` and `unflagged` are of the first target; `empty` is the sum over the
+        One row for each training and kind ("all" for all kinds together). The column TARGET is the
+        coverage of unflagged rows (0 to 1), and TARGET_width the width of their intervals [%].
+        `judged`, `flagged` and `unflagged` are of the first target; `empty` is the sum over the
         targets.
     """
     rows: dict[tuple[str, str], Row] = {}
     for row in table:
-        if not row["tested_on"].startswith(KIND):
+        tested_on = row["tested_on"]
+        if not tested_on.startswith(KIND):
             continue
-        kind = row["tested_on"].removeprefix(f"{KIND}: ").replace(KIND, "all")
+        kind = "all"
+        if tested_on != KIND:
+            kind = tested_on.removeprefix(f"{KIND}: ")
         new_row = {
             "trained_on": row["trained_on"],
             "kind": kind,
@@ -514,6 +551,7 @@ def by_kind(table: Sequence[Row]) -> list[Row]:
             "unflagged": row["unflagged"],
             "empty": 0,
         }
+        # The row of an earlier target, or the new one.
         of_kind = rows.setdefault((row["trained_on"], kind), new_row)
         of_kind["empty"] += row["empty"]
         of_kind[row["target"]] = row["covered_unflagged"]
@@ -522,15 +560,15 @@ def by_kind(table: Sequence[Row]) -> list[Row]:
 
 
 def _pooled(rows: Sequence[Row]) -> Row:
-    """Return the row for all seeds of a case, from one row for each seed."""
+    """Return the row for all seeds of a case and target, from one row for each seed."""
 
     def values(name: str) -> Values:
         return np.array([row[name] for row in rows])
 
     first = rows[0]
     unflagged = values("unflagged")
-    coverage_of_rows = _Coverage.of(
-        unflagged, values("covered_unflagged"), values("width")
+    mean_coverage = _Coverage.of(
+        unflagged=unflagged, shares=values("covered_unflagged"), widths=values("width")
     )
     return {
         "trained_on": first["trained_on"],
@@ -543,33 +581,38 @@ def _pooled(rows: Sequence[Row]) -> Row:
         "flagged": float(values("flagged").mean()),
         "covered": float(values("covered").mean()),
         "unflagged": int(unflagged.sum()),
-        "covered_unflagged": coverage_of_rows.share,
-        "error": coverage_of_rows.error,
-        "width": coverage_of_rows.width,
+        "covered_unflagged": mean_coverage.share,
+        "error": mean_coverage.error,
+        "width": mean_coverage.width,
         "empty": sum(row["empty"] for row in rows),
         "verdict": verdict(
-            coverage_of_rows.share, coverage_of_rows.error, int(unflagged.sum())
+            mean_coverage.share, mean_coverage.error, unflagged=int(unflagged.sum())
         ),
     }
 
 
 @dataclass(frozen=True)
 class _Coverage:
-    """The coverage of the rows without a flag, over all seeds; NaN if all rows are flagged."""
+    """The coverage of the rows without a flag, over all seeds. NaN if all rows are flagged."""
 
-    share: float  # of the rows inside their interval, 0 to 1
+    share: float  # share of rows inside their interval, 0 to 1
     error: float  # standard error of the share
     width: float  # mean width of the intervals over the mean target [%]
 
     @classmethod
     def of(cls, unflagged: Values, shares: Values, widths: Values) -> "_Coverage":
-        """Average over the seeds: numbers of unflagged rows, shares and widths of each seed."""
+        """Average over the seeds; each array has one value for each seed.
+
+        `unflagged` has the numbers of unflagged rows, `shares` their coverage and `widths` the
+        widths [%], which are NaN for a seed without unflagged rows.
+        """
         has_rows = unflagged > 0
         if not has_rows.any():
             return cls(share=float("nan"), error=float("nan"), width=float("nan"))
         weights = unflagged[has_rows]
         share = float(np.average(shares[has_rows], weights=weights))
-        # The seeds judge similar rows, so that no more than one seed's rows are independent.
+        # All seeds judge similar rows, so that only as many rows as those of one seed, on average,
+        # are taken to be independent.
         error = float(np.sqrt(share * (1 - share) / weights.mean()))
         width = float(np.average(widths[has_rows], weights=weights))
         return cls(share=share, error=error, width=width)
@@ -583,21 +626,22 @@ def verdict(share: float, error: float, unflagged: int) -> str:
     share : float
         Share of these rows inside their interval, 0 to 1.
     error : float
-        Standard error of the share.
+        Standard error of the share, 0 to 1.
     unflagged : int
         Number of these rows.
 
     Returns
     -------
     str
-        "met", "met within its error", "not met", or a reason why there is no verdict.
+        "met", "met within its error" or "not met"; "all flagged" or "few unflagged" if there are
+        fewer than `ENOUGH` unflagged rows to judge by.
     """
     if not unflagged:
         return "all flagged"
     if unflagged < ENOUGH:
         return "few unflagged"
-    if share >= WANTED:
+    if share >= REQUIRED:
         return "met"
-    if share + error >= WANTED:
+    if share + error >= REQUIRED:
         return "met within its error"
     return "not met"

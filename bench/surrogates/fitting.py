@@ -1,4 +1,7 @@
-"""Fits for the reports, made as `learn fit` makes them, of rows from one or several databases."""
+"""Fits of surrogates for the reports, made as `learn fit` makes them.
+
+A `Fitted` is the model of one target, with what its intervals and flags need.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,27 +25,27 @@ from learn.surrogate.learnt import Fit
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """The rows of a dataset, split into those that fit a surrogate and those that test it."""
+    """The rows of a dataset, split into training and test rows."""
 
-    train: Dataset
-    test: Dataset
+    train: Dataset  # rows that fit a surrogate
+    test: Dataset  # rows that test it
     folds: NDArray[np.int8]  # fold of each training row, 0 to 4
 
 
 class Ends(NamedTuple):
-    """The ends of the intervals of n rows, in the unit of the column."""
+    """The ends of the intervals of n rows, in the unit of the target's column."""
 
-    low: Values  # (n,)
-    high: Values  # (n,)
+    low: Values  # (n,) lower ends
+    high: Values  # (n,) upper ends
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Fitted(Fit):
     """A fitted model of a target, which flags rows that do not resemble its training rows."""
 
-    low: Values  # smallest value of each of d inputs in the training, (d,)
-    high: Values  # largest value of each input in the training, (d,)
-    distance: Distance  # from the training rows
+    low: Values  # (d,) smallest value of each of the d inputs among the training rows
+    high: Values  # (d,) largest value of each input among the training rows
+    distance: Distance  # distance of a row from the training rows, and its limit
 
     def predict(self, rows: Dataset) -> Values:
         """Predict the target.
@@ -70,7 +73,8 @@ class Fitted(Fit):
         Returns
         -------
         Scores
-            Scores [%].
+            The four scores. The nMSE is in percent times the unit of the target's column, the other
+            scores are in percent.
         """
         return scores(rows.target * rows.scale, self.predict(rows))
 
@@ -82,12 +86,12 @@ class Fitted(Fit):
         rows : Dataset
             n rows with the inputs of the training.
         level : float
-            Share of rows inside their interval, 0 to 1, among rows like the training rows.
+            Share of rows inside their interval, between 0 and 1, if rows resemble the training.
 
         Returns
         -------
         Ends
-            Both ends, inside the bounds of the target.
+            Both ends, clipped to the bounds of the target.
         """
         raw = self.predict(rows) / rows.scale
         ends = self.learnt.calibration.ends(raw, level, rows.inputs)
@@ -105,8 +109,8 @@ class Fitted(Fit):
         Returns
         -------
         ndarray of bool, shape (n,)
-            True if an input is outside the training ranges, or the row is far from all training
-            rows.
+            True if an input is outside its range in the training, or if the row is farther from all
+            training rows than the limit of `distance`.
         """
         is_outside = ((rows.inputs < self.low) | (rows.inputs > self.high)).any(axis=1)
         is_far = self.distance.of(rows.inputs) > self.distance.limit
@@ -130,7 +134,7 @@ def request_for(path: Path, model: str, features: str, area_max: float | None) -
     Returns
     -------
     Request
-        The request, with the normalisation that belongs to the features.
+        The request, for features with square roots and with the normalisation of the feature set.
     """
     return Request(
         databases=(path,),
@@ -143,19 +147,19 @@ def request_for(path: Path, model: str, features: str, area_max: float | None) -
 
 
 def read(request: Request, rows: int | None = None) -> Dataset:
-    """Read the rows of a database with the features of a request.
+    """Read the usable rows of a request's database, with its features and its target.
 
     Parameters
     ----------
     request : Request
-        The request, with one target.
+        The request, with one database and one target.
     rows : int or None
-        Number of the database's first rows that are used; None for all.
+        Number of the database's first rows that are used; None for all rows.
 
     Returns
     -------
     Dataset
-        The usable rows.
+        The usable rows among them.
 
     Raises
     ------
@@ -181,7 +185,8 @@ def parted(rows: Dataset, seed: int = 0) -> Parts:
     Returns
     -------
     Parts
-        Training rows with their folds, and test rows.
+        Training rows with their folds, and test rows. All rows of one surface or tile are in the
+        same part.
     """
     drawn = split.draw(rows, seed)
     return Parts(train=rows.at(drawn.train), test=rows.at(drawn.test), folds=drawn.folds)
@@ -201,20 +206,21 @@ def fit(
         The request, with one model.
     train : Dataset
         n training rows.
-    folds : ndarray, shape (n,)
-        Fold of each training row.
+    folds : ndarray of int8, shape (n,)
+        Fold of each training row, 0 to 4.
     settings : Settings or None
-        Settings of the model; None to choose among the program's settings by the folds.
+        Settings of the model; None to choose among the settings that come with the program, by
+        cross-validation over the folds.
 
     Returns
     -------
     Fitted
-        The surrogate.
+        The fitted model of the target.
 
     Raises
     ------
     InputError
-        If this machine lacks the memory.
+        If the memory of this machine does not suffice for the model.
     """
     plan = plan_calibration(request.models[0], train)
     fitted = fit_target(request, train, plan, folds, settings=settings)

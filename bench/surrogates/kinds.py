@@ -4,7 +4,9 @@ Each kind is a function for the generator "python" of a scene. It takes the shap
 the spacing along x and y [um] and a random generator, from which it draws the parameters of the
 kind; it returns the heights [um].
 
-The order in which a function draws its numbers decides the surfaces: another order makes others.
+The surfaces of a seed depend on the order in which a function draws its numbers. In this file "the
+side" is the length of the patch, and x and y over the side run from 0 to 1. Each function scales
+its heights to the rms height at its end, so that heights before have no unit.
 """
 
 from functools import partial
@@ -53,7 +55,8 @@ Spacing = tuple[float, float]
 """Distance between neighbouring nodes along x and along y [um]."""
 
 HEXAGONAL = 0.866
-"""Distance of the rows of a hexagonal packing over the distance of its spheres."""
+"""Distance of neighbouring rows of a hexagonal packing over that of neighbouring spheres:
+sqrt(3)/2 [1]."""
 
 
 def _self_affine(
@@ -67,16 +70,17 @@ def _self_affine(
 ) -> Heights:
     """Make a window of a self-affine surface with a mean of 0 and an rms height of 1.
 
-    `longest` is the roll-off wavelength along x over the side; `stretch` is the ratio of
-    wavelengths along x to wavelengths along y. A Hurst exponent is drawn if none is given.
+    The window is cut from a periodic surface of twice its length, so that its edges do not match.
+    `longest` is the roll-off wavelength along x over the side. `stretch` is the ratio of
+    wavelengths along x to wavelengths along y. The Hurst exponent is drawn from 0.5 to 0.9 if
+    `hurst` is None.
     """
     larger = (2 * shape[0], 2 * shape[1])
     sides = (larger[0] * spacing[0], larger[1] * spacing[1])
     cut_off = 2.1 * max(spacing)
     roll_off = max(longest * shape[0] * spacing[0], 1.2 * cut_off)
-    drawn_hurst = rng.uniform(
-        0.5, 0.9
-    )  # also if one is given: the order of draws decides
+    # Drawn in any case, so that later draws are the same with and without a given exponent.
+    drawn_hurst = rng.uniform(0.5, 0.9)
     if hurst is None:
         hurst = drawn_hurst
     spectrum = SelfAffineSpectrum(hurst, roll_off / stretch, cut_off / stretch, stretch)
@@ -90,19 +94,23 @@ def _scaled(heights: Heights) -> Heights:
 
 
 def _sized(heights: Heights, rng: np.random.Generator) -> Heights:
-    """Scale heights to an rms that is drawn from 2 to 12 um."""
-    return np.asarray(_scaled(heights) * np.exp(rng.uniform(np.log(2.0), np.log(12.0))))
+    """Shift heights to a mean of 0, and scale them to an rms height of 2 to 12 um, log-uniform."""
+    rms_height = np.exp(rng.uniform(np.log(2.0), np.log(12.0)))
+    return np.asarray(_scaled(heights) * rms_height)
 
 
 def _axes(shape: Shape) -> tuple[Heights, Heights]:
-    """Return x and y over the side, 0 to 1, of the shapes (nx, 1) and (1, ny)."""
-    return np.linspace(0, 1, shape[0])[:, None], np.linspace(0, 1, shape[1])[None, :]
+    """Return x, (nx, 1), and y, (1, ny), of the nodes over the side, 0 to 1."""
+    x = np.linspace(0, 1, shape[0])
+    y = np.linspace(0, 1, shape[1])
+    return x[:, None], y[None, :]
 
 
 def _across(x: Heights, y: Heights, angle: float, rng: np.random.Generator) -> Heights:
-    """Return the signed distances over the side from a straight line through a drawn point.
+    """Return the signed distances of all nodes from a straight line, over the side, (nx, ny).
 
-    `angle` is the direction of the distances [rad], from x to y.
+    `x` and `y` are those of `_axes`. The line goes through a drawn point. It is normal to the
+    direction with this angle from x towards y [rad].
     """
     along_x = (x - rng.uniform()) * np.cos(angle)
     along_y = (y - rng.uniform()) * np.sin(angle)
@@ -112,10 +120,11 @@ def _across(x: Heights, y: Heights, angle: float, rng: np.random.Generator) -> H
 def _made(
     kind: Kind, shape: Shape, spacing: Spacing, rng: np.random.Generator
 ) -> Heights:
-    """Make a map of `bench.made_maps`, of a drawn rms height."""
+    """Make a map of `bench.made_maps` [um], with a drawn length of its roughness."""
     seed = int(rng.integers(2**31))
-    length = shape[0] * rng.uniform(0.12, 0.4)
-    return _sized(surface(MadeMap(kind, seed, shape, 1.0, length)), rng)
+    length = shape[0] * rng.uniform(0.12, 0.4)  # 0.12 to 0.4 of the side [nodes]
+    made_map = MadeMap(kind, seed, shape, rms=1.0, length=length)
+    return _sized(surface(made_map), rng)
 
 
 turned = partial(_made, "turned")
@@ -131,10 +140,10 @@ def _long(
     spacing: Spacing,
     rng: np.random.Generator,
 ) -> Heights:
-    """Make waves that are longer along y than along x.
+    """Make a self-affine surface [um] whose waves are longer along y than along x.
 
-    `largest` is the largest roll-off wavelength over the side, and `stretch` the ratio of
-    wavelengths along x to wavelengths along y.
+    The roll-off wavelength along x over the side is drawn from 0.1 to `largest`. `stretch` is the
+    ratio of wavelengths along x to wavelengths along y, below 1.
     """
     longest = rng.uniform(0.1, largest)
     waves = _self_affine(shape, spacing, rng, longest=longest, stretch=stretch)
@@ -148,9 +157,10 @@ one_to_ten = partial(_long, 0.2, 0.1)
 def _exponential(
     sign: int, shape: Shape, spacing: Spacing, rng: np.random.Generator
 ) -> Heights:
-    """Make peaks (sign 1) or pits (sign -1): the exponential of a self-affine surface."""
+    """Make the exponential of a self-affine surface [um]: peaks with sign 1, pits with sign -1."""
     strength = rng.uniform(0.3, 1.0)
-    return _sized(sign * np.exp(strength * _self_affine(shape, spacing, rng)), rng)
+    heights = np.exp(strength * _self_affine(shape, spacing, rng))
+    return _sized(sign * heights, rng)
 
 
 lognormal = partial(_exponential, 1)
@@ -158,7 +168,7 @@ pitted = partial(_exponential, -1)
 
 
 def sine(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """Make a wave along one direction, with self-affine noise of 0.1 to 0.4 of its rms height.
+    """Make a sine wave of random direction, with self-affine noise of 0.1 to 0.4 of its rms height.
 
     Parameters
     ----------
@@ -179,12 +189,13 @@ def sine(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
     waves = rng.uniform(3, 10)
     along = waves * (x * np.cos(angle) + y * np.sin(angle))
     phase = 2 * np.pi * (along + rng.uniform())
+    wave = np.sqrt(2) * np.sin(phase)  # rms height of 1, like the noise
     noise = _self_affine(shape, spacing, rng)
-    return _sized(np.sqrt(2) * np.sin(phase) + rng.uniform(0.1, 0.4) * noise, rng)
+    return _sized(wave + rng.uniform(0.1, 0.4) * noise, rng)
 
 
 def egg_box(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """Make waves along both axes, with very little noise.
+    """Make the sum of a sine wave along x and one along y, with very little white noise.
 
     Parameters
     ----------
@@ -197,14 +208,14 @@ def egg_box(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights
         Heights [um] of this shape.
     """
     x, y = _axes(shape)
-    waves = rng.uniform(2, 8, 2)
+    waves = rng.uniform(2, 8, 2)  # numbers of waves along x and y
     along_x = np.sin(2 * np.pi * (waves[0] * x + rng.uniform()))
     along_y = np.sin(2 * np.pi * (waves[1] * y + rng.uniform()))
     return _sized(along_x + along_y + 0.03 * rng.normal(size=shape), rng)
 
 
 def bumps(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """Make paraboloids of random places, radii and heights on a fine noise.
+    """Make paraboloids of random places, radii and heights on fine white noise.
 
     Parameters
     ----------
@@ -228,7 +239,9 @@ def bumps(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
 
 
 def spheres(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """Make a hexagonal packing of spheres whose heights differ a little.
+    """Make a hexagonal packing of the upper halves of spheres, whose heights differ a little.
+
+    The floor between them is half a pitch below their mean centres.
 
     Parameters
     ----------
@@ -241,17 +254,19 @@ def spheres(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights
         Heights [um] of this shape.
     """
     x, y = _axes(shape)
-    pitch = 1 / rng.uniform(4, 10)
+    pitch = 1 / rng.uniform(4, 10)  # diameter of the spheres over the side
     shift = rng.uniform(0, pitch, 2)
-    heights = np.full(shape, -pitch)
+    floor = -pitch / 2
+    heights = np.full(shape, floor)
     # The packing extends beyond the surface on all sides.
     for row in range(-1, int(1 / (pitch * HEXAGONAL)) + 2):
         for column in range(-1, int(1 / pitch) + 2):
             centre_x = shift[0] + (column + 0.5 * (row % 2)) * pitch
             centre_y = shift[1] + row * HEXAGONAL * pitch
-            square = (pitch / 2) ** 2 - (x - centre_x) ** 2 - (y - centre_y) ** 2
-            top = np.sqrt(np.maximum(square, 0.0)) + 0.05 * pitch * rng.normal()
-            heights = np.maximum(heights, np.where(square > 0, top, -pitch / 2))
+            # Square of the height above the centre; negative beside the sphere.
+            squared = (pitch / 2) ** 2 - (x - centre_x) ** 2 - (y - centre_y) ** 2
+            top = np.sqrt(np.maximum(squared, 0.0)) + 0.05 * pitch * rng.normal()
+            heights = np.maximum(heights, np.where(squared > 0, top, floor))
     return _sized(heights, rng)
 
 
@@ -293,7 +308,9 @@ def two_scales(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heig
 
 
 def grains(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """Make facets of grains, each flat and tilted, with very little noise.
+    """Make grains, each a flat and tilted facet at a random level, with very little white noise.
+
+    The grains are the Voronoi cells of random centres.
 
     Parameters
     ----------
@@ -319,7 +336,7 @@ def grains(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
 
 
 def scratched(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """Make a self-affine surface with straight scratches of random directions.
+    """Make a self-affine surface with straight scratches of random directions, depths and widths.
 
     Parameters
     ----------
@@ -335,14 +352,14 @@ def scratched(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heigh
     heights = _self_affine(shape, spacing, rng)
     for _ in range(int(rng.integers(5, 30))):
         across = _across(x, y, rng.uniform(0, np.pi), rng)
-        depth = rng.uniform(0.5, 2.0)
-        width = rng.uniform(0.01, 0.04)
+        depth = rng.uniform(0.5, 2.0)  # over the rms height of the surface
+        width = rng.uniform(0.01, 0.04)  # over the side
         heights = heights - depth * np.exp(-((across / width) ** 2))
     return _sized(heights, rng)
 
 
 def weibull(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """Make heights of a Weibull distribution, skewed to either side.
+    """Make heights of a Weibull distribution, skewed upwards or downwards at random.
 
     Parameters
     ----------
@@ -354,13 +371,16 @@ def weibull(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights
     ndarray
         Heights [um] of this shape.
     """
+    # Minus the logarithm of the normal distribution function is exponentially distributed; a power
+    # of it has a Weibull distribution.
     exponential = -log_ndtr(_self_affine(shape, spacing, rng))
     heights = exponential ** (1 / rng.uniform(1.0, 3.0))
-    return _sized(rng.choice([-1.0, 1.0]) * heights, rng)
+    sign = rng.choice([-1.0, 1.0])
+    return _sized(sign * heights, rng)
 
 
 def truncated(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """Make a self-affine surface whose peaks are cut off, with very little noise.
+    """Make a self-affine surface whose peaks are cut off, with very little white noise.
 
     Parameters
     ----------
@@ -378,7 +398,7 @@ def truncated(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heigh
 
 
 def liner(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """Make a slightly worn self-affine surface, with crossing scratches of two widths.
+    """Make a slightly worn self-affine surface, with crossing scratches, narrow and wide ones.
 
     Parameters
     ----------
@@ -393,8 +413,10 @@ def liner(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
     x, y = _axes(shape)
     heights = _self_affine(shape, spacing, rng)
     angle = rng.uniform(0.3, 1.2)
+    # Wear makes the heights above the mean smaller.
     heights = np.where(heights > 0, rng.uniform(0.3, 1.0) * heights, heights)
     for number in range(int(rng.integers(8, 40))):
+        # Successive scratches cross: their angles have opposite signs.
         across = _across(x, y, angle * (-1) ** number, rng)
         if number % 4 == 0:
             width = rng.uniform(0.03, 0.06)
@@ -430,7 +452,7 @@ def pores(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
 
 
 def _midpoint(shape: Shape, rng: np.random.Generator) -> Heights:
-    """Make a surface of random midpoint displacement, as the paper preset does [um]."""
+    """Make a surface like those of the paper preset [um]."""
     hurst = rng.uniform(0.5, 0.8)
     sigma0 = rng.uniform(10, 15)
     return generate("diamond-square", shape[0], hurst, sigma0, rng)
@@ -453,7 +475,8 @@ def stepped(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights
     x, y = _axes(shape)
     angle = rng.uniform(0, 2 * np.pi)
     across = (x - rng.uniform(0.2, 0.8)) * np.cos(angle) + (y - 0.5) * np.sin(angle)
-    return np.asarray(heights + rng.uniform(0.1, 1.5) * heights.std() * (across > 0))
+    step = rng.uniform(0.1, 1.5) * heights.std()
+    return np.asarray(heights + step * (across > 0))
 
 
 def patchy(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
@@ -473,11 +496,12 @@ def patchy(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
     x, y = _axes(shape)
     along_x = np.sin(2 * np.pi * (x + rng.uniform()))
     along_y = np.sin(2 * np.pi * (y + rng.uniform()))
-    return np.asarray(heights * np.exp(rng.uniform(0.1, 1.0) * (along_x * along_y)))
+    factor = np.exp(rng.uniform(0.1, 1.0) * (along_x * along_y))
+    return np.asarray(heights * factor)
 
 
 def brushed(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """Make a surface of the paper preset, smoothed along x by means over five nodes.
+    """Make a surface of the paper preset, mixed with its running mean over five nodes along x.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
 """Which area a surrogate should learn on mixed grids: the count of nodes, or the continuum's.
 
-A count depends on the grid; the area in the continuum should not. Spectral surfaces of one
-distribution are solved on four grids. Surrogates are trained on one grid, on all, and on the three
-coarser ones for the finest; from dimensionless statistics, from features of the heights (hybrid),
-and from the parameters of the scene alone.
+The count of nodes in contact depends on the grid. The area in the continuum should not. Spectral
+surfaces of one distribution are solved on four grids. Surrogates are trained on each grid alone, on
+all four grids, and on the three coarser ones, which the finest one judges. Their inputs are
+dimensionless statistics, hybrid features of the heights, or the parameters of the scene alone.
 """
 
 from collections.abc import Iterator
@@ -21,10 +21,10 @@ from learn.database_rows import Dataset
 from learn.dataset import Request
 
 GRIDS = (33, 65, 129, 257)
-"""Nodes a side of the grids."""
+"""Nodes a side of the grids, the coarsest one first."""
 
 TARGETS = {"count": "area", "continuum": "continuum_area_percent"}
-"""Targets of the surrogates by the beginning of their columns in the table."""
+"""Targets of the surrogates, by the first word of their columns in the table."""
 
 SCENE: str = read_toml("surrogates/scenes")["mixed-grids"]["scene"]
 """The scene (TOML) of the coarsest grid, without its number of rows and seed."""
@@ -34,10 +34,10 @@ SCENE: str = read_toml("surrogates/scenes")["mixed-grids"]["scene"]
 class JudgedGrid:
     """Errors of a surrogate on rows of one grid that it was not trained on."""
 
-    trained_on: str  # nodes a side of the grids, with blanks between
-    judged_on: str
-    nmae: float  # [%]
-    bias: float  # sum of the predictions over that of the areas, less 1 [%]
+    trained_on: str  # nodes a side of the grids that train, with blanks between them
+    judged_on: str  # nodes a side of the grid of the rows that judge
+    nmae: float  # error nMAE [%]
+    bias: float  # sum of the predictions over the sum of the solved areas, less 1 [%]
 
 
 def mixed(folder: Path, rows: int) -> list[Row]:
@@ -51,12 +51,13 @@ def mixed(folder: Path, rows: int) -> list[Row]:
     folder : Path
         Folder of the report.
     rows : int
-        Number of rows of each grid.
+        Number of rows of each grid's database.
 
     Returns
     -------
     list of Row
-        Errors and biases of both areas [%], for each feature set, set of training grids and grid.
+        One row for each feature set, set of training grids and judging grid, with the errors and
+        biases of both areas [%].
     """
     paths = tuple(_database(folder, nodes, rows) for nodes in GRIDS)
     table: dict[tuple[str, str, str], Row] = {}
@@ -67,6 +68,7 @@ def mixed(folder: Path, rows: int) -> list[Row]:
             (all_rows,) = dataset.read(request)
             for judged in _judged(request, all_rows):
                 key = (features, judged.trained_on, judged.judged_on)
+                # The second target adds its columns to the row of the first one.
                 row = table.setdefault(key, _new_row(features, judged))
                 row[f"{name}_nmae_percent"] = judged.nmae
                 row[f"{name}_bias_percent"] = judged.bias
@@ -75,14 +77,14 @@ def mixed(folder: Path, rows: int) -> list[Row]:
 
 
 def _database(folder: Path, nodes: int, rows: int) -> Path:
-    """Generate the database of one grid; the seed is its number of nodes a side."""
+    """Generate the database of one grid, with the number of its nodes a side as its seed."""
     scene = SCENE.replace("nodes = 33", f"nodes = {nodes}")
     text = f"samples = {rows}\nseed = {nodes}\n{scene}"
     return generated(folder / "databases", f"spectral-{nodes}", text)
 
 
 def _new_row(features: str, judged: JudgedGrid) -> Row:
-    """Return a row of the table without errors."""
+    """Return a row of the table that has no errors and biases yet."""
     return {
         "features": features,
         "trained_on": judged.trained_on,
@@ -91,21 +93,27 @@ def _new_row(features: str, judged: JudgedGrid) -> Row:
 
 
 def _judged(request: Request, all_rows: Dataset) -> Iterator[JudgedGrid]:
-    """Yield the errors of each set of training grids on each grid, from rows of all grids."""
-    nodes = np.array(GRIDS)[all_rows.database]
+    """Yield the errors of a surrogate for each set of training grids, on each grid that judges it.
+
+    `all_rows` are of all grids: the number of their database is the place of the grid in `GRIDS`.
+    Test rows of the training grids judge, but all rows of the finest grid judge the coarser ones.
+    """
+    nodes = np.array(GRIDS)[all_rows.database]  # nodes a side, for each row
+    single = [(grid,) for grid in GRIDS]
     coarser = GRIDS[:-1]
-    for trained in [*((grid,) for grid in GRIDS), GRIDS, coarser]:
+    for trained in [*single, GRIDS, coarser]:
         parts = parted(all_rows.at(np.flatnonzero(np.isin(nodes, trained))))
         fitted = fit(request, parts.train, parts.folds)
         test = parts.test
         judging = trained
         if trained == coarser:
-            # The finest grid judges alone: none of its rows has trained.
+            # Only the finest grid judges. None of its rows was used for training.
             test = all_rows
             judging = GRIDS[-1:]
         for grid in judging:
             rows = test.at(np.flatnonzero(test.database == GRIDS.index(grid)))
-            bias = 100 * (fitted.predict(rows).sum() / rows.target.sum() - 1)
+            sum_ratio = fitted.predict(rows).sum() / rows.target.sum()
+            bias = 100 * (sum_ratio - 1)
             yield JudgedGrid(
                 trained_on=" ".join(map(str, trained)),
                 judged_on=str(grid),

@@ -1,14 +1,14 @@
 """How well a surrogate predicts windows of maps: of parts that it has not seen, and of other maps.
 
 The twenty made maps of one instrument are read, prepared and cut into windows by a scene that a
-user would write. Kernel ridge with hybrid features, fitted as `learn fit` does, is judged once on
-every row: on a fifth of the tiles at a time, and on one map at a time. No node of a map both trains
-and judges, and settings, intervals and flags come from the training rows alone.
+user would write. Kernel ridge with hybrid features is fitted as `learn fit` does. It is judged
+twice on every row: by a fit without a fifth of the tiles, and by a fit without one map. No node of
+a map both trains and judges. Settings, intervals and flags come from the training rows alone.
 
-A row counts as wrong if its error is more than twice as large as its interval allows; of normal
-errors 0.1 % are. A tenth of the rows is announced to be outside the interval, but wrong rows are
-not. So they have to be flagged, except for the few that occur by chance: more would show a kind of
-surface that the flags do not recognise.
+A row is called wrong if its error is more than twice as large as its interval allows. Of normally
+distributed errors 0.1 % are. A tenth of the rows is expected to be outside the interval, but wrong
+rows are not. So they have to be flagged, except for the few that occur by chance. More unflagged
+wrong rows would show a kind of surface that the flags do not recognise.
 """
 
 from collections.abc import Iterator, Sequence
@@ -35,34 +35,36 @@ from learn.metrics import scores
 from learn.split import FOLDS
 
 LEVEL = 0.9
-"""Level of the intervals."""
+"""Level of the intervals, 0 to 1."""
 
 FEWEST = 200
-"""Smallest number of rows: ten of each map."""
+"""Smallest accepted number of rows of a database: ten of each map."""
 
 MISSED = 2.0
-"""Smallest error of a wrong row over half the width of its interval, both in roots of areas."""
+"""Error of a row over half the width of its interval, both in roots of areas, above which the row
+is called wrong [1]."""
 
 SCENE: str = read_toml("surrogates/scenes")["windows"]["scene"]
 """The scene (TOML) with windows of 64 nodes a side, without its number of rows."""
 
 PARTS = {"unseen tiles": "tile", "maps left out": "map"}
-"""The rows that are left out of a training, and the column that tells them apart."""
+"""The rows that are left out of a training together: one tile's or one map's, by the words for them
+in the table."""
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
     """All n rows of a database, each predicted by a surrogate without its tile or its map."""
 
-    nodes: int  # a side of the windows
-    left_out: str  # a key of `PARTS`
+    nodes: int  # nodes a side of the windows
+    left_out: str  # rows left out of each training, a key of `PARTS`
     maps: Indices  # (n,) number of the map of each row
-    names: tuple[str, ...]  # names of the maps, by their numbers
+    names: tuple[str, ...]  # names of the maps, in the order of their numbers
     truth: Values  # (n,) solved areas [%]
     prediction: Values  # (n,) predicted areas [%]
     low: Values  # (n,) lower ends of the intervals [%]
     high: Values  # (n,) upper ends of the intervals [%]
-    flagged: NDArray[np.bool_]  # (n,)
+    flagged: NDArray[np.bool_]  # (n,) True for rows that the surrogate flags
 
     def row(self, name: str, chosen: NDArray[np.bool_]) -> Row:
         """Score some of the rows.
@@ -77,7 +79,8 @@ class Judged:
         Returns
         -------
         Row
-            A row of the table. Shares (0 to 1) of no rows are NaN.
+            A row of the table. Scores and the mean width of the intervals are in percent. Shares
+            are 0 to 1; NaN where no row can be counted, for example among flagged rows.
         """
         truth = self.truth[chosen]
         prediction = self.prediction[chosen]
@@ -85,9 +88,10 @@ class Judged:
         high = self.high[chosen]
         flagged = self.flagged[chosen]
         covered = (low <= truth) & (truth <= high)
-        # The intervals are symmetric about the prediction for roots of areas.
+        # For roots of areas the intervals are symmetric about the prediction.
         root = np.sqrt(prediction)
-        wrong = np.abs(np.sqrt(truth) - root) > MISSED * (np.sqrt(high) - root)
+        half_width = np.sqrt(high) - root
+        wrong = np.abs(np.sqrt(truth) - root) > MISSED * half_width
         judged = scores(truth, prediction)
         return {
             "nodes": self.nodes,
@@ -108,7 +112,7 @@ class Judged:
         }
 
     def rows(self) -> list[Row]:
-        """Return the rows of the table: one for all maps together, then one for each map."""
+        """Return rows of the table: one for all maps together, then one for each map."""
         all_maps = self.row("all", np.ones(self.maps.size, dtype=bool))
         of_maps = [
             self.row(name, self.maps == number) for number, name in enumerate(self.names)
@@ -124,12 +128,12 @@ def scans(folder: Path, rows: int, nodes: Sequence[int], seed: int) -> Report:
     Parameters
     ----------
     folder : Path
-        Folder of the report. Maps and databases are made in its folders `maps` and `databases`,
-        and kept.
+        Folder of the report. Maps and databases are made in its folders `maps` and `databases` if
+        they are missing, and kept.
     rows : int
         Number of rows of each size of windows, `FEWEST` or more.
     nodes : sequence of int
-        Nodes a side of the windows.
+        Nodes a side of the windows, one size or more.
     seed : int
         Seed of the division of the tiles into fifths.
 
@@ -145,7 +149,8 @@ def scans(folder: Path, rows: int, nodes: Sequence[int], seed: int) -> Report:
     """
     if rows < FEWEST:
         raise InputError(f"--rows {rows}: give {FEWEST} or more, ten of each map")
-    # Some formats hold the time of writing: maps written again would be other files.
+    # Some formats hold the time of writing. Maps written again would be other files, of which the
+    # databases would not be.
     if not (folder / "maps").is_dir():
         write_all(folder / "maps", ONE_INSTRUMENT)
     studies = []
@@ -158,7 +163,10 @@ def scans(folder: Path, rows: int, nodes: Sequence[int], seed: int) -> Report:
 
 
 def _judged(path: Path, nodes: int, left_out: str, seed: int) -> Judged:
-    """Predict all rows of a database, each by a surrogate without its tile or its map."""
+    """Predict all rows of a database, each by a surrogate without its tile or its map.
+
+    `nodes` is the number of nodes a side of the windows, `left_out` a key of `PARTS`.
+    """
     request = request_for(path, "kernel-ridge", "hybrid", None)
     rows = read(request)
     recorded = _recorded_maps(path, rows)
@@ -188,10 +196,10 @@ def _judged(path: Path, nodes: int, left_out: str, seed: int) -> Judged:
 
 
 class _RecordedMaps(NamedTuple):
-    """The maps of a database."""
+    """The maps of n rows of a database."""
 
     numbers: Indices  # (n,) number of the map of each row
-    names: tuple[str, ...]  # by the numbers
+    names: tuple[str, ...]  # names of the maps, in the order of their numbers
 
 
 def _recorded_maps(path: Path, rows: Dataset) -> _RecordedMaps:
@@ -207,14 +215,15 @@ def _recorded_maps(path: Path, rows: Dataset) -> _RecordedMaps:
 def _tests(
     rows: Dataset, maps: Indices, *, by_map: bool, seed: int = 0
 ) -> Iterator[Indices]:
-    """Yield the positions of rows that are judged together: a map, or a fifth of all tiles.
+    """Yield the positions of the rows that are judged together, each row once.
 
-    `maps` has the number of the map of each row.
+    They are the rows of one map, or of a random fifth of all tiles. `maps` has the number of the
+    map of each row.
     """
     groups = maps if by_map else rows.groups
     shuffled = np.random.default_rng(seed).permutation(np.unique(groups))
-    parts = np.array_split(shuffled, shuffled.size if by_map else FOLDS)
-    for part in parts:
+    number_of_parts = shuffled.size if by_map else FOLDS
+    for part in np.array_split(shuffled, number_of_parts):
         yield np.flatnonzero(np.isin(groups, part))
 
 
@@ -222,14 +231,17 @@ class _Training(NamedTuple):
     """n training rows in the order of the fit."""
 
     rows: Indices  # (n,) positions in the dataset
-    folds: NDArray[np.int8]  # (n,)
+    folds: NDArray[np.int8]  # (n,) fold of each row
 
 
 def _ordered(rows: Dataset, kept: Indices) -> _Training:
-    """Return the training rows `kept` with their folds: tiles in random order, each in one fold."""
+    """Return the training rows at the positions `kept`, in random order of their tiles.
+
+    All rows of a tile are in one fold.
+    """
     groups = rows.groups[kept]
     order = np.random.default_rng(1).permutation(np.unique(groups))
-    # The place of each tile in the random order, by the number of the tile.
+    # place[tile] is the place of a tile in the random order.
     place = np.zeros(int(rows.groups.max()) + 1, dtype=np.int64)
     place[order] = np.arange(order.size)
     train = kept[np.argsort(place[groups], kind="stable")]
@@ -238,7 +250,7 @@ def _ordered(rows: Dataset, kept: Indices) -> _Training:
 
 
 def _share(values: NDArray[np.bool_]) -> float:
-    """Return the share of True, 0 to 1; NaN without any value."""
+    """Return the share of True, 0 to 1; NaN for an empty array."""
     if not values.size:
         return float("nan")
     return float(values.mean())
@@ -250,12 +262,13 @@ def picture(studies: Sequence[Judged]) -> Any:
     Parameters
     ----------
     studies : sequence of Judged
-        The judged rows, all of `PARTS` for each size of windows.
+        For each size of windows, one study for each of `PARTS`.
 
     Returns
     -------
     matplotlib.figure.Figure
-        A panel for each study, with a colour for each kind of surface.
+        A panel for each study: a line of panels for each size, with a colour for each kind of
+        surface.
     """
     lines = len(studies) // len(PARTS)
     figure = new_figure(5.0 * len(PARTS), 4.4 * lines)
@@ -272,8 +285,11 @@ def picture(studies: Sequence[Judged]) -> Any:
 
 
 def _draw_kind(panel: Any, study: Judged, kind: str, colour: str) -> None:
-    """Draw the predictions on the maps of one kind of surface as dots."""
-    maps = [n for n, name in enumerate(study.names) if name.startswith(kind)]
+    """Draw the predictions on the maps of one kind of surface as dots.
+
+    The name of a map begins with its kind.
+    """
+    maps = [number for number, name in enumerate(study.names) if name.startswith(kind)]
     is_of_kind = np.isin(study.maps, maps)
     draw_parity(
         panel,

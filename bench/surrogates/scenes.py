@@ -1,10 +1,10 @@
-"""A surrogate of a scene's own numbers, judged by many surfaces of the same parameters.
+"""Surrogates whose inputs are a scene's own numbers, judged by many surfaces of equal parameters.
 
-Its inputs are the parameters that the scene draws, not statistics of a surface. Three different
-scenes are studied: spectral surfaces of bodies that yield, by pressure; random midpoint
-displacement, by Delta; and windows of ground maps, whose height and length are parameters. The
-truth is solved at fresh parameters on fresh surfaces. The table also has a Gaussian process of
-scikit-learn, as a user would write it.
+The inputs are the parameters that the scene draws and the load, not statistics of a surface. Three
+different scenes are studied: spectral surfaces of bodies that yield, under pressures; random
+midpoint displacement, pressed by Delta; and windows of ground maps, whose rms height and length are
+parameters. Surrogates are judged by contacts solved at fresh parameters on fresh surfaces. The
+table also has a Gaussian process of scikit-learn, as a user would write it.
 """
 
 from collections.abc import Iterator
@@ -40,67 +40,70 @@ from learn.features.scene import load_of
 from learn.surrogate import Surrogate, fitting
 
 SEED = 4242
-"""Seed of the parameters and surfaces that judge."""
+"""Seed of the fresh parameters. Surfaces at the k-th of them have the seed SEED + 1 + k."""
 
 FEW = 20
 """Number of surfaces that a user would solve for a mean."""
 
 QUESTIONS = 10_000
-"""Number of questions whose answers are timed."""
+"""Number of questions whose answers are timed together."""
 
 LEVEL = 0.9
-"""Level of the intervals."""
+"""Level of the intervals, 0 to 1."""
 
 SCORES_OF_MEANS = ("nmae", "floor", "mean_inside", "mean_width")
-"""Columns about means over surfaces that are averaged over draws of the training rows."""
+"""Columns of `_means` that are averaged over draws of the training rows."""
 
 MODELS = ("population", "kernel-ridge", "gaussian-process")
-"""Models that `learn fit` takes for a scene's own numbers."""
+"""Models of `learn fit` that are compared on a scene's own numbers."""
 
 MODEL_ROWS = 3000
-"""Number of rows that train each of the models: the times of kernel ridge and of the Gaussian
+"""Number of rows that train each of `MODELS`. The fit times of kernel ridge and of the Gaussian
 process grow with its cube."""
 
 SIZES = (500, 1500, 5000)
-"""Smaller numbers of rows that train a surrogate of the means."""
+"""Numbers of rows of smaller trainings. A size is left out if the database has no more rows."""
 
 DRAWS = 5
-"""Number of draws of these rows: the means of one fit alone have similar errors at all points."""
+"""Number of draws of the rows of a smaller training, which scores are averaged over. The errors of
+a single fit are alike at all points, so that one fit says little."""
 
 PROCESS_ROWS = 1000
-"""Number of rows that train the plain Gaussian process, whose time grows with its cube."""
+"""Number of rows that train the plain Gaussian process, whose fit time grows with its cube."""
 
 SCENES: dict[str, str] = read_toml("surrogates/scenes")["own-numbers"]
 """The scenes (TOML) by their names, without their numbers of rows."""
 
 RESULTS = (AREA.name, FORCE.name, DELTA.name)
-"""Columns of the results that judge."""
+"""Columns of the solved results by which surrogates are judged."""
 
 
 class Solved(NamedTuple):
-    """Results at p fresh parameters on s fresh surfaces each."""
+    """Results at p fresh sets of parameters, on s fresh surfaces for each of them."""
 
-    numbers: dict[str, Values]  # parameters and loads by their names, (p,) each
-    results: dict[str, Values]  # results by their columns, (p, s) each
+    # (p,) values of each parameter, the load and the hardness if there is one, by their names.
+    numbers: dict[str, Values]
+    # (p, s) values of each of `RESULTS`, by its name.
+    results: dict[str, Values]
 
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """A scene with its database, and the results that judge its surrogates."""
+    """A scene with its database, its surrogate, and the results that judge its surrogates."""
 
-    name: str  # of the scene
-    request: Request  # for the surrogate of the population
-    surrogate: Surrogate
+    name: str  # name of the scene
+    request: Request  # request for the surrogate
+    surrogate: Surrogate  # model "population", trained on all rows of the database
     fit_seconds: float  # processor time of the fit [s]
-    rows: int  # of the database
+    rows: int  # number of rows of the database
     solved: Solved
 
 
 def scene_surrogate(folder: Path, rows: int, points: int, surfaces: int) -> Report:
     """Fit a surrogate to each scene, and judge it at fresh parameters on fresh surfaces.
 
-    Progress is printed on standard error. The function of the windows, which is `bench`'s own, is
-    marked as trusted.
+    Progress is printed on standard error. This marks Python functions of scenes as trusted for the
+    rest of the process: the scene of windows has one, `bench.made_maps:window`.
 
     Parameters
     ----------
@@ -111,21 +114,22 @@ def scene_surrogate(folder: Path, rows: int, points: int, surfaces: int) -> Repo
     points : int
         Number of fresh sets of parameters and loads.
     surfaces : int
-        Number of fresh surfaces for each of them.
+        Number of fresh surfaces for each of these sets.
 
     Returns
     -------
     Report
-        Tables `scene-surrogate`, `scene-models` of other models, and `scene-means` of surrogates
-        that were trained on fewer rows.
+        Table `scene-surrogate`, `scene-models` with the rows of `_other_models`, and `scene-means`
+        with the rows of `_smaller_trainings`.
     """
     TRUSTED.set(True)
     table: list[Row] = []
     models: list[Row] = []
     means: list[Row] = []
-    for name, text in SCENES.items():
+    for name, scene_text in SCENES.items():
         file_name = name.replace(" ", "-")
-        path = generated(folder / "databases", file_name, f"samples = {rows}\n{text}")
+        text = f"samples = {rows}\n{scene_text}"
+        path = generated(folder / "databases", file_name, text)
         study = _study(name, path, rows, points, surfaces)
         table += _judged(study)
         models += _other_models(study)
@@ -136,7 +140,10 @@ def scene_surrogate(folder: Path, rows: int, points: int, surfaces: int) -> Repo
 
 
 def _study(name: str, path: Path, rows: int, points: int, surfaces: int) -> Study:
-    """Fit the surrogate of a scene's database, and solve the contacts that judge it."""
+    """Fit the surrogate of a scene's database, and solve the contacts that judge it.
+
+    Its targets are the area, and the one of force and Delta that is not the load.
+    """
     with Reader(path) as reader:
         scene = reader.scene
     load = load_of(scene)
@@ -168,34 +175,32 @@ class _TimedFit(NamedTuple):
 
 
 def _fitted(request: Request) -> _TimedFit:
-    """Fit a surrogate as `learn fit` does."""
+    """Fit a surrogate as `learn fit` does; its progress is printed on standard error."""
     began = process_time()
     surrogate = fitting.fit(request, Executor(), remark)
-    assert (
-        surrogate is not None
-    )  # it is None only after a stop, of which there is none here
+    # It is None only after an interruption, which this executor does not have.
+    assert surrogate is not None
     return _TimedFit(surrogate=surrogate, seconds=process_time() - began)
 
 
 def solved(scene: Scene, names: tuple[str, ...], points: int, surfaces: int) -> Solved:
-    """Solve contacts at fresh parameters of a scene on fresh surfaces.
+    """Solve contacts at fresh parameters of a scene, each on several fresh surfaces.
 
     Parameters
     ----------
     scene : Scene
         The scene.
     names : tuple of str
-        Names of the parameters and of the load that are returned.
+        Names of the parameters, of the load and of the hardness whose values are returned.
     points : int
         Number p of sets of parameters and loads.
     surfaces : int
-        Number s of surfaces for each of them.
+        Number s of surfaces for each of these sets.
 
     Returns
     -------
     Solved
-        The named numbers, in the units of the scene, and the results, in the units of their
-        columns.
+        The named numbers, in the units of the scene, and `RESULTS`, in the units of their columns.
     """
     load = load_of(scene)
     fresh = scene.model_copy(update={"seed": SEED, "samples_per_surface": 1})
@@ -230,16 +235,24 @@ def solved(scene: Scene, names: tuple[str, ...], points: int, surfaces: int) -> 
 
 
 def _share_inside(low: Values, high: Values, truth: Values) -> float:
-    """Return the share of results, shape (p, s), inside the intervals of their points, (p,)."""
+    """Return the share of results, 0 to 1, inside the interval of their point.
+
+    `low` and `high` have the shape (p,), and `truth`, the results, has the shape (p, s).
+    """
     return float(np.mean((low[:, None] <= truth) & (truth <= high[:, None])))
 
 
 def _judged(study: Study) -> Iterator[Row]:
-    """Yield a row of the table for each target: errors, coverage and times, and a plain process."""
+    """Yield the rows of the table `scene-surrogate`, one for each target of a study.
+
+    A row has errors, coverage and times of the surrogate, and those of a plain Gaussian process.
+    Errors and the error of the means of `FEW` surfaces are in percent. `inside` is the share of
+    results inside their interval, 0 to 1; `width` is the mean width of the intervals over the mean.
+    """
     surrogate = study.surrogate
     questions = surrogate.of_numbers(study.solved.numbers)
     answer = surrogate.predict_rows(questions, level=LEVEL)
-    inputs = surrogate.features.of(questions)
+    inputs = surrogate.features.of(questions)  # of the fresh points
     answer_seconds = _seconds_of_answers(study)
     training = dataset.read(study.request)  # one dataset for each target
     for mean, rows in zip(_means(surrogate, study.solved), training, strict=True):
@@ -264,7 +277,7 @@ def _judged(study: Study) -> Iterator[Row]:
 
 
 def _seconds_of_answers(study: Study) -> float:
-    """Return the time of `QUESTIONS` answers with intervals [s]."""
+    """Return the median time of answering `QUESTIONS` questions together, with intervals [s]."""
     numbers = {
         name: np.resize(values, QUESTIONS)
         for name, values in study.solved.numbers.items()
@@ -276,10 +289,11 @@ def _seconds_of_answers(study: Study) -> float:
 
 
 def _plain_process(rows: Dataset, inputs: Values, truth: Values) -> Row:
-    """Return error, coverage and times of a plain Gaussian process.
+    """Return error [%], coverage (0 to 1) and times [s] of a plain Gaussian process, as columns.
 
-    It has a length for each input, and noise. It is fitted to the first `PROCESS_ROWS` rows, and
-    judged at the inputs of p points by their results, shape (p, s).
+    Its kernel has a length for each input, and noise. It is fitted to the first `PROCESS_ROWS` of
+    the training rows. It is judged at the inputs of p points, shape (p, d), by `truth`, the results
+    at these points, shape (p, s).
     """
     kernel = ConstantKernel() * RBF(np.ones(inputs.shape[1])) + WhiteKernel()
     process = make_pipeline(
@@ -288,19 +302,24 @@ def _plain_process(rows: Dataset, inputs: Values, truth: Values) -> Row:
     fit = partial(process.fit, rows.inputs[:PROCESS_ROWS], rows.target[:PROCESS_ROWS])
     fit_seconds = seconds_of(fit)
     middle, deviation = process.predict(inputs, return_std=True)
-    half = norm.ppf((1 + LEVEL) / 2) * deviation
+    half_width = norm.ppf((1 + LEVEL) / 2) * deviation
+    inside = _share_inside(middle - half_width, middle + half_width, truth)
     questions = np.resize(inputs, (QUESTIONS, inputs.shape[1]))
     answer = partial(process.predict, questions, return_std=True)
     return {
         "process_nmae": _Errors(truth).of(middle),
-        "process_inside": _share_inside(middle - half, middle + half, truth),
+        "process_inside": inside,
         "process_fit_seconds": fit_seconds,
         "process_answer_seconds": median_seconds(answer),
     }
 
 
 def _other_models(study: Study) -> Iterator[Row]:
-    """Yield error and coverage of each of `MODELS` for each target."""
+    """Yield rows of the table `scene-models`: one for each of `MODELS` and each target.
+
+    `nmae` is the error of the predictions against the means over surfaces [%]. `inside` is the
+    share of results inside the interval of their point, 0 to 1.
+    """
     for model in MODELS:
         request = replace(study.request, models=(model,), train_rows=MODEL_ROWS)
         surrogate, seconds = _fitted(request)
@@ -319,7 +338,11 @@ def _other_models(study: Study) -> Iterator[Row]:
 
 
 def _smaller_trainings(study: Study) -> Iterator[Row]:
-    """Yield errors of means by surrogates that were trained on fewer rows, averaged over draws."""
+    """Yield rows of the table `scene-means`: one for each of `SIZES` and each target.
+
+    A row has the scores of `_means` for surrogates that were trained on `size` rows, averaged over
+    `DRAWS` draws of these rows.
+    """
     for size in SIZES:
         if size >= study.rows:
             continue
@@ -328,6 +351,7 @@ def _smaller_trainings(study: Study) -> Iterator[Row]:
             request = replace(study.request, train_rows=size, seed=draw)
             surrogate = _fitted(request).surrogate
             draws.append(list(_means(surrogate, study.solved)))
+        # Each draw has one row for each target, in equal order.
         for rows_of_target in zip(*draws, strict=True):
             row: Row = {
                 "scene": study.name,
@@ -340,44 +364,49 @@ def _smaller_trainings(study: Study) -> Iterator[Row]:
 
 
 def _means(surrogate: Surrogate, truth: Solved) -> Iterator[Row]:
-    """Yield the errors of a surrogate's means over surfaces for each target.
+    """Yield a row for each target with the scores of a surrogate's means over surfaces.
 
-    `mean_inside` is the share of true means inside their interval, which is widened by the error
-    that the true mean itself has.
+    `nmae` and `floor` are the errors of `_Errors` [%]. `mean_inside` is the share of means of
+    solved results inside the interval of their point, 0 to 1. The interval is widened by the error
+    of this mean itself, which is of a limited number of surfaces. `mean_width` is the mean width of
+    the intervals, without this widening, over the mean result [1].
     """
     questions = surrogate.of_numbers(truth.numbers)
     answer = surrogate.predict_rows(questions, level=LEVEL, mean=True)
     for target, learnt in surrogate.learnt.items():
         results = truth.results[learnt.column]
         errors = _Errors(results)
-        half = (answer.high[target] - answer.low[target]) / 2
+        half_width = (answer.high[target] - answer.low[target]) / 2
+        widened = np.hypot(half_width, errors.half_width)
         distance = np.abs(answer.values[target] - results.mean(axis=1))
         yield {
             "target": target,
             "nmae": errors.of(answer.values[target]),
             "floor": errors.floor,
-            "mean_inside": float(np.mean(distance <= np.hypot(half, errors.half))),
-            "mean_width": float(2 * half.mean() / results.mean()),
+            "mean_inside": float(np.mean(distance <= widened)),
+            "mean_width": float(2 * half_width.mean() / results.mean()),
         }
 
 
 class _Errors:
-    """Errors of predicted means, by the results at p points on s surfaces, shape (p, s)."""
+    """Errors of predicted means over surfaces, judged by `results` of p points, shape (p, s)."""
 
     def __init__(self, results: Values) -> None:
         self._mean = results.mean(axis=1)
+        # Standard error of the mean over s surfaces.
         self._error = results.std(axis=1, ddof=1) / np.sqrt(results.shape[1])
 
     @property
-    def half(self) -> Values:
-        """Half the width of the intervals of the true means, shape (p,)."""
+    def half_width(self) -> Values:
+        """Half the width of the interval of each mean over s surfaces, shape (p,)."""
         return np.asarray(norm.ppf((1 + LEVEL) / 2) * self._error)
 
     @property
     def floor(self) -> float:
-        """Error that the true means would have, because they are of few surfaces [%]."""
+        """The error `of` an exact prediction, because the means are of only s surfaces [%]."""
+        # The mean absolute value of a normal number is sqrt(2 / pi) of its standard deviation.
         return float(100 * np.sqrt(2 / np.pi) * self._error.mean() / self._mean.mean())
 
     def of(self, predicted: Values) -> float:
-        """Return the mean absolute error of predicted means, (p,), over the mean [%]."""
+        """Return the mean absolute error of predicted means, (p,), over the mean result [%]."""
         return float(100 * np.abs(predicted - self._mean).mean() / self._mean.mean())

@@ -35,9 +35,8 @@ class _PlottedDatabase:
     """The columns and the row of a database that are drawn."""
 
     scene: Scene
-    columns: dict[
-        str, NDArray[Any]
-    ]  # values of the done rows by column, each of shape (rows,)
+    # Values of the done rows by the names of the columns, each of shape (rows,).
+    columns: dict[str, NDArray[Any]]
     median_row: int  # number of the done row with the median area
 
 
@@ -85,9 +84,9 @@ def _read(file: Path) -> _PlottedDatabase:
         names = COLUMNS & {column.name for column in reader.columns()}
         columns = {name: reader.column(name)[done] for name in names}
         by_area = np.argsort(columns[AREA.name])
-        median = by_area[done.size // 2]
-        # A database that is a part of a scene begins with a later row than row 0.
-        median_row = reader.rows.start + int(done[median])
+        median_position = int(done[by_area[done.size // 2]])
+        # A database that is a part of a scene may begin with a later row than row 0.
+        median_row = reader.rows.start + median_position
         return _PlottedDatabase(
             scene=reader.scene, columns=columns, median_row=median_row
         )

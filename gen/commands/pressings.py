@@ -214,7 +214,7 @@ class PressingOrder:
         -------
         list of Row
             Two rows, the mean and the standard deviation, for each load under which a map was
-            solved. Both have the load itself in its `column`.
+            solved. Both have the load itself in the column `self.column`.
         """
         from gen.maps.several import summary
 

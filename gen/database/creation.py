@@ -176,8 +176,8 @@ def open_or_create(
     """Create a database, or extend it if it lacks some of the wanted rows.
 
     An extended file has its old rows, the wanted rows, and all rows between them; the new rows are
-    pending. Contiguous datasets cannot grow, so that the old rows are copied into a new file, which
-    replaces the old one. A kill leaves either the old file or the new one.
+    pending. Contiguous datasets cannot grow. The old rows are therefore copied into a new file,
+    which replaces the old one. If the process is killed, the path has the old file or the new one.
 
     Parameters
     ----------
@@ -189,8 +189,9 @@ def open_or_create(
         Numbers of the rows that the file has to hold; all rows of the scene by default. A file with
         further rows keeps them.
     force : bool
-        Whether the file may have another physics number. Its attribute "physics_forced" is then set
-        to the number of this version, whose rows are going to be among its rows.
+        Whether the file may have another physics number than this version. The attribute
+        "physics_forced" of such a file is set to the physics number of this version, because the
+        file is going to hold rows of this version too.
 
     Returns
     -------
@@ -212,7 +213,9 @@ def open_or_create(
         source = Source.of(path, file)
         require_scene(file, path, source.scene, scene, force=force)
         attributes = read_attributes(file)
-        if attributes["physics"] != PHYSICS:  # only with `force`
+        if (
+            attributes["physics"] != PHYSICS
+        ):  # `require_scene` allows this only with `force`
             file.attrs.modify("physics_forced", PHYSICS)
             attributes["physics_forced"] = PHYSICS
         extended = range(
@@ -220,8 +223,9 @@ def open_or_create(
         )
         if extended == source.rows:
             return "resumed"
-        # The new file records the scene with more samples. Powers of outputs were measured when the
-        # old file was made.
+        # The new file records the scene with more samples. If that is the new scene, it takes over
+        # the powers of the user's outputs (exponents of heights, lengths and E*, see
+        # `gen.quantities.Powers`), because they were measured when the old file was made.
         recorded = source.scene
         if scene.samples > recorded.samples:
             recorded = scene.with_powers_of(recorded)
@@ -267,7 +271,7 @@ def merge(target: Path, sources: Sequence[Path]) -> Counts:
         opened = [Source.of(path, file) for path, file in files.items()]
         for source in opened[1:]:
             _require_mergeable(opened[0], source)
-        # `max` returns the first of several.
+        # Of several sources with the largest number, `max` returns the first one.
         largest = max(opened, key=lambda source: source.scene.samples)
         scene = largest.scene
         attributes = read_attributes(largest.file)
@@ -301,8 +305,9 @@ def _require_mergeable(first: Source, second: Source) -> None:
 def _differing_powers(first: Scene, second: Scene) -> list[str]:
     """Return a line about the first output whose measured powers differ in two scenes.
 
-    Outputs are those of a user's function, in the order of their names. The list is empty if all
-    powers are equal.
+    Powers are exponents of heights, lengths and E*, see `gen.quantities.Powers`. The outputs of the
+    user's function are compared in the order of their names. The list is empty if all powers are
+    equal.
     """
     powers_of_first = first.store.powers or {}
     powers_of_second = second.store.powers or {}

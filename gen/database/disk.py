@@ -48,6 +48,8 @@ class HeldFile(ExitStack):
         self._fixed: tuple[range, ...] = ()  # offsets of the bytes that no writer changes
         self._content: list[bytes] = []  # the bytes of each of these ranges
         require_writable(path)
+        # The call does not wait, for example for the other end of a pipe, and programs that this
+        # process starts do not inherit the descriptor.
         self._descriptor = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
         self.callback(os.close, self._descriptor)
 

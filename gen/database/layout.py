@@ -150,20 +150,20 @@ def _add_column(file: h5py.File, column: Column, shape: tuple[int, ...]) -> h5py
 def _describe(dataset: h5py.Dataset, column: Column) -> None:
     """Add the attributes of a column to its dataset.
 
-    These are its meaning, its unit, the powers that were measured for it, and for a column of codes
-    the meaning of each code. The attributes have the names of the CF conventions,
-    apart from "powers".
+    These are its meaning, its unit, and for a column of codes the meaning of each code. An output
+    of a user's function also has its measured powers, see `gen.quantities.Powers`. The attributes
+    have the names of the CF conventions, apart from "powers".
     """
     _set(dataset, "long_name", column.long_name)
     if column.unit:
         _set(dataset, "units", column.unit)
     if column.measured and column.powers is not None:
-        # Powers of heights, lengths and E*, in this order.
+        # Exponents of heights, lengths and E*, in this order, with which the output scales.
         dataset.attrs["powers"] = np.array(column.powers, dtype="i1")
     flags = FLAGS.get(column)  # meaning of each code; None for a column without codes
     if flags:
         dataset.attrs["flag_values"] = np.array(list(flags), dtype=column.dtype)
-        # Blanks separate the meanings, so that each of them has to be one word.
+        # Blanks separate the meanings, so each of them has to be one word.
         words = [_one_word(text) for text in flags.values()]
         _set(dataset, "flag_meanings", " ".join(words))
 
@@ -183,7 +183,7 @@ def _set(node: h5py.Dataset | h5py.File, name: str, value: str | int) -> None:
     if isinstance(value, str):
         text = value.encode()
         # HDF5 has no type of length 0.
-        kind = h5py.string_dtype("utf-8", max(1, len(text)))
+        kind = h5py.string_dtype("utf-8", length=max(1, len(text)))
         node.attrs.create(name, text, dtype=kind)
     else:
         node.attrs[name] = value

@@ -154,9 +154,9 @@ def open_file(path: Path, writing: bool = False, communicator: Any = None) -> h5
     access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
     # Closing the file closes all its datasets too.
     access.set_fclose_degree(h5py.h5f.CLOSE_STRONG)
-    # No lock is taken; the second argument ignores an environment that forbids locks.
-    access.set_file_locking(False, True)
-    access.set_sieve_buf_size(0)
+    # HDF5's locks fail on network file systems, so none is taken.
+    access.set_file_locking(use_file_locking=False, ignore_when_disabled=True)
+    access.set_sieve_buf_size(0)  # switches the buffer for small writes off
     if communicator is not None:
         hints = communicator.Get_info()
         access.set_fapl_mpio(communicator, hints)

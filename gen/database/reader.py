@@ -2,7 +2,7 @@
 
 A row has a number in the plan of its scene, and a position in the columns of a file. The positions
 in a file begin with 0. In a whole database, number and position of a row are equal. A part holds
-consecutive rows only, so that the position is the number less that of the part's first row.
+consecutive rows only. There the position is the number less that of the part's first row.
 """
 
 import math
@@ -51,7 +51,7 @@ FLAGS: dict[Column, dict[int, str]] = {
 """Columns that hold codes, with the meaning of each code in words."""
 
 NO_QUANTITIES = (*FLAGS, CHECKSUM)
-"""Columns of whole numbers that are no quantities, so that they have no range."""
+"""Columns of whole numbers that are no quantities, and therefore have no range."""
 
 CODES = 256
 """Number of different codes that a column of codes can hold: each is one byte."""
@@ -232,7 +232,7 @@ class Reader(ExitStack):
 
         Returns
         -------
-        ndarray, shape (stop - start,) or (stop - start, nx, ny)
+        ndarray, shape (rows,) or (rows, nx, ny)
             Numbers, texts or fields in the unit of `gen.schema`. Pending and failed rows are
             included; values that were not computed are the column's fill values.
 
@@ -331,7 +331,7 @@ class Reader(ExitStack):
         ]
         row_bytes = sum(column.row_bytes(self.scene.grid.shape) for column in guarded)
         for begin, end in chunks(self._positions(start, stop), row_bytes):
-            # The status is the first of these columns, so that it is read first. The other values
+            # The status is read first, because it is the first of these columns. The other values
             # of a row that it calls finished do not change any more, even if a run is writing.
             columns: Columns = {}
             for column in guarded:
@@ -343,7 +343,7 @@ class Reader(ExitStack):
         return np.concatenate(damaged)
 
     def damage(self) -> str:
-        """Say in one line how many finished rows are damaged, and which command repairs them.
+        """Say in one line how many finished rows are damaged, and which command is the remedy.
 
         Returns
         -------

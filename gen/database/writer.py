@@ -2,8 +2,8 @@
 
 A row is finished if its status says so. The status is written only after the row's other data are
 on the disk, so that every row is whole or pending after a kill or a power cut. To sync a file, that
-is to wait until its data are on the disk, takes milliseconds. The statuses of all rows of
-`SYNC_SECONDS` therefore wait for one sync.
+is to wait until its data are on the disk, takes milliseconds. Therefore one sync serves all rows
+that were written within `SYNC_SECONDS`, and their statuses wait for it.
 """
 
 import math
@@ -109,6 +109,8 @@ class Writer(Reader):
                 column.name: file[stored_path(file, column)] for column in self._columns
             }
             self._status = self._datasets[STATUS.name]
+            # Remember the bytes that no writer changes. The path was opened twice, by `HeldFile`
+            # and by HDF5: check that it has not been replaced in between.
             self._held.remember(*self._outside_of_columns())
             self.confirm()
             self.push(opened.pop_all())
@@ -167,15 +169,16 @@ class Writer(Reader):
         """Keep HDF5 from writing into a file that another program has overwritten.
 
         HDF5 writes some bytes when it closes a file. If `confirm` fails, HDF5's descriptor is
-        redirected to a temporary file, which takes these bytes. With a communicator nothing is
-        done, because closing is collective.
+        redirected to a temporary file, which takes these bytes. With a communicator the bytes are
+        written, because files of MPI-IO have no descriptor that could be redirected.
         """
+        if self._communicator is not None:
+            return
         try:
             self.confirm()
         except InputError:
-            if self._communicator is None:
-                with tempfile.TemporaryFile() as discarded:
-                    os.dup2(discarded.fileno(), self._file.id.get_vfd_handle())
+            with tempfile.TemporaryFile() as discarded:
+                os.dup2(discarded.fileno(), self._file.id.get_vfd_handle())
 
     def write_block(
         self, start: int, stop: int, columns: Mapping[str, ArrayLike]
@@ -198,7 +201,8 @@ class Writer(Reader):
             If the file does not hold these rows, or a column is missing, unknown or of another
             shape.
         InputError
-            If the disk is full or fails, or the file has been replaced.
+            If the disk is full or fails, or the file has been replaced. Before an error of the disk
+            is raised, rows that were written before are finished if the disk allows it.
         """
         if not self.rows.start <= start < stop <= self.rows.stop:
             raise ValueError(
@@ -215,7 +219,7 @@ class Writer(Reader):
             arrays[CHECKSUM.name] = checksums_of(guarded)
         self.confirm()
         status = arrays.pop(STATUS.name)
-        with disk_trouble(self.path, self._save):
+        with disk_trouble(self.path, self._finish_after_trouble):
             for span in _true_ranges(status != Status.PENDING):
                 position = start - self.rows.start + span.start
                 for name, values in arrays.items():
@@ -248,7 +252,8 @@ class Writer(Reader):
     def sync_when_due(self) -> None:
         """Sync the written rows and write their statuses, unless the last sync was just before.
 
-        Nothing is done if the last sync was less than `SYNC_SECONDS` ago, or no row waits.
+        Nothing is done if the last sync was less than `SYNC_SECONDS` ago, or if no row waits for
+        its status.
 
         Raises
         ------
@@ -256,7 +261,7 @@ class Writer(Reader):
             If the disk is full or fails.
         """
         if self._unsynced and time.monotonic() >= self._last_sync + SYNC_SECONDS:
-            with disk_trouble(self.path, self._save):
+            with disk_trouble(self.path, self._finish_after_trouble):
                 self._sync()
 
     def _sync(self) -> None:
@@ -281,16 +286,16 @@ class Writer(Reader):
         This is called before the file closes. A file that another program has overwritten is left
         alone. A file that was moved or deleted still gets its statuses.
         """
-        # The first block that is written is synced at once, so that a writer without a sync has
+        # The first block that is written is synced at once, so a writer that has not synced has
         # written nothing.
         nothing_written = self._last_sync == -math.inf
         if nothing_written or not self._held.intact():
             return
-        with disk_trouble(self.path, self._save):
+        with disk_trouble(self.path, self._finish_after_trouble):
             self._sync()
-            self._held.sync()
+            self._held.sync()  # `_sync` has not waited for the statuses that it wrote last
 
-    def _save(self) -> str:
+    def _finish_after_trouble(self) -> str:
         """Try to finish the rows that were written before an error of the disk.
 
         Return, as the end of the error's message, how many rows of the file are done.

@@ -521,10 +521,12 @@ def require_new(path: Path) -> None:
     Raises
     ------
     InputError
-        If the path is refused.
+        If the path is refused. The message names the option --output.
     """
     if path.suffix != ".toml":
-        raise InputError(f"--output {path}: give a name that ends in .toml, as mine.toml")
+        raise InputError(
+            f"--output {path}: give a name that ends in .toml, such as mine.toml"
+        )
     if path.exists():
         raise InputError(
             f"--output {path}: is there already, and may hold changes of yours: give another name,"

@@ -62,9 +62,8 @@ class Fault:
 class Repair(NamedTuple):
     """Rows that a repair has changed, and rows that it has left."""
 
-    pending: (
-        Indices  # numbers of the rows that were damaged and are pending now, shape (k,)
-    )
+    # Numbers of the rows that were damaged and are pending now, shape (k,).
+    pending: Indices
     left_faulty: Indices  # numbers of the rows that still have faults, shape (m,)
 
 
@@ -116,7 +115,7 @@ def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[Fault]:
         Database.
     recompute : int
         Number of finished rows that are chosen at random and computed again. Rows with a wrong
-        checksum are left out after the choice, so that fewer rows may be computed.
+        checksum are left out after the choice, so fewer rows may be computed.
     seed : int
         Seed of this choice.
 
@@ -128,11 +127,10 @@ def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[Fault]:
     Raises
     ------
     InputError
-        If the file is no database, or if rows are to be computed again and a file that their
-        surfaces need is missing.
+        If the file is no database.
     SourceError
-        If rows are to be computed again and a user's function, which they need, fails or is not
-        trusted. It is a kind of InputError.
+        If rows are to be computed again, and an original map is missing or has changed, or a user's
+        function fails or is not trusted. It is a kind of InputError.
     """
     finished = []  # numbers of the finished rows, one array for each chunk
     damaged = []  # numbers of the rows with a wrong checksum, one array for each chunk
@@ -156,8 +154,10 @@ def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[Fault]:
             finished.append(start + positions)
             damaged.append(rows)
         if not finished:
-            return
+            return  # there is no row to compute again
         if recompute:
+            # The surfaces are made from the original files of maps, not from the prepared copies
+            # that a run keeps, because these may be damaged.
             reader.scene.surface.make_ready(path.parent, sources=True)
         random = np.random.default_rng(seed)
         chosen = random.permutation(np.concatenate(finished))[:recompute]
@@ -250,9 +250,9 @@ def _violations(chunk: _Chunk) -> Iterator[_Violation]:
 def _rules_of_finite_numbers(chunk: _Chunk) -> Iterator[_Violation]:
     """Yield, for each column of floating-point numbers, the rows whose number is not finite.
 
-    Two kinds of numbers are allowed: NaN in a statistic if the row's reason says that statistics
-    are undefined, and infinity in a quantity that is infinite at full contact. The last rule is
-    about rows with this reason that have all statistics. The rules hold for done rows; the caller
+    Two kinds of numbers are allowed: NaN in a statistic if the row has the reason NO_STATISTICS,
+    and infinity in a quantity that is infinite at full contact. The last rule finds rows with the
+    reason NO_STATISTICS whose statistics are all defined. The rules hold for done rows; the caller
     removes the other ones.
     """
     undefined = chunk.columns["reason"] == Reason.NO_STATISTICS
@@ -282,7 +282,7 @@ def _infinite_at_full_contact(scene: Scene) -> set[str]:
     problem = pose(
         np.zeros(scene.grid.shape),
         scene.grid.sides,
-        None,
+        delta=None,
         force=0.0,
         spacing=scene.grid.spacing,
         boundary=contact.boundary,
@@ -355,7 +355,7 @@ def _hardness_rules(chunk: _Chunk) -> Iterator[_Violation]:
     """
     hardness = chunk.plan.hardness
     if hardness is None:
-        return
+        return  # elastic bodies
     yielded = chunk.columns["yielded_percent"]
     area = chunk.columns["area_percent"]
     nodes = chunk.columns["contact_nodes"]
@@ -394,8 +394,8 @@ def _recomputed_faults(
     """Compute a row again, and yield a fault for each of `columns` whose bits differ.
 
     `row` is its number. All rows of its surface are computed with it. If the file has checksums,
-    the row's checksum is right, so that a difference is no damage: another machine or other
-    versions have computed the row.
+    the caller has found that the row's checksum is right. A difference is no damage then: another
+    machine or other versions have computed the row.
     """
     scene = reader.scene
     m = scene.samples_per_surface

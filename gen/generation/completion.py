@@ -2,7 +2,8 @@
 
 Before the first row is written, a user's function is called for contacts of the scene, which shows
 its outputs. These contacts are solved again with twice the heights, twice the lengths and twice E*.
-If an output changes by whole powers of two, the powers are recorded, and surrogates scale it so.
+If an output changes by whole powers of two, the exponents are recorded as its powers, by which
+surrogates scale it.
 """
 
 import json
@@ -75,7 +76,7 @@ class SampleProblem:
     def solve(self, doubled: Powers = PURE) -> bem.Contact:
         """Solve the contact, with heights, lengths or E* at twice their size.
 
-        The load and the hardness change with them by their own powers, so that the contact is a
+        The load and the hardness change with them by their own powers, so the contact is a
         scaled copy of the original one: the same nodes touch.
 
         Parameters
@@ -174,7 +175,7 @@ def completed(
         if rehearsed and function is None:
             _rehearse_surface(scene, limit)
     if function is None:
-        return scene
+        return scene  # no outputs have to be found out
     source = scene.store.source or source_hash(function)
     load_function(function, source)
     scene = _storing(scene, source=source)
@@ -258,7 +259,7 @@ def first_problem(scene: Scene) -> SampleProblem | None:
     SourceError
         If the user's generator fails.
     """
-    plan = parameters(scene, 0, TRIED_ROWS)
+    plan = parameters(scene, start=0, stop=TRIED_ROWS)
     for row in range(TRIED_ROWS):
         try:
             problem = SampleProblem(
@@ -306,7 +307,7 @@ def measured_powers(scene: Scene, limit: float | None = None) -> dict[str, Power
         # This includes a SourceError: the run itself meets it again, and tells the user.
         return {}
     if not measured:
-        return {}
+        return {}  # none of the first rows has a solution
     powers = measured[0]
     for powers_at_load in measured[1:]:
         powers = {
@@ -330,7 +331,7 @@ def _problems_over_the_loads(
     with time_limit(limit):
         first = first_problem(scene)
     if first is None:
-        return
+        return  # there is no surface to try the loads on
     ranges = [limits(piece.range) for piece in scene.pieces]
     largest = max(ends.largest for ends in ranges)
     smallest = min(ends.smallest for ends in ranges)
@@ -393,24 +394,24 @@ def _outputs_at(
 def _power(before: FunctionOutput, after: FunctionOutput | None) -> int | None:
     """Return the whole power of two by which doubling a size has changed an output.
 
-    Return None if the output is missing after it, if one of the two values is 0 or not finite, if
-    the sign has changed, or if the power is not a whole number.
+    `before` is the output of the original contact, and `after` that of the contact with the doubled
+    size, or None if the function has not returned it. Return None if the output is missing then, if
+    one of the two values is 0 or not finite, if the sign has changed, or if the power is not a
+    whole number.
     """
     if after is None:
-        return None
+        return None  # the function has not returned this output again
     if before.value == 0.0 or after.value == 0.0:
-        return None
+        return None  # a zero does not show any power
     if not (math.isfinite(before.value) and math.isfinite(after.value)):
         return None
     ratio = after.value / before.value
-    if (
-        not 0 < ratio < math.inf
-    ):  # the sign has changed, or the ratio is beyond all floats
-        return None
+    if not 0 < ratio < math.inf:
+        return None  # the sign has changed, or the ratio is beyond all floats
     power = math.log2(ratio)
     nearest = round(power)
     if abs(power - nearest) > WHOLE:
-        return None
+        return None  # the output does not scale with a whole power
     return nearest
 
 

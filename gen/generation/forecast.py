@@ -48,7 +48,8 @@ def planned_loads(scene: Scene) -> PlannedLoads:
         Smallest, mean and largest load of all rows, or of the first `COUNTED_ROWS` rows if there
         are more.
     """
-    loads = parameters(scene, 0, min(scene.samples, COUNTED_ROWS)).load
+    rows = min(scene.samples, COUNTED_ROWS)
+    loads = parameters(scene, start=0, stop=rows).load
     return PlannedLoads(
         smallest=float(loads.min()),
         mean=float(loads.mean()),
@@ -76,7 +77,7 @@ def measured_time(scene: Scene) -> MeasuredTime:
     surfaces = np.linspace(0, scene.surfaces - 1, MEASURED_SURFACES).astype(int)
     # The first sample of a process also takes the time to prepare Fourier transforms, which a run
     # needs only once. It is computed before the clock starts.
-    compute_rows(scene, 0, 1)
+    compute_rows(scene, start=0, stop=1)
     measured = 0
     began = time.perf_counter()
     for surface in np.unique(surfaces).tolist():  # a short scene has fewer surfaces

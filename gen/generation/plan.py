@@ -3,8 +3,9 @@
 With m samples per surface, row i belongs to surface i // m. Surfaces are counted in chunks of
 65,536. The random numbers of a plan come from these streams:
 
-- For each chunk one stream with the Hurst exponents and sigma0 of the generators by displacement
-  and with the loads of every generator. Its numbers are laid out in this order and shape:
+- For each chunk one stream with the Hurst exponents and sigma0, the standard deviation of the first
+  displacements, of the generators by midpoint displacement, and with the loads of every generator.
+  Its numbers are laid out in this order and shape:
 
       hurst (65536), sigma0 (65536), load (65536, m, 2: which piece, place in its range)
 
@@ -47,7 +48,8 @@ OPPOSITE = 4
 shared streams."""
 
 FRACTAL = ("hurst", "sigma0")
-"""Parameters of the generators by displacement; their numbers precede the loads in a stream."""
+"""Parameters of the generators by midpoint displacement: the Hurst exponent, and the standard
+deviation of the first displacements. Their numbers precede the loads in a stream."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -282,6 +284,7 @@ def _hardness(scene: Scene, start: int, stop: int) -> Values:
     contact = scene.contact
     limits = contact.hardness_limits
     distribution = contact.hardness or contact.hardness_ratio
+    # The caller has checked that the scene has a hardness.
     assert limits is not None
     assert distribution is not None
     if not contact.draws_hardness:

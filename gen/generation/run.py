@@ -227,7 +227,7 @@ def generate_database(
     ):
         world.broadcast(preparation.job)
         overdue = _farm_out(preparation, request, world, interruption)
-        # Every writer has closed the file, so that its rows can be counted.
+        # Every writer has closed the file, so its rows can be counted now.
         from gen.database import Reader
 
         with Reader(path) as reader:
@@ -244,9 +244,10 @@ def _serve(request: _Request, world: farm.World) -> RunResult:
     MasterLeft if the master has ended the command.
     """
     with Interruption(listening=False):
-        job: _Job = world.broadcast(None)
+        job: _Job = world.broadcast(None)  # receives; only the master's argument is sent
         with _sink_of(job, request, world) as sink:
             worker = _worker_of(job, request, sink, world)
+            # Only the master uses the tasks and `on_result`.
             farm.run(worker.compute, tasks=iter(()), on_result=sink.receive, world=world)
         result: RunResult = world.broadcast(None)
         return result
@@ -404,7 +405,7 @@ def _remarks_on_maps(scene: Scene) -> list[str]:
     """Return the generator's lines about its maps, or an empty list if it uses no maps."""
     cuts_windows = bool(scene.surface.PLACES)
     if not cuts_windows:
-        return []
+        return []  # the generator uses no maps
     return scene.surface.remarks()
 
 
@@ -461,17 +462,19 @@ def _block_sizes(scene: Scene, rows: int, workers: int) -> _BlockSizes:
     few pending `rows`, it is enough that the master can serve all blocks in this time.
     """
     nodes = math.prod(scene.grid.shape)
-    answer = ANSWER_NODES / nodes  # the master's time for one block, in times of one row
-    for_all_workers = MASTER_SHARE * workers * answer
-    # A block of b rows takes the time b. There are rows / b blocks, and serving all of them takes
-    # rows / b * answer. Both times are equal for this b:
-    for_all_blocks = math.sqrt(rows * answer)
+    # Time of the master for one block, over the time of a worker for one row.
+    answer_in_rows = ANSWER_NODES / nodes
+    for_all_workers = MASTER_SHARE * workers * answer_in_rows
+    # A worker computes a block of b rows in the time of b rows. There are rows / b blocks, and the
+    # master serves all of them in rows / b * answer_in_rows. Both times are equal for this b:
+    for_all_blocks = math.sqrt(rows * answer_in_rows)
     needed = int(min(for_all_workers, for_all_blocks))
     fitting = max(1, BLOCK_BYTES // row_bytes(scene))
     smallest = max(1, min(fitting, needed))
     usual = max(1, min(BLOCK_ROWS, BLOCK_NODES // nodes))
-    # A surface with more than `largest` rows is cut. With 2 `smallest` - 1 or more, a piece of
-    # `smallest` rows leaves a rest of at least `smallest` rows.
+    # A surface is cut only if it has more than `largest` rows. If `largest` is at least
+    # 2 * smallest - 1, such a surface has at least 2 * smallest rows, so both pieces can have
+    # `smallest` rows.
     largest = min(fitting, max(usual, 2 * smallest - 1))
     return _BlockSizes(smallest=smallest, largest=largest)
 
@@ -480,8 +483,8 @@ def _end_of_block(scene: Scene, start: int, count: int, largest: int) -> int:
     """Return the number of the row behind a block that begins with row `start`.
 
     The block has `count` rows or fewer, and ends with the last row of a surface. If the surface of
-    row `start` has more rows than that, the block has the rest of this surface, or `count` of its
-    rows if the rest has more than `largest` rows.
+    row `start` does not end within `count` rows, the block has the rest of this surface. If this
+    rest exceeds `largest` rows, the block has `count` of them.
     """
     per_surface = scene.samples_per_surface
     border = (start + count) // per_surface * per_surface  # first row of a surface

@@ -124,7 +124,7 @@ class _Samples:
         """Compute the rows first to last - 1, which share a surface, and fill in their columns."""
         heights = self._make_surface(first, last)
         if heights is None:
-            return
+            return  # the rows stay pending, or have become failed ones
         for row in range(first, last):
             began = time.perf_counter()
             try:
@@ -154,7 +154,7 @@ class _Samples:
                 heights = surface_of(self.scene, self.plan, first)
                 description = describe(heights, self.scene.grid.spacing)
         except Overtime:
-            return None
+            return None  # the rows stay pending
         except SourceError:
             raise  # the user's function or a map is wrong, which ends the run
         except (ArithmeticError, InputError):  # numbers are beyond the range of floats
@@ -175,8 +175,8 @@ class _Samples:
     def _solve(self, heights: Heights, row: int) -> Reason:
         """Solve the contact of a row on a surface with these heights [um], and fill in its columns.
 
-        Return the reason for which the row fails, or NONE if it is done. A SourceError of the
-        user's function for outputs is raised.
+        Return why the row fails, or NONE if it is done. A SourceError of the user's function for
+        outputs is raised.
         """
         scene = self.scene
         try:
@@ -211,7 +211,8 @@ class _Samples:
         store = self.scene.store
         outputs = {}
         if store.function:
-            # Before any column is filled in, so that a row of an error has no results.
+            # Called before any column is filled in, so that a row whose function fails keeps no
+            # results.
             outputs = outputs_for_row(store, contact, self.plan.first + row)
         filled = {"heights"}  # filled in with the surface
         if self.scene.quantity == "delta":
@@ -227,7 +228,12 @@ class _Samples:
 
 
 def _reason_without_solution(scene: Scene) -> Reason:
-    """Return the reason of a row for whose contact `bem.solve` has raised NoSolution."""
+    """Return the reason of a row for whose contact `bem.solve` has raised NoSolution.
+
+    The scene's settings tell it, because each of them allows only one cause: with a hardness, a
+    load that the hardness does not bear; on a free patch, a Delta beyond the one that a compliant
+    far field can have; on a patch without edges, a Delta beyond full contact.
+    """
     if scene.contact.hardness_limits is not None:
         return Reason.BEYOND_HARDNESS
     if scene.contact.boundary == "free":
@@ -239,7 +245,7 @@ def surface_of(scene: Scene, plan: Plan, row: int) -> Heights:
     """Make the surface of one row of a plan.
 
     If the scene has two rough bodies, the heights of both are added. The second body is generated
-    as it faces the first one, so that neither of them is turned over.
+    as it faces the first one, so neither of them is turned over here.
 
     Parameters
     ----------
@@ -422,9 +428,10 @@ def absolute_load(scene: Scene, heights: Heights, load: Load) -> AbsoluteLoad[Lo
     """
     match scene.quantity:
         case "delta/height_rms":
-            return AbsoluteLoad("delta", load * float(heights.std()))
+            return AbsoluteLoad(kind="delta", value=load * float(heights.std()))
         case "pressure/(E* slope_rms)":
             slope = rms_slope(heights, scene.grid.spacing)
-            return AbsoluteLoad("pressure", load * scene.contact.e_star * slope)
+            pressure = load * scene.contact.e_star * slope
+            return AbsoluteLoad(kind="pressure", value=pressure)
         case "delta" | "pressure" | "force" as kind:
-            return AbsoluteLoad(kind, load)
+            return AbsoluteLoad(kind=kind, value=load)

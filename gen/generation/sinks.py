@@ -169,8 +169,8 @@ def open_sink(
     """
     writes = parallel or world.is_master
     if not writes:
-        yield Sink()
-        return
+        yield Sink()  # sends the rows to the master
+        return  # no file has to be closed
     from gen.database import Writer  # a worker that writes nothing needs no HDF5
 
     communicator = world.communicator if parallel else None

@@ -1,5 +1,8 @@
 """Doubts about the results of a scene, from a trial before a run or from its rows after it.
 
+A doubt is a reason to distrust results, in one line for the user, see `gen.doubts`. It follows from
+a tally: counts and extremes of rows, such as the number of rows in full contact.
+
 A trial computes up to three of the first rows of the plan: those with the middle, the largest and
 the smallest load. It writes nothing. It does not call the user's function for outputs. A user's
 generator is called, which the user has trusted when the scene was completed.
@@ -162,7 +165,8 @@ def _largest_planned_pressure(scene: Scene) -> float:
 
     The loads of the scene must be pressures or forces.
     """
-    loads = parameters(scene, 0, min(scene.samples, PLANNED_ROWS)).load
+    planned_rows = min(scene.samples, PLANNED_ROWS)
+    loads = parameters(scene, start=0, stop=planned_rows).load
     largest = float(loads.max())
     if scene.quantity == "force":
         area = math.prod((*scene.grid.shape, *scene.grid.spacing))  # of the patch [um2]
@@ -176,7 +180,8 @@ def _tried_rows(scene: Scene, rows: int) -> list[int]:
     These are the rows with the middle, the largest and the smallest load, in this order. If a trial
     is not cheap, the list is cut to one row for each `SHARE` of the `rows` of the run.
     """
-    loads = parameters(scene, 0, min(scene.samples, PLANNED_ROWS)).load
+    planned_rows = min(scene.samples, PLANNED_ROWS)
+    loads = parameters(scene, start=0, stop=planned_rows).load
     order = np.argsort(loads, kind="stable")  # numbers of the rows by rising load
     chosen = [int(order[order.size // 2]), int(order[-1]), int(order[0])]
     if math.prod(scene.grid.shape) > ALWAYS_NODES:

@@ -201,6 +201,8 @@ class ScanSurface(GeneratedSurface):
 
     PLACES: ClassVar[Mapping[str, str]] = {
         "map": "index of the surface's map",
+        # Among the tiles of all maps; with maps of a second body, among groups of tiles of both
+        # bodies (`tile_groups`).
         "tile": "index of the tile of all maps, or of paired tiles",
     }
 

@@ -1,13 +1,13 @@
-"""The band of a law of several surfaces: where a further surface of the same kind lies.
+"""The band of a law of several surfaces: where a further surface of their kind is expected.
 
 The band at a load is a prediction interval, not an interval of the mean: its level is the chance
-that one further surface lies between its ends at this load. The chance to lie inside at all loads
-is smaller. The K surfaces and the further one are assumed to be drawn from the same distribution,
-and independently.
+that one further surface is between its ends at this load. The chance to be inside at all loads is
+smaller. The K surfaces and the further one are assumed to be drawn from one distribution, and
+independently.
 
 - If (K - 1) / (K + 1) is at the level or above, no form of this distribution is assumed. A further
-  surface has each rank among all K + 1 with the same chance, so that it lies below the j-th
-  smallest of the K with a chance of j / (K + 1). The ends are the order statistics at the ranks
+  surface has each rank among all K + 1 with an equal chance. So it is below the j-th smallest of
+  the K with a chance of j / (K + 1). The ends are the order statistics at the ranks
   p (K + 1), interpolated between whole ranks. For 90 % that takes 19 surfaces.
 - Fewer surfaces have no such ranks. Then the logarithms of a quantity, and the logits of areas in
   percent, are assumed to be normal. The ends are those of Student's prediction interval, the mean
@@ -43,7 +43,7 @@ def fewest_surfaces(level: float) -> int:
     Parameters
     ----------
     level : float
-        Chance that a further surface lies inside, between 0 and 1.
+        Chance that a further surface is inside the band, between 0 and 1.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def further_surface(values: Values, level: float, *, percent: bool = False) -> B
     values : ndarray, shape (K, k)
         A quantity of K surfaces, 2 or more, at k loads.
     level : float
-        Chance that a further surface lies inside, between 0 and 1.
+        Chance that a further surface is inside the band, between 0 and 1.
     percent : bool
         True if the quantity is a share in percent. With fewer surfaces than `fewest_surfaces`, its
         logit is then assumed to be normal, instead of its logarithm.
@@ -80,20 +80,20 @@ def further_surface(values: Values, level: float, *, percent: bool = False) -> B
     low = np.full(places.size, np.nan)
     high = np.full(places.size, np.nan)
     if not places.any():
-        return Band(low, high)
+        return Band(low=low, high=high)
     if ranked:
         band = _by_ranks(values[:, places], level)
     elif percent:
         logits = _students(logit(values[:, places] / 100), level)
-        band = Band(100 * expit(logits.low), 100 * expit(logits.high))
+        band = Band(low=100 * expit(logits.low), high=100 * expit(logits.high))
     else:
         logarithms = _students(np.log(values[:, places]), level)
         with np.errstate(over="ignore", under="ignore"):
-            band = Band(np.exp(logarithms.low), np.exp(logarithms.high))
+            band = Band(low=np.exp(logarithms.low), high=np.exp(logarithms.high))
     bounded = np.isfinite(band.low + band.high)
     low[places] = np.where(bounded, band.low, np.nan)
     high[places] = np.where(bounded, band.high, np.nan)
-    return Band(low, high)
+    return Band(low=low, high=high)
 
 
 def _by_ranks(values: Values, level: float) -> Band:
@@ -103,19 +103,20 @@ def _by_ranks(values: Values, level: float) -> Band:
     """
     shares = ((1 - level) / 2, (1 + level) / 2)
     low, high = np.quantile(values, shares, axis=0, method="weibull")
-    return Band(low, high)
+    return Band(low=low, high=high)
 
 
-def _students(numbers: Values, level: float) -> Band:
-    """Return Student's prediction interval of one more number, if numbers are normal.
+def _students(values: Values, level: float) -> Band:
+    """Return Student's prediction interval of one more value at each load, if values are normal.
 
-    `numbers` has shape (K, k): K numbers at each of k loads.
+    `values` has shape (K, k): those of K surfaces at k loads. `level` is the chance that the
+    further value is inside the interval.
     """
-    number = len(numbers)
-    factor = stdtrit(number - 1, (1 + level) / 2) * math.sqrt(1 + 1 / number)
-    reach = factor * numbers.std(axis=0, ddof=1)
-    mean = numbers.mean(axis=0)
-    return Band(mean - reach, mean + reach)
+    surfaces = len(values)
+    factor = stdtrit(surfaces - 1, (1 + level) / 2) * math.sqrt(1 + 1 / surfaces)
+    reach = factor * values.std(axis=0, ddof=1)
+    mean = values.mean(axis=0)
+    return Band(low=mean - reach, high=mean + reach)
 
 
 def described(number: int, level: float) -> str:
@@ -126,7 +127,7 @@ def described(number: int, level: float) -> str:
     number : int
         Number of surfaces.
     level : float
-        Chance that a further surface lies inside, between 0 and 1.
+        Chance that a further surface is inside the band, between 0 and 1.
 
     Returns
     -------
@@ -150,7 +151,7 @@ def assumption(number: int, level: float) -> str:
     number : int
         Number of surfaces.
     level : float
-        Chance that a further surface lies inside, between 0 and 1.
+        Chance that a further surface is inside the band, between 0 and 1.
 
     Returns
     -------

@@ -82,7 +82,7 @@ def in_range(curves: Curves, nodes: int) -> NDArray[np.bool_]:
     ndarray of bool, shape (k,)
         True where at least `ENOUGH` nodes and at most `MOST_AREA` per cent touch.
     """
-    return _touching(curves, nodes, ENOUGH, MOST_AREA)
+    return _touching(curves, nodes, enough=ENOUGH, most_area=MOST_AREA)
 
 
 def _touching(
@@ -126,7 +126,9 @@ def solve_between(
         if not contacts.at.size:
             break
         # A wider range than `in_range`, so that the intervals at its ends are foreseen too.
-        near = _touching(contacts, nodes, ENOUGH / 2, (MOST_AREA + 100) / 2)
+        near = _touching(
+            contacts, nodes, enough=ENOUGH / 2, most_area=(MOST_AREA + 100) / 2
+        )
         unforeseen = contacts.at[near & (_missed(solved, contacts) > FORESEEN)]
         solved = merged(solved, contacts)
         between = contacts if between is None else merged(between, contacts)
@@ -147,9 +149,9 @@ def _halves(low: Values, middles: Values, high: Values) -> tuple[Values, Values]
 def solve_for_lines(table: Curves, nodes: int, solve: Solve) -> Curves | None:
     """Solve contacts between the loads of a table whose points are joined by straight lines.
 
-    Between two contacts the conductance lies between its values there. So the two values bound how
-    far lines with the room of CalculiX are off. Where the bound exceeds `POSSIBLE`, a contact is
-    solved in the middle, and lines are laid anew. A table without a conductance is solved by
+    Between two contacts the conductance is between its values at both. So the two values bound how
+    far lines of `CALCULIX_POINTS` points are off. Where the bound exceeds `POSSIBLE`, a contact is
+    solved in the middle, and new lines are laid. A table without a conductance is solved by
     `solve_between` alone.
 
     Parameters
@@ -168,9 +170,9 @@ def solve_for_lines(table: Curves, nodes: int, solve: Solve) -> Curves | None:
     """
     if not table.conducting:
         return solve_between(table, nodes, solve)
-    between = solve_between(table, nodes, solve, LINE_ROUNDS)
+    between = solve_between(table, nodes, solve, rounds=LINE_ROUNDS)
     if between is None:
-        return None
+        return None  # the table has fewer than two usable loads, or no contact was solved
     for _ in range(IMPROVEMENTS):
         solved = merged(_usable(table), between)
         middles = _doubtful(solved, np.isin(solved.at, table.at), nodes)
@@ -195,18 +197,19 @@ def _doubtful(solved: Curves, at_loads: NDArray[np.bool_], nodes: int) -> Values
     conductances = solved.curves[solved.conducting].value
     close = in_range(solved, nodes)
     at_rest = solved.at_rest.get(solved.conducting, 0.0)
+    # First touch, at a pressure of 0, comes before the contacts.
     column = Column.through(
         at=np.append(0.0, pressures),
         values=np.append(at_rest, conductances),
         at_loads=np.append(True, at_loads),
         inside=np.append(False, close),
-        powers=True,
+        power_law=True,
     )
     line = column.laid(CALCULIX_POINTS)
-    lines = np.interp(pressures, line.at, line.values)
+    line_values = np.interp(pressures, line.at, line.values)
     # Values at both ends of each interval, (2, k - 1).
     ends = np.stack([conductances[:-1], conductances[1:]])
-    line_ends = np.stack([lines[:-1], lines[1:]])
+    line_ends = np.stack([line_values[:-1], line_values[1:]])
     with np.errstate(divide="ignore", invalid="ignore"):  # conductances may be 0
         above = line_ends.max(axis=0) / ends.min(axis=0) - 1
         below = 1 - line_ends.min(axis=0) / ends.max(axis=0)
@@ -262,7 +265,7 @@ def _missed(solved: Curves, contacts: Curves) -> Values:
         at = contacts.curves[CLOSURE.in_laws].value
         missed = np.maximum(missed, np.abs(foreseen(at) / contacts.at - 1))
     if name := solved.conducting:
-        foreseen = curve_through(solved.at, solved.curves[name].value, powers=True)
+        foreseen = curve_through(solved.at, solved.curves[name].value, power_law=True)
         values = contacts.curves[name].value
         with np.errstate(divide="ignore", invalid="ignore"):
             missed = np.fmax(missed, np.abs(foreseen(contacts.at) / values - 1))

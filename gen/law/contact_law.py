@@ -110,7 +110,7 @@ def by_solver(order: Order) -> Law:
     solver = LawSolver(order, subjects.surfaces, bodies)
     solved = {load: solver.solve(load, values) for load, values in loads.items()}
     tables = _tables(solver, solved)
-    making = Making("solved contact by contact", _band_of_one_surface(tables))
+    making = Making(method="solved contact by contact", band=_band_of_one_surface(tables))
     law = law_of(order, subjects, bodies, tables, making)
     if not order.between:
         return law
@@ -128,7 +128,7 @@ def _bodies(order: Order, subjects: LawSurfaces) -> Bodies:
         ratio = subjects.hardness_ratio()
         if ratio is not None:
             hardness = ratio * e_star
-    return Bodies(e_star, hardness, has_modulus=order.e_star is not None)
+    return Bodies(e_star=e_star, hardness=hardness, has_modulus=order.e_star is not None)
 
 
 def _band_of_one_surface(tables: Tables) -> str:
@@ -333,14 +333,14 @@ def _same_contacts(points: Points, load: Load) -> SolvedLoads:
 def _contacts_for_other_table(
     load: Load, other: SolvedLoads, solver: LawSolver
 ) -> SolvedLoads:
-    """Return contacts for the table against `load`, which the order does not give.
+    """Return the contacts of the table against `load`, for which the order gives no loads.
 
     `other` has the contacts of the other table. One surface has these contacts in both tables. A
-    population is solved anew: at each load of the other table its surfaces have different values of
-    `load`, and the mean of these is the new load. If already the first mean displacement presses a
-    surface flat, the smallest displacements of all surfaces take the place of the means. Loads
-    that are not solved are left out, perhaps all. Raises InputError if all pressures reach the
-    hardness.
+    population is solved again: at each load of the other table its surfaces have different values
+    of `load`, and the mean of these is the new load. If the first mean displacement already presses
+    a surface flat, or no mean is solved, the smallest displacement at each load of the other table
+    takes the place of the mean. Loads that are not solved are left out, perhaps all. Raises
+    InputError if all pressures reach the hardness.
     """
     if len(solver.surfaces) == 1:
         return _same_contacts(other.points[0], load)
@@ -349,13 +349,14 @@ def _contacts_for_other_table(
     means = means[risen(means)]
     if load == "pressure":
         means = _below_hardness(means, solver.bodies)
-        return solver.solve_some("pressure", means, other.points)
-    contacts = solver.solve_some("delta", means, other.points)
-    if not contacts.in_full_contact:
+        return solver.solve_some("pressure", means, like=other.points)
+    contacts = solver.solve_some("delta", means, like=other.points)
+    if not contacts.begins_in_full_contact:
         return contacts
     # The surfaces are so unlike that a mean displacement presses one of them flat.
     smallest = np.sort(of_surfaces.min(axis=0))
-    shorter = solver.solve_some("delta", smallest[risen(smallest)], other.points)
+    shorter = solver.solve_some("delta", smallest[risen(smallest)], like=other.points)
+    # If no displacement was left out, the first one is already that of full contact.
     remarks = contacts.remarks or [ends_below(means[0])]
     return replace(shorter, remarks=[*remarks, *shorter.remarks])
 
@@ -383,6 +384,7 @@ def _with_contacts_between(law: Law, solver: LawSolver) -> Law:
     over_delta = "delta" in order.between
     if not over_delta:
         order = replace(order, grid_error=False, flow=False)
+    # The grid's error is not judged between loads: it has been judged at the loads.
     solver = replace(solver, order=order, judges=False, passes=BETWEEN)
     between = SolverBetween(law, solver)
     solve_pressures = solve_for_lines if order.straight else solve_between

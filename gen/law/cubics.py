@@ -5,7 +5,8 @@ its file, so that one program can include several laws.
 
 4C imports a Python file. It calls the functions there with the gap at a node, which is negative
 where the bodies overlap, and with the offset of its input: the overlap at which they touch. The law
-acts where gap + offset <= 0. Pressures of 4C are negative, so that derivatives are positive.
+acts where gap + offset <= 0. Pressures of 4C are negative, so their derivatives with respect to the
+gap are positive.
 """
 
 import re
@@ -181,8 +182,8 @@ def _goes_on(quantity: str) -> bool:
     """Return whether a quantity follows its last slope beyond the last point; otherwise it stays.
 
     Pressure, force, Delta and closure follow it, because a joint that is pressed further gives way
-    further. Others have a bound. A conductance has none that is known; it stays constant, as in
-    CalculiX and Abaqus.
+    further. All other quantities stay: areas and gaps because they have a bound, and a conductance,
+    which has none that is known, because CalculiX and Abaqus keep it constant.
     """
     law = IN_LAWS[quantity].law
     return law is not None and law.goes_on
@@ -209,9 +210,8 @@ class Function:
     argument: str  # name of the argument: "delta", "pressure" or "closure"
     at: Values  # ascending arguments of the points [um or MPa], (k,)
     values: Values  # values at the points, in the unit of the quantity, (k,)
-    goes_on: (
-        bool  # True if it follows its last slope beyond the last point, else it stays
-    )
+    # True if it follows its last slope beyond the last point, False if it stays constant there.
+    goes_on: bool
     tangent: bool  # True if the header has a function for its slope, too
     between: Between
     falls: bool = False  # True for a quantity that falls with the load, as a gap
@@ -227,21 +227,24 @@ class Function:
     def deviation(self) -> Deviation:
         """Largest relative distances of the cubic from the contacts between its points.
 
-        They are relative to the contacts, or to the value at first touch if the quantity falls,
-        because it may fall to 0. They are NaN if there is nothing to compare.
+        Each is the distance of a contact from the cubic over the contact's value; for a quantity
+        that falls, and may reach 0, over the value at first touch. NaN if nothing is to compare.
         """
         usable = np.isfinite(self.between.values)
         if not usable.any() or self.at.size < 2 or not np.isfinite(self.values).all():
-            return Deviation(np.nan, np.nan)
-        from scipy.interpolate import PchipInterpolator
+            return Deviation(inside=np.nan, outside=np.nan)
+        from scipy.interpolate import CubicHermiteSpline
 
         contacts = self.between.values[usable]
-        cubic = PchipInterpolator(self.at, self.values)(self.between.at[usable])
-        unit = np.abs(contacts)
+        # the cubic that is written, whose last slope may be that of `_slopes_that_go_on`
+        cubic = CubicHermiteSpline(self.at, self.values, self.slopes)
+        reference = np.abs(contacts)
         if self.falls:
-            unit = np.full(contacts.shape, abs(self.values[0]))
-        unit = np.where(unit > 0, unit, np.inf)  # no distance from contacts of 0
-        distances = np.abs(cubic - contacts) / unit
+            reference = np.full(contacts.shape, abs(self.values[0]))
+        reference = np.where(
+            reference > 0, reference, np.inf
+        )  # a contact of 0 does not count
+        distances = np.abs(cubic(self.between.at[usable]) - contacts) / reference
         return Deviation.of(distances, self.between.inside[usable])
 
 
@@ -302,6 +305,8 @@ def _function(
 def _at_first_touch(law: Law, quantity: str, part: str) -> float:
     """Return a part of a quantity ("value", "low" or "high") at first touch, in its unit."""
     curves = law.over_delta.curves
+    # A quantity whose `at_rest` is None is 0 at first touch. Delta, which is 0 there too, has no
+    # curve in the table over Delta.
     if IN_LAWS[quantity].at_rest is None or quantity not in curves:
         return 0.0
     return float(getattr(curves[quantity], part)[0])

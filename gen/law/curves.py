@@ -57,8 +57,8 @@ class Points:
     # For each load inside the training without an interval, why it has none; "" for other loads.
     # Empty if all loads have one.
     endless: tuple[str, ...] = ()
-    # For each load, why the grid does not resolve the contact, so that the area in the continuum is
-    # not known; "" where it does. Empty if that was not judged.
+    # For each load, why the grid does not resolve the contact, where the area in the continuum is
+    # then not known; "" where it does. Empty if that was not judged.
     grid: tuple[str, ...] = ()
 
     def changed(
@@ -81,6 +81,7 @@ class Points:
         """
 
         def all_changed(arrays: dict[str, Values]) -> dict[str, Values]:
+            """Return the new arrays of all quantities, by their names."""
             return {name: change(name, array) for name, array in arrays.items()}
 
         return Points(
@@ -185,14 +186,14 @@ class Curves:
     at: Values  # ascending arguments [um or MPa], (k,)
     curves: dict[str, Curve]  # by the name of the quantity, in the order of `LAW_COLUMNS`
     outside: Values  # share of the surfaces outside the surrogate's training, (k,)
-    # For each argument, why there is no band, or what lies outside the training; else "".
+    # For each argument, why there is no band, or what is outside the training; else "".
     reasons: tuple[str, ...]
     # Values at first touch, where the curves begin, by names in laws; those left out are 0.
     at_rest: Mapping[str, float]
     # True where most surfaces are outside a surrogate's training, (k,).
     flagged: NDArray[np.bool_]
-    # For each argument, why the grid does not resolve the contact, so that the area in the
-    # continuum is not known; "" where it does. A population is judged on its first surface. Empty
+    # For each argument, why the grid does not resolve the contact, where the area in the continuum
+    # is then not known; "" where it does. A population is judged on its first surface. Empty
     # if that was not judged.
     grid: tuple[str, ...] = ()
 
@@ -240,7 +241,7 @@ class Curves:
         Returns
         -------
         Curves
-            The shorter table. Slopes are those of the cubics through its own points, so that they
+            The shorter table. Slopes are those of the cubics through its own points, so they
             differ from the slopes of this table.
         """
         at = self.at[places]
@@ -274,7 +275,8 @@ class Curves:
         """End the table below full contact, in which there is no interface any more.
 
         Full contact is where every node touches, or where the stiffness is infinite, as it is if
-        one surface of a population is in full contact. Flagged arguments are not considered.
+        one surface of a population is in full contact. Flagged arguments, at which most surfaces
+        are outside a surrogate's training, are not considered.
 
         Parameters
         ----------
@@ -299,7 +301,7 @@ class Curves:
             full |= ~np.isfinite(self.curves[STIFFNESS.in_laws].value)
         full &= ~self.flagged
         if not full.any():
-            return BelowFullContact(self)
+            return BelowFullContact(curves=self)
         end = int(np.argmax(full))
         start = f"full contact from {self.at[end]:.4g} {IN_LAWS[self.against].unit} on"
         loaded = bool((self.at[:end] > 0).any())
@@ -308,8 +310,8 @@ class Curves:
                 f"{start}: no law is left below it: give smaller loads; {modulus_in_words(bodies)}"
             )
         return BelowFullContact(
-            self.chosen(np.arange(self.at.size) < end),
-            f"{start}: the table against {self.against} ends below it",
+            curves=self.chosen(np.arange(self.at.size) < end),
+            remark=f"{start}: the table against {self.against} ends below it",
         )
 
     def with_conductance(self, per_stiffness: float) -> Curves:
@@ -377,7 +379,7 @@ def tabulated(
     parts : sequence of Points
         Points of each surface at these arguments. Each load has an entry in `reasons`.
     level : float
-        Chance that a further surface lies inside the band, between 0 and 1.
+        Chance that a further surface is inside the band, between 0 and 1.
     at_rest : mapping
         Values at first touch by names in laws; those left out are 0.
 
@@ -573,6 +575,7 @@ def monotone(points: Points) -> Monotone:
     weights = np.array([OUTSIDE_WEIGHT if reason else 1.0 for reason in points.reasons])
 
     def smooth(name: str, values: Values) -> Values:
+        """Return the monotone values of a quantity that are nearest, or the values unchanged."""
         if name == DELTA.in_laws or trend(name) == "turns":
             return values
         if not np.isfinite(values).all():
@@ -586,7 +589,8 @@ def monotone(points: Points) -> Monotone:
     low = {name: np.minimum(end, values[name]) for name, end in smoothed.low.items()}
     high = {name: np.maximum(end, values[name]) for name, end in smoothed.high.items()}
     corrections = {name: values[name] - points.values[name] for name in values}
-    return Monotone(replace(smoothed, low=low, high=high), corrections)
+    new_points = replace(smoothed, low=low, high=high)
+    return Monotone(points=new_points, corrections=corrections)
 
 
 def continued(points: Points, larger: Points) -> Points:
@@ -608,6 +612,7 @@ def continued(points: Points, larger: Points) -> Points:
     def appended(
         arrays: dict[str, Values], at_larger: dict[str, Values]
     ) -> dict[str, Values]:
+        """Return the arrays with the ones at larger Delta behind them, held monotone."""
         return {
             name: held(name, np.append(array, at_larger[name]))
             for name, array in arrays.items()

@@ -42,8 +42,7 @@ PARTS = {
     "_slope": "slope",
     "_std": "std",
 }
-"""Attributes of `Curve` that tables have, by the end of the name of the column. The name of the
-quantity comes before it."""
+"""Attributes of `Curve` by the suffix of their columns, which follows the name of the quantity."""
 
 FORMAT_VERSION = 1
 """Version of the JSON document. It is raised when a reader of the last version would misread a
@@ -103,7 +102,8 @@ def show(law: Law) -> None:
 def _show_table(law: Law, table: Curves) -> None:
     """Print a table of a law under its title.
 
-    The last column has the reasons of the rows. Rows with a reason and no band show "(-)" instead.
+    The last column has the reason of each row: why it has no band, or what is outside a surrogate's
+    training. Rows with a reason and no band show "(-)" in place of the band.
     """
     echo(law.title)
     echo(f"{law.bodies.text}; band: {law.band}")
@@ -142,7 +142,7 @@ def _text_of_cell(row: Row, name: str, *, withheld: bool) -> str:
     """Return the value of a quantity and its band as text, as "1.5 (1.2 to 1.8)".
 
     A value that is unknown is "-", without a band. If the band is `withheld`, it is "(-)". A value
-    without a band, or with a band of no width, stands alone.
+    without a band, or with a band of no width, has nothing behind it.
     """
     value = row[name]
     low = row[f"{name}_low"]
@@ -173,10 +173,10 @@ def cells(table: Curves) -> list[Row]:
     """
     rows: list[Row] = [{table.against: argument} for argument in table.at.tolist()]
     for name, curve in table.curves.items():
-        for end, part in PARTS.items():  # `end` of the column's name
+        for suffix, part in PARTS.items():
             numbers = getattr(curve, part).tolist()
             for row, number in zip(rows, numbers, strict=True):
-                row[f"{name}{end}"] = _cell(number)
+                row[f"{name}{suffix}"] = _cell(number)
     return rows
 
 
@@ -209,10 +209,12 @@ def write_table(path: Path, law: Law) -> list[Path]:
 def _rows(law: Law, table: Curves) -> list[Row]:
     """Return the rows of a table for CSV. Both tables of a law have the same columns.
 
-    A table against Delta has "" in the columns of Delta, which are needed by the other table.
+    In a table's own argument, such as delta_um, the column of the value has the argument. The
+    columns of its band, slope and deviation are "", and are there because the other table needs
+    them.
     """
     quantities = [DELTA.in_laws, *law.over_delta.curves]
-    columns = [f"{name}{end}" for name in quantities for end in PARTS]
+    columns = [f"{name}{suffix}" for name in quantities for suffix in PARTS]
     rows: list[Row] = []
     sources = law.sources
     for place, numbers in enumerate(cells(table)):
@@ -260,7 +262,10 @@ def _of_each_surface(law: Law, table: Curves, place: int) -> Row:
 
 
 def _resolved(table: Curves, place: int) -> str:
-    """Return "yes" or "no": whether the grid resolves the contact. "" if that is not judged."""
+    """Return "yes" or "no": whether the grid resolves the contact at an argument of a table.
+
+    Return "" if that was not judged, and at first touch, where there is no contact to resolve.
+    """
     if table.resolved is None or not table.at[place] > 0:
         return ""
     return "yes" if table.resolved[place] else "no"
@@ -388,7 +393,7 @@ class Panel:
 
     curve: Curve  # at k pressures
     label: str  # of the vertical axis
-    # True where the area of the nodes stands in for that in the continuum, (k,): circles mark these
+    # True where the area of the nodes replaces the area in the continuum, (k,): circles mark these
     # points. False if there are none.
     of_nodes: NDArray[np.bool_] | bool = False
 
@@ -425,10 +430,11 @@ def _panels(curves: Curves) -> list[Panel]:
 
     The third one is left out if the table has neither.
     """
-    panels = [Panel(curves.curves[CLOSURE.in_laws], CLOSURE.label), drawn_area(curves)]
+    closure = Panel(curve=curves.curves[CLOSURE.in_laws], label=CLOSURE.label)
+    panels = [closure, drawn_area(curves)]
     name = curves.conducting or STIFFNESS.in_laws
     if name in curves.curves:
-        panels.append(Panel(curves.curves[name], IN_LAWS[name].label))
+        panels.append(Panel(curve=curves.curves[name], label=IN_LAWS[name].label))
     return panels
 
 
@@ -460,13 +466,15 @@ def _draw_panel(axis: Any, pressures: Values, panel: Panel, scale: str) -> None:
 def _mark_area_of_nodes(
     axis: Any, pressures: Values, panel: Panel, drawn: NDArray[np.bool_]
 ) -> None:
-    """Mark the points that are areas of the nodes with circles, but for the one at 0 MPa.
+    """Mark with circles the points at which the area of the nodes replaces that in the continuum.
 
-    `drawn` is True at the points of the panel that are drawn, (k,).
+    These are the areas at loads where the grid does not resolve the contact. A point at 0 MPa is
+    not marked. `pressures` are those of the panel, (k,) [MPa]. `drawn` is True at its points that
+    are drawn, (k,).
     """
     marked = drawn & panel.of_nodes & (pressures > 0)
     if not marked.any():
-        return
+        return  # no point to mark, and no legend
     axis.plot(
         pressures[marked],
         panel.curve.value[marked],
@@ -496,11 +504,10 @@ def drawn_area(curves: Curves) -> Panel:
     nodes = curves.curves[AREA.in_laws]
     continuum = curves.curves.get(CONTINUUM.in_laws)
     if continuum is None or curves.resolved is None:
-        return Panel(nodes, "area of the nodes in contact [%]")
+        return Panel(curve=nodes, label="area of the nodes in contact [%]")
     if not curves.resolved_somewhere:
-        return Panel(
-            nodes, "area of the nodes in contact [%]\n(not resolved by the grid)"
-        )
+        label = "area of the nodes in contact [%]\n(not resolved by the grid)"
+        return Panel(curve=nodes, label=label)
     resolved = curves.resolved
     area = Curve(
         value=np.where(resolved, continuum.value, nodes.value),
@@ -508,4 +515,4 @@ def drawn_area(curves: Curves) -> Panel:
         high=np.where(resolved, continuum.high, nodes.high),
         slope=np.where(resolved, continuum.slope, nodes.slope),
     )
-    return Panel(area, CONTINUUM.label, ~resolved)
+    return Panel(curve=area, label=CONTINUUM.label, of_nodes=~resolved)

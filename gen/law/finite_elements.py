@@ -159,7 +159,7 @@ def write(path: Path, law: Law, program: Program, units: Units) -> list[Path]:
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """The points of a law that tables over the closure have: first touch, then k contacts.
+    """The points of a law that become a table over the closure: first touch, then k contacts.
 
     Closure and pressure rise from each point to the next. All arrays have shape (k + 1,). Contacts
     outside a surrogate's training are left out.
@@ -168,9 +168,8 @@ class Joint:
     pressures: Values  # [MPa]
     closures: Values  # [um]
     conductances: Values | None  # [W/(mm2 K)]; None if the law has none
-    at_loads: NDArray[
-        np.bool_
-    ]  # True at first touch and the loads of the law, not between
+    # True at first touch and the loads of the law, False at contacts solved between the loads.
+    at_loads: NDArray[np.bool_]
     inside: NDArray[np.bool_]  # True where neither few nor nearly all nodes touch
 
 
@@ -268,8 +267,9 @@ def outwards(ends: Values, part: str) -> Values:
 def _apart(closures: Values, side: str) -> NDArray[np.bool_]:
     """Return True at the points that a table keeps, so that its closures rise, (k,).
 
-    Of neighbouring points with the same closure one is kept: the last on the stiff side of a band,
-    else the first. Then the straight line to the next point has no dropped point outside it.
+    Of neighbouring points with the same closure one is kept: the last, which has the largest
+    pressure, on the stiff side of a band, else the first. Then no dropped point is beyond the
+    straight lines of a side of the band.
     """
     if side != "stiff":
         return risen(closures, LEVEL)
@@ -282,12 +282,10 @@ class Tables:
     """The tables of an input file, whose points straight lines join."""
 
     behaviour: Line  # pressure [MPa] over closure [um]
-    conducting: (
-        Line | None
-    )  # conductance [W/(mm2 K)] over pressure [MPa]; None if there is none
-    pressures: (
-        Values  # 0 and the pressures of all contacts behind the tables [MPa], (k + 1,)
-    )
+    # Conductance [W/(mm2 K)] over pressure [MPa]; None if the law has none.
+    conducting: Line | None
+    # 0 and the pressures of all contacts from which the tables were made [MPa], (k + 1,).
+    pressures: Values
     # Distances of the lines from the law, of "pressure" and, if there is one, "conductance".
     deviations: dict[str, Deviation]
 
@@ -298,10 +296,11 @@ def _tables(law: Law, side: str, *, calculix: bool) -> Tables:
     For a side, contacts between the loads of the law are not used: `outwards` moves the ends of the
     band at the loads.
     """
-    joint = rising(law, side, between=not side)
+    joint = rising(law, side, between=(side == ""))
     pressure = _pressure_column(joint)
     behaviour = pressure.laid()
-    if calculix:  # one of its points is the first of `FAR`
+    if calculix:
+        # One of its points is the first of `FAR`. All others are laid, even if fewer are enough.
         behaviour = pressure.laid(CALCULIX_POINTS - 1, filled=True)
     deviations = {"pressure": pressure.deviation(behaviour)}
     if not side:
@@ -344,7 +343,7 @@ def _lines(
 
 
 def _interaction_name(path: Path) -> str:
-    """Return the name of the surface interaction of a file: its stem, so that it is a name.
+    """Return the name of the surface interaction of a file: its stem, changed into a valid name.
 
     Letters are upper case, other characters than letters and digits become "_", and a name that
     does not begin with a letter gets "LAW_" before it.
@@ -373,47 +372,57 @@ def _conductance_lines(
 
 
 def _pressure_column(joint: Joint) -> Column:
-    """Return the column of the pressure over the closure [MPa over um]."""
+    """Return the column of the pressure over the closure [MPa over um].
+
+    Between its points, the pressure is taken as an exponential of the closure.
+    """
     return Column.through(
         at=joint.closures,
         values=joint.pressures,
         at_loads=joint.at_loads,
         inside=joint.inside,
-        powers=False,
+        power_law=False,
     )
 
 
 def _conductance_column(joint: Joint, conductances: Values) -> Column:
-    """Return the column of the joint's conductances over the pressure [W/(mm2 K) over MPa]."""
+    """Return the column of the joint's conductances over the pressure [W/(mm2 K) over MPa].
+
+    `conductances` has shape (k + 1,). Between its points, the conductance is taken as a power of
+    the pressure.
+    """
     return Column.through(
         at=joint.pressures,
         values=conductances,
         at_loads=joint.at_loads,
         inside=joint.inside,
-        powers=True,
+        power_law=True,
     )
 
 
 def _off_checks(law: Law, line: Line, quantity: str) -> Deviation:
-    """Return how far a line is off the law's checks: contacts that had no part in laying it.
+    """Return the largest relative distances [1] of a line from the law's checks.
 
+    Checks are contacts that were solved without any part in the choice of the line's points.
     `quantity` is the closure for a line of pressures over closures, or the conductance for a line
-    of conductances over pressures. Both numbers are NaN without checks.
+    of conductances over pressures. Both distances are NaN without checks.
     """
     checks = law.checks
     if checks is None or quantity not in checks.curves:
-        return Deviation(np.nan, np.nan)
+        return Deviation(inside=np.nan, outside=np.nan)
     values = checks.curves[quantity].value
-    at = checks.at
-    solved = values
     if quantity == CLOSURE.in_laws:  # the closure is the argument of its line
         at = values
         solved = checks.at
-    # Below its second point, the first load, a line is not compared: nothing was computed there.
+    else:
+        at = checks.at
+        solved = values
+    # A line begins at first touch, and its second point is the first load. Nothing was computed
+    # between both, so checks there are left out.
     compared = (at >= line.at[1]) & (at <= line.at[-1])
     usable = compared & np.isfinite(values) & (solved > 0)
-    lines = np.interp(at[usable], line.at, line.values)
-    distances = np.abs(lines / solved[usable] - 1)
+    line_values = np.interp(at[usable], line.at, line.values)
+    distances = np.abs(line_values / solved[usable] - 1)
     inside = in_range(checks, law.nodes)
     return Deviation.of(distances, inside[usable])
 
@@ -452,6 +461,7 @@ def in_words(deviations: Mapping[str, Deviation]) -> str:
         Part of a sentence, without a full stop. If all numbers are NaN, it says that there is one
         load.
     """
+    # Numbers that are NaN fail the comparison.
     inside = {name: off.inside for name, off in deviations.items() if off.inside >= 0}
     outside = {name: off.outside for name, off in deviations.items() if off.outside >= 0}
     texts: list[str] = []

@@ -146,7 +146,7 @@ class Column:
         at_loads: NDArray[np.bool_],
         inside: NDArray[np.bool_],
         *,
-        powers: bool,
+        power_law: bool,
     ) -> Column:
         """Make a column of known points, of which the first is at the argument 0.
 
@@ -160,7 +160,7 @@ class Column:
             True at the first point and at the loads that the law was asked for.
         inside : ndarray of bool, shape (k + 1,)
             True where neither few nor nearly all nodes touch.
-        powers : bool
+        power_law : bool
             True if the law is a power of its argument rather than an exponential of it.
 
         Returns
@@ -172,10 +172,10 @@ class Column:
         points = np.arange(last + 1)
         steps = np.arange(FINE * last + 1) / FINE
         fine = np.interp(steps, points, at)
-        if powers and last > 1:  # parts of even ratio, but for the interval at 0
+        if power_law and last > 1:  # parts of even ratio, but for the interval at 0
             fine[FINE:] = np.exp(np.interp(steps[FINE:], points[1:], np.log(at[1:])))
         curve = np.interp(fine, at[:2], values[:2])  # right up to the first load
-        curve[FINE:] = curve_through(at[1:], values[1:], powers=powers)(fine[FINE:])
+        curve[FINE:] = curve_through(at[1:], values[1:], power_law=power_law)(fine[FINE:])
         # Remove the rounding of the logarithms at the known points.
         fine[::FINE] = at
         curve[::FINE] = values
@@ -216,7 +216,9 @@ class Column:
         return np.asarray(np.abs(lines - self.curve) / unit)
 
     def deviation(self, line: Line) -> Deviation:
-        """Compute the largest relative distances of a line from the law, from the first load on.
+        """Compute the largest relative distances of a line from the law.
+
+        They are taken at the first load and above. Below it, the law is a straight line itself.
 
         Parameters
         ----------
@@ -299,7 +301,7 @@ class Column:
         while path is None or path.size > room:
             high *= 2
             if high > MOST_WIDTH:
-                return None
+                return None  # the widest corridor has no such path
             path = self._path(high, kept)
         best = path
         # Search between the last width that failed and the first that fitted.
@@ -330,15 +332,16 @@ class Column:
         return None if path is None else np.append(0, places[path])
 
     def _places_of_paths(self) -> Indices:
-        """Return places of a path above 0: the known points, and some between where the law rises.
+        """Return places of a path above 0: the known points, and some between them.
 
         Neighbouring places are so close that the law changes by about `PART_RISE` at most, if
-        `FINE` allows it.
+        `FINE` allows it. Each interval is halved until this is so.
         """
         knots = self.curve[FINE::FINE]
         larger = np.maximum(knots[1:], knots[:-1])
         rises = np.abs(np.diff(knots)) / np.where(larger > 0, larger, 1.0)
         halvings = np.ceil(np.log2(np.maximum(rises / PART_RISE, 1.0)))
+        # Number of parts between neighbouring places in each interval, a power of two.
         strides = FINE // np.minimum(2**halvings, FINE).astype(int)
         places = np.arange(FINE, self.at.size - 1)
         chosen = places % strides[places // FINE - 1] == 0
@@ -361,7 +364,7 @@ class Column:
         no_distance = np.zeros((falls.shape[0], 1))
         through = self._shares(places, kept)
         program = linprog(
-            np.append(np.zeros(places.size), 1.0),
+            c=np.append(np.zeros(places.size), 1.0),  # minimise the distance alone
             A_ub=np.block([[lines, distance], [-lines, distance], [falls, no_distance]]),
             b_ub=np.concatenate([ones, -ones, least_falls]),
             A_eq=np.column_stack([through, np.zeros(kept.size)]),
@@ -387,7 +390,7 @@ class Column:
         """Return the matrix of falls between m neighbouring values, and the largest falls allowed.
 
         A row of the matrix, (r, m), takes the values to the fall from one place to the next. Where
-        the law rises, values have to rise by `LEAST_RISE` of it, so that the largest fall, (r,), is
+        the law rises, values have to rise by `LEAST_RISE` of it: the largest fall, (r,), is then
         negative. Steps at which the law falls have no row.
         """
         on_law = self.curve[places]
@@ -444,10 +447,10 @@ class Column:
     def _furthest(self, start: int, end: int, allowed: float) -> int:
         """Return the end of a long line from `start` that deviates by `allowed` at most.
 
-        The end is at most `end`. Steps double until a line is too far off, then the last step is
-        halved.
+        The end is at most `end`. Steps double until a line is too far off, then the end is found
+        within the last step by bisection.
         """
-        good = start + 1
+        good = start + 1  # a line to the next place is always accepted
         step = 1
         while good < end and self._line_is_near(start, min(good + step, end), allowed):
             good = min(good + step, end)
@@ -478,7 +481,7 @@ class Column:
 
 
 def curve_through(
-    at: Values, values: Values, *, powers: bool = False
+    at: Values, values: Values, *, power_law: bool = False
 ) -> Callable[[Values], Values]:
     """Return the monotone cubic through the logarithms of values.
 
@@ -488,8 +491,9 @@ def curve_through(
         Ascending arguments above 0, at least one.
     values : ndarray, shape (k,)
         Values at the arguments, 0 or more.
-    powers : bool
-        True to take the logarithms of the arguments too.
+    power_law : bool
+        True to take the logarithms of the arguments too: values are powers of them, not
+        exponentials.
 
     Returns
     -------
@@ -504,7 +508,7 @@ def curve_through(
     if not (values > 0).all():
         plain = PchipInterpolator(at, values)
         return lambda places: np.asarray(plain(places))
-    if powers:
+    if power_law:
         power = PchipInterpolator(np.log(at), np.log(values))
         return lambda places: np.asarray(np.exp(power(np.log(places))))
     exponential = PchipInterpolator(at, np.log(values))
@@ -552,6 +556,7 @@ def shortest_path(at: Values, curve: Values, width: Values) -> Indices | None:
         # Slopes of lines from each vertex here that stay in the corridor up to each place ahead.
         lowest = np.maximum.accumulate((low[ahead] - start) / run, axis=1)
         highest = np.minimum.accumulate((high[ahead] - start) / run, axis=1)
+        # Number of the places ahead, beginning with the next one, that any line from here reaches.
         open_to = np.count_nonzero((lowest <= highest).any(axis=0))
         ahead = slice(place + 1, place + 1 + open_to)
         slopes = (heights[ahead] - start[:, :, None]) / run[:open_to, None]
@@ -570,6 +575,6 @@ def shortest_path(at: Values, curve: Values, width: Values) -> Indices | None:
     if at.size > 1 and lines[end] == unseen:
         return None
     path = [end]
-    while path[-1] >= levels:
+    while path[-1] >= levels:  # back to a vertex of the first place
         path.append(int(origins[path[-1]]))
     return np.array(path[::-1]) // levels

@@ -34,7 +34,8 @@ ARGUMENTS: dict[Load, str] = {"delta": DELTA.in_laws, "pressure": PRESSURE.in_la
 """Name of the argument of a table, by the kind of its loads."""
 
 USUAL_LEVEL = 0.9
-"""Coverage of a band if the order gives none."""
+"""Coverage of a band if the order gives none: the chance that a further surface of the same kind is
+inside the band."""
 
 
 @dataclass(frozen=True)
@@ -58,9 +59,8 @@ class Order:
     conductivities: tuple[float, float] | None = None
     gas: Gas | None = None  # gas in the gap; None for none
     stiffness: bool = False  # True for the stiffness; conductivities add it, too
-    grid_error: bool = (
-        False  # True for the area in the continuum and the error of the grid
-    )
+    # True for the area in the continuum, and the error of the grid in it.
+    grid_error: bool = False
     flow: bool = False  # True for the hydraulic apertures of the gap
     also: tuple[str, ...] = ()  # names of further quantities, of `gen.quantities.ALSO`
     reading: Reading = field(default_factory=Reading)  # how files are read

@@ -62,7 +62,7 @@ class SolvedLoads:
     remarks: list[str] = field(default_factory=list)  # loads that were left out
 
     @property
-    def in_full_contact(self) -> bool:
+    def begins_in_full_contact(self) -> bool:
         """True if the first load brings a surface into full contact, or no load was solved."""
         if not self.loads.size:
             return True
@@ -146,15 +146,20 @@ class LawSolver:
             try:
                 return self._solve(load, possible)
             except InputError as error:
+                # In place of the remark on full contact: now no load is left.
                 remarks = [f"{NOT_SOLVED}, left out: {error}"]
         nowhere = np.empty(0, dtype=np.int64)
         points = [part.chosen(nowhere) for part in like]
-        return SolvedLoads(np.empty(0), points, remarks=remarks)
+        return SolvedLoads(loads=np.empty(0), points=points, remarks=remarks)
 
     def _below_full_contact(self, load: Load, loads: Values) -> PossibleLoads:
-        """Leave out displacements at which an elastic patch without edges is in full contact."""
+        """Leave out displacements at which an elastic patch without edges is in full contact.
+
+        Such a patch is in full contact at a Delta that is its mean gap at first touch, and the
+        solver has no solution beyond.
+        """
         if load != "delta" or self.bodies.hardness is not None:
-            return PossibleLoads(loads, [])
+            return PossibleLoads(loads, remarks=[])
         gaps = [
             surface.at_rest()[MEAN_GAP.in_laws]
             for surface in self.surfaces
@@ -163,8 +168,8 @@ class LawSolver:
         full = min(gaps, default=np.inf)
         possible = loads[loads < (1 - APART) * full]
         if possible.size == loads.size:
-            return PossibleLoads(loads, [])
-        return PossibleLoads(possible, [ends_below(full)], full)
+            return PossibleLoads(loads, remarks=[])
+        return PossibleLoads(possible, remarks=[ends_below(full)], full_contact=full)
 
     def _solve(self, load: Load, possible: PossibleLoads) -> SolvedLoads:
         """Solve every surface under loads, of which there is one or more; see `solve`."""
@@ -215,7 +220,7 @@ class LawSolver:
         for solution in solve_loads(surface, load, loads.tolist(), **settings):
             contact = solution.contact
             if contact is None:
-                yield SolvedContact({}, solution.fault)
+                yield SolvedContact(quantities={}, fault=solution.fault)
                 continue
             try:
                 quantities = {
@@ -319,7 +324,11 @@ def _solved_contact(
     contact: Contact, quantities: dict[str, float], *, judged: bool
 ) -> SolvedContact:
     """Return a contact with its quantities and, if it is judged, the error of the grid."""
-    pressed = Pressed(contact.delta, contact.largest_pressure, contact.contact_nodes)
+    pressed = Pressed(
+        delta=contact.delta,
+        largest_pressure=contact.largest_pressure,
+        contact_nodes=contact.contact_nodes,
+    )
     if not judged:
         return SolvedContact(quantities, pressed=pressed)
     error = contact.grid_error()
@@ -368,7 +377,7 @@ def _unresolved_remark(
         return []
     up_to = f"up to {unresolved[-1]:.4g} {LOADS[load].unit}"
     where = f"at {unresolved.size} of {loads.size} loads, {up_to}"
-    first = next(filter(None, reasons))
+    first = next(reason for reason in reasons if reason)
     return [
         f"{surface.name}: the area is that of the grid {where}; at the first, {first}"
     ]

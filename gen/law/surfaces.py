@@ -54,7 +54,7 @@ class LawSurface(Topography):
         return pose(
             self.heights,
             self.sides,
-            None,
+            delta=None,
             force=0.0,
             spacing=self.spacing,
             boundary=self.boundary,
@@ -179,7 +179,7 @@ class LawSurfaces:
         """
         scenes = self._scenes_alone()
         if not scenes:
-            return None
+            return None  # files do not give a modulus
         moduli = {scene.contact.e_star for scene in scenes}
         if len(moduli) > 1:
             listed = " and ".join(f"{modulus:g}" for modulus in sorted(moduli))
@@ -187,7 +187,7 @@ class LawSurfaces:
         return moduli.pop()
 
     def hardness_ratio(self) -> float | None:
-        """Return the hardness over E* that all scenes share; no scene may vary it.
+        """Return the hardness over E* that all scenes share; no scene may draw a hardness.
 
         Returns
         -------
@@ -201,7 +201,7 @@ class LawSurfaces:
         """
         scenes = self._scenes_alone()
         if not scenes:
-            return None
+            return None  # files do not give a hardness
         ratios: set[float | None] = set()
         for scene in scenes:
             if scene.contact.hardness_limits is None:
@@ -284,7 +284,7 @@ def _generate(scene: Scene, text: str, number: int) -> InputSurfaces:
         facing = " against another of them"
     description = f"{text}: its first {number} surfaces{facing}"
     return InputSurfaces(
-        about=LawInput(description, scene),
+        about=LawInput(description=description, scene=scene),
         surfaces=population,
         sources=_sources_of_scene(scene, text),
         doubts=doubts,
@@ -377,9 +377,11 @@ def _source_file(path: Path) -> SourceFile:
 
 
 def _sources_of_scene(scene: Scene, text: str) -> list[Source]:
-    """Return one source with the file of a scene and the maps that it names.
+    """Return a list of one source: the file of a scene, and the files that its surfaces need.
 
-    A scene that is shipped has no file. The list is empty if there are no maps either.
+    The latter are maps, or the module of a user's function. `text` is the scene as the user named
+    it: the path of a scene or a database, or the name of a shipped scene, which has no file. The
+    list is empty without any file.
     """
     files: list[SourceFile] = []
     steps: list[str] = []
@@ -466,7 +468,7 @@ def scene_of(text: str, *, ready: bool = True) -> Scene | None:
         scene = load(text)
         return scene.resolved() if ready else scene
     if suffix != ".h5":
-        return None
+        return None  # a surface or a folder
     from gen.database import Reader  # here, so that other inputs do not load h5py
 
     with Reader(Path(text)) as reader:

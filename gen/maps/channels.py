@@ -28,7 +28,8 @@ class Channel:
         name = f"{self.index} {self.name!r}"
         if self.heights:
             return name
-        return f"{name} (in {self.unit or 'no length'}, no heights)"
+        unit = f"in {self.unit}" if self.unit else "unit unknown"
+        return f"{name} ({unit}, no heights)"
 
 
 @dataclass(frozen=True)

@@ -239,7 +239,7 @@ def rim_steps(heights: Heights, nodes: Nodes) -> float:
 
 
 def refuse_overflowing_heights(topography: Topography) -> None:
-    """Raise InputError if the amount of a height is above `HIGHEST`, as its square may overflow.
+    """Raise InputError if a height's magnitude is above `HIGHEST`: its square may overflow.
 
     Parameters
     ----------
@@ -258,7 +258,7 @@ def refuse_overflowing_heights(topography: Topography) -> None:
     overflowing = np.abs(heights) > HIGHEST
     bounds = mask_bounds(heights, overflowing)
     fault = f"{topography.name}: heights of {largest:.3g} um"
-    if not bounds:
+    if not bounds:  # no mask could keep the other heights
         raise InputError(f"{fault}; check their unit")
     ix, iy = np.argwhere(overflowing)[0].tolist()
     raise InputError(

@@ -29,7 +29,7 @@ DECADES = 99.0
 # share of the lines of nodes at each border that a section avoids, since pressures are high there
 BORDER = 0.1
 FAINT = 1e-4  # least flux that is drawn, over the mean flux
-WIDE_LINE = 160  # number of letters after which a line below a picture is broken
+WIDE_LINE = 160  # largest number of letters in a line below a picture
 
 
 def load_text(contact: Contact, quantity: str) -> str:

@@ -191,7 +191,8 @@ def filtered(
     short : float or None
         Cut-off of the S-filter, which removes shorter waves [um]; None for no such filter.
     long : float or None
-        Cut-off of the L-filter, which removes longer waves [um]; None for no such filter.
+        Cut-off of the L-filter, which removes longer waves [um]; None for no such filter. One of
+        the cut-offs is given at least.
 
     Returns
     -------
@@ -217,7 +218,7 @@ def filtered(
         filters.append(f"L-filter {long:g} um")
     step = f"filtered after ISO 16610-61 (Gaussian): {', '.join(filters)}"
     if boundary == "periodic":
-        step += ", on past the borders"
+        step += ", continued periodically past the borders"
     elif boundary == "mirror":
         step += ", mirrored at the borders"
     return topography.changed(heights, step)

@@ -167,10 +167,10 @@ def _with_tilt_warning(topography: Topography) -> Topography:
 
 
 def _without_tilt(topography: Topography) -> Heights:
-    """Return the heights [um] of a map without holes after a tilt is subtracted.
+    """Return the heights [um] of a map without holes, less its mean plane if this is a tilt.
 
-    A tilt is a mean plane that outweighs the roughness; without one, return the map's heights.
-    Doubtful nodes do not count in the fit.
+    A mean plane is a tilt if it outweighs the roughness (`is_tilted`, judged by all nodes);
+    otherwise the heights are returned as they are. Doubtful nodes are left out of the fit.
     """
     if not is_tilted(topography):
         return topography.heights

@@ -88,7 +88,7 @@ class Topography:
         """
         if self.exact_spacing is not None:
             return self.exact_spacing
-        nx, ny = spacings_along(self.heights.shape, self.boundary)
+        nx, ny = spacings_of_sides(self.heights.shape, self.boundary)
         return self.sides[0] / nx, self.sides[1] / ny
 
     @property
@@ -119,7 +119,7 @@ class Topography:
         sides = self.sides
         exact_spacing = self.exact_spacing
         if spacing is not None:
-            nx, ny = spacings_along(heights.shape, self.boundary)
+            nx, ny = spacings_of_sides(heights.shape, self.boundary)
             sides = (nx * spacing[0], ny * spacing[1])
             exact_spacing = None
         steps = self.steps
@@ -166,13 +166,13 @@ class Topography:
         return f"{fault}: {', '.join(advice)}"
 
 
-def spacings_along(shape: tuple[int, ...], boundary: Boundary) -> tuple[int, int]:
+def spacings_of_sides(shape: tuple[int, ...], boundary: Boundary) -> tuple[int, int]:
     """Return the sides of a patch as multiples of the spacing of its nodes.
 
     Parameters
     ----------
-    shape : (int, int)
-        Number of nodes along x and y.
+    shape : tuple of int
+        Two numbers: the nodes along x and y.
     boundary : {"free", "periodic", "mirror"}
         Boundary of the patch. The sides of a free patch reach from its first to its last node;
         those of other patches are one spacing longer.
@@ -439,7 +439,7 @@ def _lengths_of_file(
     """Convert the widths of all pixels of a file; `factor` is the length of their unit [um]."""
     width, length = widths
     nx, ny = shape
-    along_x, along_y = spacings_along(shape, boundary)
+    along_x, along_y = spacings_of_sides(shape, boundary)
     return _FileLengths(
         patch=(width * along_x / nx * factor, length * along_y / ny * factor),
         pixels=(width * factor, length * factor),
@@ -472,7 +472,7 @@ def _sides_of_user(path: Path, scan: Scan, reading: Reading, boundary: Boundary)
     x, y = parse_sides(reading.side)
     nx, ny = scan.heights.shape
     if nx != ny and "," not in reading.side:
-        along_x, along_y = spacings_along(scan.heights.shape, boundary)
+        along_x, along_y = spacings_of_sides(scan.heights.shape, boundary)
         y_of_square_cells = x / along_x * along_y
         raise InputError(
             f"{path}: has {nx} x {ny} nodes; give --side two lengths,"

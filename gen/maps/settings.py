@@ -153,8 +153,8 @@ KEYS = {
         words="the lowest and the highest height to keep in um, as -5:3, :3 or -5:",
     ),
     "despike": Key(
-        help="Replace a node by its local median if it is further from it than this times the"
-        " scatter, as 7.",
+        help="Replace a height that differs from its local median by more than this many times"
+        " the scatter, such as 7.",
         metavar="THRESHOLD",
         table=PREPARED,
         words="a number above 0, as 7",
@@ -253,17 +253,16 @@ class Reading(FileReading):
         Raises
         ------
         InputError
-            If the field holds anything else, the first end is not below the second, or a cut-off
-            is not above 0.
+            If the field holds anything else, the first end is not below the second, an end is
+            infinite, or a cut-off is not above 0.
         """
         text = getattr(self, key)
         if not text:
             return None, None
         parts = [part.strip() for part in text.split(":")]
         stated_parts = [part for part in parts if part]
-        numbers = numbers_in(
-            ":".join(stated_parts), ":"
-        )  # [] if none is stated or one is wrong
+        # The stated ends; [] if none is stated or one is no number.
+        numbers = numbers_in(":".join(stated_parts), separator=":")
         lowest = 0.0 if key == "filter" else -math.inf
         are_rising = numbers == sorted(set(numbers))
         are_allowed = all(lowest < number < math.inf for number in numbers)

@@ -199,8 +199,8 @@ def _decoded(content: bytes) -> str | None:
 
     If the text is neither UTF-8 nor UTF-16, its letters outside ASCII become U+FFFD.
     """
-    # UTF-16 begins with a mark of its byte order. Without one, its first letter, if it is ASCII,
-    # has a zero byte.
+    # UTF-16 usually begins with a mark of its byte order. If it does not, a zero byte beside its
+    # first letter shows it, provided that this letter is ASCII.
     encoding = "utf-8-sig"
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         encoding = "utf-16"
@@ -313,8 +313,8 @@ def _lines(content: str, path: Path) -> Iterator[_Line]:
 def _marked_lines(lines: list[str], path: Path) -> Iterator[_Line]:
     """Yield the lines of a text whose comments begin with #; titles become comments, too.
 
-    A title is a line of words above the numbers. InputError if a text has a title but no numbers,
-    or if a title names the columns of a profile.
+    A title is a line of words above the numbers. A comment behind a title is left out. InputError
+    if a text has a title but no numbers, or if a title names the columns of a profile.
     """
     has_numbers = False
     first_title = 0  # number of the line; 0 if there is no title

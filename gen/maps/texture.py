@@ -21,7 +21,7 @@ from gen.arrays import Heights, Values
 from gen.maps.areal import is_lost
 from gen.maps.read import Topography
 from gen.runtime.documents import Row
-from gen.spectral import SelfAffineSpectrum
+from gen.self_affine import SelfAffineSpectrum
 from gen.statistics import rms_slope
 
 # ratio of the largest to the smallest wavenumber of a bin; bins of long waves are wider, since a
@@ -107,11 +107,10 @@ class SelfAffineFit:
     spectrum: SelfAffineSpectrum
     rms_height: float  # rms height of the surface about its mean [um]
     level: float  # spectral density C of the flat part, up to the roll-off [um^4]
-    # longest wavelength of the spectrum [um]; `spectrum.roll_off` has this length, too, if no
-    # roll-off was found
+    # longest wavelength of the spectrum [um]; equal to `spectrum.roll_off` if no roll-off was found
     longest: float
     scatter: float  # root mean square factor between spectrum and law, 1 or more [1]
-    # one short text for each number that the spectrum does not tell, as a roll-off or a cut-off
+    # one short text for each number that the spectrum does not determine, such as a roll-off
     remarks: tuple[str, ...]
 
     @property
@@ -187,11 +186,12 @@ def _spectrum_without_bins() -> RadialSpectrum:
 def _bin_ends(topography: Topography) -> Values:
     """Return the rising wavenumbers at which bins end [1/um], shape (bins + 1,).
 
-    The last one is below the largest wavenumber of both axes, pi over the larger spacing.
+    The last one is below the largest wavenumber that both axes have, pi over the larger spacing.
     """
     sides = np.multiply(topography.heights.shape, topography.spacing)
     step = 2 * math.pi / float(sides.min())
-    # A Hann window mixes the first wave of each axis with the mean.
+    # A Hann window mixes the first wave of each axis with the mean, so bins begin beyond this wave.
+    # The first end, in steps:
     first = 0.5 if topography.boundary == "periodic" else 1.5
     largest = math.pi / max(topography.spacing)
     ends = [first * step]
@@ -241,8 +241,8 @@ def _waves(topography: Topography) -> _Waves:
     qx = 2 * math.pi * np.fft.fftfreq(nx, dx)
     qy = 2 * math.pi * np.fft.rfftfreq(ny, dy)
     wavenumbers = np.hypot(qx[:, None], qy[None, :])
-    # rfft2 leaves out wavevectors with negative qy. So only the columns qy = 0 and, for an even ny,
-    # the largest qy hold opposite wavevectors both.
+    # rfft2 leaves out wavevectors with negative qy. So only the column qy = 0 and, for an even ny,
+    # that of the largest qy hold both of two opposite wavevectors.
     numbers = np.ones(densities.shape)
     numbers[:, 0] = 0.5
     if ny % 2 == 0:
@@ -545,26 +545,26 @@ class _LogSpectrum:
         """
         x = np.maximum(self.wavenumbers - roll_off, 0.0)
         y = self.densities
-        weight = np.cumsum(self.weights)
+        sum_weights = np.cumsum(self.weights)
         sum_x = np.cumsum(self.weights * x)
         sum_xx = np.cumsum(self.weights * x**2)
         sum_y = np.cumsum(self.weights * y)
         sum_xy = np.cumsum(self.weights * (x * y))
         sum_yy = np.cumsum(self.weights * y**2)
         valid = self._cut_offs_beyond(roll_off)
-        spread = np.where(valid, sum_xx - sum_x**2 / weight, 1.0)
-        falls = (sum_x * sum_y / weight - sum_xy) / spread
+        spread = np.where(valid, sum_xx - sum_x**2 / sum_weights, 1.0)
+        falls = (sum_x * sum_y / sum_weights - sum_xy) / spread
         falls = np.where(valid, falls, FLATTEST)
         falls = np.clip(falls, FLATTEST, STEEPEST)
-        levels = (sum_y + falls * sum_x) / weight
+        levels = (sum_y + falls * sum_x) / sum_weights
         # sums of (y - level + fall x)^2
-        squares = sum_yy + falls**2 * sum_xx + levels**2 * weight
+        squares = sum_yy + falls**2 * sum_xx + levels**2 * sum_weights
         squares += 2 * (falls * sum_xy - levels * sum_y - levels * falls * sum_x)
-        weight_beyond = self.weights.sum() - weight
+        weight_beyond = self.weights.sum() - sum_weights
         outlying = math.log(OUTLYING) ** 2 * weight_beyond
         costs = np.where(valid, squares + outlying, math.inf)
         best = int(np.argmin(costs))
-        mean_square = max(squares[best] / weight[best], 0.0)
+        mean_square = max(squares[best] / sum_weights[best], 0.0)
         return _LogLaw(
             roll_off=roll_off,
             level=float(levels[best]),

@@ -463,9 +463,12 @@ def _refusal(error: BaseException, name: str) -> str:
 
 
 def _shortage(error: BaseException) -> str:
-    """Return the message for memory that has run out, with the last line of the error's message."""
+    """Return the message of an error by which memory has run out.
+
+    It has the last line of the error's own message.
+    """
     lines = str(error).splitlines()
-    reason = lines[-1] if lines else "no more is given"
+    reason = lines[-1] if lines else "the system gives no more"
     allowed = memory.format_bytes(memory.allowed())
     return (
         f"this needs more memory than there is: {reason}; {allowed} are allowed here,"

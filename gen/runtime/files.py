@@ -177,7 +177,7 @@ def check_outputs(outputs: Iterable[Output], inputs: Iterable[Path | str] = ()) 
     ------
     InputError
         If an output cannot be written; if its path or a link leads to an input or to an earlier
-        output; or if a file of another kind has its name.
+        output; or if its path already has a file of another kind.
     """
     input_files = _files_of(inputs)
     earlier: list[Output] = []
@@ -186,7 +186,7 @@ def check_outputs(outputs: Iterable[Output], inputs: Iterable[Path | str] = ()) 
             continue
         _refuse_same(output, output.path, input_files, earlier)
         try:
-            _output_place(output.path, output.kind)
+            _output_place(output.path, output.kind)  # raises for an unusable place
         except InputError as error:
             raise InputError(f"{output.option} {error}") from None
         earlier.append(output)

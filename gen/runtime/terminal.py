@@ -98,7 +98,8 @@ def print_columns(
         table.add_row(*row)
     width = None if sys.stdout.isatty() else ENDLESS
     console = Console(width=width, markup=False, emoji=False)
-    # Rich's segments have styles, whose escape sequences it adds only after this replacement.
+    # Replace control characters in the texts of the segments. The escape sequences of styles stay,
+    # because Rich adds them only when it prints the segments.
     segments = []
     for segment in console.render(table):
         lines = map(printable, segment.text.split("\n"))

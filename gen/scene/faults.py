@@ -176,7 +176,10 @@ def _most_telling(faults: list[_Fault]) -> _Fault:
 
 
 def _description(fault: _Fault, root: type[Table]) -> str:
-    """Return one line about a fault: its key and value, and a hint or the allowed values."""
+    """Return one line about a fault: its key and value, and a hint or the allowed values.
+
+    `root` is the class of scenes.
+    """
     value = shown(fault.value)
     if fault.rule == "conflict":
         if not fault.key:  # The keys are in different tables.

@@ -153,9 +153,10 @@ def _run_jobs(
 ) -> int:
     """Run the jobs of a comparison on all processes of the run, and print its tables.
 
-    Return the exit code: 0, or 128 plus the number of the signal that stopped the jobs, which
-    `jobs` returns. `budget` is the time that the command may take, "" for any; it starts at the
-    time `began` [s]. With `must_beat_constant`, InputError is raised at the end if a constant
+    `jobs` is the function `compare` or `tune` of `learn.comparison.jobs`. Return the exit code: 0,
+    or 128 plus the number of the signal that stopped the jobs, which `jobs` returns. `budget` is
+    the time that the command may take, "" for any; it starts at the time `began` of `time.time`
+    [s]. With `must_beat_constant`, InputError is raised at the end if a constant
     predicts as well as a tuned model. Baselines may be no better: the libraries' settings decide
     about them, and the tables say so.
     """
@@ -183,7 +184,11 @@ def _run_jobs(
 def _require_better_than_constant(
     tables_of_targets: Sequence[Tables], request: Request
 ) -> None:
-    """Refuse tuned models of a request that are no better than a constant; name the first one."""
+    """Raise InputError if a tuned model of a request is no better than a constant.
+
+    The message names the first one. Tuned models in the folder that the request does not name are
+    not looked at.
+    """
     from learn.comparison import tables
     from learn.models import MODELS
 
@@ -198,11 +203,11 @@ def _require_better_than_constant(
 
 
 def _write_and_print(folder: Path, *, pictures: bool) -> list[Tables]:
-    """Write the tables of a comparison into its folder and print them; return those of each target.
+    """Write the tables of each target of a comparison into its folder; print and return them.
 
     With `pictures`, also draw the pictures into the folder.
     """
-    from learn.comparison import tables
+    from learn.comparison import plots, printing, tables
     from learn.comparison.folder import targets
 
     tables_of_targets = [
@@ -210,9 +215,9 @@ def _write_and_print(folder: Path, *, pictures: bool) -> list[Tables]:
     ]
     for tables_of_target in tables_of_targets:
         tables.write(tables_of_target)
-        tables.show(tables_of_target)
+        printing.show(tables_of_target)
         if pictures:
-            for path in tables.draw(tables_of_target):
+            for path in plots.draw(tables_of_target):
                 echo(f"wrote {path}")
     return tables_of_targets
 
@@ -225,7 +230,7 @@ def importance(file: Database, output: Output, *, selection: Selection) -> None:
     optimum. Written are DIR/TARGET/importance.csv, selection.csv and importance.png.
     """
     models = selection.model or ["kernel-ridge"]
-    selection_of_one = selection._replace(model=models[-1:])
+    selection_of_one = selection._replace(model=models[-1:])  # the last one that is named
     check_folder(output)
     request = request_of(selection_of_one, [file], output, selection.features)
     from learn.comparison.importance import write_report

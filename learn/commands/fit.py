@@ -194,7 +194,8 @@ def request_of(
     Raises
     ------
     InputError
-        If the value of an option is not allowed, or an option has no meaning for the features.
+        If the value of an option is not allowed, an option has no meaning for the features, or the
+        load has to be read from a first file that is no database.
     """
     from learn.dataset import Request, load_drawn
     from learn.features import chosen
@@ -224,15 +225,18 @@ def request_of(
 
 
 def _targets(text: str, load: str) -> tuple[str, ...]:
-    """Return the targets that --target names; for "both", those at a load.
+    """Return the targets that --target names.
 
+    The word "both" names the area, and Delta or the force: the one that is a result under the load.
     `load` is the name of the load, "" for Delta. Raises InputError if a name is empty or is given
     twice.
     """
     from learn.features.scene import BY_FORCE
 
     if text == "both":
-        return ("area", "delta" if load in BY_FORCE else "force")
+        if load in BY_FORCE:  # a pressure or a force, under which Delta is a result
+            return ("area", "delta")
+        return ("area", "force")
     targets = tuple(text.split(","))
     if len(set(targets)) < len(targets) or "" in targets:
         raise InputError(f"--target {text!r}: give each once, as area,force")
@@ -240,7 +244,7 @@ def _targets(text: str, load: str) -> tuple[str, ...]:
 
 
 def _models(names: str | Sequence[str] | None) -> tuple[str, ...]:
-    """Return the names of models as a tuple: of one name, of a list, or () if there is none."""
+    """Return one name or several names of models as a tuple; () without a name, for all models."""
     if isinstance(names, str):
         return (names,)
     return tuple(names or ())

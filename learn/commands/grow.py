@@ -109,11 +109,11 @@ def grow(
             scene_to_grow = load(scene)
             request = _request(output, goal, scene_to_grow)
             growth = Growth(
-                request,
-                goal.nmae,
-                goal.rows,
-                scene_to_grow,
-                executor,
+                request=request,
+                mark=goal.nmae,
+                row_limit=goal.rows,
+                scene=scene_to_grow,
+                executor=executor,
                 say=note,
                 stopping=interruption.requested,
                 until=until,
@@ -130,10 +130,11 @@ def grow(
 
 
 def _require_own(database: Path, surrogate: Path, picture: Path) -> None:
-    """Refuse files that no growth to this surrogate can have written.
+    """Raise InputError if the files of a growth are there that it cannot have written itself.
 
-    A growth writes its database first, then the surrogate, and its picture last. If there is a
-    database without a surrogate, say on standard error that its rows are used.
+    A growth writes its database first, then the surrogate, and its picture last: a later file
+    without an earlier one is not its own. If there is a database without a surrogate, a line on
+    standard error says that its rows are used.
     """
     for earlier, later in ((database, surrogate), (surrogate, picture)):
         if later.exists() and not earlier.exists():
@@ -148,7 +149,8 @@ def _require_own(database: Path, surrogate: Path, picture: Path) -> None:
 def _request(output: Path, goal: Goal, scene: Scene) -> Request:
     """Return the request for the surrogate of a growth, whose database is beside `output`.
 
-    Raises InputError for an error, a model or another option that a growth does not allow.
+    Raises InputError if the accepted error, the model or another option is not allowed for a
+    growth.
     """
     from learn.features.scene import SCENE, load_of
     from learn.models import POPULATION, default_model, models_named

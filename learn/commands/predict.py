@@ -211,10 +211,10 @@ def _modulus(material: options.Material) -> float | None:
 def _print_predictions(
     rows: Sequence[Mapping[str, Any]], title: str, doubts: Sequence[str]
 ) -> None:
-    """Print predictions on standard output.
+    """Print predictions, one row or more, on standard output.
 
-    These are a title, the first rows as a table, the doubts about the bodies, and why rows are
-    outside the training.
+    Printed are a title, the first `MOST_ROWS` rows as a table, the doubts about the bodies, and why
+    rows are outside the training.
     """
     columns = [name for name in rows[0] if not name.endswith(HIDDEN)]
     lines = [[_cell(row, column) for column in columns] for row in rows[:MOST_ROWS]]
@@ -228,7 +228,11 @@ def _print_predictions(
 
 
 def _cell(row: Mapping[str, Any], column: str) -> str:
-    """Return the text of a cell, with the interval of its value, or "(-)" outside the training."""
+    """Return the text of a cell.
+
+    Column "reason" is shortened to its first reason. A target has the interval behind its value, or
+    "(-)" if the row is outside the training.
+    """
     value = row[column]
     if column == "reason":
         return first_reason(str(value))
@@ -277,8 +281,9 @@ def _parameters(
     if _modulus(material) is not None:
         raise InputError(
             "the surrogate's E* is that of its scene, which learn card tells: leave out"
-            " --young, --poisson and --e-star, and give elastic pressures as they are at"
-            " that E*"
+            " --young, --poisson and --e-star; for elastic bodies of another E*, give each"
+            " pressure times the scene's E* over theirs: areas are then those of the bodies,"
+            " forces those at the scene's E*"
         )
     if reading != Reading():
         raise InputError(
@@ -310,8 +315,8 @@ def card(file: File) -> None:
     from learn.surrogate.card import show
     from learn.surrogate.learnt import read_file
 
-    surrogate = read_file(file)
-    show(surrogate.card, surrogate.low, surrogate.high)
+    contents = read_file(file)
+    show(contents.card, contents.low, contents.high)
 
 
 @grouped
@@ -369,8 +374,8 @@ def _order(
 ) -> Order:
     """Return the order of a law with its surfaces, loads and material.
 
-    `surrogate` is the one that predicts the law; None if it is solved. Raises InputError for an
-    option whose value is not allowed.
+    `inputs` are the arguments of the command. `surrogate` is the one that predicts the law; None if
+    the law is solved. Raises InputError for an option whose value is not allowed.
     """
     from gen.law import Order
     from gen.law.order import require_also
@@ -384,6 +389,7 @@ def _order(
     boundary = question.boundary
     if surrogate is None and boundary is None:
         boundary = _boundary_of_scene(inputs)
+    # A law at given parameters of a scene has no surfaces: the surrogate is its only input.
     surfaces = inputs
     if surrogate is not None and not surrogate.features.of_scene:
         surfaces = inputs[1:]  # the first input is the surrogate
@@ -411,6 +417,7 @@ def _surrogate_of_law(inputs: Sequence[str], question: LawQuestion) -> Surrogate
     """
     from learn.surrogate import Surrogate
 
+    # Without a surrogate, with --solver, `first` is a surface too.
     first, *surfaces = inputs
     path = Path(first)
     is_surrogate = path.is_file() and kind_of(path) == "surrogate"

@@ -1,11 +1,11 @@
-"""Fits of a search: their data, one fit that serves many candidates, and finished fits on disk.
+"""Fits of a search: their rows, fits that serve many candidates, and finished fits on disk.
 
-A fit with the largest number of estimators contains all smaller ones: its first k trees are the
+A fit with the largest number of trees serves candidates with fewer trees: its first k trees are the
 model with k trees, to the last bit (`tests/learn/comparison/test_fits.py`). One kernel matrix
 serves every alpha of kernel ridge.
 
-No fit is done twice, whatever interrupts a search: each model and target has one file of lines
-(JSON), to which the master appends a line when a fit has come back.
+No fit is done twice, whatever interrupts a search: each model and target has a file with a line of
+JSON for each trial, to which the master appends the trials of a fit when they arrive.
 
 `learn.comparison.search` decides which fits are made; their scores decide the winners of the
 paper's Tables 3 and 4.
@@ -44,25 +44,29 @@ from learn.models import (
 from learn.split import FOLDS, Folds
 
 LEAST_SCORE = -1e20
-"""R2 below which a fit has diverged: a score like this would spoil means and tables."""
+"""Smallest R2 of a trial. With a smaller one, which would spoil means, the fit has diverged."""
 
 
 @dataclass(frozen=True, eq=False)
 class Training:
-    """Training and test rows of one target, with the choices that all fits have in common."""
+    """n training rows and m test rows of one target, with the options that all fits share."""
 
-    inputs: Values  # of the n training rows, (n, d)
-    target: Values  # as the models see it, divided by `scaling`, (n,)
-    folds: Folds  # of each training row, (n,)
-    test_inputs: Values  # of the m test rows, which no search sees, (m, d)
-    test_target: Values  # not scaled, (m,)
-    normalisation: str = "l2"  # see `learn.models.pipeline`
-    seed: int = 0  # of the models' random draws
-    scaling: Scaling = field(default_factory=Scaling)
-    groups: Indices | None = None  # surfaces of the training rows, (n,)
+    inputs: Values  # (n, d), features of the training rows
+    target: Values  # (n,), targets of the training rows, scaled by `scaling`
+    folds: Folds  # (n,), fold of each training row
+    test_inputs: Values  # (m, d), features of the test rows, which no search sees
+    test_target: Values  # (m,), targets of the test rows, in the target's unit
+    normalisation: str = "l2"  # scaling of the features; see `learn.models.pipeline`
+    seed: int = 0  # seed of the models' random draws
+    scaling: Scaling = field(default_factory=Scaling)  # scaling of the target
+    # (n,), number of the surface of each training row; None for models that do not need it
+    groups: Indices | None = None
 
     def seen_by(self, model: str) -> Self:
         """Return the training as a model sees it.
+
+        The mean of a population sees targets in their unit, and the surface of each row. All other
+        models see scaled targets, and no surfaces.
 
         Parameters
         ----------
@@ -72,8 +76,7 @@ class Training:
         Returns
         -------
         Training
-            The mean over surfaces sees unscaled targets, and the surface of each row. All other
-            models see the scaled targets, and no surfaces.
+            The training for fits of this model.
         """
         if model != POPULATION.name:
             return replace(self, groups=None)
@@ -87,9 +90,9 @@ class Training:
         model : str
             Name of the model.
         settings : dict
-            Values by setting, on top of the baseline's.
+            Values by setting, on top of the settings of the baseline.
         tuned : bool
-            Whether the settings that all candidates of a search share are added.
+            True to set those settings too that all candidates of a search share (`Model.tuned`).
 
         Returns
         -------
@@ -105,17 +108,17 @@ class Training:
         )
 
     def fit_arguments(self, rows: Indices | slice = slice(None)) -> dict[str, Indices]:
-        """Return the named arguments of a pipeline's `fit` beside inputs and target.
+        """Return the keyword arguments for the `fit` of a pipeline, besides inputs and target.
 
         Parameters
         ----------
-        rows : ndarray or slice
-            Training rows that are fitted.
+        rows : ndarray, shape (k,), or slice
+            Positions of the training rows that are fitted; all rows by default.
 
         Returns
         -------
-        dict
-            The surface of each row, shape (k,), if the training has surfaces; else empty.
+        dict of str to ndarray, shape (k,)
+            The surface of each of these rows, if the training has `groups`; otherwise empty.
         """
         if self.groups is None:
             return {}
@@ -127,19 +130,21 @@ class Training:
         return self.target.size
 
     def first(self, rows: int) -> Self:
-        """Return the same training with its first rows only.
+        """Return a training with the first training rows only, and all test rows.
 
         Parameters
         ----------
         rows : int
-            Number of training rows that are kept at most. All test rows are kept.
+            Largest number of training rows that are kept.
 
         Returns
         -------
         Training
             The smaller training.
         """
-        groups = None if self.groups is None else self.groups[:rows]
+        groups = self.groups
+        if groups is not None:
+            groups = groups[:rows]
         return replace(
             self,
             inputs=self.inputs[:rows],
@@ -150,62 +155,64 @@ class Training:
 
 
 class Place(NamedTuple):
-    """Identity of a trial within its file."""
+    """The key of a trial: no two trials of a file have equal keys."""
 
-    candidate: str  # name of its canonical settings
-    fold: int  # left out of the training
-    rows: int  # for training at most
+    candidate: str  # name of the candidate, from `learn.comparison.grid.key`
+    fold: int  # fold that was left out of the training, and predicted
+    rows: int  # largest number of training rows
 
 
 class Trial(documents.Document):
-    """The score of one candidate on one fold, a line of the file."""
+    """The score of one candidate on one fold, which is a line of the file."""
 
     model_config = ConfigDict(frozen=True)
 
-    candidate: str  # its canonical settings, as `learn.comparison.grid.key` writes them
-    fold: Annotated[int, Field(ge=0, lt=FOLDS)]  # left out of the training
-    rows: Count  # for training at most
-    # None if the fit failed or diverged.
+    candidate: str  # name of the candidate, from `learn.comparison.grid.key`
+    # fold that was left out of the training, and predicted
+    fold: Annotated[int, Field(ge=0, lt=FOLDS)]
+    rows: Count  # largest number of training rows
+    # R2 on the fold; None if the fit failed or diverged
     r2: Annotated[float, Field(ge=LEAST_SCORE, le=1)] | None
-    failure: str = ""  # why there is no score
-    remark: str = ""  # the fit's warnings
-    # Of fit and scoring, shared evenly by the candidates of one fit.
+    failure: str = ""  # why there is no score; "" if there is one
+    remark: str = ""  # warnings of the fit
+    # time of fit and scoring over the number of candidates that the fit serves [s]
     seconds: Seconds = 0.0
 
     @property
     def place(self) -> Place:
-        """Candidate, fold and number of rows, which identify the trial."""
-        return Place(self.candidate, self.fold, self.rows)
+        """Key of the trial."""
+        return Place(candidate=self.candidate, fold=self.fold, rows=self.rows)
 
 
 class Trials(AbstractContextManager["Trials"]):
-    """The finished trials of one model and target, in a file that is held open.
+    """The finished trials of one model and target, in a file that stays open for more.
 
-    The file is made if it does not exist, with its folder. A last line that a kill has cut short is
-    removed from it.
+    The file and its folder are made if they do not exist. Its first line has the conditions, every
+    other line a trial. A last line without an end, which a killed process left, is removed.
 
     Parameters
     ----------
     path : Path
         The file.
     conditions : dict
-        Data, split, versions and seeds, which all trials have in common, as JSON has them.
+        Data, split, versions and seeds that all trials have in common, of types that JSON has.
 
     Attributes
     ----------
-    finished : dict
-        All trials by their place.
+    finished : dict of Place to Trial
+        All trials in the file.
 
     Raises
     ------
     InputError
-        If the file holds trials of other conditions, is damaged or cannot be written.
+        If the file has trials of other conditions, is damaged or cannot be written.
     """
 
     def __init__(self, path: Path, conditions: dict[str, object]) -> None:
         self.path = path
         self.finished: dict[Place, Trial] = {}
         header = json.dumps(conditions, sort_keys=True)
+        # A new file has the header only.
         lines = _whole_lines(path) or [header.encode()]
         stored = documents.parse(path, lines[0], documents.Document)
         require_same(path, stored.content(), json.loads(header))
@@ -221,12 +228,12 @@ class Trials(AbstractContextManager["Trials"]):
         self._file.close()
 
     def add(self, trials: Sequence[Trial]) -> None:
-        """Append the trials of one fit to the file, and flush it.
+        """Add the trials of one fit to `finished` and to the file, which is flushed.
 
         Parameters
         ----------
         trials : sequence of Trial
-            The trials.
+            One trial for each candidate of the fit.
 
         Raises
         ------
@@ -243,36 +250,39 @@ class Trials(AbstractContextManager["Trials"]):
 
 
 def _whole_lines(path: Path) -> list[bytes]:
-    """Return the lines of a file that a line end follows, none if there is no such file."""
+    """Return the complete lines of a file without their ends; an empty list without the file."""
     if not path.exists():
         return []
+    # Whatever follows the last line end is not a complete line.
     *lines, _ = files.read_bytes(path).split(b"\n")
     return lines
 
 
 @dataclass(frozen=True)
 class FoldScore:
-    """The score of a candidate on one fold."""
+    """The score of a candidate on one fold, or the reason why there is none."""
 
     r2: float | None  # None if the fit failed or diverged
-    failure: str = ""  # why there is no score
+    failure: str = ""  # why there is no score; "" if there is one
 
 
 def fit(training: Training, task: Task) -> list[Trial]:
-    """Fit the candidates of a task, and score each on the fold that was left out.
+    """Fit the candidates of a task, and score each of them on the fold that is left out.
+
+    If a fit of several candidates fails, they are fitted one by one.
 
     Parameters
     ----------
     training : Training
         All training rows.
     task : Task
-        The candidates, and the fold.
+        Candidates, fold and largest number of rows.
 
     Returns
     -------
     list of Trial
-        One trial for each candidate. A fit that fails is a result too: its trials have the reason
-        instead of a score.
+        One trial for each candidate. The trial of a candidate whose fit failed has the reason in
+        place of a score.
 
     Raises
     ------
@@ -280,18 +290,19 @@ def fit(training: Training, task: Task) -> list[Trial]:
         If this machine lacks the memory for the fit.
     """
     training = training.seen_by(task.model)
+    # Positions of the rows that are fitted.
     inside = np.flatnonzero(training.folds != task.fold)[: task.rows]
     check_memory(task.model, inside.size)
     with remarks() as warnings:
         began = perf_counter()
         try:
             scores = _scores(training, task, inside)
-        except (
-            Exception
-        ) as error:  # whatever a library raises: the candidates have no score
+        # Libraries raise errors of any type. A candidate whose fit failed has no score.
+        except Exception as error:
             if len(task.candidates) > 1:
+                # Only one of the candidates may be at fault.
                 return _fit_one_by_one(training, task)
-            scores = [FoldScore(None, reason(error))]
+            scores = [FoldScore(r2=None, failure=reason(error))]
         seconds = (perf_counter() - began) / len(task.candidates)
     return [
         Trial(
@@ -308,7 +319,7 @@ def fit(training: Training, task: Task) -> list[Trial]:
 
 
 def _fit_one_by_one(training: Training, task: Task) -> list[Trial]:
-    """Fit the candidates of a task alone: a shared fit may fail after candidates that are fine."""
+    """Fit each candidate of a task by itself, and return a trial for each."""
     trials = []
     for name, candidate in task.candidates.items():
         trials += fit(training, replace(task, candidates={name: candidate}))
@@ -316,20 +327,29 @@ def _fit_one_by_one(training: Training, task: Task) -> list[Trial]:
 
 
 def _scores(training: Training, task: Task, inside: Indices) -> list[FoldScore]:
-    """Fit to some training rows, (k,), and score each candidate on the fold that was left out."""
+    """Fit a task, and return the score of each of its candidates on the fold that is left out.
+
+    `inside` are the positions of the training rows that are fitted, (k,).
+    """
     model = EVERY[task.model]
     candidates = [*task.candidates.values()]
     outside = training.folds == task.fold
     rows = FoldRows(
-        training.inputs[inside], training.target[inside], training.inputs[outside]
+        inputs=training.inputs[inside],
+        target=training.target[inside],
+        test_inputs=training.inputs[outside],
     )
-    shared = "" if task.baseline else model.shared
-    common = {name: v for name, v in candidates[0].items() if name != shared}
+    # The setting of which one fit serves all values; a baseline is fitted as it is.
+    shared = ""
+    if not task.baseline:
+        shared = model.shared
+    common = {name: value for name, value in candidates[0].items() if name != shared}
     unfitted = training.unfitted(task.model, common, tuned=not task.baseline)
     if shared in candidates[0]:
         values = [candidate[shared] for candidate in candidates]
         predictions = shared_predictions(model, unfitted, rows, shared, values)
     else:
+        # The only candidate, as candidates of one task differ in the shared setting only.
         arguments = training.fit_arguments(inside)
         fitted = unfitted.fit(rows.inputs, rows.target, **arguments)
         predictions = [fitted.predict(rows.test_inputs)]
@@ -338,63 +358,65 @@ def _scores(training: Training, task: Task, inside: Indices) -> list[FoldScore]:
 
 
 def reason(error: Exception) -> str:
-    """Return why a fit has failed.
+    """Return the reason why a fit has failed.
 
     Parameters
     ----------
     error : Exception
-        What a library has raised.
+        The error of a library.
 
     Returns
     -------
     str
-        The error's text in one line of limited length, or its type if it has no text.
+        The first `REMARK_LENGTH` letters of the error's text, in one line; the name of its type if
+        it has no text.
     """
-    return " ".join(str(error).split())[:REMARK_LENGTH] or type(error).__name__
+    in_one_line = " ".join(str(error).split())
+    return in_one_line[:REMARK_LENGTH] or type(error).__name__
 
 
 def _score(truth: Values, prediction: Values) -> FoldScore:
-    """Return R2 of a prediction, both (m,), or why there is none."""
+    """Return R2 of predicted targets, (m,), against true ones, (m,), or why there is no score."""
     if not np.isfinite(prediction).all():
-        return FoldScore(None, "prediction not finite")
+        return FoldScore(r2=None, failure="prediction not finite")
     with np.errstate(over="ignore"):  # squares of diverged predictions
         r2 = float(r2_score(truth, prediction))
-    if LEAST_SCORE <= r2 < math.inf:
-        return FoldScore(r2)
-    return FoldScore(None, "prediction diverged")
+    if LEAST_SCORE <= r2 < math.inf:  # False for NaN, too
+        return FoldScore(r2=r2)
+    return FoldScore(r2=None, failure="prediction diverged")
 
 
 @dataclass(frozen=True, eq=False)
 class FoldRows:
-    """Rows of one fit: n to train on, and m to predict."""
+    """The rows of a fit: n rows to train on, and m rows to predict."""
 
-    inputs: Values  # shape (n, d)
-    target: Values  # shape (n,)
-    test_inputs: Values  # shape (m, d)
+    inputs: Values  # (n, d), features of the training rows
+    target: Values  # (n,), scaled targets of the training rows
+    test_inputs: Values  # (m, d), features of the rows to predict
 
 
 def shared_predictions(
     model: Model, unfitted: Any, rows: FoldRows, name: str, values: Sequence[Any]
 ) -> list[Values]:
-    """Predict with every value of a setting, all of which one fit serves.
+    """Predict rows with several values of a setting, for which one fit is enough.
 
     Parameters
     ----------
     model : Model
         The model.
     unfitted : Pipeline
-        Unfitted pipeline of scikit-learn with all other settings. Its steps are fitted in place.
+        Unfitted pipeline of scikit-learn with all other settings. Its steps may be fitted in place.
     rows : FoldRows
         Rows to train on and to predict.
     name : str
-        Name of the setting: the number of estimators, or alpha of kernel ridge.
+        Name of the setting: "n_estimators", or "alpha" of kernel ridge.
     values : sequence
         Values of the setting.
 
     Returns
     -------
     list of ndarray, shape (m,)
-        Predictions with each value.
+        Predictions with each value, in the order of `values`.
     """
     scaling = unfitted.named_steps["scaling"]
     estimator = unfitted.named_steps[STEP]
@@ -409,6 +431,7 @@ def shared_predictions(
         return kernel_ridge.predictions(
             inputs, rows.target, test_inputs, settings, values
         )
+    # The fit with the largest number of trees has the models with fewer trees in it.
     estimator.set_params(**{name: max(values)}).fit(inputs, rows.target)
     predict_first = FIRST_TREES[model.name]
     return predict_first(estimator, test_inputs, values)
@@ -417,14 +440,14 @@ def shared_predictions(
 def _first_of_xgboost(
     estimator: Any, inputs: Values, numbers: Sequence[int]
 ) -> list[Values]:
-    """Predict with each number of the first trees of XGBoost, (m,) each."""
+    """Predict m rows with the first trees of a fitted XGBoost, (m,) for each number of trees."""
     return [estimator.predict(inputs, iteration_range=(0, number)) for number in numbers]
 
 
 def _first_of_boosting(
     estimator: Any, inputs: Values, numbers: Sequence[int]
 ) -> list[Values]:
-    """Predict with each number of the first trees of gradient boosting, (m,) each."""
+    """Predict m rows with the first trees of gradient boosting, (m,) for each number of trees."""
     stages = [prediction.copy() for prediction in estimator.staged_predict(inputs)]
     return [stages[number - 1] for number in numbers]
 
@@ -432,9 +455,10 @@ def _first_of_boosting(
 def _first_of_forest(
     estimator: Any, inputs: Values, numbers: Sequence[int]
 ) -> list[Values]:
-    """Predict with each number of the first trees of a random forest, (m,) each.
+    """Predict m rows with the first trees of a random forest, (m,) for each number of trees.
 
-    Predictions are added up in the forest's own order, so that the means are equal to the bit.
+    Predictions are added in the order of the forest's own `predict`, so that the means are equal to
+    the last bit.
     """
     sums = np.cumsum(_of_trees(estimator, inputs), axis=0)
     return [sums[number - 1] / number for number in numbers]
@@ -443,20 +467,22 @@ def _first_of_forest(
 def _first_of_adaboost(
     estimator: Any, inputs: Values, numbers: Sequence[int]
 ) -> list[Values]:
-    """Predict with each number of the first trees of AdaBoost, (m,) each.
+    """Predict m rows with the first trees of AdaBoost, (m,) for each number of trees.
 
-    Predictions are weighted medians, as `AdaBoostRegressor.predict` takes them. The library's own
-    `staged_predict` computes every tree again for every stage. Where boosting ended early, larger
-    numbers are one model.
+    A prediction is the weighted median of the trees, as in `AdaBoostRegressor.predict`. The
+    library's own `staged_predict` would compute every tree again for every number. If boosting has
+    ended early, numbers above that of all trees give the model of all trees.
     """
     of_trees = _of_trees(estimator, inputs)
     rows = np.arange(len(inputs))
     predictions = []
     for number in numbers:
-        first = np.transpose(of_trees[:number])
+        first = np.transpose(of_trees[:number])  # (m, number)
         order = np.argsort(first, axis=1)
-        share = np.cumsum(estimator.estimator_weights_[order], axis=1)
-        middle = (share >= 0.5 * share[:, -1:]).argmax(axis=1)
+        weight_so_far = np.cumsum(estimator.estimator_weights_[order], axis=1)
+        half = 0.5 * weight_so_far[:, -1:]
+        # The first tree, in the order of the predictions, with which half of the weight is reached.
+        middle = (weight_so_far >= half).argmax(axis=1)
         predictions.append(first[rows, order[rows, middle]])
     return predictions
 
@@ -473,4 +499,7 @@ FIRST_TREES: dict[str, Callable[[Any, Values, Sequence[int]], list[Values]]] = {
     "random-forest": _first_of_forest,
     "xgboost": _first_of_xgboost,
 }
-"""Functions of the ensembles of which one fit serves all numbers of trees, by model."""
+"""Functions that predict with the first trees of an ensemble, by its model.
+
+They take a fitted estimator, features (m, d), and numbers of trees.
+"""

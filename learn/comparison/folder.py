@@ -1,16 +1,17 @@
 """A comparison folder: the data and conditions of a comparison, and its results.
 
     area/comparison.json        conditions of all results: data, scene, options, seeds, versions
-    area/rows.csv               sample (row of the database), part, fold, group kept together
+    area/rows.csv               sample (row of the database), part, fold and group of each row
     area/trials/MODEL.jsonl     finished fits of a search (`learn.comparison.fits`)
-    area/baseline/MODEL.json    settings, scores, times; MODEL.csv has the test rows' predictions
-    area/library/MODEL.json     the same with its library's settings, where a baseline's are others
-    area/tuned/MODEL.json       the same for a search's winner, and how it was searched
-    area/*.csv, *.png           the tables and pictures that `learn show` makes of them
+    area/baseline/MODEL.json    settings, scores and times of a baseline
+    area/baseline/MODEL.csv     predictions of the test rows
+    area/library/MODEL.*        a model with its library's settings, if the baseline has others
+    area/tuned/MODEL.*          the winner of a search, and a report of the search
+    area/*.csv, *.png           tables and pictures that `learn show` makes of the results
 
-Each target has a folder (here area). A file is written under another name and then renamed.
-Somebody may have edited a file, or received it from a stranger: every file is checked whenever it
-is read, and what is read is the checked document.
+Each target has a folder of its own (here area). A file is written under another name and then
+renamed, so that no reader meets half of it. Somebody may have edited a file, or received it from a
+stranger: every file is checked against the classes below whenever it is read.
 
 `learn.comparison.tables` and `bench.paper.models` make our Tables 2 to 4 from these files.
 """
@@ -40,16 +41,12 @@ KINDS = ("baseline", "library", "tuned")
 """Kinds of results, and the names of their folders."""
 
 LARGEST = 1e30
-"""Bound of the targets' values: the axes of a picture take no larger ones."""
+"""Largest magnitude of scores and of numbers in tables, which axes of pictures still allow."""
 
 LONGEST = 1e15
-"""Bound of the times in results [s]."""
+"""Largest time in a result [s]."""
 
-# Origins of settings that `Folder.winner` gives, before the path of the folder. Cards of surrogates
-# keep them, and `folder_of_origin` reads them there: later versions must not change them.
-TUNED_IN = "tuned in "
-BASELINE_BY = "the baseline, by "
-
+# Types of values in the files, with their ranges.
 Count = Annotated[int, Field(ge=0, le=2**53)]
 Seconds = Annotated[float, Field(ge=0, le=LONGEST)]
 Score = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
@@ -68,89 +65,109 @@ class StoredScores(Document):
 class Conditions(Document):
     """The conditions of results: two results can be compared if all conditions are equal.
 
-    A file has further conditions, which are compared but not read.
+    A file has more conditions than these fields (`conditions_of`), which are compared but not used.
     """
 
     target: str  # column of the database
-    features: str
+    features: str  # name of the feature set
     inputs: list[str] = Field(default_factory=list)  # names of the features
-    load: str = ""
-    normalisation: str
-    seed: Annotated[int, Field(ge=0, lt=2**32)]
-    train_rows: Count
-    test_rows: Count
-    area_max: Annotated[float, Field(gt=0, le=100)] | None  # [%]
+    load: str = ""  # "pressure", or "" for Delta
+    normalisation: str  # scaling of the features; see `learn.models.pipeline`
+    seed: Annotated[int, Field(ge=0, lt=2**32)]  # seed of the split and of the models
+    train_rows: Count  # number of training rows
+    test_rows: Count  # number of test rows
+    # largest area of the rows that are used [%]; None for all rows
+    area_max: Annotated[float, Field(gt=0, le=100)] | None
 
 
 class Comparison(Document):
     """The file comparison.json, which describes the data of a comparison."""
 
-    conditions: Conditions
-    database: str = ""  # name of its file
-    split_by_surface: bool = True  # False if the rows were split one by one
-    split_by_tile: bool = False
-    unit: str  # of the target
-    threads: Count
+    conditions: Conditions  # conditions of all results
+    database: str = ""  # name of the database's file
+    # True if rows of one surface are in one part, False if rows were split one by one
+    split_by_surface: bool = True
+    split_by_tile: bool = (
+        False  # True if the surfaces are windows, split by tiles of their maps
+    )
+    unit: str  # unit of the target
+    threads: Count  # number of threads of each fit
 
 
 class Times(Document):
-    """Times of a fit and of its predictions [s]; null (once NaN) where the fit has failed."""
+    """Times of a fit and of its predictions [s].
+
+    A fit that failed has None; files of earlier versions may have NaN in its place.
+    """
 
     model_config = ConfigDict(allow_inf_nan=True)
 
-    fit: float | None  # median of the fits to all training rows
-    fits: Count
-    test: float | None  # of predicting the whole test set
-    row: float | None  # of predicting one row
-    search: Seconds  # of all fits of the search
+    fit: float | None  # median time of a fit to all training rows
+    fits: Count  # number of fits of this median
+    test: float | None  # median time of predicting the whole test set
+    row: float | None  # median time of predicting one row
+    search: Seconds  # sum of the times of all fits of the search, 0 without one
 
 
 class SearchReport(Document):
-    """How the winner of a result was searched; R2 of folds in percent."""
+    """A report of the search that chose the settings of a result.
+
+    Lists of R2 have a number for each fold [%], and are empty unless there is a score on all folds.
+    """
 
     how: str  # steps of the search in words
     grid: str = grids.TABLE_2  # name of the grid
-    rows: Count  # that all deciding fits were trained and scored on
-    candidates: Count
-    candidates_differing: Count
-    candidates_scored: Count  # on all folds of all rows
-    fits_nominal: Count  # without fits that serve several candidates
-    fits: Count  # that were done
-    baseline_fits: Count = 0  # fits of the baseline that have a score
-    winner: Literal["grid", "optimum", "baseline"] | None = None
+    rows: Count  # number of training rows, by the folds of which the search decided
+    candidates: Count  # number of candidates of the grid
+    candidates_differing: (
+        Count  # number of candidates that lead to different computations
+    )
+    candidates_scored: Count  # number of differing candidates with a score on all folds
+    fits_nominal: Count  # number of fits if each served one candidate only
+    fits: Count  # number of finished fits to all rows
+    baseline_fits: Count = 0  # number of folds on which the baseline has a score
+    winner: Literal["grid", "optimum", "baseline"] | None = None  # origin of the winner
+    # settings of the best candidate that are at an end of all values that were tried
     ends: list[str] = Field(default_factory=list)
-    """Settings with which the best candidate lies at an end of all values that were tried."""
-    r2_folds: list[Score]  # of the winner
-    grid_r2_folds: list[Score] = Field(default_factory=list)  # of the best candidate
-    optimum_r2_folds: list[Score] = Field(default_factory=list)  # of the paper's optimum
-    baseline_r2_folds: list[Score] = Field(default_factory=list)
-    failures: dict[str, Count]  # numbers of scores that a failure has cost, by its reason
+    r2_folds: list[Score]  # R2 of the winner
+    grid_r2_folds: list[Score] = Field(default_factory=list)  # R2 of the best candidate
+    optimum_r2_folds: list[Score] = Field(
+        default_factory=list
+    )  # R2 of the paper's optimum
+    baseline_r2_folds: list[Score] = Field(default_factory=list)  # R2 of the baseline
+    failures: dict[str, Count]  # number of missing scores by the reason of the failure
+    # number of scores whose fit had a warning, by the text of the warning
     remarks: dict[str, Count] = Field(default_factory=dict)
-    """Numbers of scores that a warning concerns, by its text."""
 
 
 class Result(Document):
-    """The files KIND/MODEL.json; one of a search without a winner has model and failure only."""
+    """A file KIND/MODEL.json.
 
-    model: str
+    The file of a search without a winner has model, failure and remarks only.
+    """
+
+    model: str  # name of the model
     settings: dict[str, Setting] = Field(default_factory=dict)  # on top of the baseline's
-    fitted: dict[str, str] = Field(default_factory=dict)  # what the fit has chosen itself
-    test: StoredScores | None = None
-    train: StoredScores | None = None
-    failure: str  # "" if the fit has scores
-    remarks: list[str]
-    search: SearchReport | None = None  # None for a result that nothing was searched for
+    # values that the fit itself has chosen, by the keys of `learn.comparison.jobs.CHOSEN_BY_FIT`
+    fitted: dict[str, str] = Field(default_factory=dict)
+    test: StoredScores | None = None  # scores on the test rows
+    train: StoredScores | None = None  # scores on the training rows
+    failure: str  # why there are no scores; "" if there are some
+    remarks: list[str]  # warnings of the fit
+    search: SearchReport | None = None  # None if nothing was searched
     times: Times | None = None
 
     @field_validator("search", mode="before")
     @classmethod
     def _no_search(cls, search: object) -> object:
-        """Return None for the empty object that the file of a baseline has."""
-        return None if search == {} else search
+        """Return None for the empty object in the file of a baseline, else the report itself."""
+        if search == {}:
+            return None
+        return search
 
     @model_validator(mode="after")
     def _scores_have_times(self) -> "Result":
-        """Refuse scores without the times of fit and predictions."""
+        """Raise ValueError if there are scores without times of fit and predictions."""
         if self.test and not _are_complete(self.times):
             raise ValueError("there are scores without times of fit and predictions")
         return self
@@ -162,7 +179,7 @@ class Result(Document):
 
 
 def _are_complete(times: Times | None) -> bool:
-    """Return whether all times of a fit are known, and none is negative or far too long."""
+    """Return whether the times of fit and predictions are all there, between 0 and `LONGEST`."""
     if times is None:
         return False
     for seconds in (times.fit, times.test, times.row):
@@ -173,9 +190,9 @@ def _are_complete(times: Times | None) -> bool:
 
 @dataclass(frozen=True)
 class StoredResult:
-    """A result of a folder, with its place."""
+    """A result of a folder, with its model and kind."""
 
-    model: str
+    model: str  # name of the model
     kind: str  # one of `KINDS`
     result: Result
 
@@ -184,39 +201,44 @@ class StoredResult:
 class Settings:
     """Settings of an estimator, and their origin."""
 
-    values: dict[str, Any]  # those that differ from the model's baseline
-    tuned: bool  # True if the baseline includes what all candidates of a search share
-    origin: str  # in words
+    values: dict[
+        str, Any
+    ]  # values by setting, on top of the settings of the model's baseline
+    # True if the settings that all candidates of a search share are set too (`Model.tuned`)
+    tuned: bool
+    origin: str  # origin of the settings in words, for the user and for cards
+    # folder of the target in the comparison whose search chose the settings; None without one
+    folder: Path | None = None
 
 
 class Predictions(NamedTuple):
-    """Test rows of a result, in the target's unit."""
+    """The target of the m test rows of a result, in its unit."""
 
-    truth: Values  # shape (m,)
-    prediction: Values  # shape (m,)
+    truth: Values  # (m,), values in the database
+    prediction: Values  # (m,), predicted values
 
 
 def require_same(
-    path: Path, stored: Mapping[str, Any], wanted: Mapping[str, Any]
+    path: Path, stored: Mapping[str, Any], current: Mapping[str, Any]
 ) -> None:
-    """Refuse a file that was made under other conditions.
+    """Refuse a file or folder that was made under other conditions.
 
     Parameters
     ----------
     path : Path
-        The file, for the message.
-    stored, wanted : mapping
-        Conditions of the file and of this run, by their names.
+        The file or folder, for the message.
+    stored, current : mapping of str to object
+        Conditions of the file and of this run, by their names. A missing condition equals None.
 
     Raises
     ------
     InputError
         If any condition differs; the message names the first one in alphabetical order.
     """
-    for name in sorted(wanted.keys() | stored.keys()):
-        if stored.get(name) != wanted.get(name):
+    for name in sorted(current.keys() | stored.keys()):
+        if stored.get(name) != current.get(name):
             raise InputError(
-                f"{path} was made with {name} {stored.get(name)!r}, not {wanted.get(name)!r}: give"
+                f"{path} was made with {name} {stored.get(name)!r}, not {current.get(name)!r}: give"
                 " another folder, or the same database, options and versions"
             )
 
@@ -227,11 +249,11 @@ def conditions_of(dataset: Dataset, split: Split, request: Request) -> dict[str,
     Parameters
     ----------
     dataset : Dataset
-        Rows of one target.
+        Usable rows of one target.
     split : Split
-        Training and test rows among them.
+        Positions of training and test rows among them.
     request : Request
-        Choices of the user.
+        The comparison, with the options of the user.
 
     Returns
     -------
@@ -239,13 +261,16 @@ def conditions_of(dataset: Dataset, split: Split, request: Request) -> dict[str,
         Conditions by name, of types that JSON has; those of `Conditions` are among them.
     """
     features = dataset.features
+    target_scaling = "none"
+    if features.scaled:
+        target_scaling = "standard"
     conditions = {
         "database_sha256": dataset.sha256,
         "target": dataset.target_name,
         "features": features.name,
         "inputs": list(features.columns),
         "normalisation": request.normalisation,
-        "target_scaling": "standard" if features.scaled else "none",
+        "target_scaling": target_scaling,
         "seed": split.seed,
         "folds": FOLDS,
         "train_rows": int(split.train.size),
@@ -253,7 +278,7 @@ def conditions_of(dataset: Dataset, split: Split, request: Request) -> dict[str,
         "versions": versions(),
         "area_max": request.area_max,
     }
-    # Results of before other loads were possible are compared too: "delta" is not written.
+    # Delta is not stated, as in files of versions without other loads: their conditions are equal.
     if features.by_pressure:
         conditions["load"] = "pressure"
     return conditions
@@ -261,30 +286,31 @@ def conditions_of(dataset: Dataset, split: Split, request: Request) -> dict[str,
 
 @dataclass(frozen=True)
 class Folder:
-    """One target's part of a comparison folder.
+    """The folder of one target in a comparison folder.
 
-    Every method that reads raises InputError if a file is damaged, and every method that writes
-    raises it if the file cannot be written.
+    Every method that reads raises InputError if a file is damaged. Every method that writes raises
+    it if the file cannot be written.
     """
 
-    path: Path
+    path: Path  # folder of the target
 
     def begin(self, dataset: Dataset, split: Split, request: Request) -> None:
-        """Write rows.csv and comparison.json, or compare the conditions of an earlier one.
+        """Write rows.csv and comparison.json, or compare conditions if the folder has them already.
 
         Parameters
         ----------
         dataset : Dataset
-            Rows of this target.
+            Usable rows of this target.
         split : Split
-            Training and test rows among them.
+            Positions of training and test rows among them.
         request : Request
-            Choices of the user.
+            The comparison, with the options of the user.
 
         Raises
         ------
         InputError
-            If the folder holds results of other conditions.
+            If the folder has results of other conditions or a damaged comparison.json, or a file
+            cannot be written.
         """
         conditions = conditions_of(dataset, split, request)
         if (self.path / "comparison.json").exists():
@@ -310,8 +336,9 @@ class Folder:
     def _write_rows(self, dataset: Dataset, split: Split) -> None:
         """Write rows.csv: the training rows with their folds, then the test rows."""
         samples = dataset.rows.tolist()
-        # Rows that were split one by one are groups of their own.
-        groups = dataset.groups if split.by_surface else np.arange(dataset.size)
+        groups = dataset.groups
+        if not split.by_surface:  # Each row is a group of its own.
+            groups = np.arange(dataset.size)
         train = [
             (samples[row], "train", fold, int(groups[row]))
             for row, fold in zip(split.train, split.folds.tolist(), strict=True)
@@ -326,12 +353,12 @@ class Folder:
         Returns
         -------
         Comparison
-            Description of the data, with the conditions of all results.
+            The data, and the conditions of all results.
 
         Raises
         ------
         InputError
-            If the folder has no comparison, or the file is damaged.
+            If there is no such file, or it is damaged.
         """
         record = documents.read(self.path / "comparison.json", Comparison)
         if record is None:
@@ -354,22 +381,39 @@ class Folder:
         -------
         Result or None
             The result, or None if the folder has none.
+
+        Raises
+        ------
+        InputError
+            If the file is damaged.
         """
         return documents.read(self.path / kind / f"{model}.json", Result)
 
     def results(self) -> Iterator[StoredResult]:
-        """Yield all results, in the order of the paper's Table 4 and of `KINDS`."""
+        """Yield all results of the folder.
+
+        Yields
+        ------
+        StoredResult
+            One result, in the order of the models in `EVERY` (that of the paper's Table 4), and for
+            each model in the order of `KINDS`.
+
+        Raises
+        ------
+        InputError
+            If the file of a result is damaged.
+        """
         for model in EVERY:
             for kind in KINDS:
                 result = self.result(kind, model)
                 if result is not None:
-                    yield StoredResult(model, kind, result)
+                    yield StoredResult(model=model, kind=kind, result=result)
 
     def winner(self, model: str) -> Settings | None:
         """Read the settings of the winner of a model's search.
 
-        Somebody may have edited the file: with settings outside the grid a library may use up all
-        memory, or never end. They are refused.
+        Settings outside the grid are refused: somebody may have edited the file, and a library may
+        use up all memory or never end with other settings.
 
         Parameters
         ----------
@@ -379,12 +423,15 @@ class Folder:
         Returns
         -------
         Settings or None
-            The winner, which may be the baseline; None if the folder has no winner.
+            Settings of the winner, which may be the baseline; None if the folder has no result of a
+            search, or one without a winner.
 
         Raises
         ------
         InputError
-            If the file is damaged, or a setting lies outside the grid.
+            If a file is damaged, or comparison.json is missing; if a setting is neither in the grid
+            nor among the values beyond its ends (`grid.reach`); or if a winning baseline has other
+            settings than `grid.baseline`.
         """
         result = self.result("tuned", model)
         if result is None or not result.has_winner:
@@ -397,14 +444,24 @@ class Folder:
                 raise InputError(
                     f"{path}: settings = {settings!r} are not those of the baseline"
                 )
-            return Settings(settings, False, f"{BASELINE_BY}{self.path}")
+            return Settings(
+                values=settings,
+                tuned=False,
+                origin=f"the baseline, by {self.path}",
+                folder=self.path,
+            )
         space = grids.space_of(model, features)
         for name, value in settings.items():
             if value not in grids.reach(name, space.values.get(name, [])):
                 raise InputError(
                     f"{path}: {name} = {value!r} is not in the grid {space.name!r}"
                 )
-        return Settings(settings, True, f"{TUNED_IN}{self.path}")
+        return Settings(
+            values=settings,
+            tuned=True,
+            origin=f"tuned in {self.path}",
+            folder=self.path,
+        )
 
     def prediction(self, kind: str, model: str) -> Predictions:
         """Read the predictions of a result.
@@ -419,7 +476,7 @@ class Folder:
         Returns
         -------
         Predictions
-            Truth and prediction of the test rows, each of shape (m,), in the target's unit.
+            Truth and prediction of the test rows.
 
         Raises
         ------
@@ -427,10 +484,10 @@ class Folder:
             If the table is missing or damaged.
         """
         truth, prediction = self.numbers(f"{kind}/{model}.csv", "truth", "prediction").T
-        return Predictions(truth, prediction)
+        return Predictions(truth=truth, prediction=prediction)
 
     def numbers(self, name: str, *columns: str, part: str = "") -> Values:
-        """Read columns of numbers of a table.
+        """Read columns of numbers from a CSV table of the folder.
 
         Parameters
         ----------
@@ -439,18 +496,18 @@ class Folder:
         *columns : str
             Names of the columns.
         part : str
-            "train" or "test" for rows of this part only, in a table with a column `part`; "" for
-            all rows.
+            "train" or "test" for the rows with this word in the column `part`; "" for all rows.
 
         Returns
         -------
         ndarray, shape (rows, columns)
-            The numbers.
+            The numbers, in the order of `columns`.
 
         Raises
         ------
         InputError
-            If the table is missing or damaged, or a number is not finite or too large.
+            If the table is missing or damaged, or a number is not finite or its magnitude not below
+            `LARGEST`.
         """
         path = self.path / name
         try:
@@ -462,9 +519,11 @@ class Folder:
                 f"{path} cannot be read ({error}): learn compare DATABASE -o into a new folder"
                 " makes it again"
             ) from None
-        if not (np.abs(table) < LARGEST).all():
+        if not (np.abs(table) < LARGEST).all():  # False for NaN, too
             raise InputError(f"{path}: holds values that are not finite: move it away")
-        return table.reshape(-1, len(columns))
+        return table.reshape(
+            -1, len(columns)
+        )  # a table without rows has shape (0,) before
 
     def write_json(self, name: str, content: dict[str, Any]) -> Path:
         """Write a JSON file of the folder.
@@ -474,12 +533,17 @@ class Folder:
         name : str
             File name within the folder.
         content : dict
-            Keys and values; all numbers are finite.
+            The document. Its values can be written as JSON, and its numbers are finite.
 
         Returns
         -------
         Path
-            The file.
+            The file, within the folder.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written, or a link leads out of the folder.
         """
         return self._write(name, documents.json_text(content))
 
@@ -500,7 +564,12 @@ class Folder:
         Returns
         -------
         Path
-            The file.
+            The file, within the folder.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written, or a link leads out of the folder.
         """
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
@@ -518,31 +587,14 @@ class Folder:
 
 
 def _as_searched(value: Setting) -> Any:
-    """Return a setting as a grid has it: JSON stores the layers of a perceptron as a list."""
-    return tuple(value) if isinstance(value, list) else value
-
-
-def folder_of_origin(origin: str) -> Path | None:
-    """Return the folder that settings come from.
-
-    Parameters
-    ----------
-    origin : str
-        Origin of settings, from `Folder.winner` or from anywhere else.
-
-    Returns
-    -------
-    Path or None
-        Folder of the target in its comparison; None if no comparison chose the settings.
-    """
-    for words in (TUNED_IN, BASELINE_BY):
-        if origin.startswith(words):
-            return Path(origin.removeprefix(words))
-    return None
+    """Return a stored setting as grids write it: a list of JSON becomes a tuple."""
+    if isinstance(value, list):  # The layers of a perceptron are a tuple in grids.
+        return tuple(value)
+    return value
 
 
 def targets(path: Path) -> list[Folder]:
-    """List the targets of a comparison folder.
+    """List the folders of the targets in a comparison folder.
 
     Parameters
     ----------
@@ -552,12 +604,12 @@ def targets(path: Path) -> list[Folder]:
     Returns
     -------
     list of Folder
-        One target or more, in alphabetical order.
+        One folder or more, in the alphabetical order of their names.
 
     Raises
     ------
     InputError
-        If the folder holds no comparison.
+        If no folder has a comparison.json.
     """
     names = sorted(record.parent.name for record in path.glob("*/comparison.json"))
     folders = [Folder(files.inside(path, name)) for name in names]

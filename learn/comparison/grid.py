@@ -1,15 +1,16 @@
-"""Grids of candidates: which candidates differ, which of them one fit serves, what a fit costs.
+"""Grids of candidates: how they differ, which of them share a fit, and the cost of a fit.
 
-The candidates of a grid are all combinations of its values. A candidate's canonical settings leave
-out settings that its kernel or solver ignores, and give one name to values that lead to the same
-computation. The reduction is exact: `tests/learn/comparison/test_search.py` compares scores with
-those of scikit-learn's own grid search.
+The candidates of a grid are all combinations of its values. Several candidates may lead to one
+computation. Canonical settings, which leave out settings that a kernel or solver ignores and have
+one value in place of equivalent ones, are then equal. This reduction is exact:
+`tests/learn/comparison/test_search.py` compares scores with those of scikit-learn's own grid
+search.
 
-Kernels measure distances, and the paper's Table 2 has them between rows of unit length, 2 at most.
-Between rows of d standardised features they are about sqrt(2 d), which is 7 for 23 features: there
-gamma is some thousandths, and a length is about 10. So kernel methods have grids of their own
-(`SCALED`) for features without units. The targets of these features have mean 0 and deviation 1
-over the training rows as well. The tables name the grid that was searched.
+Kernels depend on distances between rows. For the paper's Table 2, rows have unit length and
+distances are 2 at most. Between rows of d standardised features distances are about sqrt(2 d),
+which is 7 for 23 features, so that gamma is some thousandths, and a length about 10. Kernel methods
+therefore have other grids (`SCALED`) for features without units. Targets of these features have
+mean 0 and deviation 1 over the training rows, too. Tables name the grid that was searched.
 
 In the story of the paper's tables this is the step from the values of Table 2
 (`learn.comparison.paper`) to the candidates that `learn.comparison.search` fits.
@@ -27,7 +28,7 @@ from learn.features.scene import SCENE
 from learn.models import POPULATION, Model
 
 SettingValues = dict[str, Any]
-"""Values of an estimator's settings, by name: a candidate, or what is put on top of a baseline."""
+"""Values of an estimator's settings by their names, on top of the settings of the baseline."""
 
 SCALED: dict[str, Space] = {
     "svm": {
@@ -39,8 +40,8 @@ SCALED: dict[str, Space] = {
     "gaussian-process": {
         "alpha": [1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1],
         "kernel__length_scale": [3.0, 5.0, 10.0, 20.0, 30.0],
-        # Lengths are chosen by cross-validation, not by likelihood: at unit amplitude and for small
-        # alphas the likelihood is largest at a length of 0.
+        # Without an optimizer, cross-validation chooses the length instead of the likelihood, which
+        # is largest at a length of 0 for unit amplitude and small alphas.
         "optimizer": [None],
     },
     "kernel-ridge": {
@@ -49,26 +50,28 @@ SCALED: dict[str, Space] = {
         "kernel": ["rbf", "linear"],
     },
 }
-"""Grids for features without units where Table 2's do not fit; the other models keep theirs."""
+"""Grids for features without units, by model. Other models have the grids of Table 2."""
 
 SCALED_OPTIMA: dict[str, SettingValues] = {
     "svm": {"C": 100.0, "epsilon": 0.01, "gamma": 0.01, "kernel": "rbf"},
     "gaussian-process": {"alpha": 1e-5, "kernel__length_scale": 10.0, "optimizer": None},
     "kernel-ridge": {"alpha": 1e-4, "gamma": 3e-3, "kernel": "rbf"},
 }
-"""Points of these grids that serve where nothing was searched."""
+"""Points of the grids `SCALED` that are used without a search, by model."""
 
 TABLE_2 = "Table 2"  # name of the paper's grids in results and tables
-NO_GRID = "none: chooses by itself"  # name in tables of a model without a grid
+NO_GRID = (
+    "none: chooses by itself"  # in tables, in place of a grid of the mean of a population
+)
 
 
 @dataclass(frozen=True)
 class SearchSpace:
-    """Values of a model's settings that a search tries."""
+    """The values of a model's settings that a search tries."""
 
-    name: str  # of the grid, in results and tables
-    values: Space  # to try, by setting
-    default: SettingValues  # point of the values that serves where nothing was searched
+    name: str  # name of the grid in results and tables
+    values: Space  # values by setting
+    default: SettingValues  # point of the grid that is used without a search
 
 
 def space_of(model: str, features: str) -> SearchSpace:
@@ -84,8 +87,8 @@ def space_of(model: str, features: str) -> SearchSpace:
     Returns
     -------
     SearchSpace
-        The paper's Table 2, or the grid for features without units. The population mean has no
-        values.
+        A grid of the paper's Table 2, or one of `SCALED` for features without units. That of the
+        mean of a population has no values.
     """
     if model == POPULATION.name:
         return SearchSpace(NO_GRID, {}, {})
@@ -97,11 +100,11 @@ def space_of(model: str, features: str) -> SearchSpace:
 
 
 def baseline(model: str, features: str) -> SettingValues:
-    """Return settings of a baseline that differ from its library's and from the paper's.
+    """Return the settings of a baseline that differ from the paper's baseline.
 
-    The paper's Gaussian process has a kernel of length 1, over which standardised rows are not
-    correlated at all (R2 below 0). For these rows it gets the length that gamma = 1 / d means,
-    which is scikit-learn's choice for the same kernel in kernel ridge.
+    The paper's Gaussian process has a kernel of length 1, with which standardised rows are not
+    correlated at all (R2 below 0). For d standardised features, its length is that of gamma =
+    1 / d, the default of scikit-learn's kernel ridge.
 
     Parameters
     ----------
@@ -123,23 +126,29 @@ def baseline(model: str, features: str) -> SettingValues:
 LIBRARY: dict[str, SettingValues] = {
     "gaussian-process": {"kernel": None, "optimizer": "fmin_l_bfgs_b"}
 }
-"""Settings on top of a baseline that make it its library's own, for baselines that are not.
+"""The library's own settings, for models whose baseline has other settings, by model.
 
-scikit-learn's Gaussian process fits amplitude and length of its kernel.
+scikit-learn's Gaussian process fits amplitude and length of its kernel. The paper's is fixed.
 """
 
 LIBRARY_ROWS = 1000
-"""Training rows of such a model at most: a step of its optimiser takes their third power."""
+"""Largest number of training rows of models in `LIBRARY`: times grow with its third power."""
 
 LEAST_JUDGED = 10
-"""Candidates that have to be judged over five folds of all rows before a search has a winner."""
+"""Smallest number of candidates that are judged on all folds of all rows for a winner."""
 
-BEYOND = 3  # values that a search tries at most beyond either end of a setting's values
-SMALLEST = {"min_samples_split": 2}  # smallest whole numbers of settings; 1 of all others
+BEYOND = 3
+"""Largest number of values that a search tries beyond either end of a setting's values."""
+
+INPUTS = 23
+"""Number of features that estimates of work assume: that of the paper."""
+
+SMALLEST = {"min_samples_split": 2}
+"""Smallest possible values of settings that are whole numbers; 1 for all other settings."""
 
 
 def reach(name: str, values: list[Any]) -> list[Any]:
-    """Return the values of a setting with those that a search may try beyond both ends.
+    """Return the values of a setting, and the values that a search may try beyond both ends.
 
     Parameters
     ----------
@@ -151,41 +160,45 @@ def reach(name: str, values: list[Any]) -> list[Any]:
     Returns
     -------
     list
-        Numbers in ascending order, which go on in the ratio of the last two. Nothing lies beyond
-        zero. Fewer than three values, or values that are not all numbers, are returned unchanged.
+        Numbers in ascending order. Beyond an end, numbers go on in the ratio of the last two; there
+        are none beyond a zero. Fewer than three values, or values that are not all numbers, are
+        returned unchanged.
     """
-    if len(values) < 3 or not all(isinstance(value, int | float) for value in values):
+    are_numbers = all(isinstance(value, int | float) for value in values)
+    if len(values) < 3 or not are_numbers:
         return values
     chain = sorted(values)
     for _ in range(BEYOND):
-        lower = _next_value(name, chain[1], chain[0])
+        lower = _next_value(name, inner=chain[1], end=chain[0])
         if lower is not None and lower not in chain:
             chain.insert(0, lower)
-        upper = _next_value(name, chain[-2], chain[-1])
+        upper = _next_value(name, inner=chain[-2], end=chain[-1])
         if upper is not None and upper not in chain:
             chain.append(upper)
     return chain
 
 
 def _next_value(name: str, inner: float, end: float) -> float | None:
-    """Return the value that follows an inner and an end value of a setting.
+    """Return the next value of setting `name` beyond `end`, in the ratio of `end` to `inner`.
 
-    It is None beside zero. A whole number is not below the smallest one of the setting.
+    `inner` is the neighbour of `end` among the values. The next value is end^2 / inner, rounded to
+    two digits; for a whole number at least the setting's number in `SMALLEST`, or 1. It is None if
+    `inner` or `end` is not above 0.
     """
     if inner <= 0 or end <= 0:
         return None
     value = float(f"{end * end / inner:.2g}")
-    if isinstance(end, int):
+    if isinstance(end, int):  # The setting is a whole number.
         return max(int(value), SMALLEST.get(name, 1))
     return value
 
 
 class Grid:
-    """A grid of candidates of a model: those of them that differ, and those that one fit serves.
+    """A grid of candidates of a model, reduced to candidates that differ.
 
-    Boosting whose first trees are no model of their own (DART, linear, stopped early) must not be
-    among the candidates: one fit serves all numbers of trees. The number of inputs decides which
-    `max_features` are the same: the square root of 23 and its logarithm are both 4.
+    One fit serves candidates that differ in one setting only (`Model.shared`), as all numbers of
+    trees. Boosting whose first trees are not a model themselves (DART, linear, stopped early) must
+    therefore not be among the candidates.
 
     Parameters
     ----------
@@ -194,21 +207,22 @@ class Grid:
     space : Space
         Values to try, by setting.
     inputs : int
-        Number of features.
+        Number of features. It decides which values of `max_features` are equal: the square root of
+        23 and its logarithm are both 4.
     candidates : iterable of dict
-        All candidates, by which a grid goes beyond the ends of its space; all combinations of the
-        space if empty.
+        All candidates, for a grid with candidates beyond the ends of the space. If empty, the
+        candidates are all combinations of the space.
 
     Attributes
     ----------
     candidates : list of dict
-        In the order of scikit-learn's ParameterGrid, then those beyond the ends of the space.
-    differing : dict
-        Canonical settings by name (`key`), in the order of their first candidate.
-    first : dict
-        The first candidate of each of these names.
+        All candidates in the order of scikit-learn's ParameterGrid, then those beyond the ends.
+    differing : dict of str to dict
+        Different canonical settings by their name (`key`), in the order of their first candidates.
+    first : dict of str to dict
+        The first candidate with these canonical settings, by their name.
     families : list of tuple of str
-        Names of the candidates that one fit serves.
+        Names of the differing candidates, grouped by the fit that serves them.
     """
 
     def __init__(
@@ -234,7 +248,11 @@ class Grid:
                 continue
             self.first[name] = candidate
             self.differing[name] = settings
-            common = {k: v for k, v in settings.items() if k != model.shared}
+            common = {
+                setting: value
+                for setting, value in settings.items()
+                if setting != model.shared
+            }
             families.setdefault(key(common), []).append(name)
         self.families = [tuple(names) for names in families.values()]
 
@@ -244,18 +262,20 @@ class Grid:
         Parameters
         ----------
         settings : dict
-            Values by setting, canonical or not.
+            Values by setting of the candidate; they need not be canonical.
 
         Returns
         -------
         str
-            Name of its canonical settings; "" if they are not in the grid.
+            Name of the canonical settings; "" if the grid does not have them.
         """
         name = key(canonical_settings(self.model, settings, self.inputs))
-        return name if name in self.differing else ""
+        if name in self.differing:
+            return name
+        return ""
 
     def ends(self, settings: SettingValues) -> SettingValues:
-        """Return the settings of a candidate that lie at an end of all values that were tried.
+        """Return the settings of a candidate that are at an end of all values of the candidates.
 
         Parameters
         ----------
@@ -265,22 +285,23 @@ class Grid:
         Returns
         -------
         dict
-            The next value beyond the end, by setting, in alphabetical order. Settings that make no
-            difference are left out.
+            The next value beyond the end by setting, in alphabetical order. Settings that a kernel
+            or solver ignores are left out.
         """
         canonical = canonical_settings(self.model, settings, self.inputs)
-        following = {}
+        beyond = {}
         for name in sorted(settings.keys() & canonical.keys()):
             chain = reach(name, self.space[name])
             place = chain.index(settings[name])
+            # The value before this one and the value after it; the ends of the chain have only one.
             neighbours = chain[max(place - 1, 0) : place] + chain[place + 1 : place + 2]
             for value in neighbours:
                 if all(candidate[name] != value for candidate in self.candidates):
-                    following[name] = value
-        return following
+                    beyond[name] = value
+        return beyond
 
     def extended(self, winner: SettingValues) -> "Grid":
-        """Return the grid with further candidates beyond the ends at which a winner lies.
+        """Return a grid with additional candidates beyond the ends that a winner is at.
 
         Parameters
         ----------
@@ -290,36 +311,43 @@ class Grid:
         Returns
         -------
         Grid
-            All candidates of this grid, then the further ones. These have the winner's settings but
-            for the one that goes on, and all values of the setting that one fit serves.
+            All candidates of this grid, then the additional ones: for each setting of the winner at
+            an end, its settings with the next value beyond this end.
         """
         shared = self.model.shared
         candidates = [*self.candidates]
         for name, value in self.ends(winner).items():
-            further = {**winner, name: value}
+            beyond_end = {**winner, name: value}
             if shared in winner and shared != name:
-                candidates += [{**further, shared: v} for v in self.space[shared]]
+                # The fit of the additional candidate serves all values of the shared setting.
+                candidates += [
+                    {**beyond_end, shared: shared_value}
+                    for shared_value in self.space[shared]
+                ]
             else:
-                candidates.append(further)
+                candidates.append(beyond_end)
         return Grid(self.model, self.space, self.inputs, candidates)
 
 
 @dataclass(frozen=True)
 class Task:
-    """One fit: the candidates that it serves, and the fold that it leaves out."""
+    """A fit of a search: the candidates that it serves, and the fold that it leaves out."""
 
-    model: str
-    # By name. Candidates differ only in the setting of which one fit serves all values.
+    model: str  # name of the model
+    # canonical settings by name; candidates differ in the setting `Model.shared` only
     candidates: dict[str, SettingValues]
-    fold: int  # left out of the training, and predicted
-    rows: int  # for training at most
-    baseline: bool = False  # True without the settings that candidates share
+    fold: int  # fold that is left out of the training, and predicted
+    rows: int  # largest number of training rows
+    # True for the baseline, which lacks the settings that all candidates of a search share
+    baseline: bool = False
 
 
 def canonical_settings(
     model: Model, candidate: Mapping[str, Any], inputs: int
 ) -> SettingValues:
-    """Reduce a candidate to the settings that make a difference.
+    """Reduce a candidate to its canonical settings.
+
+    Two candidates with equal canonical settings lead to the same computation.
 
     Parameters
     ----------
@@ -333,12 +361,13 @@ def canonical_settings(
     Returns
     -------
     dict
-        Settings by name. Two candidates with equal ones lead to the same computation.
+        Values by setting.
     """
     ignored = _ignored_settings(model.name, candidate)
     settings = {name: value for name, value in candidate.items() if name not in ignored}
     if model.name == "mlp":
-        # The length of the training belongs to the name, for fits of another length differ.
+        # Fits with another largest number of iterations differ. So this number, which all
+        # candidates share, is part of the settings and of their name.
         settings = {**model.tuned, **settings}
     if model.name in {"decision-tree", "random-forest"}:
         _merge_equal_trees(settings)
@@ -348,13 +377,13 @@ def canonical_settings(
 
 
 def _ignored_settings(model: str, candidate: Mapping[str, Any]) -> set[str]:
-    """Return the names of settings that have no effect on a candidate's predictions."""
+    """Return the names of settings without an effect on the predictions of a candidate."""
     kernel = candidate.get("kernel")
     ignored = set()
     if model == "gradient-boost":
-        ignored.add("criterion")  # has no effect in today's library
+        ignored.add("criterion")  # without effect in today's library
     if model == "svm":
-        ignored.add("cache_size")  # memory, not mathematics
+        ignored.add("cache_size")  # only memory
         if kernel != "poly":
             ignored.add("degree")
     if kernel == "linear":
@@ -365,25 +394,29 @@ def _ignored_settings(model: str, candidate: Mapping[str, Any]) -> set[str]:
 
 
 def _merge_equal_trees(settings: SettingValues) -> None:
-    """Change settings of trees in place, so that those of equal trees become the same."""
+    """Change the settings of trees in place: settings that lead to equal trees become equal."""
     leaf = settings.get("min_samples_leaf", 1)
     split = settings.get("min_samples_split", 2)
     if isinstance(leaf, int) and isinstance(split, int):
-        # A node that is split needs the samples of two leaves: scikit-learn raises the limit.
+        # A node that is split needs the samples of two leaves. scikit-learn raises the limit, too.
         settings["min_samples_split"] = max(split, 2 * leaf)
-    if settings.get("criterion") == "friedman_mse":  # the same for a single target
+    if settings.get("criterion") == "friedman_mse":
+        # Both criteria are equal for a single target.
         settings["criterion"] = "squared_error"
 
 
 def _number_of_features(value: float | str | None, inputs: int) -> int:
-    """Return the number of inputs, of all, that scikit-learn makes of `max_features`."""
+    """Return the number of features that a value of `max_features` means in scikit-learn.
+
+    `inputs` is the number of all features.
+    """
     if value is None:
         return max(1, inputs)
     if value == "sqrt":
         return max(1, int(sqrt(inputs)))
     if value == "log2":
         return max(1, int(log2(inputs)))
-    if isinstance(value, float):
+    if isinstance(value, float):  # a share of the features
         return max(1, int(value * inputs))
     return max(1, int(value))
 
@@ -396,17 +429,20 @@ def key(settings: Mapping[str, Any], *, baseline: bool = False) -> str:
     settings : mapping
         Values by setting.
     baseline : bool
-        Whether they are on top of the baseline's, and not a candidate.
+        True for settings of a baseline, whose name differs from those of all candidates.
 
     Returns
     -------
     str
-        The name. No candidate of a grid has that of a baseline.
+        As "alpha=0.1, kernel='rbf'" in alphabetical order; "baseline", or "baseline: alpha=0.1",
+        for a baseline.
     """
     text = ", ".join(f"{name}={settings[name]!r}" for name in sorted(settings))
     if not baseline:
         return text
-    return f"baseline: {text}" if text else "baseline"
+    if not text:
+        return "baseline"
+    return f"baseline: {text}"
 
 
 def expected_work(task: Task) -> float:
@@ -420,7 +456,8 @@ def expected_work(task: Task) -> float:
     Returns
     -------
     float
-        Work relative to other fits of the same model, for the order of fits and the time left.
+        Estimated work relative to other fits of the model, in no unit. It decides the order of fits
+        and the time that a progress bar shows.
     """
     candidates = [*task.candidates.values()]
     common = candidates[0]
@@ -430,20 +467,25 @@ def expected_work(task: Task) -> float:
         work *= min(_largest(candidates, name), 20)
     if common.get("criterion") == "absolute_error":
         work *= 5
-    if common.get("loss") == "huber":  # boosting evaluates it leaf by leaf
+    if common.get("loss") == "huber":  # Boosting evaluates it leaf by leaf.
         work *= 15
     if "hidden_layer_sizes" in common:
         sizes = common["hidden_layer_sizes"]
-        work *= sum(a * b for a, b in pairwise(sizes)) + 23 * sizes[0]
-        if common.get("solver") == "lbfgs":  # the other solvers end long before
+        weights_between_layers = sum(before * after for before, after in pairwise(sizes))
+        weights_of_inputs = INPUTS * sizes[0]
+        work *= weights_between_layers + weights_of_inputs
+        if common.get("solver") == "lbfgs":  # The other solvers need fewer iterations.
             work *= 20
     if task.model == "kernel-ridge":
-        work *= len(candidates) if common.get("kernel") == "rbf" else 0.01
+        if common.get("kernel") == "rbf":
+            work *= len(candidates)
+        else:
+            work *= 0.01
     return work
 
 
 def _largest(candidates: list[SettingValues], name: str) -> float:
-    """Return the largest magnitude of a setting's numbers; 1 if there is no number."""
+    """Return the largest magnitude of a setting in some candidates; 1 if it has no number."""
     values = (candidate.get(name) for candidate in candidates)
     magnitudes = [abs(value) for value in values if isinstance(value, int | float)]
     return float(max(magnitudes, default=1.0))

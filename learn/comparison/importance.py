@@ -1,9 +1,9 @@
 """The worth of each input (the paper's section 3.1), and fits without the weak inputs.
 
-The worth of an input is the loss of R2 when its values are shuffled over the test rows. Many of the
-22 statistics are almost the same, and one of two twins can be shuffled without harm. Models are
-therefore also fitted anew to fewer and fewer inputs, down to one; to two where rows are scaled to
-unit length, after which a single input is the same number in all rows.
+The worth of an input is the loss of R2 if its values are shuffled over the test rows. Many of the
+22 statistics are almost equal to another one, and either of the two can be shuffled without a loss.
+Models are therefore also fitted to fewer and fewer inputs, down to a single one; or down to two if
+rows are scaled to unit length, because a single input is then 1 in all rows.
 
 The command `learn importance` calls `write_report`. It uses the winner of a search, if the folder
 has one, and writes into the folder of `compare` and `tune`.
@@ -27,36 +27,50 @@ from learn.comparison.fits import Training
 from learn.comparison.folder import Folder
 from learn.comparison.grid import TABLE_2, SettingValues, space_of
 from learn.comparison.jobs import Repetitions, open_targets, repeated
-from learn.comparison.tables import DPI
+from learn.comparison.plots import DPI
 from learn.dataset import Request
 from learn.executor import Executor
 from learn.metrics import Scores, scores
 from learn.models import Model, check_memory, models_named, remarks
 
-SHUFFLES = 5  # times that an input is shuffled: enough for a mean and its scatter
-UNIT_LENGTH = "l2"  # normalisation after which a single input is constant
-SIZES = (30, 23, 20, 16, 12, 8, 6, 4, 3, 2, 1)  # numbers of inputs that are kept
-REPETITIONS = Repetitions(3, 3)  # of each fit, and of each prediction of the test set
+SHUFFLES = 5  # number of shuffles of each input, enough for a mean and its scatter
+UNIT_LENGTH = "l2"  # normalisation that scales rows to unit length
+SIZES = (
+    30,
+    23,
+    20,
+    16,
+    12,
+    8,
+    6,
+    4,
+    3,
+    2,
+    1,
+)  # numbers of inputs that models are fitted to
+SMALLEST_BAR = 1e-6  # smallest loss of R2 that is drawn [%]
+# Repetitions of each fit, and of each prediction of the test set.
+REPETITIONS = Repetitions(fewest=3, largest=3)
 
 
 @dataclass(frozen=True)
 class Worth:
-    """Loss of R2 on the test rows when an input is shuffled [%]."""
+    """The worth of an input: the loss of R2 on the test rows if the input is shuffled [%]."""
 
-    name: str  # of the input
-    mean: float
-    deviation: float  # over the shuffles
+    name: str  # name of the input
+    mean: float  # mean of the loss over the shuffles
+    deviation: float  # standard deviation of the loss over the shuffles
 
 
 @dataclass(frozen=True)
 class Selection:
-    """A fit to some of the inputs."""
+    """A fit to the strongest inputs."""
 
-    inputs: int  # number of inputs that are kept, the strongest first
-    scores: Scores  # on the test rows
+    inputs: int  # number of inputs
+    scores: Scores  # scores on the test rows
     fit_seconds: float  # median time of the fit [s]
     predict_seconds: float  # median time of predicting the whole test set [s]
-    dropped: list[str]  # inputs of the selection before that are not kept
+    dropped: list[str]  # inputs of the selection before that this one lacks
 
 
 @dataclass(frozen=True)
@@ -64,42 +78,42 @@ class Ranking:
     """Worth of all inputs of a model, and fits to the strongest of them."""
 
     model: Model
-    worths: list[Worth]  # the largest first
-    selections: list[Selection]  # the most inputs first
+    worths: list[Worth]  # from the largest worth to the smallest
+    selections: list[Selection]  # from the largest number of inputs to the smallest
     remarks: list[str]  # warnings of the fits
 
 
 @dataclass(frozen=True)
 class Choice:
-    """Settings that a model is ranked with."""
+    """Settings with which the inputs of a model are ranked."""
 
-    origin: str  # in words
-    settings: SettingValues
+    origin: str  # origin of the settings in words
+    settings: SettingValues  # values by setting, on top of the settings of the baseline
 
 
 def write_report(request: Request, say: Callable[[str], None]) -> Iterator[Path]:
     """Rank the inputs of a model for each target, and write and print the ranking.
 
-    The settings are those of the folder's search; without one, the paper's optimum or those built
-    in.
+    The settings of the model are those of the winner of the folder's search. Without a winner they
+    are the paper's optimum, or the default point of another grid.
 
     Parameters
     ----------
     request : Request
-        Database, output folder, one model and choices.
+        Database, output folder, one model and options.
     say : callable
         Called with lines for the user.
 
     Yields
     ------
     Path
-        importance.csv, selection.csv and importance.png of each target, once they are written.
+        importance.csv, selection.csv and importance.png of each target, when they are written.
 
     Raises
     ------
     InputError
-        If the database cannot be used, a single input is a constant, or this machine lacks the
-        memory.
+        If the database cannot be used, the folder has results of other conditions or damaged ones,
+        the only input is a constant, or this machine lacks the memory.
     """
     (model,) = models_named(list(request.models), request.features)
     for target in open_targets(request, [model], Executor()):
@@ -120,20 +134,28 @@ def write_report(request: Request, say: Callable[[str], None]) -> Iterator[Path]
 
 
 def _choice(folder: Folder, model: Model, features: str) -> Choice:
-    """Return the settings of a folder's search if it has a scored winner, else the default ones."""
+    """Return the settings of a folder's winner, if a candidate of the grid has won and has scores.
+
+    Otherwise they are the default settings of the model's grid.
+    """
     result = folder.result("tuned", model.name)
     winner = folder.winner(model.name)
     if result is not None and result.test and winner is not None and winner.tuned:
-        return Choice("tuned here", winner.values)
+        return Choice(origin="tuned here", settings=winner.values)
     space = space_of(model.name, features)
-    origin = "the paper's optimum" if space.name == TABLE_2 else "built in"
-    return Choice(origin, space.default)
+    origin = "built in"
+    if space.name == TABLE_2:
+        origin = "the paper's optimum"
+    return Choice(origin=origin, settings=space.default)
 
 
 def _rank(
     training: Training, model: Model, settings: SettingValues, names: list[str]
 ) -> Ranking:
-    """Rank the inputs of a model by shuffling them, and fit it to fewer of them."""
+    """Rank the inputs of a model by shuffling each of them, and fit it to the strongest ones.
+
+    `names` are the names of the inputs, in the order of the columns of `training.inputs`.
+    """
     unfitted = training.unfitted(model.name, settings, tuned=True)
     with remarks() as warnings:
         fitted = unfitted.fit(
@@ -149,39 +171,52 @@ def _rank(
         )
         means = 100 * losses.importances_mean
         deviations = 100 * losses.importances_std
-        order = np.argsort(-means, kind="stable")
+        order = np.argsort(-means, kind="stable")  # the largest loss first
         selections = _selections(unfitted, training, names, order)
     worths = [
-        Worth(names[place], float(means[place]), float(deviations[place]))
+        Worth(
+            name=names[place],
+            mean=float(means[place]),
+            deviation=float(deviations[place]),
+        )
         for place in order
     ]
-    return Ranking(model, worths, selections, warnings)
+    return Ranking(model=model, worths=worths, selections=selections, remarks=warnings)
 
 
 def _selections(
     unfitted: Any, training: Training, names: list[str], order: Indices
 ) -> list[Selection]:
-    """Fit a pipeline to fewer and fewer of its inputs, by their places, (d,), strongest first.
+    """Fit a pipeline to the strongest inputs, for each of the numbers of inputs in `SIZES`.
 
-    Two inputs are the fewest where rows are scaled to unit length.
+    `order` has the places of the inputs among the columns of `training.inputs`, (d,), from the
+    strongest to the weakest.
     """
-    fewest = 2 if training.normalisation == UNIT_LENGTH else 1
+    fewest = 1
+    if training.normalisation == UNIT_LENGTH:
+        fewest = 2  # A single input would be 1 in all rows.
     selections = []
-    before = [*order]
+    previous = [
+        *order
+    ]  # places of the inputs of the selection before, at first of all inputs
     for size in SIZES:
         if not fewest <= size <= len(order):
             continue
         kept = sorted(order[:size])
-        dropped = [names[place] for place in before if place not in kept]
+        dropped = [names[place] for place in previous if place not in kept]
         selections.append(_fit_to(unfitted, training, kept, dropped))
-        before = kept
+        previous = kept
     return selections
 
 
 def _fit_to(
     unfitted: Any, training: Training, kept: list[int], dropped: list[str]
 ) -> Selection:
-    """Fit a pipeline to the inputs at some places, score it on the test rows, and time it."""
+    """Fit a pipeline to some inputs, score it on the test rows, and time it.
+
+    `kept` are the places of these inputs among the columns of `training.inputs`. `dropped` are the
+    names of the inputs that the selection before had in addition.
+    """
     fit = partial(
         unfitted.fit,
         training.inputs[:, kept],
@@ -189,20 +224,21 @@ def _fit_to(
         **training.fit_arguments(),
     )
     predict = partial(unfitted.predict, training.test_inputs[:, kept])
+    # The timed fits are done in place, so that the pipeline is fitted afterwards.
     fit_seconds = median(repeated(fit, REPETITIONS))
     predict_seconds = median(repeated(predict, REPETITIONS))
     prediction = training.scaling.restored(predict())
     return Selection(
-        len(kept),
-        scores(training.test_target, prediction),
-        fit_seconds,
-        predict_seconds,
-        dropped,
+        inputs=len(kept),
+        scores=scores(training.test_target, prediction),
+        fit_seconds=fit_seconds,
+        predict_seconds=predict_seconds,
+        dropped=dropped,
     )
 
 
 def _lines(ranking: Ranking, normalisation: str) -> Iterator[str]:
-    """Yield the lines that tell the user the worth of the inputs, and the fits to fewer of them."""
+    """Yield the lines for the user on the worth of all inputs, and on the fits to fewer inputs."""
     for worth in ranking.worths:
         yield f"  {worth.name:38} {worth.mean:9.4f} +- {worth.deviation:.4f} % of R2"
     for selection in ranking.selections:
@@ -221,7 +257,7 @@ def _lines(ranking: Ranking, normalisation: str) -> Iterator[str]:
 
 
 def _write(folder: Folder, ranking: Ranking) -> Iterator[Path]:
-    """Write importance.csv, selection.csv and importance.png, and yield each once it is written."""
+    """Write importance.csv, selection.csv and importance.png, and yield the path of each file."""
     worths = [(worth.name, worth.mean, worth.deviation) for worth in ranking.worths]
     header = ["input", "r2_loss_percent", "deviation"]
     yield folder.write_table("importance.csv", header, worths)
@@ -249,27 +285,29 @@ def _write(folder: Folder, ranking: Ranking) -> Iterator[Path]:
 
 
 def _draw(ranking: Ranking, path: Path) -> Path:
-    """Draw the worth of the inputs, and errors and times over their number; return the picture."""
+    """Draw the worth of the inputs beside errors and times over their number; return the path."""
     figure = new_figure(12, 5.5)
-    left, right = figure.subplots(1, 2)
+    worth_axis, size_axis = figure.subplots(1, 2)
     names = [worth.name for worth in ranking.worths]
     means = [worth.mean for worth in ranking.worths]
     deviations = [worth.deviation for worth in ranking.worths]
-    places = np.arange(len(names))[::-1]
-    left.barh(places, np.maximum(means, 1e-6), xerr=deviations, color="tab:blue")
-    left.set_yticks(places, names, fontsize=8)
+    places = np.arange(len(names))[::-1]  # the strongest input at the top
+    # A loss that is 0 or negative has a small bar on the logarithmic axis.
+    lengths = np.maximum(means, SMALLEST_BAR)
+    worth_axis.barh(places, lengths, xerr=deviations, color="tab:blue")
+    worth_axis.set_yticks(places, names, fontsize=8)
     title = ranking.model.title
-    left.set(xscale="log", xlabel="loss of R2 when shuffled [%]", title=title)
+    worth_axis.set(xscale="log", xlabel="loss of R2 when shuffled [%]", title=title)
     selections = ranking.selections
     sizes = [selection.inputs for selection in selections]
     unexplained = [100 - selection.scores.r2 for selection in selections]
-    right.plot(sizes, unexplained, "o-", label="100 - R2 [%]")
+    size_axis.plot(sizes, unexplained, "o-", label="100 - R2 [%]")
     errors = [selection.scores.nmae for selection in selections]
-    right.plot(sizes, errors, "s-", label="nMAE [%]")
+    size_axis.plot(sizes, errors, "s-", label="nMAE [%]")
     seconds = [selection.fit_seconds for selection in selections]
-    right.plot(sizes, seconds, "k:", label="fit [s]")
-    right.set(
+    size_axis.plot(sizes, seconds, "k:", label="fit [s]")
+    size_axis.set(
         yscale="log", xlabel="inputs kept, the strongest first", title="fitted anew"
     )
-    right.legend()
+    size_axis.legend()
     return save(figure, path, dpi=DPI)

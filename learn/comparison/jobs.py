@@ -1,8 +1,8 @@
 """The jobs `compare` and `tune`: fit the baselines of models, or search grids and fit the winners.
 
-A job runs on the master. It reads as if there were one process: the executor (`learn.executor`)
-does its fits on the workers. The times of a search are taken while other fits run beside them,
-those of the last fits while the other processes wait.
+A job runs on the master, and is written as if there were one process only: the executor
+(`learn.executor`) does its fits on the workers. Fits of a search are timed while other fits run;
+the fits of `fit_and_time` are timed while the other processes wait.
 
 `open_targets` reads the rows and opens the folder of each target. `fit_and_time` makes the scores
 and times of the paper's Table 4, and `learn.comparison.search` those of its Table 3.
@@ -49,93 +49,96 @@ from learn.split import FOLDS, Split
 
 @dataclass(frozen=True)
 class Repetitions:
-    """How often an action is repeated for the median of its times."""
+    """Numbers of repetitions of an action, whose median time is reported."""
 
-    fewest: int  # unless the action takes too long
-    most: int
+    fewest: int  # smallest number, unless the action takes longer than `TOO_LONG`
+    largest: int  # largest number, for an action that takes less than `ENOUGH`
 
 
-FITS = Repetitions(3, 7)
-TEST_PREDICTIONS = Repetitions(3, 9)  # predictions of the whole test set
-ROW_PREDICTIONS = Repetitions(5, 99)  # predictions of one row
-ENOUGH = 5.0  # seconds after which the fewest repetitions are enough
-TOO_LONG = 300.0  # seconds after which no further repetition is begun
+FITS = Repetitions(fewest=3, largest=7)
+TEST_PREDICTIONS = Repetitions(fewest=3, largest=9)  # predictions of the whole test set
+ROW_PREDICTIONS = Repetitions(fewest=5, largest=99)  # predictions of one row
+ENOUGH = 5.0  # time after which the fewest repetitions are enough [s]
+TOO_LONG = 300.0  # time after which no repetition is begun, even if there are too few [s]
 
 CHOSEN_BY_FIT = {"kernel": "kernel_", "iterations": "n_iter_"}
-"""Attributes of fitted estimators that a result reports, by their key in its file."""
+"""Attributes of fitted estimators that results state, by their key in the file of a result."""
 
-note = partial(echo, err=True)  # print a line for the user on standard error
+note = partial(echo, err=True)  # prints a line for the user on standard error
 
 
 @dataclass(frozen=True)
 class TimedFit:
-    """A model to fit to all training rows."""
+    """A fit of a model to all training rows, which is timed."""
 
-    model: str
-    settings: SettingValues = field(default_factory=dict)  # on top of the baseline's
-    kind: str = "baseline"  # one of `learn.comparison.folder.KINDS`
-    of_grid: bool = False  # whether it has what all candidates of a grid share
-    until: float = math.inf  # time of `time.time` at which the fit is stopped [s]
-    search: SearchReport | None = None  # report of the search that it has won
-    search_seconds: float = 0.0  # time of all fits of this search [s]
+    model: str  # name of the model
+    # values by setting, on top of the settings of the baseline
+    settings: SettingValues = field(default_factory=dict)
+    kind: str = "baseline"  # kind of the result, one of `learn.comparison.folder.KINDS`
+    # True for a candidate of a grid, which has the settings that all candidates share
+    of_grid: bool = False
+    until: float = (
+        math.inf
+    )  # time of `time.time` before which each repetition has to end [s]
+    search: SearchReport | None = None  # report of the search that chose the settings
+    search_seconds: float = 0.0  # sum of the times of all fits of this search [s]
 
 
 @dataclass(frozen=True)
 class FitTimes:
-    """Times of a fit and its predictions on one thread [s]; None where the fit has failed."""
+    """Median times of a fit and its predictions on one thread [s]; None if the fit has failed."""
 
-    fit: float | None = None  # median of the fits
-    fits: int = 0  # number of the fits
-    test: float | None = None  # of predicting the whole test set, a median
-    row: float | None = None  # of predicting one row, a median
+    fit: float | None = None  # time of a fit
+    fits: int = 0  # number of fits of this median
+    test: float | None = None  # time of predicting the whole test set
+    row: float | None = None  # time of predicting one row
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredFit:
-    """Scores and times of a model that was fitted to all training rows."""
+    """Predictions, scores and times of a model that was fitted to all training rows."""
 
-    prediction: (
-        Values  # of the test rows, (m,), in the target's unit; empty if the fit failed
-    )
-    fitted: dict[
-        str, str
-    ]  # what the fit has chosen itself, by the keys of `CHOSEN_BY_FIT`
-    test: Scores | None  # None if the fit failed
-    train: Scores | None
-    failure: str  # why there are no scores
+    # (m,), predictions of the test rows in the target's unit; empty if the fit failed
+    prediction: Values
+    # values that the fit itself has chosen, by the keys of `CHOSEN_BY_FIT`
+    fitted: dict[str, str]
+    test: Scores | None  # scores on the test rows; None if the fit failed
+    train: Scores | None  # scores on the training rows; None if the fit failed
+    failure: str  # why there are no scores; "" if there are some
     times: FitTimes
     remarks: list[str]  # warnings of the fit
 
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """One target of a comparison: its folder and its rows."""
+    """One target of a comparison: its folder, and its training and test rows."""
 
     folder: Folder
     training: Training
 
 
 def compare(request: Request, executor: Executor) -> int:
-    """Fit, score and time the baselines of the requested models, and write and print the results.
+    """Fit, score and time the baselines of models, and write and print the results.
 
-    Results that the folder has already are not made again, unless the request says so.
+    A baseline whose result is in the folder already is left out, unless `request.again` is True.
 
     Parameters
     ----------
     request : Request
-        Database, output folder, models and choices.
+        Database, output folder, models and options.
     executor : Executor
         Workers that do the fits, one at a time.
 
     Returns
     -------
     int
-        Number of the signal that stopped the job, 0 if none did.
+        Number of the signal that stopped the job; 0 if none did.
 
     Raises
     ------
     InputError
-        If the database cannot be used, or this machine lacks the memory.
+        If the database cannot be used, the folder has results of other conditions or damaged ones,
+        or this machine lacks the memory.
     """
     models = models_named(list(request.models), request.features)
     tasks = _baselines(models, request.features)
@@ -147,58 +150,70 @@ def compare(request: Request, executor: Executor) -> int:
                         break
                     if request.again or _lacks_result(target, task):
                         _measure(target, task, executor, progress.say)
-                    progress.advance(1)
+                    progress.advance(rows=1)
     return interruption.signal
 
 
 def _lacks_result(target: Target, task: TimedFit) -> bool:
-    """Return whether a folder has no result of a fit; a damaged one raises InputError."""
+    """Return whether the folder of a target has no result of a fit.
+
+    InputError is raised if the result is damaged.
+    """
     return target.folder.result(task.kind, task.model) is None
 
 
 def _baselines(models: list[Model], features: str) -> list[TimedFit]:
-    """Return the baselines of all models, then the models with their libraries' own settings."""
-    tasks = [
-        TimedFit(model.name, grids.baseline(model.name, features)) for model in models
+    """Return the fits of the baselines of models, then those with libraries' own settings.
+
+    Models whose baseline has the settings of its library need no fit of the second kind.
+    """
+    baselines = [
+        TimedFit(model=model.name, settings=grids.baseline(model.name, features))
+        for model in models
     ]
-    names = [model.name for model in models if model.name in grids.LIBRARY]
-    libraries = [TimedFit(name, grids.LIBRARY[name], "library") for name in names]
-    return tasks + libraries
+    libraries = [
+        TimedFit(model=model.name, settings=grids.LIBRARY[model.name], kind="library")
+        for model in models
+        if model.name in grids.LIBRARY
+    ]
+    return baselines + libraries
 
 
 def _measure(
     target: Target, task: TimedFit, executor: Executor, say: Callable[[str], None]
 ) -> None:
-    """Fit and time a baseline on a worker, and write and print its result."""
+    """Fit and time a baseline on a worker, write its result, and print it by `say`."""
     training = target.training
     if task.kind == "library":
+        # The time of these fits grows with the third power of the number of rows.
         training = training.first(grids.LIBRARY_ROWS)
     result = executor.call(fit_and_time, training, task)
     write_fit(target.folder, task, training, result, say)
 
 
 def tune(request: Request, executor: Executor) -> int:
-    """Search the models' grids; fit, score and time the winners; write and print the results.
+    """Search the grids of models; fit, score and time the winners; write and print the results.
 
-    Where no candidate is better than a baseline, the baseline is the winner. Finished fits are kept
-    in the folder: the same call goes on with those that lack.
+    If no candidate is better than the baseline, the baseline is the winner. The folder keeps
+    finished fits: another call with an equal request does only the missing ones.
 
     Parameters
     ----------
     request : Request
-        Database, output folder, models and choices; `until` ends the job.
+        Database, output folder, models and options; the job ends at the time `until`.
     executor : Executor
         Workers that do the fits.
 
     Returns
     -------
     int
-        Number of the signal that stopped the job, 0 if none did.
+        Number of the signal that stopped the job; 0 if none did.
 
     Raises
     ------
     InputError
-        If the database cannot be used, or a machine lacks the memory.
+        If the database cannot be used, the folder has results of other conditions or damaged ones,
+        or a machine lacks the memory.
     """
     models = models_named(list(request.models), request.features)
     with Interruption(listening=True) as interruption:
@@ -215,8 +230,8 @@ def tune(request: Request, executor: Executor) -> int:
             path = inside(target.folder.path, f"trials/{model.name}.jsonl")
             with Trials(path, conditions) as trials:
                 search = _search_of(target, model, trials, executor, stopping)
-                search.searches = len(searches)
-                if math.isinf(until):
+                search.searches = len(searches)  # They share the budget.
+                if math.isinf(until):  # There is time for the whole grid.
                     search.exhaust()
                 else:
                     search.halve(until)
@@ -232,17 +247,21 @@ def _search_of(
     executor: Executor,
     stopping: Callable[[], bool],
 ) -> GridSearch:
-    """Return the search of a model's grid on the rows of a target."""
+    """Return the search of a model's grid on the training rows of a target.
+
+    `trials` are its finished fits. `stopping` is called before a fit; True ends the search.
+    """
     features = target.folder.record().conditions.features
     space = grids.space_of(model.name, features)
-    grid = grids.Grid(model, space.values, target.training.inputs.shape[1])
+    number_of_features = target.training.inputs.shape[1]
+    grid = grids.Grid(model, space=space.values, inputs=number_of_features)
     return GridSearch(
-        model,
-        grid,
-        target.training,
-        trials,
-        executor,
-        stopping,
+        model=model,
+        grid=grid,
+        training=target.training,
+        trials=trials,
+        executor=executor,
+        stopping=stopping,
         source=space.name,
         baseline=grids.baseline(model.name, features),
         optimum=grid.name_of(space.default),
@@ -262,26 +281,26 @@ def open_targets(
     Parameters
     ----------
     request : Request
-        Database, output folder and choices.
+        Database, output folder and options.
     models : list of Model
         Models that will be fitted.
     executor : Executor
         Workers that compute features.
     stopping : callable
-        Asked while features are computed and before each target; True ends the iteration.
+        Called while features are computed and before each target; True ends the iteration.
     searched : bool
-        Whether grids are searched, which needs rows in every fold, and more memory.
+        True if grids will be searched, which needs rows in every fold, and more memory.
 
     Yields
     ------
     Target
-        The targets of the request, in its order.
+        One target, in the order of the request.
 
     Raises
     ------
     InputError
         If the database cannot be used, there are too few rows, this machine lacks the memory for a
-        model, or the folder holds results of other conditions.
+        model, or the folder has results of other conditions.
     """
     for rows in dataset.read(request, executor, stopping):
         if stopping():
@@ -301,11 +320,15 @@ def open_targets(
             note(f"  {line}")
         if not parts.by_surface:
             note("  all rows share one surface: they are split one by one")
-        yield Target(folder, _training(request, rows, parts))
+        yield Target(folder=folder, training=_training(request, rows, parts))
 
 
 def _training(request: Request, rows: Dataset, parts: Split) -> Training:
-    """Return training and test rows of a target, which is scaled over its training rows."""
+    """Return the rows of a target.
+
+    The training targets are scaled, by their own values. The test targets keep the target's unit,
+    in which models are scored.
+    """
     scaling = scaling_of(rows, parts.train, standard=rows.features.of_scene)
     return Training(
         inputs=rows.inputs[parts.train],
@@ -321,7 +344,7 @@ def _training(request: Request, rows: Dataset, parts: Split) -> Training:
 
 
 def fit_and_time(training: Training, task: TimedFit) -> MeasuredFit:
-    """Fit a model to all training rows; score it on training and test rows, and time it.
+    """Fit a model to all training rows, score it on training and test rows, and time it.
 
     These are the numbers of the paper's Table 4.
 
@@ -330,13 +353,13 @@ def fit_and_time(training: Training, task: TimedFit) -> MeasuredFit:
     training : Training
         Training and test rows.
     task : TimedFit
-        Model and settings.
+        Model, settings, and the time at which repetitions end.
 
     Returns
     -------
     MeasuredFit
-        Scores, and medians of times on one thread. A fit that fails is a result too: it has the
-        reason instead of scores.
+        Predictions, scores, and median times on one thread. If a fit or prediction raises an error,
+        there are none of these, and `failure` is the reason.
     """
     training = training.seen_by(task.model)
     unfitted = training.unfitted(task.model, task.settings, tuned=task.of_grid)
@@ -362,8 +385,10 @@ def fit_and_time(training: Training, task: TimedFit) -> MeasuredFit:
             test_scores = scores(training.test_target, test_prediction)
             times = _times(training, fitted, fit, first_fit, task.until)
             prediction = test_prediction
-        except Exception as error:  # whatever a library raises: the model has no scores
+        # Libraries raise errors of any type. A model whose fit failed has no scores.
+        except Exception as error:
             failure = reason(error)
+            # A prediction may have failed after its scores, while it was timed.
             train_scores = None
             test_scores = None
     return MeasuredFit(
@@ -378,10 +403,11 @@ def fit_and_time(training: Training, task: TimedFit) -> MeasuredFit:
 
 
 def _chosen_by_fit(fitted: Any) -> dict[str, str]:
-    """Return what a fitted pipeline has chosen itself, in words."""
+    """Return values that the estimator of a fitted pipeline has chosen, by `CHOSEN_BY_FIT`."""
     chosen = {}
     for name, attribute in CHOSEN_BY_FIT.items():
         value = getattr(fitted.named_steps[STEP], attribute, None)
+        # Results state single values only.
         if value is not None and not isinstance(value, np.ndarray):
             chosen[name] = str(value)
     return chosen
@@ -394,17 +420,18 @@ def _times(
     first_fit: float,
     until: float,
 ) -> FitTimes:
-    """Return median times of predictions and fits; the first fit took `first_fit` [s] before.
+    """Return median times of a fitted pipeline's predictions, and of its fits.
 
-    The first of several fits is a warm-up and does not count; one that takes too long to be
-    repeated counts itself.
+    `fit` repeats the fit. `first_fit` is the time of the first fit [s], which was a warm-up: it is
+    reported only if the fit takes too long to be repeated. Repetitions end before the time `until`
+    of `time.time` [s].
     """
     predict_test = partial(fitted.predict, training.test_inputs)
     predict_row = partial(fitted.predict, training.test_inputs[:1])
     test = repeated(predict_test, TEST_PREDICTIONS)
     row = repeated(predict_row, ROW_PREDICTIONS)
     fits = repeated(fit, FITS, first_fit, until) or [first_fit]
-    return FitTimes(median(fits), len(fits), median(test), median(row))
+    return FitTimes(fit=median(fits), fits=len(fits), test=median(test), row=median(row))
 
 
 def repeated(
@@ -420,35 +447,39 @@ def repeated(
     action : callable
         The action, without arguments.
     repetitions : Repetitions
-        Fewest and most repetitions.
+        Smallest and largest number of repetitions.
     before : float
-        Time that the action took before, by which to tell whether another one ends in time [s].
+        Time that the action took before these repetitions; 0 if it is unknown [s].
     until : float
         Time of `time.time` before which each repetition has to end [s].
 
     Returns
     -------
     list of float
-        Times of the repetitions [s]. There are fewer than the fewest, even none, if they take too
-        long.
+        Times of the repetitions [s]. There are `repetitions.largest`, or at least
+        `repetitions.fewest` if they take longer than `ENOUGH` together. There are fewer, even none,
+        if they and `before` take `TOO_LONG` or longer together, or if the next one might end after
+        `until`.
     """
-    taken: list[float] = []
-    while len(taken) < repetitions.most and before + sum(taken) < TOO_LONG:
-        if len(taken) >= repetitions.fewest and sum(taken) > ENOUGH:
+    times: list[float] = []
+    while len(times) < repetitions.largest and before + sum(times) < TOO_LONG:
+        if len(times) >= repetitions.fewest and sum(times) > ENOUGH:
             break
-        if time.time() + 2 * max([before, *taken]) >= until:
+        # A repetition may take up to twice as long as the longest one before.
+        if time.time() + 2 * max([before, *times]) >= until:
             break
         began = perf_counter()
         action()
-        taken.append(perf_counter() - began)
-    return taken
+        times.append(perf_counter() - began)
+    return times
 
 
 def finish(folder: Folder, search: GridSearch, until: float, *, again: bool) -> None:
-    """Fit and time the winner of a search on a worker; write and print the results of both.
+    """Fit and time the winner of a search on a worker, and write and print the result.
 
-    The winner is a candidate of the grid or the baseline. A search without a winner has a result
-    with the reason. Nothing is done where the folder has the result of this very search and winner.
+    The winner is a candidate of the grid, or the baseline. If there is no winner, or its fit does
+    not end in time, the reason is written and printed in place of a result. Nothing is done if the
+    folder has the result of an equal search with an equal winner.
 
     Parameters
     ----------
@@ -459,12 +490,12 @@ def finish(folder: Folder, search: GridSearch, until: float, *, again: bool) -> 
     until : float
         Time of `time.time` at which the fit is stopped [s].
     again : bool
-        Whether to fit again where the folder has the result.
+        True to fit the winner even if the folder has its result.
 
     Raises
     ------
     InputError
-        If a result is damaged or cannot be written.
+        If a stored result is damaged, or a result cannot be written.
     """
     if search.fault:
         _write_fault(folder, search.model, search.fault)
@@ -483,20 +514,22 @@ def finish(folder: Folder, search: GridSearch, until: float, *, again: bool) -> 
         return
     title = search.model.title
     number = FOLDS * len(search.grid.differing)
-    for text, few in [*report.failures.items(), *report.remarks.items()]:
-        note(f"{title}: {few} of {number} scores: {text}")
+    for text, concerned in [*report.failures.items(), *report.remarks.items()]:
+        note(f"{title}: {concerned} of {number} scores: {text}")
     write_fit(folder, task, search.training, result, note)
     if report.winner == "baseline":
         note(f"{title}: {WHY_BASELINE}")
 
 
 def _fit_of_winner(search: GridSearch, until: float) -> TimedFit:
-    """Return the fit of a search's winner, which is stopped at a time [s]."""
+    """Return the fit of a search's winner, whose repetitions end before the time `until` [s]."""
     of_grid = search.winner in search.grid.differing
-    settings = search.grid.first[search.winner] if of_grid else search.baseline
+    settings = search.baseline or {}
+    if of_grid:
+        settings = search.grid.first[search.winner]
     return TimedFit(
         model=search.model.name,
-        settings=settings or {},
+        settings=settings,
         kind="tuned",
         of_grid=of_grid,
         until=until,
@@ -506,17 +539,18 @@ def _fit_of_winner(search: GridSearch, until: float) -> TimedFit:
 
 
 def _is_stored(folder: Folder, task: TimedFit, report: SearchReport) -> bool:
-    """Return whether a folder has the result of this very search and winner."""
+    """Return whether a folder has the result of a search with this report and this winner."""
     stored = folder.result("tuned", task.model)
     if stored is None or stored.search is None:
         return False
-    settings = json.loads(json.dumps(task.settings))  # with lists instead of tuples
-    same_search = stored.search.content() == json.loads(json.dumps(report.content()))
-    return bool(stored.settings == settings and same_search)
+    # By way of JSON, tuples become lists as in the file.
+    settings = json.loads(json.dumps(task.settings))
+    content = json.loads(json.dumps(report.content()))
+    return bool(stored.settings == settings and stored.search.content() == content)
 
 
 def _write_fault(folder: Folder, model: Model, fault: str) -> None:
-    """Write and print why a search has no winner."""
+    """Write the reason why a search has no winner as its result, and print it as a warning."""
     content = {"model": model.name, "failure": fault, "remarks": []}
     folder.write_json(f"tuned/{model.name}.json", content)
     note(f"warning: {model.title}: {fault}")
@@ -529,9 +563,10 @@ def write_fit(
     result: MeasuredFit,
     say: Callable[[str], None],
 ) -> None:
-    """Write and print scores and times of a model, with the report and the time of its search.
+    """Write and print the result of a fit.
 
-    KIND/MODEL.csv has the predictions of the test rows, KIND/MODEL.json all other results.
+    KIND/MODEL.csv has the predictions of the test rows, and KIND/MODEL.json the rest: settings,
+    scores, times, warnings and the report of the search.
 
     Parameters
     ----------
@@ -540,9 +575,9 @@ def write_fit(
     task : TimedFit
         The fit.
     training : Training
-        Its rows.
+        Rows of the fit.
     result : MeasuredFit
-        Its scores and times.
+        Predictions, scores and times of the fit.
     say : callable
         Called with lines for the user.
 
@@ -551,20 +586,24 @@ def write_fit(
     InputError
         If a file cannot be written.
     """
+    # Without scores there are no predictions, and the table has no rows.
     pairs = zip(training.test_target.tolist(), result.prediction.tolist(), strict=False)
     rows = [(row, truth, predicted) for row, (truth, predicted) in enumerate(pairs)]
     header = ("test_row", "truth", "prediction")
     folder.write_table(f"{task.kind}/{task.model}.csv", header, rows)
+    report = {}
+    if task.search is not None:
+        report = task.search.content()
     content = {
         "model": task.model,
         "settings": task.settings,
         "fitted": result.fitted,
-        "test": None if result.test is None else asdict(result.test),
-        "train": None if result.train is None else asdict(result.train),
+        "test": _scores_entry(result.test),
+        "train": _scores_entry(result.train),
         "failure": result.failure,
         "times": {**asdict(result.times), "search": task.search_seconds},
         "remarks": result.remarks,
-        "search": {} if task.search is None else task.search.content(),
+        "search": report,
     }
     folder.write_json(f"{task.kind}/{task.model}.json", content)
     title = f"{EVERY[task.model].title}, {task.kind}"
@@ -579,3 +618,10 @@ def write_fit(
     )
     for remark in result.remarks:
         say(f"  warning: {remark}")
+
+
+def _scores_entry(fit_scores: Scores | None) -> dict[str, float] | None:
+    """Return scores as the file of a result has them; None if the fit failed."""
+    if fit_scores is None:
+        return None
+    return asdict(fit_scores)

@@ -1,16 +1,17 @@
 """The paper's own numbers: search spaces and optima (Table 2), times and scores (Tables 3 and 4).
 
-Ranges, numbers of points and optima of Table 2 are the paper's; the points between are ours, since
-it prints none. Where the table contradicts itself or today's libraries, the optimum decides:
+Ranges, numbers of points and optima of Table 2 are the paper's. It does not print the points
+between the ends of a range, which are ours. If the table contradicts itself or today's libraries,
+we follow its optimum:
 
-- `auto` for `max_features` is refused by scikit-learn now; it meant all inputs, 1.0 here;
-- the forest's `max_features` of 1, its optimum, is the share 1.0, not one single input;
-- the perceptron's optimum has five layers and 200 nodes, the range two to four layers and 50 to
-  120 nodes: three points lie in the range, the fourth is the optimum;
-- the Gaussian process's optimum, 0.0374, is the fifth of 110 points 1/110 apart from 0.001; the
-  last of them is moved to the range's end, 1.0.
+- `auto` for `max_features`, which scikit-learn refuses now, meant all inputs: the share 1.0 here;
+- the forest's optimum for `max_features`, 1, is the share 1.0 and not a single input;
+- the perceptron's optimum has five layers and up to 200 nodes, although the range has two to four
+  layers and 50 to 120 nodes: three of our points are in the range, and the fourth is the optimum;
+- the Gaussian process's optimum, 0.0374, is the fifth of 110 points that start at 0.001 and are
+  1/110 apart; the last of our points is moved to the end of the range, 1.0.
 
-`learn.comparison.grid` knows which values a model ignores, and which mean the same.
+`learn.comparison.grid` leaves out values that a model ignores, and values that are equal to others.
 """
 
 from statistics import median
@@ -19,9 +20,9 @@ from typing import Any
 from learn.metrics import Scores
 
 Space = dict[str, list[Any]]
-"""Values to try, by setting."""
+"""Values that a search tries, by the names of scikit-learn's settings."""
 
-SPACES: dict[str, Space] = {
+SPACES: dict[str, Space] = {  # the grids of Table 2, by model
     "decision-tree": {
         "max_depth": [1, 8, 15, 22, 30],
         "max_features": [1.0, "sqrt", "log2", None],  # 1.0: the paper's auto
@@ -147,7 +148,7 @@ OPTIMA: dict[str, dict[str, Any]] = {
         "solver": "lbfgs",
     },
 }
-"""The winners of the paper's search: points of the spaces above."""
+"""The winners of the paper's searches, by model: points of `SPACES`."""
 
 PUBLISHED = """
 decision-tree     8.99  8.17 24.62 96.31  0.48 0.003 8.51 8.03 27.66 96.51    0.42 0.003      16
@@ -160,31 +161,49 @@ gaussian-process  1.15  3.05 11.76 99.52 11.76 1.994 1.12 3.02  8.98 99.54  853.
 kernel-ridge     19.11 13.02 34.45 91.24  5.68 0.091 1.16 3.07  9.84 99.52    9.18 0.827    2599
 mlp               3.24  5.32 16.34 98.64 12.88 0.007 1.19 3.09  9.95 99.51 3435.54 0.049   44325
 """
-"""Tables 4 and 3, a line for each model: nMSE, nMAE, nMaxE and R2 on the test rows [%], times of
-the fit and of predicting the whole test set [s], of the baseline and then of the tuned model; time
-of the grid search [s]."""
+"""The numbers of Tables 4 and 3, with a line for each model.
+
+After the name of the model there are six numbers of the baseline, and the same six of the tuned
+model: nMSE, nMAE, nMaxE and R2 on the test rows [%], time of the fit [s], and time of predicting
+the whole test set [s]. The last number is the time of the grid search [s].
+"""
 
 TEST: dict[str, dict[str, Scores]] = {"baseline": {}, "tuned": {}}
-"""Scores on the test rows, by kind and model [%]."""
+"""Scores on the test rows, by kind of result and model [%]."""
 
 TIMES: dict[str, dict[str, tuple[float, float]]] = {"baseline": {}, "tuned": {}}
-"""Times of the fit and of predicting the whole test set, by kind and model [s]."""
+"""Times of the fit and of predicting the whole test set, by kind of result and model [s]."""
 
-TUNING_SECONDS: dict[str, float] = {}  # times of the grid searches, by model [s]
+TUNING_SECONDS: dict[str, float] = {}
+"""Times of the grid searches, by model [s]."""
 
-for _line in PUBLISHED.split("\n")[1:-1]:
+for _line in PUBLISHED.strip().split("\n"):
     _model, *_cells = _line.split()
     _numbers = [float(cell) for cell in _cells]
-    for _kind, _own in (("baseline", _numbers[:6]), ("tuned", _numbers[6:12])):
-        TEST[_kind][_model] = Scores(*_own[:4])
-        TIMES[_kind][_model] = _own[4], _own[5]
+    _numbers_by_kind = {"baseline": _numbers[:6], "tuned": _numbers[6:12]}
+    for _kind, _six in _numbers_by_kind.items():
+        TEST[_kind][_model] = Scores(*_six[:4])
+        TIMES[_kind][_model] = _six[4], _six[5]
     TUNING_SECONDS[_model] = int(_cells[12])
 
 
 def spread_of(scores: Scores) -> float:
-    """Return variance over mean of the test areas, by nMSE and R2 of a model [%]."""
+    """Return the variance of the test areas over their mean, from the scores of any model.
+
+    Parameters
+    ----------
+    scores : Scores
+        Scores of a model on the test rows [%]. The nMSE is (1 - R2) times variance over mean.
+
+    Returns
+    -------
+    float
+        Variance over mean [% of area].
+    """
     return scores.nmse / (100 - scores.r2)
 
 
-SPREAD = median(spread_of(each) for kind in TEST.values() for each in kind.values())
-"""That of the paper's test rows, the median over Table 4 [%]."""
+SPREAD = median(
+    spread_of(scores) for by_model in TEST.values() for scores in by_model.values()
+)
+"""Variance over mean of the areas of the paper's test rows: the median over Table 4 [% of area]."""

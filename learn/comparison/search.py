@@ -1,13 +1,14 @@
-"""The search of a grid: exact scores of its candidates, each distinct fit done once on a worker.
+"""The search of a grid, whose candidates are scored by fits on the workers; no fit is done twice.
 
-The score of a candidate is the mean R2 over the folds of all rows. Of equal candidates the first
-one in the order of ParameterGrid is the best; candidates with a failed fold come last. The
-baseline, which is no point of the grid, wins where no candidate is better.
+The score of a candidate is its mean R2 over the folds of all training rows. The candidate with the
+largest score is the best one, and the first of these in the order of ParameterGrid if several have
+equal scores. A candidate with a failed fold has no score. The baseline, which is not a point of the
+grid, wins if no candidate is better.
 
-Within a given time, successive halving on the number of training rows decides which candidates are
-judged, as in scikit-learn's HalvingGridSearchCV: all candidates are fitted to few rows, the best
-third to three times as many, and so on. scikit-learn's own halving knows rows, not hours, shares no
-fits, and can be neither spread over machines nor resumed.
+If the time is limited, successive halving on the number of training rows chooses the candidates
+that are judged, as in scikit-learn's HalvingGridSearchCV: all candidates are fitted to few rows,
+the best third of them to three times as many rows, and so on. scikit-learn's own halving is limited
+by rows and not by time, shares no fits, and can be neither spread over machines nor resumed.
 
 The search of Table 2's grids gives the numbers of the paper's Table 3: `GridSearch.report` the
 winners, and `GridSearch.seconds` the times.
@@ -40,91 +41,101 @@ from learn.executor import Ended, Executor, budget_of
 from learn.models import Model
 from learn.split import FOLDS
 
-STEP_FOLDS = 2  # folds on which a step ranks its candidates
-JUDGED = 0.75  # share of the time after which no candidate is judged any more
-FACTOR = 3  # of three candidates one goes on, with three times the rows
-LEAST_ROWS = 300  # training rows of the first step at least
+STEP_FOLDS = 2  # number of folds on which a step of halving ranks its candidates
+JUDGED = 0.75  # share of the time for judging; the rest is for the last fit of the winner
+# A step of halving keeps one of `FACTOR` candidates for the next step, which has `FACTOR` times as
+# many rows.
+FACTOR = 3
+LEAST_ROWS = 300  # smallest number of training rows of the first step
 
 Family = tuple[str, ...]
-"""Names of the candidates that one fit serves; the baseline is served alone."""
+"""Names of all candidates that one fit serves. The baseline is a family by itself."""
 
 
 @dataclass
 class GridSearch:
-    """A search of a model's grid: its data, its finished fits, and its winner by these fits.
+    """A search of a model's grid: its data, its finished fits, and the winner by these fits.
 
-    The finished fits, `trials`, are the whole state of a search but for the candidates beyond the
-    grid: the same search with the same trials goes on where an earlier one was stopped.
+    The finished fits are kept in the file of `trials`: a search with trials of an earlier, equal
+    search goes on where that one was stopped.
     """
 
     model: Model
-    grid: Grid  # replaced by a larger one where the search goes on beyond its ends
-    training: Training
-    trials: Trials
-    executor: Executor
-    # Called before a fit; True ends the search.
+    grid: Grid  # replaced by a larger one if the search goes on beyond its ends
+    training: Training  # training rows, and the options of all fits
+    trials: Trials  # finished fits
+    executor: Executor  # workers that do the fits
+    # called before a fit; True ends the search
     stopping: Callable[[], bool] = lambda: False
     source: str = grids.TABLE_2  # name of the grid in results and tables
-    # Settings of the baseline, which is judged beside the grid; None for the grid alone.
+    # settings of the baseline, which is judged besides the candidates; None for no baseline
     baseline: SettingValues | None = None
-    # Name of the paper's optimum in the grid, or of the default of another grid; "" without one.
+    # name of the candidate that is judged first: the paper's optimum, or the default of another
+    # grid; "" without one
     optimum: str = ""
-    how: str = "whole grid"  # the steps of the search in words
-    searches: int = 1  # searches that share the budget, this one included
-    # Times after which fits to all rows were stopped [s].
+    how: str = "whole grid"  # steps of the search in words
+    searches: int = 1  # number of searches that share the budget, this one included
+    # times after which fits to all rows were stopped [s]
     ended: list[float] = field(default_factory=list)
 
     @property
     def baseline_family(self) -> Family:
-        """Name of the baseline as a family; empty if the grid is searched alone."""
+        """The baseline as a family of one name; empty without a baseline."""
         if self.baseline is None:
             return ()
         return (grids.key(self.baseline, baseline=True),)
 
     @property
     def baseline_name(self) -> str:
-        """Name of the baseline, "" if the grid is searched alone."""
+        """Name of the baseline; "" without one."""
         return "".join(self.baseline_family)
 
     def tasks(
         self, families: Iterable[Family], rows: int, folds: int = FOLDS
     ) -> list[Task]:
-        """List the fits that families still lack.
+        """List the fits of families that are not finished.
 
         Parameters
         ----------
         families : iterable of tuple of str
-            Families of the grid, or that of the baseline. Empty ones are skipped.
+            Families of the grid, or that of the baseline. Empty families need no fits.
         rows : int
-            Training rows of each fit at most.
+            Largest number of training rows of a fit.
         folds : int
-            Number of folds, from the first one.
+            Number of folds; the first ones are used.
 
         Returns
         -------
         list of Task
-            One task for each family and fold of which at least one candidate has no trial.
+            One fit for each family and fold, with the candidates that have no trial yet. Families
+            and folds without such candidates are left out.
         """
         settings = dict(self.grid.differing)
         if self.baseline is not None:
             settings[self.baseline_name] = self.baseline
         tasks = []
-        for names, fold in product(families, range(folds)):
-            lacking = {
+        for family, fold in product(families, range(folds)):
+            candidates = {
                 name: settings[name]
-                for name in names
+                for name in family
                 if Place(name, fold, rows) not in self.trials.finished
             }
-            if lacking:
-                is_baseline = names == self.baseline_family
-                tasks.append(Task(self.model.name, lacking, fold, rows, is_baseline))
+            if candidates:
+                task = Task(
+                    model=self.model.name,
+                    candidates=candidates,
+                    fold=fold,
+                    rows=rows,
+                    baseline=family == self.baseline_family,
+                )
+                tasks.append(task)
         return tasks
 
     def run(self, tasks: list[Task], title: str, until: float = inf) -> None:
-        """Do fits on the workers, and add their trials to the file of trials.
+        """Do fits on the workers, and add their trials to `trials`.
 
-        A progress bar is shown below a line with the title. Nothing is shown and done without
-        tasks, or if the search has been stopped or its time is over.
+        A line with the title and a progress bar are shown. Nothing is done or shown if there are no
+        tasks, if `stopping` ends the search, or if the time is over.
 
         Parameters
         ----------
@@ -133,15 +144,16 @@ class GridSearch:
         title : str
             Description of the fits for the user.
         until : float
-            Time of `time.time` from which on no fit is begun, and at which fits are stopped [s].
+            Time of `time.time` after which no fit is begun, and at which fits are stopped [s].
 
         Raises
         ------
         InputError
-            If the disk is full, or a machine lacks the memory for a fit.
+            If the file of trials cannot be written, or a machine lacks the memory for a fit.
         """
 
         def is_over() -> bool:
+            """Return whether no further fit may begin."""
             return self.stopping() or time.time() > until
 
         if not tasks or is_over():
@@ -151,16 +163,22 @@ class GridSearch:
             progress.say(f"{self.model.title}: {title}")
 
             def on_result(task: Task, result: list[Trial] | Ended) -> None:
+                """Keep the result of a fit, and count the fit in the progress bar."""
                 has_failed = self._keep(task, result)
-                progress.advance(1, failed=int(has_failed), work=expected_work(task))
+                work_done = expected_work(task)
+                progress.advance(rows=1, failed=int(has_failed), work=work_done)
 
             self.executor.run(
                 fit, self.training, tasks, on_result, stopping=is_over, until=until
             )
 
     def _keep(self, task: Task, result: list[Trial] | Ended) -> bool:
-        """Keep the trials or the time of a fit; return whether it has failed or was stopped."""
+        """Keep the trials of a fit, and return whether all of them have failed.
+
+        Of a fit that was stopped, which has failed too, the time is kept if it was to all rows.
+        """
         if isinstance(result, Ended):
+            # A fit that was stopped before it began has no time.
             if result.seconds and task.rows == self.training.rows:
                 self.ended.append(result.seconds)
             return True
@@ -168,7 +186,7 @@ class GridSearch:
         return all(trial.r2 is None for trial in result)
 
     def exhaust(self) -> None:
-        """Search the whole grid, and beyond an end at which the winner lies; see `run`."""
+        """Search the whole grid, and go on beyond an end that the winner is at; see `run`."""
         self.fit_all()
         self._go_beyond()
 
@@ -189,39 +207,44 @@ class GridSearch:
     def halve(self, until: float) -> None:
         """Search the grid within a time, by successive halving; see `run`.
 
-        The steps, and the judgement over five folds of all rows, have equal shares of three
-        quarters of the time; fits that do not end within their share are left out. The rest of the
-        time is for the winner's last fit. The paper's optimum is on every step, and the first to be
-        judged, because few rows must not hide it.
+        If not all candidates were judged, `how` becomes a description of the steps.
+
+        The steps on fewer rows and the judgement on all rows have equal shares of the share
+        `JUDGED` of the time. A fit that does not end within its share is stopped. The rest of the
+        time is for the last fit of the winner. The optimum takes part in every step that has any
+        candidates and is judged first, even if it is not among the best on few rows.
 
         Parameters
         ----------
         until : float
-            Time of `time.time` at which the winner's last fit is to end too [s].
+            Time of `time.time` at which the last fit of the winner has to end, too [s].
         """
         total = self.training.rows
         began = time.time()
-        share = JUDGED * (until - began) / len(self._sizes)
-        end = began + len(self._sizes) * share
+        seconds_of_step = JUDGED * (until - began) / len(self._sizes)
+        end_of_judging = began + len(self._sizes) * seconds_of_step
         baseline = self.tasks([self.baseline_family], total)
-        self.run(baseline, f"the baseline on {total} rows", end)
-        order = self._with_optimum_first(self._drawn())
-        climbing = order
+        self.run(baseline, f"the baseline on {total} rows", end_of_judging)
+        order = self._with_optimum_first(self._drawn_families())
+        remaining = order  # families that take part in the next step
         steps = []
         for number, rows in enumerate(self._sizes[:-1], start=1):
             on_rows = f"on {rows} rows, {STEP_FOLDS} folds"
-            tasks = self.tasks(climbing, rows, STEP_FOLDS)
-            self.run(tasks, f"candidates {on_rows}", began + number * share)
+            tasks = self.tasks(remaining, rows, STEP_FOLDS)
+            end_of_step = began + number * seconds_of_step
+            self.run(tasks, f"candidates {on_rows}", end_of_step)
             scored = len(self.means(self.grid.differing, rows, STEP_FOLDS))
             if scored:
                 steps.append(f"{_counted(scored)} {on_rows}")
             ranked = self._ranked(order, rows)
+            # Families without a score on this step stay behind the ranked ones. If no family has a
+            # score, nothing is left for the next steps, and the judgement takes the old order.
             order = self._with_optimum_first([*ranked, *order])
-            climbing = order[: math.ceil(len(ranked) / FACTOR)]
+            remaining = order[: math.ceil(len(ranked) / FACTOR)]
         on_rows = f"on {total} rows, {FOLDS} folds"
         tasks = self.tasks(order, total)
-        self.run(tasks, f"the best candidates first, {on_rows}", end)
-        self._go_beyond(end)
+        self.run(tasks, f"the best candidates first, {on_rows}", end_of_judging)
+        self._go_beyond(end_of_judging)
         if self.judged < len(self.grid.differing):
             steps.append(f"{_counted(self.judged)} {on_rows}")
             self.how = f"successive halving: {', '.join(steps)}"
@@ -235,22 +258,33 @@ class GridSearch:
         return sizes
 
     def _with_optimum_first(self, families: list[Family]) -> list[Family]:
-        """Return families without repetition, and before them that of the paper's optimum."""
+        """Return families without repetition, the family of the optimum first."""
         first = [family for family in self.grid.families if self.optimum in family]
-        return [*dict.fromkeys([*first, *families])]
+        # A dictionary keeps the first of equal keys.
+        return list(dict.fromkeys([*first, *families]))
 
-    def _drawn(self) -> list[Family]:
-        """Draw the order of all families, with odds inverse to the work of their fits."""
+    def _drawn_families(self) -> list[Family]:
+        """Return all families in a random order, in which families of quick fits tend to be first.
+
+        The order is drawn with the seed of the training. The probability of a family to come next
+        is inverse to the work of its fit.
+        """
         work = []
         for family in self.grid.families:
-            served = {name: self.grid.differing[name] for name in family}
-            work.append(expected_work(Task(self.model.name, served, 0, 1)))
+            candidates = {name: self.grid.differing[name] for name in family}
+            task = Task(self.model.name, candidates, fold=0, rows=1)
+            work.append(expected_work(task))
+        # Of exponential waiting times with these means, the probability to be the smallest is
+        # inverse to the mean.
         waiting = np.random.default_rng(self.training.seed).exponential(work)
         order = np.argsort(waiting, kind="stable")
         return [self.grid.families[place] for place in order]
 
     def _ranked(self, families: list[Family], rows: int) -> list[Family]:
-        """Return the families with a score on the folds of a step, that of the best one first."""
+        """Return the families with a score on a step of halving, from the best to the worst.
+
+        The score of a family is that of its best candidate on `rows` training rows.
+        """
         means = self.means(self.grid.differing, rows, STEP_FOLDS)
         best = {}
         for family in families:
@@ -260,21 +294,25 @@ class GridSearch:
         return sorted(best, key=best.__getitem__, reverse=True)
 
     def _go_beyond(self, until: float = inf) -> None:
-        """Extend the grid and search it as long as the winner lies at an end, until a time [s].
+        """Replace the grid by larger ones and search them, while the winner is at an end.
 
-        The grid of before is kept where no fit of the extended one has ended.
+        This ends when no additional candidate of a larger grid was judged; the grid is then the one
+        before. No fit is done after the time `until` of `time.time` [s].
         """
         while not self.stopping() and self.winner in self.grid.differing:
-            before = self.grid
+            smaller_grid = self.grid
             judged = self.judged
-            self.grid = before.extended(before.first[self.winner])
-            added = self.grid.differing.keys() - before.differing.keys()
-            families = [f for f in self.grid.families if not added.isdisjoint(f)]
+            self.grid = smaller_grid.extended(smaller_grid.first[self.winner])
+            added = self.grid.differing.keys() - smaller_grid.differing.keys()
+            families = [
+                family for family in self.grid.families if not added.isdisjoint(family)
+            ]
             tasks = self.tasks(families, self.training.rows)
             title = f"the winner is at an end of the grid: {len(tasks)} fits beyond it"
             self.run(tasks, title, until)
             if self.judged == judged:
-                self.grid = before
+                # There was no candidate to add, or no time for it.
+                self.grid = smaller_grid
                 return
 
     def folds(
@@ -287,20 +325,20 @@ class GridSearch:
         name : str
             Name of the candidate, or of the baseline.
         rows : int, optional
-            Training rows of the fits; all rows if None.
+            Largest number of training rows of the fits; all rows by default.
         folds : int
-            Number of folds, from the first one.
+            Number of folds; the first ones are used.
 
         Returns
         -------
         list of float
-            R2 on each fold; NaN where it has no score.
+            R2 on each fold; NaN on a fold without a finished fit, or with one that failed.
         """
+        if rows is None:
+            rows = self.training.rows
         scores = []
         for fold in range(folds):
-            trial = self.trials.finished.get(
-                Place(name, fold, self.training.rows if rows is None else rows)
-            )
+            trial = self.trials.finished.get(Place(name, fold, rows))
             if trial is None or trial.r2 is None:
                 scores.append(math.nan)
             else:
@@ -317,29 +355,35 @@ class GridSearch:
         names : iterable of str
             Names of candidates, or of the baseline.
         rows : int, optional
-            Training rows of the fits; all rows if None.
+            Largest number of training rows of the fits; all rows by default.
         folds : int
-            Number of folds, from the first one.
+            Number of folds; the first ones are used.
 
         Returns
         -------
-        dict
-            Mean R2 over the folds by name, of those that have a score on each of these folds.
+        dict of str to float
+            Mean R2 over the folds by name. Names without a score on every fold are left out.
         """
         means = {name: float(np.mean(self.folds(name, rows, folds))) for name in names}
         return {name: mean for name, mean in means.items() if not math.isnan(mean)}
 
     @property
     def best(self) -> str:
-        """Name of the best candidate of the grid, "" if none has a score on all folds."""
+        """Name of the best candidate of the grid; "" if none has a score on all folds."""
         means = self.means(self.grid.differing)
         return max(means, key=means.__getitem__, default="")
 
     @property
     def winner(self) -> str:
-        """Name of the best candidate, or of the baseline where none is better; "" for no score."""
-        best = (self.best,) if self.best else ()
-        means = self.means([*self.baseline_family, *best])
+        """Name of the best candidate, or of the baseline if no candidate is better.
+
+        It is "" if neither has a score.
+        """
+        names = [*self.baseline_family]
+        if self.best:
+            names.append(self.best)
+        # Of equal scores `max` takes the first one, the baseline's.
+        means = self.means(names)
         return max(means, key=means.__getitem__, default="")
 
     @property
@@ -355,16 +399,16 @@ class GridSearch:
 
     @property
     def failures(self) -> Counter[str]:
-        """Numbers of scores on all rows that each failure has cost, by its reason."""
+        """Number of missing scores of candidates on all rows, by the reason of the failure."""
         return Counter(trial.failure for trial in self._of_all_rows() if trial.failure)
 
     @property
     def remarks(self) -> Counter[str]:
-        """Numbers of scores on all rows that each warning concerns, by its text."""
+        """Number of scores of candidates on all rows whose fits had a warning, by its text."""
         return Counter(trial.remark for trial in self._of_all_rows() if trial.remark)
 
     def _of_all_rows(self) -> list[Trial]:
-        """Return the finished trials of the grid on all rows, in the order of its candidates."""
+        """Return the finished trials of candidates on all rows, in the order of the candidates."""
         trials = []
         for name, fold in product(self.grid.differing, range(FOLDS)):
             trial = self.trials.finished.get(Place(name, fold, self.training.rows))
@@ -374,12 +418,13 @@ class GridSearch:
 
     @property
     def seconds(self) -> float:
-        """Sum of the times of all fits [s]."""
+        """Sum of the times of all finished fits, those of the baseline included [s]."""
         return sum(trial.seconds for trial in self.trials.finished.values())
 
     @property
     def fault(self) -> str:
-        """Why the search has no winner, "" if it has one."""
+        """Reason why the search has no winner; "" if it has one."""
+        # A winner has to be compared with the baseline.
         if self.tasks([self.baseline_family], self.training.rows):
             return (
                 f"not searched: the baseline was not finished on {FOLDS} folds within the time:"
@@ -388,31 +433,42 @@ class GridSearch:
         failures = self.failures
         if failures and not self.best:
             return "; ".join(failures)
+        # More time would allow enough candidates.
         if self.judged < self._least_judged:
             return (
                 f"not searched: {self.judged} of {len(self.grid.differing)} candidates were judged"
                 f" over {FOLDS} folds of all rows, {self._least_judged} are needed: {self.advice}"
             )
+        # Few rows must not hide the optimum. If fits failed, it may have no score for that reason.
         if self.optimum and not failures and not self.means([self.optimum]):
             return f"not searched: the paper's optimum was not judged: {self.advice}"
         return ""
 
     @property
     def _least_judged(self) -> int:
-        """Number of candidates that have to be judged before there is a winner."""
+        """Number of candidates that have to be judged for a winner."""
         return min(LEAST_JUDGED, len(self.grid.differing))
 
     @property
     def advice(self) -> str:
-        """The budget within which enough candidates would be judged, by the times of the fits."""
+        """Advice for the user: a budget within which enough candidates would be judged.
+
+        It is estimated from the times of fits to all rows, if there are some.
+        """
+        # The median time of the finished fits, and the longest time of a stopped fit. Each is 0
+        # without such fits.
+        finished = 0.0
+        times = self._seconds_of_fits()
+        if times:
+            finished = median(times)
         stopped = max(self.ended, default=0.0)
-        finished = self._seconds_of_fits()
-        seconds = max(stopped, median(finished) if finished else 0.0)
+        seconds = max(stopped, finished)
         if not seconds:
             return "give a larger --budget"
         budget = budget_of(self._needed_seconds(seconds))
         fit_to_all = f"a fit to {self.training.rows} rows"
-        if stopped >= seconds:
+        if stopped >= finished:
+            # The time of a fit that was stopped is a lower bound only.
             return (
                 f"{fit_to_all} was not finished in {seconds:.3g} s, so that {self._least_judged}"
                 f" candidates need --budget {budget} or more"
@@ -423,9 +479,11 @@ class GridSearch:
         )
 
     def _needed_seconds(self, of_fit: float) -> float:
-        """Return the budget [s] of all searches if a fit to all rows takes some time [s].
+        """Return the budget of all searches [s] that is needed for enough judged candidates.
 
-        Fits to all rows have the share of one step; the winner's fit has what judging leaves.
+        `of_fit` is the time of a fit to all rows [s]. The time for judging is one of
+        `len(self._sizes)` equal shares of `JUDGED` of the budget (see `halve`). The rest of the
+        budget is for the last fit of the winner, and has to be twice the time of a fit.
         """
         candidates = max(len(self.grid.differing), 1)
         families = math.ceil(self._least_judged * len(self.grid.families) / candidates)
@@ -433,23 +491,24 @@ class GridSearch:
         if self.baseline_family:
             fits += FOLDS
         judging = fits * of_fit / self.executor.world.workers * len(self._sizes) / JUDGED
-        return self.searches * max(judging, 2 * of_fit / (1 - JUDGED))
+        last_fit = 2 * of_fit / (1 - JUDGED)
+        return self.searches * max(judging, last_fit)
 
     def _seconds_of_fits(self) -> list[float]:
         """Return the times of finished fits to all rows [s], one for each family and fold."""
         families = [self.baseline_family, *self.grid.families]
+        trials = self.trials.finished
         times = []
-        for names, fold in product(families, range(FOLDS)):
-            places = (Place(name, fold, self.training.rows) for name in names)
-            trials = self.trials.finished
-            # The candidates of a family share the time of one fit evenly.
+        for family, fold in product(families, range(FOLDS)):
+            places = (Place(name, fold, self.training.rows) for name in family)
+            # Each candidate of a family has an equal share of the time of their fit.
             shares = [trials[place].seconds for place in places if place in trials]
             if shares:
                 times.append(sum(shares))
         return times
 
     def _fits_done(self) -> int:
-        """Return the number of fits of the grid to all rows that are finished."""
+        """Return the number of finished fits of candidates to all rows."""
         rows = self.training.rows
         number = 0
         for family, fold in product(self.grid.families, range(FOLDS)):
@@ -459,8 +518,17 @@ class GridSearch:
         return number
 
     def report(self) -> SearchReport:
-        """Return the description of the search for the result of its winner."""
+        """Return the report of the search, for the result of its winner.
+
+        Returns
+        -------
+        SearchReport
+            The report. The search must have a winner (`fault` is "").
+        """
         grid = self.grid
+        # The best candidate; the first one if none has a score.
+        best = grid.first.get(self.best, grid.candidates[0])
+        baseline_fits = int(np.isfinite(self.folds(self.baseline_name)).sum())
         return SearchReport(
             how=self.how,
             grid=self.source,
@@ -470,9 +538,9 @@ class GridSearch:
             candidates_scored=len(self.means(grid.differing)),
             fits_nominal=FOLDS * len(grid.candidates),
             fits=self._fits_done(),
-            baseline_fits=int(np.isfinite(self.folds(self.baseline_name)).sum()),
+            baseline_fits=baseline_fits,
             winner=self._place_of_winner(),
-            ends=[*grid.ends(grid.first.get(self.best, grid.candidates[0]))],
+            ends=list(grid.ends(best)),
             r2_folds=self._percent_of_folds(self.winner),
             grid_r2_folds=self._percent_of_folds(self.best),
             optimum_r2_folds=self._percent_of_folds(self.optimum),
@@ -482,7 +550,7 @@ class GridSearch:
         )
 
     def _place_of_winner(self) -> Literal["grid", "optimum", "baseline"]:
-        """Return whether the baseline, the paper's optimum or another candidate has won."""
+        """Return "baseline", "optimum" or, if another candidate has won, "grid"."""
         if self.winner == self.baseline_name:
             return "baseline"
         if self.best == self.optimum:
@@ -490,7 +558,10 @@ class GridSearch:
         return "grid"
 
     def _percent_of_folds(self, name: str) -> list[float]:
-        """Return R2 on the folds of all rows [%]; empty unless there is a score on all of them."""
+        """Return R2 of a candidate or the baseline on the folds of all rows [%].
+
+        It is empty unless there is a score on every fold.
+        """
         scores = self.folds(name)
         if any(map(math.isnan, scores)):
             return []
@@ -498,5 +569,7 @@ class GridSearch:
 
 
 def _counted(number: int) -> str:
-    """Return a number of candidates in words."""
-    return "1 candidate" if number == 1 else f"{number} candidates"
+    """Write a number of candidates, as "1 candidate" or "3 candidates"."""
+    if number == 1:
+        return "1 candidate"
+    return f"{number} candidates"

@@ -1,30 +1,28 @@
-"""The tables and pictures of a comparison, beside the paper's: written, printed and drawn.
+"""The tables of a comparison beside the paper's: what they contain, and their files.
 
-| file              | like the paper's | its numbers are made by              |
-|-------------------|------------------|--------------------------------------|
+`read` collects the results of a folder, and `write` writes these tables into it:
+
+| file              | like the paper's | its numbers are made by               |
+|-------------------|------------------|---------------------------------------|
 | scores.csv        | Table 4          | `jobs.fit_and_time`, `metrics.scores` |
-| times.csv         | Table 4          | `jobs.fit_and_time`                  |
-| tuning.csv        | Table 3          | `search.GridSearch.report`           |
-| tuning-times.csv  | Table 3          | `search.GridSearch.seconds`          |
+| times.csv         | Table 4          | `jobs.fit_and_time`                   |
+| tuning.csv        | Table 3          | `search.GridSearch.report`            |
+| tuning-times.csv  | Table 3          | `search.GridSearch.seconds`           |
 
-Intervals of the scores are those of `learn.metrics.bootstrap`; the paper's numbers stand in
-`learn.comparison.paper`. Scores and times go into separate files: the scores are the same for the
-same seeds whatever the number of processes, the times are not.
+`learn.metrics.bootstrap` makes the intervals of the scores, and `learn.comparison.paper` has the
+paper's numbers. Scores and times are in separate files, because scores are equal for equal seeds
+and any number of processes, and times are not. `learn.comparison.printing` prints the tables, and
+`learn.comparison.plots` draws them.
 """
 
-import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from gen.arrays import Values
 from gen.runtime.errors import InputError
-from gen.runtime.figure import draw_parity, new_figure, parity_axes, save
-from gen.runtime.files import inside
-from gen.runtime.terminal import command_to_type, echo, print_columns
 from learn.comparison import paper
 from learn.comparison.folder import (
     Comparison,
@@ -34,26 +32,24 @@ from learn.comparison.folder import (
     SearchReport,
     StoredResult,
 )
-from learn.comparison.grid import LEAST_JUDGED, LIBRARY, LIBRARY_ROWS, space_of
+from learn.comparison.grid import LEAST_JUDGED, LIBRARY
 from learn.metrics import BOOTSTRAP, LEVEL, Scores, bootstrap, no_better, spread
-from learn.models import EVERY, MODELS, default_model
+from learn.models import EVERY
 
 SCORES = {"nmse": "nMSE", "nmae": "nMAE", "nmaxe": "nMaxE", "r2": "R2"}
 """Names of the scores in the paper, by their field of `learn.metrics.Scores` [%]."""
 
-WITHOUT_INTERVAL = "nmaxe"  # the largest error: a resample cannot exceed it
+WITHOUT_INTERVAL = "nmaxe"
+"""Score without an interval: no resample has a larger error than the largest one of all rows."""
 
 OUR_AREA = "area_percent"
-"""Target of the paper's tables, whose numbers would mislead beside those of other targets."""
+"""Target of the paper's tables. The paper's numbers are shown beside this target only."""
 
 NOT_SEARCHED = "not searched"
-"""Name of the winner of a search that judged too few candidates."""
+"""Winner in tables of a search that judged too few candidates."""
 
 WHY_BASELINE = "the baseline wins, no candidate is better over five folds of all rows"
-"""What the user is told about a search that no candidate has won."""
-
-WINNERS = {"optimum": "the paper's optimum", "baseline": "the baseline"}
-"""Names of the winners' places for people, where they differ from those of files."""
+"""Remark for the user on a search that no candidate has won."""
 
 DECIDING = {
     "winner_r2": "r2_folds",
@@ -61,7 +57,7 @@ DECIDING = {
     "optimum_r2": "optimum_r2_folds",
     "baseline_r2": "baseline_r2_folds",
 }
-"""Fields of a `SearchReport` with the R2 on folds, by the column of tuning.csv with their mean."""
+"""Fields of a `SearchReport` with R2 on single folds, by the column of tuning.csv with the mean."""
 
 TIMES = {"fit_s": "fit", "fits": "fits", "predict_test_s": "test", "predict_row_s": "row"}
 """Fields of the `Times` of a result, by the column of times.csv."""
@@ -82,92 +78,63 @@ TUNING = (
 )
 """Columns of tuning.csv."""
 
-COLOURS = {"baseline": "tab:blue", "tuned": "tab:orange"}
-"""Colours of the kinds of results that are drawn."""
-
-DOTS: dict[str, dict[str, Any]] = {
-    "baseline": {
-        "marker": "o",
-        "ms": 4,
-        "mew": 0.5,
-        "mfc": "none",
-        "ls": "none",
-        "zorder": 1,
-    },
-    "tuned": {"marker": ".", "ms": 2, "ls": "none", "zorder": 2},
-}
-"""Looks of predictions: circles of the baseline stay visible round the dots of tuned models."""
-
-DPI = 120  # dots per inch: pictures are about 1,400 wide then
-
-PANELS = {
-    "nmse": "nMSE [%]",
-    "nmae": "nMAE [%]",
-    "nmaxe": "nMaxE [%]",
-    "r2": "1 - R2 [%]",
-    "fit_s": "fit [s]",
-    "predict_test_s": "prediction of the test set [s]",
-    "predict_row_s": "of one row [s]",
-}
-"""Titles of the panels of bars, by their column."""
-
-LINEAR = ("nmse", "nmae", "nmaxe")  # panels that are not on a scale of decades
-SHIFTS = {"baseline": -0.2, "tuned": 0.2}  # of the bars from the place of their model
-
 Cells = dict[str, object]
-"""Cells of one row of a file, by column; "" for a cell without a value."""
+"""Cells of one row of a table, by column. A missing column has an empty cell."""
 
 
 @dataclass(frozen=True)
 class Interval:
     """Interval of a score [%]."""
 
-    low: float
-    high: float
+    low: float  # lower end
+    high: float  # upper end
 
 
 @dataclass(frozen=True)
 class Intervals:
-    """Intervals of the scores of a result, by a bootstrap over its test rows."""
+    """Intervals of the scores of a result, by a bootstrap of its test rows."""
 
-    by_score: dict[str, Interval]  # by field of `learn.metrics.Scores`
-    drawn: str  # number and kind of what was drawn, as "12 surfaces"
+    by_score: dict[str, Interval]  # intervals by the field of `learn.metrics.Scores`
+    drawn: str  # number and kind of the groups that are resampled, as "12 surfaces"
 
 
 @dataclass(frozen=True, eq=False)
 class TableRow:
-    """A result with what the tables have beside it."""
+    """A row of the tables: a result, and the numbers that are shown beside it."""
 
-    model: str
-    kind: str  # one of `learn.comparison.folder.KINDS`
-    result: Result
-    published: Scores | None  # the paper's; None for other targets, or a kind it has not
-    intervals: Intervals | None  # None without scores, or for one group of rows
-    variance_over_mean: float | None  # of the test rows' truth, in the target's unit
+    model: str  # name of the model
+    kind: str  # kind of the result, one of `learn.comparison.folder.KINDS`
+    result: Result  # settings, scores, times and report of the search
+    # the paper's scores of this model and kind [%]; None if the paper has none for the target
+    published: Scores | None
+    # intervals of the scores; None without scores, or if all test rows are of one group
+    intervals: Intervals | None
+    # variance over mean of the target in the test rows, in its unit; None without scores
+    variance_over_mean: float | None
 
     @property
     def title(self) -> str:
-        """Name of the model for people."""
+        """Title of the model for people."""
         return EVERY[self.model].title
 
     @property
     def search(self) -> SearchReport | None:
-        """Report of the search that the result has won, None for a baseline."""
+        """Report of the search whose winner has this result; None if nothing was searched."""
         return self.result.search
 
     @property
     def is_baseline_that_won(self) -> bool:
-        """Whether the result is of a search that the baseline has won."""
+        """Whether the result is that of a search which the baseline has won."""
         return self.search is not None and self.search.winner == "baseline"
 
 
 @dataclass(frozen=True, eq=False)
 class Tables:
-    """The tables of a target."""
+    """The tables of one target."""
 
-    folder: Folder
-    comparison: Comparison  # the folder's description
-    rows: list[TableRow]  # one for each result, in the order of Table 4
+    folder: Folder  # folder of the target
+    comparison: Comparison  # data and conditions of all results
+    rows: list[TableRow]  # one row for each result, in the order of the paper's Table 4
 
     @property
     def target(self) -> str:
@@ -176,12 +143,12 @@ class Tables:
 
     @property
     def scored(self) -> list[TableRow]:
-        """Rows of the results that have scores."""
+        """Rows whose result has scores."""
         return [row for row in self.rows if row.result.test is not None]
 
 
 def score_names(target: str) -> list[str]:
-    """Return the scores that tables show.
+    """Return the scores that the tables of a target show.
 
     Parameters
     ----------
@@ -191,8 +158,8 @@ def score_names(target: str) -> list[str]:
     Returns
     -------
     list of str
-        Fields of `learn.metrics.Scores`. The nMSE has the target's unit, and is shown for areas
-        only.
+        Fields of `learn.metrics.Scores`. The nMSE is left out unless the target is the area in
+        percent, because it has the target's unit.
     """
     return [name for name in SCORES if name != "nmse" or target == OUR_AREA]
 
@@ -208,7 +175,8 @@ def score_columns(target: str) -> list[str]:
     Returns
     -------
     list of str
-        Names of the columns, in their order. The largest error has no interval.
+        Names of the columns, in their order. The paper's scores are left out unless the target is
+        `OUR_AREA`.
     """
     names = score_names(target)
     columns = ["model", "result", *names]
@@ -223,12 +191,12 @@ def score_columns(target: str) -> list[str]:
 
 
 def read(folder: Folder) -> Tables:
-    """Read the results of a folder, and compute the intervals of their scores.
+    """Read the results of a target, and compute the intervals of their scores.
 
     Parameters
     ----------
     folder : Folder
-        Folder of one target.
+        Folder of the target.
 
     Returns
     -------
@@ -238,15 +206,20 @@ def read(folder: Folder) -> Tables:
     Raises
     ------
     InputError
-        If a file is damaged, or rows.csv does not belong to the predictions.
+        If the folder has no comparison, a file is missing or damaged, rows.csv has another number
+        of test rows than the predictions, or the target is constant in the test rows.
     """
     comparison = folder.record()
     rows = [_row(folder, comparison, stored) for stored in folder.results()]
-    return Tables(folder, comparison, rows)
+    return Tables(folder=folder, comparison=comparison, rows=rows)
 
 
 def _row(folder: Folder, comparison: Comparison, stored: StoredResult) -> TableRow:
-    """Return the row of a result, with the paper's scores if the target is the paper's."""
+    """Return the row of a stored result.
+
+    Predictions and rows.csv are read if the result has scores; InputError is raised if these files
+    are damaged or do not belong together.
+    """
     published = None
     if comparison.conditions.target == OUR_AREA:
         published = paper.TEST.get(stored.kind, {}).get(stored.model)
@@ -256,21 +229,25 @@ def _row(folder: Folder, comparison: Comparison, stored: StoredResult) -> TableR
         predictions = folder.prediction(stored.kind, stored.model)
         groups = folder.numbers("rows.csv", "group", part="test")[:, 0]
         path = folder.path / stored.kind / f"{stored.model}.csv"
-        _check(path, predictions.truth, groups)
+        _require_matching_truth(groups, predictions.truth, path)
         variance_over_mean = spread(predictions.truth)
         intervals = _intervals(comparison, predictions, groups)
     return TableRow(
-        stored.model,
-        stored.kind,
-        stored.result,
-        published,
-        intervals,
-        variance_over_mean,
+        model=stored.model,
+        kind=stored.kind,
+        result=stored.result,
+        published=published,
+        intervals=intervals,
+        variance_over_mean=variance_over_mean,
     )
 
 
-def _check(path: Path, truth: Values, groups: Values) -> None:
-    """Refuse predictions whose truth, (m,), does not vary, or does not fit to the groups, (m,)."""
+def _require_matching_truth(groups: Values, truth: Values, path: Path) -> None:
+    """Raise InputError unless each test row has a true target, and the targets differ.
+
+    `groups` are the groups of the m test rows in rows.csv, (m,). `truth` are the true targets in
+    the table of predictions, which is the file `path`.
+    """
     if truth.size != groups.size:
         raise InputError(
             f"{path} has {truth.size} rows, rows.csv has {groups.size} test rows: move it away"
@@ -282,21 +259,24 @@ def _check(path: Path, truth: Values, groups: Values) -> None:
 def _intervals(
     comparison: Comparison, predictions: Predictions, groups: Values
 ) -> Intervals | None:
-    """Return intervals by resamples of groups of test rows, (m,); None for a single group."""
+    """Return the intervals of the scores of predictions; None if all test rows are in one group.
+
+    `groups` are the groups of the m test rows, (m,), which are resampled as a whole.
+    """
     ends = bootstrap(predictions.truth, predictions.prediction, LEVEL, groups)
     if not ends:
         return None
-    kind = "row"
+    kind = "row"  # Rows that were split one by one are groups of their own.
     if comparison.split_by_tile:
         kind = "tile"
     elif comparison.split_by_surface:
         kind = "surface"
-    by_score = {name: Interval(low, high) for name, (low, high) in ends.items()}
-    return Intervals(by_score, f"{np.unique(groups).size} {kind}s")
+    by_score = {name: Interval(low=low, high=high) for name, (low, high) in ends.items()}
+    return Intervals(by_score=by_score, drawn=f"{np.unique(groups).size} {kind}s")
 
 
 def winner_of(search: SearchReport) -> str:
-    """Return the place of a search's winner.
+    """Return where the winner of a search comes from.
 
     Parameters
     ----------
@@ -306,22 +286,23 @@ def winner_of(search: SearchReport) -> str:
     Returns
     -------
     str
-        "grid", "optimum", "baseline" or `NOT_SEARCHED`. Earlier versions named a winner of too few
-        candidates; an older report of failures may have none, "".
+        "grid", "optimum" (of the paper), "baseline", or `NOT_SEARCHED` if too few candidates were
+        judged; "" for a report of an earlier version that has failures and no winner.
     """
-    least = min(LEAST_JUDGED, search.candidates_differing)
-    if search.candidates_scored < least and not search.failures:
+    # Reports of earlier versions name a winner of too few candidates, too.
+    needed = min(LEAST_JUDGED, search.candidates_differing)
+    if search.candidates_scored < needed and not search.failures:
         return NOT_SEARCHED
     return search.winner or ""
 
 
 def write(tables: Tables) -> None:
-    """Write scores.csv, times.csv, tuning.csv and tuning-times.csv into the target's folder.
+    """Write scores.csv, times.csv, tuning.csv and tuning-times.csv into the folder of a target.
 
     Parameters
     ----------
     tables : Tables
-        The tables.
+        The tables of the target.
 
     Raises
     ------
@@ -333,7 +314,7 @@ def write(tables: Tables) -> None:
     times = [_time_cells(row) for row in tables.rows if row.result.times is not None]
     _write(tables.folder, "times.csv", ("model", "result", *TIMES), times)
     searches = [
-        _search_cells(row, row.search) for row in tables.rows if row.search is not None
+        search_cells(row, row.search) for row in tables.rows if row.search is not None
     ]
     _write(tables.folder, "tuning.csv", TUNING, searches)
     columns = ("model", "fit_seconds", "paper_s")
@@ -341,14 +322,13 @@ def write(tables: Tables) -> None:
 
 
 def _write(folder: Folder, name: str, columns: Sequence[str], rows: list[Cells]) -> None:
-    """Write some columns of rows as a table of a folder."""
-    folder.write_table(
-        name, columns, [[row.get(column, "") for column in columns] for row in rows]
-    )
+    """Write columns of rows as a CSV table of a folder; cells of missing columns are empty."""
+    cells = [[row.get(column, "") for column in columns] for row in rows]
+    folder.write_table(name, columns, cells)
 
 
 def _score_cells(row: TableRow, target: str) -> Cells:
-    """Return the cells of a row of scores.csv."""
+    """Return the cells of a result in scores.csv."""
     cells: Cells = {
         "model": row.model,
         "result": row.kind,
@@ -376,15 +356,30 @@ def _score_cells(row: TableRow, target: str) -> Cells:
 
 
 def _time_cells(row: TableRow) -> Cells:
-    """Return the cells of a row of times.csv."""
+    """Return the cells of a result in times.csv."""
     cells: Cells = {"model": row.model, "result": row.kind}
     for column, name in TIMES.items():
         cells[column] = getattr(row.result.times, name)
     return cells
 
 
-def _search_cells(row: TableRow, search: SearchReport) -> Cells:
-    """Return the cells of a row of tuning.csv and of tuning-times.csv."""
+def search_cells(row: TableRow, search: SearchReport) -> Cells:
+    """Return the cells of a result in tuning.csv and in tuning-times.csv.
+
+    Parameters
+    ----------
+    row : TableRow
+        Row of the result.
+    search : SearchReport
+        Report of the search that the result has won.
+
+    Returns
+    -------
+    dict
+        Cells by column: R2 in percent, times in seconds. Each file takes the cells of its own
+        columns. A mean of R2 (`DECIDING`) is left out if its fits have no score on all folds; the
+        time of the search is left out if the result has no times.
+    """
     cells: Cells = {
         "model": row.model,
         "grid": search.grid,
@@ -396,7 +391,7 @@ def _search_cells(row: TableRow, search: SearchReport) -> Cells:
         "fits_nominal": search.fits_nominal,
         "fits": search.fits,
         "winner": winner_of(search),
-        "settings": _settings_in_words(row.result),
+        "settings": settings_text(row.result),
         "paper_s": paper.TUNING_SECONDS.get(row.model, ""),
     }
     for column, name in DECIDING.items():
@@ -408,61 +403,38 @@ def _search_cells(row: TableRow, search: SearchReport) -> Cells:
     return cells
 
 
-def _settings_in_words(result: Result) -> str:
-    """Return the settings of a result as text, in alphabetical order."""
+def settings_text(result: Result) -> str:
+    """Write the settings of a result.
+
+    Parameters
+    ----------
+    result : Result
+        The result.
+
+    Returns
+    -------
+    str
+        As "alpha=0.1, kernel=rbf", in alphabetical order; "those of the library" without settings.
+    """
+    if not result.settings:
+        return "those of the library"
     settings = sorted(result.settings.items())
-    return ", ".join(f"{name}={value}" for name, value in settings) or (
-        "those of the library"
-    )
+    return ", ".join(f"{name}={value}" for name, value in settings)
 
 
-def show(tables: Tables) -> None:
-    """Print the tables of a folder, and remarks about them.
+def notes_on_scores(tables: Tables) -> Iterator[str]:
+    """Explain the intervals of the scores, and the nMSE, for prints and pictures.
 
     Parameters
     ----------
     tables : Tables
-        The tables.
+        The tables of a target.
+
+    Yields
+    ------
+    str
+        One note. There is none without scores; the note on the nMSE is for areas only.
     """
-    conditions = tables.comparison.conditions
-    limit = ""
-    if conditions.area_max is not None:
-        limit = f", areas to {conditions.area_max:g} %"
-    echo(
-        f"{tables.folder.path}: {tables.target}, {conditions.train_rows} training rows,"
-        f" {conditions.test_rows} test rows{limit}; {tables.comparison.threads} thread"
-    )
-    echo(
-        "Scores on the test rows [%] with their intervals, times [s]; the paper's in brackets:"
-    )
-    scores = [SCORES[name] for name in score_names(tables.target)]
-    numbers = (*scores, "fit", "test set", "one row")
-    lines = [_line_of_scores(row, tables.target) for row in tables.rows]
-    print_columns(lines, ("Model", "", *numbers), right=numbers)
-    for note in _notes(tables):
-        echo(note)
-    _show_searches(tables)
-    for remark in _remarks(tables):
-        echo(remark)
-
-
-def _show_searches(tables: Tables) -> None:
-    """Print a table like Table 3, if there are tuned models."""
-    tuned = [row for row in tables.rows if row.kind == "tuned"]
-    if not tuned:
-        return
-    echo(
-        "Searches: means of R2 over the five folds of all rows [%], which decide; sum of the fits'"
-        " times [s], the paper's tuning time in brackets:"
-    )
-    texts = ("Model", "Grid", "Searched", "Winner", "Best settings")
-    numbers = ("R2", "baseline", "candidates", "differ", "fits", "of", "time")
-    lines = [_line_of_search(row, tables.target) for row in tuned]
-    print_columns(lines, (*texts, *numbers), right=numbers)
-
-
-def _notes(tables: Tables) -> Iterator[str]:
-    """Yield how the intervals were made, and what the nMSE is, for tables and pictures."""
     drawn = [row.intervals.drawn for row in tables.rows if row.intervals is not None]
     for text in dict.fromkeys(drawn):
         yield (
@@ -480,62 +452,8 @@ def _notes(tables: Tables) -> Iterator[str]:
         )
 
 
-def _remarks(tables: Tables) -> Iterator[str]:
-    """Yield the lines below the tables: useless models, failures, odd searches, and the best."""
-    features = tables.comparison.conditions.features
-    for useless in no_better_than_constant(tables):
-        yield f"warning: {useless.message}"
-    for row in tables.rows:
-        yield from _remarks_on_result(row, features)
-    if len({row.model for row in tables.scored}) > 1:
-        best = min(tables.scored, key=_nmae)
-        usual = EVERY[default_model(features)].title
-        fit = command_to_type("learn fit")
-        yield (
-            f"smallest nMAE: {best.title}, {label(best.model, best.kind)}; {fit} takes {usual}"
-            " unless told otherwise"
-        )
-
-
-def _nmae(row: TableRow) -> float:
-    """Return the nMAE of a row on the test rows [%], infinite without scores."""
-    return np.inf if row.result.test is None else row.result.test.nmae
-
-
-def _remarks_on_result(row: TableRow, features: str) -> Iterator[str]:
-    """Yield why a result has failed, or what is odd about it or its search."""
-    if row.result.failure:
-        yield f"{row.title}, {label(row.model, row.kind)}: {row.result.failure}"
-    elif row.kind == "library":
-        yield (
-            f"Its library fits amplitude and length of a Gaussian process ({LIBRARY_ROWS:,} rows at"
-            " most here); the paper's, and ours, has a fixed kernel."
-        )
-    elif row.search is None:
-        return
-    elif winner_of(row.search) == NOT_SEARCHED:
-        judged = f"{row.search.candidates_scored} candidates were judged"
-        yield f"{row.title}: {NOT_SEARCHED}: {judged}, of {LEAST_JUDGED} at least"
-    elif row.is_baseline_that_won:
-        yield f"{row.title}: {WHY_BASELINE}"
-    else:
-        for remark in _remarks_on_ends(row, row.search, features):
-            yield f"{row.title}: {remark}"
-
-
-def _remarks_on_ends(row: TableRow, search: SearchReport, features: str) -> Iterator[str]:
-    """Yield which settings of a winner lie beyond the grid, or at an end of all values tried."""
-    values = space_of(row.model, features).values
-    for name, value in row.result.settings.items():
-        is_number = isinstance(value, int | float)
-        if is_number and value not in values.get(name, [value]):
-            yield f"{name} = {value} lies beyond the grid, where the search went on"
-        if name in search.ends:
-            yield f"{name} = {value} at an end of what was tried: a better one may lie beyond"
-
-
-def label(model: str, kind: str) -> str:
-    """Return the name of a kind of result for people.
+def kind_text(model: str, kind: str) -> str:
+    """Write the kind of a result for people.
 
     Parameters
     ----------
@@ -547,7 +465,8 @@ def label(model: str, kind: str) -> str:
     Returns
     -------
     str
-        The name. A model whose baseline is not its library's own has two of its kinds renamed.
+        The kind itself, but for a model in `LIBRARY`: its baseline has the paper's settings, and a
+        result of the kind "library" those of its library.
     """
     if kind == "library":
         return "its library's own"
@@ -558,14 +477,14 @@ def label(model: str, kind: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class UselessModel:
-    """A model that a constant predicts as well as."""
+    """A result that is no better than predicting a constant."""
 
-    row: TableRow
-    message: str  # for the user
+    row: TableRow  # row of the result
+    message: str  # message for the user
 
 
 def no_better_than_constant(tables: Tables) -> list[UselessModel]:
-    """Return the results that are no better than predicting a constant.
+    """List the results that are no better than predicting a constant.
 
     Parameters
     ----------
@@ -579,210 +498,10 @@ def no_better_than_constant(tables: Tables) -> list[UselessModel]:
     """
     useless = []
     for row in tables.rows:
-        fault = no_better(row.result.test.r2) if row.result.test else ""
+        if row.result.test is None:
+            continue
+        fault = no_better(row.result.test.r2)
         if fault:
-            useless.append(UselessModel(row, f"{row.title}, {row.kind}: {fault}"))
+            message = f"{row.title}, {row.kind}: {fault}"
+            useless.append(UselessModel(row=row, message=message))
     return useless
-
-
-def _line_of_scores(row: TableRow, target: str) -> list[str]:
-    """Return a line of the printed Table 4, with the paper's numbers in brackets."""
-    kind = label(row.model, row.kind)
-    if row.is_baseline_that_won:
-        kind = f"{row.kind}: baseline"
-    line = [row.title, kind]
-    if row.result.test is None or row.result.times is None:
-        return [*line, "failed"]
-    for name in score_names(target):
-        text = f"{getattr(row.result.test, name):.2f}"
-        if row.published is not None:
-            text += f" ({getattr(row.published, name):.2f})"
-        if row.intervals is not None and name in row.intervals.by_score:
-            interval = row.intervals.by_score[name]
-            text += f"\n{interval.low:.2f} to {interval.high:.2f}"
-        line.append(text)
-    fit = _seconds(row.result.times.fit)
-    test = _seconds(row.result.times.test)
-    if row.published is not None:
-        published = paper.TIMES[row.kind][row.model]
-        fit += f" ({published[0]:.3g})"
-        test += f" ({published[1]:.3g})"
-    return [*line, fit, test, _seconds(row.result.times.row)]
-
-
-def _line_of_search(row: TableRow, target: str) -> list[str]:
-    """Return a line of the printed Table 3: extent and winner of a search."""
-    if row.search is None:
-        return [row.title, "", row.result.failure.partition(":")[0]]
-    cells = _search_cells(row, row.search)
-    seconds = _seconds(row.result.times.search if row.result.times else None)
-    if target == OUR_AREA and row.model in paper.TUNING_SECONDS:
-        seconds += f" ({paper.TUNING_SECONDS[row.model]:.0f})"
-    winner = winner_of(row.search)
-    return [
-        row.title,
-        row.search.grid,
-        row.search.how,
-        WINNERS.get(winner, winner),
-        _settings_in_words(row.result),
-        _two_digits(cells.get("winner_r2")),
-        _two_digits(cells.get("baseline_r2")),
-        str(row.search.candidates),
-        str(row.search.candidates_differing),
-        str(row.search.fits),
-        str(row.search.fits_nominal),
-        seconds,
-    ]
-
-
-def _two_digits(value: object) -> str:
-    """Return a number with two digits behind the point, "" for anything else."""
-    return f"{value:.2f}" if isinstance(value, int | float) else ""
-
-
-def _seconds(value: float | None) -> str:
-    """Return a time [s] as text, "" if it is not known."""
-    if value is None:
-        return ""
-    return f"{value:.0f}" if value >= 1000 else f"{value:.3g}"
-
-
-def draw(tables: Tables) -> list[Path]:
-    """Draw parity.png (like figures 8 and 10), scores.png and times.png (like figure 9).
-
-    Parameters
-    ----------
-    tables : Tables
-        The tables.
-
-    Returns
-    -------
-    list of Path
-        The pictures in the folder of the target. None is drawn without a result that has scores.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be written.
-    """
-    rows = [row for row in tables.scored if row.kind in COLOURS]
-    if not rows:
-        return []
-    times = [name for name in TIMES if name != "fits"]
-    figures = {
-        "parity.png": _parity(tables, rows),
-        "scores.png": _bars(rows, score_names(tables.target)),
-        "times.png": _bars(rows, times),
-    }
-    notes = [*_notes(tables)]
-    baselines = [row.title for row in rows if row.is_baseline_that_won]
-    if baselines:
-        notes.insert(
-            0, f"tuned is the baseline, which won the search: {', '.join(baselines)}"
-        )
-    text = "\n".join(textwrap.fill(line, 150) for line in notes)
-    figures["scores.png"].axes[0].set_title(text, fontsize=8, loc="left")
-    return [
-        save(figure, inside(tables.folder.path, name), dpi=DPI)
-        for name, figure in figures.items()
-    ]
-
-
-def _parity(tables: Tables, rows: list[TableRow]) -> Any:
-    """Draw predictions over the truth, baseline and tuned, and the line of equality."""
-    quantity = f"{tables.target.replace('_percent', '')} [{tables.comparison.unit}]"
-    models = list(dict.fromkeys(row.model for row in rows))
-    columns = min(3, len(models))
-    lines = -(-len(models) // columns)
-    figure = new_figure(3.6 * columns, 3.5 * lines)
-    axes = np.atleast_1d(figure.subplots(lines, columns)).ravel()
-    for model, axis in zip(models, axes, strict=False):
-        kinds = [row.kind for row in rows if row.model == model]
-        parity_axes(axis, tables.folder.prediction(kinds[0], model).truth)
-        for kind in kinds:
-            shown = tables.folder.prediction(kind, model)
-            draw_parity(
-                axis,
-                shown.truth,
-                shown.prediction,
-                label=kind,
-                color=COLOURS[kind],
-                **DOTS[kind],
-            )
-        axis.set(
-            title=EVERY[model].title, xlabel=f"solved {quantity}", ylabel="predicted"
-        )
-        axis.legend(markerscale=2, loc="upper left", fontsize=8)
-    for axis in axes[len(models) :]:
-        axis.set_axis_off()
-    return figure
-
-
-def _bars(rows: list[TableRow], columns: list[str]) -> Any:
-    """Draw a pair of bars for each model, baseline and tuned, in one panel for each column."""
-    figure = new_figure(1.6 + 1.15 * len(MODELS), 2.3 * len(columns))
-    axes = figure.subplots(len(columns), 1, sharex=True, squeeze=False)[:, 0]
-    for axis, column in zip(axes, columns, strict=True):
-        _draw_panel(axis, rows, column)
-    axes[0].legend(ncols=2, loc="lower right", bbox_to_anchor=(1, 1))
-    return figure
-
-
-def _draw_panel(axis: Any, rows: list[TableRow], column: str) -> None:
-    """Draw the bars of all models for one column."""
-    models = list(dict.fromkeys(row.model for row in rows))
-    titles = [EVERY[model].title.replace(" ", "\n") for model in models]
-    for kind in COLOURS:
-        of_kind = [row for row in rows if row.kind == kind]
-        if of_kind:
-            places = [models.index(row.model) + SHIFTS[kind] for row in of_kind]
-            _draw_bars(axis, places, of_kind, column)
-    axis.set_xticks(range(len(models)), titles)
-    axis.margins(y=0.2)
-    scale = "linear" if column in LINEAR else "log"
-    axis.set(ylabel=PANELS[column], yscale=scale)
-
-
-def _draw_bars(axis: Any, places: list[float], rows: list[TableRow], column: str) -> None:
-    """Draw the bars of one kind of results at some places, with their intervals."""
-    bars = [_bar(row, column) for row in rows]
-    heights = np.array([bar.height for bar in bars])
-    ends = np.array([[bar.height, bar.low, bar.high] for bar in bars])
-    reach = np.array([heights - ends.min(axis=1), ends.max(axis=1) - heights])
-    drawn = axis.bar(
-        places,
-        heights,
-        0.38,
-        yerr=reach.tolist() if np.any(reach) else None,  # of arrays NumPy 2.1 warns
-        color=COLOURS[rows[0].kind],
-        label=rows[0].kind,
-        ecolor="0.2",
-        capsize=2,
-    )
-    axis.bar_label(drawn, fmt="{:.3g}", fontsize=7)
-
-
-@dataclass(frozen=True)
-class Bar:
-    """Height of a bar, and the ends of its interval, which are the height without one."""
-
-    height: float
-    low: float
-    high: float
-
-
-def _bar(row: TableRow, column: str) -> Bar:
-    """Return the bar of a result that has scores, for a score [%] or a time [s].
-
-    For R2 it is the distance to 100 %, since R2 of good models look alike.
-    """
-    if column in TIMES:
-        seconds = float(getattr(row.result.times, TIMES[column]))
-        return Bar(seconds, seconds, seconds)
-    value = float(getattr(row.result.test, column))
-    interval = Interval(value, value)
-    if row.intervals is not None:
-        interval = row.intervals.by_score.get(column, interval)
-    if column == "r2":
-        return Bar(100 - value, 100 - interval.low, 100 - interval.high)
-    return Bar(value, interval.low, interval.high)

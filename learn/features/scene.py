@@ -178,8 +178,9 @@ def checked_numbers(
     Raises
     ------
     InputError
-        If a name is missing or unknown, lengths differ, or a number is masked or not finite, or not
-        above 0 although its feature is the logarithm.
+        If a name is missing or unknown, arrays have several dimensions or unequal lengths, entries
+        are masked or no real numbers, or a number is not finite, or not above 0 although its
+        feature is the logarithm.
     """
     names = tuple(map(plain, columns))
     _require_names(names, numbers)
@@ -252,7 +253,8 @@ def columns_of(scenes: Sequence[Scene], load: str) -> tuple[str, ...]:
     Raises
     ------
     InputError
-        If a number, or the relative load, is defined in some of the scenes only.
+        If a number is defined in some of the scenes only, or a relative load is not that of all
+        scenes.
     """
     columns = []
     for name in _numbers_of(scenes):
@@ -271,9 +273,10 @@ def columns_of(scenes: Sequence[Scene], load: str) -> tuple[str, ...]:
         raise InputError(
             f"--load {load}: not all databases draw it: give --load pressure"
         )
-    # A load that is a result has no limits. It spans decades: its feature is the logarithm.
-    ends = _joint_limits(scenes, load) or Limits(low=1.0, high=SPAN)
-    return (*columns, _column(load, ends))
+    # A load that is a result has no limits. It spans decades: the limits that take their place make
+    # its feature the logarithm.
+    ends_of_load = _joint_limits(scenes, load) or Limits(low=1.0, high=SPAN)
+    return (*columns, _column(load, ends_of_load))
 
 
 def _numbers_of(scenes: Sequence[Scene]) -> list[str]:

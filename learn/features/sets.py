@@ -468,8 +468,8 @@ def chosen(
     Raises
     ------
     InputError
-        If no set has this name, the set does not take this load or these blocks, or only some of
-        the scenes define a number.
+        If no set has this name, the set does not take this load or these blocks, only some of the
+        scenes define a number, or a relative load is not that of all scenes.
     """
     if name not in SETS:
         raise InputError(f"--features {name!r}: give one of {', '.join(SETS)}")

@@ -192,7 +192,7 @@ def _squared_slopes(heights: Values, step: float) -> Values:
 
 
 class Undefined(InputError):
-    """Raised if features need a statistic that is undefined for the surface."""
+    """Raised for a surface for which any of the 22 statistics is undefined."""
 
 
 class CoarseMeans(NamedTuple):
@@ -249,37 +249,41 @@ class SurfaceFeatures:
         Returns
         -------
         Rows
-            k rows, with the columns of the coarse solve if the set needs them. A row with a Delta
-            at which no equilibrium exists has a note.
+            k rows, with the columns of the coarse solve if the set needs them. Under pressures,
+            `delta` is the Delta of the coarse solve or, for a set without one, the length
+            p L / E* (`by_pressure`). For elastic bodies under Deltas, a row with a Delta at which
+            no equilibrium exists has a note; otherwise `notes` is empty.
 
         Raises
         ------
         Undefined
-            If the surface does not define a statistic.
+            If any of the 22 statistics is undefined for the surface.
         InputError
             If a load is not finite and above 0, or a coarse solve fails.
         """
-        deltas = loads
+        # Delta, or the length p L / E* that replaces it under pressures.
+        lengths = loads
         scene_numbers: dict[str, Values] = {}
         if features.by_pressure:
-            deltas = by_pressure(loads, self.length, e_star)
+            lengths = by_pressure(loads, self.length, e_star)
             scene_numbers["pressure"] = loads
-        self._require_usable(deltas)
+        self._require_usable(loads, lengths, are_pressures=features.by_pressure)
         notes: tuple[str, ...] = ()
         if not features.by_pressure and hardness_ratio is None:
-            notes = self._notes_on_full_contact(deltas)
+            notes = self._notes_on_full_contact(loads)
+        deltas = lengths
         hybrid: Values | None = None
         if features.needs_surface:
-            ratios: list[float | None] = [None] * deltas.size
+            ratios: list[float | None] = [None] * loads.size
             if hardness_ratio is not None:
-                ratios = np.broadcast_to(hardness_ratio, deltas.shape).tolist()
+                ratios = np.broadcast_to(hardness_ratio, loads.shape).tolist()
             if features.by_pressure:
                 # The features are those at the Delta that the coarse solve reaches.
-                deltas = self._reached_deltas(deltas, ratios, features)
+                deltas = self._reached_deltas(lengths, ratios, features)
             hybrid = self._hybrid_rows(deltas, ratios, features)
         statistics = list(self.description.values.values())
         return Rows(
-            statistics=np.tile(statistics, (deltas.size, 1)),
+            statistics=np.tile(statistics, (loads.size, 1)),
             delta=deltas,
             length=self.length,
             hardness_ratio=hardness_ratio,
@@ -290,14 +294,22 @@ class SurfaceFeatures:
             grids=(Grid(shape=self.heights.shape, sides=self.sides),),
         )
 
-    def _require_usable(self, deltas: Values) -> None:
-        """Refuse Deltas, (k,) [um], that are not finite and above 0, and undefined statistics."""
-        usable = (deltas > 0) & (deltas < np.inf)
-        wrong = deltas[~usable]
+    def _require_usable(
+        self, loads: Values, lengths: Values, *, are_pressures: bool
+    ) -> None:
+        """Refuse loads that are not finite and above 0, and surfaces with undefined statistics.
+
+        The loads, (k,), are pressures [MPa] if `are_pressures` is True, otherwise Deltas [um]. The
+        lengths, (k,) [um], are the Deltas or the lengths that replace the pressures; a pressure
+        whose length overflows or underflows is refused, too.
+        """
+        usable = (lengths > 0) & (lengths < np.inf)
+        wrong = loads[~usable]
         if wrong.size:
-            raise InputError(
-                f"{self.name}: Delta {wrong[0]:g} um: give finite numbers above 0"
-            )
+            load = f"Delta {wrong[0]:g} um"
+            if are_pressures:
+                load = f"pressure {wrong[0]:g} MPa"
+            raise InputError(f"{self.name}: {load}: give finite numbers above 0")
         if self.description.reason:
             raise Undefined(
                 f"{self.name}: statistics undefined: {self.description.reason}"
@@ -316,15 +328,16 @@ class SurfaceFeatures:
         return tuple(np.where(deltas >= limit, full, "").tolist())
 
     def _reached_deltas(
-        self, loads: Values, ratios: list[float | None], features: FeatureSet
+        self, lengths: Values, ratios: list[float | None], features: FeatureSet
     ) -> Values:
         """Return the Deltas, (k,) [um], at which coarse solves carry given pressures.
 
-        `loads`, (k,), are the pressures times L / E* [um]; `ratios` are hardnesses over E*.
+        `lengths`, (k,), are the pressures times L / E* [um]; `ratios` are k hardnesses over E*,
+        None for elastic bodies.
         """
         blocks = features.blocks or BLOCKS
-        pairs = zip(loads, ratios, strict=True)
-        return np.array([self.reached(load, ratio, blocks) for load, ratio in pairs])
+        pairs = zip(lengths, ratios, strict=True)
+        return np.array([self.reached(length, ratio, blocks) for length, ratio in pairs])
 
     def _hybrid_rows(
         self, deltas: Values, ratios: list[float | None], features: FeatureSet
@@ -338,13 +351,15 @@ class SurfaceFeatures:
         rows = [self.hybrid(delta, ratio, blocks) for delta, ratio in pairs]
         return np.array(rows).reshape(-1, len(HYBRID))
 
-    def reached(self, load: float, hardness_ratio: float | None, blocks: int) -> float:
+    def reached(
+        self, scaled_pressure: float, hardness_ratio: float | None, blocks: int
+    ) -> float:
         """Return the Delta at which the coarse solve carries a pressure.
 
         Parameters
         ----------
-        load : float
-            Nominal pressure times L / E* [um].
+        scaled_pressure : float
+            Nominal pressure times L / E*, a length [um].
         hardness_ratio : float or None
             Hardness over E*; None for elastic bodies.
         blocks : int
@@ -361,8 +376,13 @@ class SurfaceFeatures:
             If the coarse solve fails.
         """
         coarse = self._blocks(blocks)
-        contact = self._pressed(coarse, None, hardness_ratio, pressure=load / self.length)
-        return contact.delta - self._depth(coarse, 0.0)
+        # The coarse solve has E* = 1 MPa: its pressure is the pressure over E*.
+        pressure = scaled_pressure / self.length
+        contact = self._pressed(
+            coarse, depth=None, hardness_ratio=hardness_ratio, pressure=pressure
+        )
+        # Its Delta is measured from the highest block, which is below the highest node.
+        return contact.delta + self._height_above_blocks(coarse)
 
     def hybrid(
         self, delta: float, hardness_ratio: float | None = None, blocks: int = BLOCKS
@@ -504,9 +524,11 @@ class SurfaceFeatures:
 
         It is negative if Delta, measured from the highest node, reaches no block.
         """
-        highest_node = float(self.heights.max())
-        highest_block = float(coarse.means.max())
-        return delta - (highest_node - highest_block)
+        return delta - self._height_above_blocks(coarse)
+
+    def _height_above_blocks(self, coarse: Blocks) -> float:
+        """Return the height of the highest node above the highest block [um]."""
+        return float(self.heights.max()) - float(coarse.means.max())
 
     def _blocks(self, number: int) -> Blocks:
         """Return the surface in blocks; with `number` blocks per side, or one less without edges.

@@ -158,7 +158,7 @@ def accuracy(errors: Values, truth: Values, groups: Indices) -> Accuracy:
     error_sums = np.bincount(place.ravel(), errors)
     truth_sums = np.bincount(place.ravel(), np.abs(truth))
     total = float(truth_sums.sum())
-    ratio = float(error_sums.sum() / truth_sums.sum())
+    ratio = float(error_sums.sum()) / total
     number = error_sums.size
     if number < 2:
         return Accuracy(nmae=100 * ratio, standard_error=math.inf, groups=number)
@@ -249,15 +249,16 @@ def holdout(rows: Dataset) -> NDArray[np.bool_]:
     """
     scene = rows.origins[0].scene
     length = SHARE
-    numbers = rows.rows
-    has_surfaces = np.ptp(rows.groups) > 0
-    if has_surfaces:
-        numbers = rows.rows // scene.samples_per_surface
     if rows.by_tile:
         assert isinstance(scene.surface, ScanSurface)
+        # With fewer groups of tiles than `SHARE`, one of all of them is held out.
         length = min(SHARE, scene.surface.tile_groups())
         with Reader(Path(rows.name)) as reader:
             numbers = np.asarray(reader.column(TILE)[rows.rows], dtype=np.int64)
+    elif np.ptp(rows.groups) > 0:
+        numbers = rows.rows // scene.samples_per_surface  # of the surfaces
+    else:  # all rows are of one surface, and are drawn one by one
+        numbers = rows.rows
     _, first, group = np.unique(rows.surfaces, return_index=True, return_inverse=True)
     return drawn_for_holdout(numbers[first], scene.seed, length)[group.ravel()]
 
@@ -319,7 +320,7 @@ class Judged:
     prediction: Values  # (n,)
     low: Values  # (n,), lower ends of the intervals
     high: Values  # (n,), upper ends of the intervals
-    accuracy: Accuracy
+    accuracy: Accuracy  # estimated error of all predictions
 
     @property
     def inside(self) -> NDArray[np.bool_]:
@@ -381,7 +382,9 @@ class Look:
     """A surrogate of the present rows of a database, judged on the holdout."""
 
     rows: int  # number of finished rows of the database
-    number: int  # number of the smallest size with these rows, see `size`
+    number: (
+        int  # number of the smallest size that has at least these rows, see `size_with`
+    )
     mark: float  # largest nMAE that the user accepts [%]
     surrogate: Surrogate
     judged: dict[str, Judged]  # by target
@@ -392,7 +395,10 @@ class Look:
     advice: float | None = None
 
     def bound(self, target: str) -> float:
-        """Return the bound of a target's error [%], which the error exceeds with `risk` only."""
+        """Return the bound of a target's error [%]; the error is above it with a small probability.
+
+        The probability is the `risk` of the look's size.
+        """
         return self.judged[target].accuracy.bound(risk(self.number))
 
     @property
@@ -402,14 +408,14 @@ class Look:
 
     @property
     def met(self) -> bool:
-        """True if all bounds are below the mark, and all predictions are better than a constant."""
+        """True if no bound is above the mark, and all predictions are better than a constant."""
         if self.bound(self.worst) > self.mark:
             return False
         targets = self.surrogate.card["targets"].values()
         return not any(no_better(target["scores"]["r2"]) for target in targets)
 
     def needed_rows(self) -> str:
-        """Return in words how many further rows the curve asks for; "" without an advice."""
+        """Return a text on how many rows the curve asks for; "" if `advice` is None."""
         if self.advice is None:
             return ""
         if math.isinf(self.advice):
@@ -453,8 +459,8 @@ def advise(look: Look, curve: Curve, row_limit: int, rows: Dataset) -> float:
     Returns
     -------
     float
-        Rows of the first size at which the bound is expected to be below the mark; infinite if
-        there is none.
+        Rows of the first size at which the bound is expected to be at most the mark; infinite if
+        no size up to the row limit has such a bound.
     """
     per_surface = rows.origins[0].scene.samples_per_surface
     present = look.judged[look.worst].accuracy

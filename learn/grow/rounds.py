@@ -2,8 +2,8 @@
 
 A growth generates the rows of one size of the database, fits a surrogate to them and judges it by
 rows that are held out (a "look"). It goes on with the next size until the bounds of the errors of
-all targets are below the mark, the largest nMAE that the user accepts. All processes of the run
-compute rows, and the master writes them to the database.
+all targets are at most the mark, which is the largest nMAE that the user accepts. All processes of
+the run compute rows, and the master writes them to the database.
 """
 
 import math
@@ -147,7 +147,8 @@ class LookTime:
 
 
 NO_LOOK = LookTime(rows=1, seconds=0.0)
-"""Value of `Growth.last_look` before the first look, by which looks take no time."""
+"""Value of `Growth.last_look` before the first look: `suffices` then expects that a look takes no
+time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,9 +207,8 @@ class Growth:
     until: float = math.inf  # time of `time.time` at which the budget ends [s]
     # Time in which all workers together compute a row, 0 before the first row [s].
     row_seconds: float = 0.0
-    last_look: LookTime = (
-        NO_LOOK  # time of the last look, from which that of the next is estimated
-    )
+    # Time of the last look, from which the time of the next one is estimated.
+    last_look: LookTime = NO_LOOK
     # Errors of all looks, by the number of rows and the name of the target.
     errors: dict[int, dict[str, Accuracy]] = field(default_factory=dict)
 
@@ -237,7 +237,8 @@ class Growth:
         Raises
         ------
         InputError
-            If the input cannot be used, or the budget is too small for a first surrogate.
+            If the input cannot be used, the budget is too small for a first surrogate, or rows are
+            too few for a surrogate at the row limit or the size of number `PATIENT`.
         """
         scene = completed(self.scene, self.path.parent, rehearsed=True)
         with database.lock(self.path):
@@ -245,17 +246,19 @@ class Growth:
             for doubt in doubts_before(scene, self.row_limit):
                 self.say(f"warning: {doubt}")
             smallest = min(size(0, self.per_surface), self.row_limit)
-            target = max(stock(self.path).rows, smallest)
-            return self._grow_from(scene, target)
+            first_size = max(stock(self.path).rows, smallest)
+            return self._grow_from(scene, first_size)
 
-    def _grow_from(self, scene: Scene, target: int) -> End:
+    def _grow_from(self, scene: Scene, first_size: int) -> End:
         """Repeat rows and looks until the growth ends; return the reason and the last look.
 
-        `target` is the number of rows of the first look. The caller holds the lock of the database.
+        `first_size` is the number of rows of the first look. The caller holds the lock of the
+        database.
         """
+        wanted = first_size
         last: Look | None = None
         while True:
-            rows = self.generate(scene, target)
+            rows = self.generate(scene, wanted)
             no_new_row = last is not None and rows == last.rows
             if no_new_row and not self.stopping():
                 # The budget does not suffice for another row.
@@ -273,13 +276,14 @@ class Growth:
             if last is None:
                 self.say(f"{rows} rows are too few: {attempt.fault}")
             following = size_with(rows + 1, self.per_surface)
-            target = min(size(following, self.per_surface), self.row_limit)
+            wanted = min(size(following, self.per_surface), self.row_limit)
 
     def _try_to_look(self, rows: int, *, required: bool) -> Attempt:
         """Look at the first rows of the database, and set `last_look`.
 
-        Rows may be too few for a fit. This raises InputError if a look is `required`, or if they
-        are as many as the size of number `PATIENT` has. Otherwise the attempt has no look.
+        Rows may be too few for a fit. This raises InputError if a look is `required`, if they have
+        reached the row limit, or if they are at least as many as the size of number `PATIENT` has.
+        Otherwise the attempt has no look.
         """
         start = time.time()
         look = None
@@ -310,11 +314,12 @@ class Growth:
         return "budget"
 
     def _is_hopeless(self, rows: int, last: Look) -> bool:
-        """Tell whether the learning curve does not reach the mark within the row limit.
+        """Tell whether the mark is out of reach of the learning curve within the row limit.
 
         Before the size of number `EARLIEST` the curve is uncertain. The mark is then out of reach
-        only if it is so for the steepest curve.
+        only if the steepest curve (`EXPONENTS`) does not reach it either.
         """
+        # An infinite advice means that the curve does not reach the mark.
         if last.advice is None or math.isfinite(last.advice):
             return False
         if last.number >= EARLIEST:
@@ -342,7 +347,7 @@ class Growth:
         Raises
         ------
         InputError
-            If there are too few rows to fit or to judge.
+            If the rows cannot be learnt, or are too few to fit or to judge.
         """
         request = self.request
         sets = dataset.read(request, self.executor, self.stopping, common=True)
@@ -441,12 +446,13 @@ class Growth:
         Returns
         -------
         int
-            Number of finished rows, fewer than `rows` after a stop or at the end of the budget.
+            Number of finished rows; it is below `rows` only after a stop, or at the end of the
+            budget.
 
         Raises
         ------
         InputError
-            If the database is of another scene, or cannot be written.
+            If the database is of another scene or cannot be written, or surfaces cannot be made.
         """
         enlarged = scene.model_copy(update={"samples": rows})
         before = stock(self.path)
@@ -636,9 +642,9 @@ def draw(figure: Any, last: Look) -> None:
     last : Look
         The last look of a growth.
     """
-    axis, parity_axis = figure.subplots(1, 2)
+    curve_axis, parity_axis = figure.subplots(1, 2)
     _draw_parity(parity_axis, last)
-    _draw_learning_curve(axis, last)
+    _draw_learning_curve(curve_axis, last)
 
 
 def _draw_learning_curve(axis: Any, last: Look) -> None:
@@ -655,7 +661,7 @@ def _draw_learning_curve(axis: Any, last: Look) -> None:
     axis.errorbar(
         [last.rows],
         [nmae],
-        [[0.0], [up_to_bound]],
+        [[0.0], [up_to_bound]],  # lengths of the bar below and above the point
         fmt="s",
         color="black",
         capsize=4,

@@ -141,7 +141,7 @@ def _answer_for_table(
     prediction = surrogate.predict_rows(
         rows, e_star=question.bodies.e_star, level=question.level
     )
-    return FileAnswer(prediction)
+    return FileAnswer(prediction=prediction)
 
 
 def _answer_for_map(
@@ -173,19 +173,23 @@ def _answer_for_map(
             raise
         echo(f"  warning: {error}: no prediction", err=True)
         reason = str(error).removeprefix(f"{file}: ")
-        return FileAnswer(_no_prediction(surrogate, question.loads, reason), warnings)
+        no_prediction = _no_prediction(surrogate, question.loads, reason)
+        return FileAnswer(prediction=no_prediction, warnings=warnings)
     prediction = surrogate.predict_rows(rows, e_star=bodies.e_star, level=question.level)
-    return FileAnswer(prediction, warnings)
+    return FileAnswer(prediction=prediction, warnings=warnings)
 
 
 def _no_prediction(surrogate: Surrogate, loads: Values, reason: str) -> Prediction:
     """Return a prediction whose values and intervals are NaN at each load, with one reason."""
-    unknown = dict.fromkeys(surrogate.learnt, np.full(loads.size, np.nan))
+    nothing = np.full(loads.size, np.nan)
+    unknown = dict.fromkeys(surrogate.learnt, nothing)
+    deltas = loads
     pressures: dict[str, Values] = {}
     if surrogate.features.load == "pressure":
+        deltas = nothing
         pressures["pressure"] = loads
     return Prediction(
-        delta=loads,
+        delta=deltas,
         values=unknown,
         low=unknown,
         high=unknown,
@@ -223,14 +227,15 @@ def answers_of_parameters(
     ------
     Row
         For each row of the tables and each of the k loads: "input", the table, or "" without
-        tables; the other columns of the table, unchanged; the numbers; and targets, "flag" and
-        "reason" as `answers` has them.
+        tables; the further columns of all tables, unchanged, "" where the row's table lacks one;
+        the numbers; and targets, "flag" and "reason" as `answers` has them.
 
     Raises
     ------
     InputError
-        If a table cannot be read, has a column for one of `numbers`, or lacks one; if a name is
-        missing or unknown; or if a value is not allowed.
+        If a table cannot be read, has a column for one of `numbers`, or lacks a column for another
+        number; if a name is missing or unknown; if a value is not allowed; or if `mean` is True and
+        the model has no intervals of the mean.
     """
     fixed = {
         name: np.atleast_1d(np.asarray(values, float)) for name, values in numbers.items()
@@ -241,8 +246,15 @@ def answers_of_parameters(
         )
         for row in _rows_of_prediction(surrogate, prediction):
             yield {"input": "", **row}
-    for path in tables:
-        table = _read_numbers(path, surrogate, fixed)
+    numbers_of_tables = [_read_numbers(path, surrogate, fixed) for path in tables]
+    # All rows have the further columns of all tables; a table without one of them has "" there.
+    no_cells = {
+        name: ""
+        for table in numbers_of_tables
+        for cells in table.further_cells[:1]
+        for name in cells
+    }
+    for path, table in zip(tables, numbers_of_tables, strict=True):
         # How often each row of the table is repeated: once for each load of the options.
         repeats = max((values.size for values in fixed.values()), default=1)
         with _errors_about(path):
@@ -250,7 +262,7 @@ def answers_of_parameters(
         prediction = surrogate.predict_rows(rows, level=level, mean=mean)
         for place, row in enumerate(_rows_of_prediction(surrogate, prediction)):
             further_cells = table.further_cells[place // repeats]
-            yield {"input": str(path), **further_cells, **row}
+            yield {"input": str(path), **no_cells, **further_cells, **row}
 
 
 @dataclass(frozen=True, eq=False)
@@ -310,7 +322,9 @@ def _read_numbers(
     further_cells = [
         {name: text for name, text in row.items() if name not in names} for row in cells
     ]
-    return NumbersTable(dict(zip(names, columns, strict=True)), further_cells)
+    return NumbersTable(
+        columns=dict(zip(names, columns, strict=True)), further_cells=further_cells
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -387,9 +401,9 @@ def _rows_of_statistics(
     """Read a table of statistics, and return each of its rows at each load.
 
     `gen describe --csv` writes the table. Its header names the 22 statistics. Sides, nodes and
-    boundary are optional. Further columns are ignored, and the rows of mean and deviation of
-    several maps. A row with undefined statistics has a note. Raises InputError for a table that
-    cannot be used.
+    boundary are optional, and further columns are ignored. Rows with the mean and deviation of
+    several maps are ignored, unless the table has only these. A row with undefined statistics has a
+    note. Raises InputError for a table that cannot be used, and if all rows lack statistics.
     """
     cells = _read_cells(
         path, STATISTICS, f"{command_to_type('gen describe --csv')} writes all 22"
@@ -424,7 +438,10 @@ def _rows_of_statistics(
 
 
 def _require_boundary(path: Path, cells: Cells, surrogate: Surrogate) -> None:
-    """Refuse rows of a table with another boundary than the surrogate; "" stands for "free"."""
+    """Refuse rows of a table with another boundary than the surrogate's.
+
+    An empty cell and a missing column mean "free".
+    """
     for boundary in sorted({row.get("boundary") or "free" for row in cells}):
         if boundary != surrogate.boundary:
             raise InputError(

@@ -1,9 +1,11 @@
-"""Which rows calibrate intervals: training rows, by models that have not seen them.
+"""The rows that calibrate intervals, and the calibration by them.
 
-Surfaces are left out in turn, a fifth of them at a time, and predicted by a model of the others.
-Rows of one map are more alike than rows of different maps. So are rows of one database, where they
-come from no maps. Only maps or databases that a model has not seen show how it predicts a new one:
-where there are enough of them, each is left out as a whole.
+Intervals are calibrated by training rows, which are predicted by models that have not seen their
+surfaces: a fifth of the surfaces is left out at a time. Rows of one map are more alike than rows of
+different maps, and so are rows of one database that come from no maps. Only the errors on a map or
+database that a model has not seen show how well it predicts a new one. If there are enough maps or
+databases, each of them is therefore left out as a whole. Rows of another database can calibrate in
+place of training rows.
 """
 
 from __future__ import annotations
@@ -29,58 +31,67 @@ from learn.surrogate.interval import (
     MeasuredRows,
     Nearest,
     Scores,
+    distance_by_maps,
+    distance_by_other_maps,
     fit_scale,
-    from_maps,
-    from_surfaces,
-    from_training,
     quadratic,
+    rows_measured_by_surfaces,
 )
 
-# What intervals hold for: further surfaces of the one database ("surfaces"), further surfaces of
-# each of the known maps or databases ("each"), or other maps or databases ("others").
+# The surfaces that intervals hold for: new surfaces of the only database ("surfaces"), new surfaces
+# of each map or database of the training ("each"), or surfaces of other maps or databases, and of
+# other parameters of a scene ("others").
 Scheme = Literal["surfaces", "each", "others"]
 
-# smallest number of maps or databases whose intervals of 90 % hold for other ones too
+# Smallest number of maps or databases with which intervals of 90 % hold for other ones, because K
+# of them reach a level of K / (K + 1).
 FEWEST = 9
-# kind of the groups of a scene's own features, where each surface is a group
+# Kind of the groups of a scene's own features, where each surface is a group.
 SURFACE = "surface"
-# weight of the penalty on the slopes of usual errors where each surface is a group
+# Weight of the penalty on the slopes of usual errors if each surface is a group.
 SLIGHT = 1e-3
-# largest number of fits that leave groups out; with more groups, several are left out together
+# Largest number of fits that leave groups out. If there are more groups, several are left out
+# together.
 MOST_FITS = 20
-# largest share of the rows that a model may lack which predicts a part of them
+# Largest share of the training rows that a model may lack to predict a part of them. If a part
+# needs more, rows are grouped in another way.
 MOST_UNSEEN = 0.6
-# smallest number of rows nearest to a map or database that give it scores of its own; with fewer,
-# it has the scores of all rows
+# Smallest number of rows that a cloud of the training needs nearest to it for scores of its own.
+# With fewer, its scores are those of all rows.
 SMALLEST = 20
-# surfaces of a database or map that suffice where each part takes a further fit: the share of rows
-# inside intervals of 90 % then deviates by 1.5 %
+# Number of surfaces of a database or map that calibrate if each part of them takes another fit: the
+# share of rows inside intervals of 90 % then has a standard deviation of 1.5 %.
 ENOUGH = 400
-# models of which one fit gives the errors at all rows that are left out
+# Names of the models for which all training rows calibrate: their one fit to all these rows gives
+# the errors at rows that are left out. The mean of a population gives them only if each surface is
+# a group; otherwise it is fitted anew for each part.
 CLOSED = ("kernel-ridge", "gaussian-process", POPULATION.name)
-# smallest number of rows of another database that calibrate
+# Smallest number of rows of another database that can calibrate.
 SMALLEST_CALIBRATION = 20
 
 
 @dataclass(frozen=True, eq=False)
 class Groups:
-    """The maps, databases or surfaces that some rows are grouped by to calibrate intervals."""
+    """The grouping of n rows by maps, databases or surfaces, for the calibration of intervals."""
 
-    labels: Indices  # (n,), group of each row, from 0 on
-    # number of groups; of its surfaces, tiles or rows if there is one group
-    number: int
-    # what `number` counts: "map", "database", "surface", "tile", or "row" if all share one surface
+    labels: Indices  # (n,), number of the group of each row: 0, 1, ...
+    # what a group is, or, if all rows are one group, what this group consists of: "map",
+    # "database", "surface" or "tile"; "row" if all rows share one surface
     kind: str
-    scheme: Scheme
+    number: int  # number of different maps, databases, surfaces, tiles or rows, as `kind` says
+    scheme: Scheme  # the surfaces that intervals hold for
 
     @property
     def are_left_out(self) -> bool:
-        """True if whole groups are left out, so that intervals hold for other groups too."""
+        """True if groups are left out as a whole, so that intervals hold for other groups too.
+
+        Otherwise a fifth of the surfaces or tiles of all groups is left out at a time.
+        """
         return self.scheme == "others"
 
     @property
     def are_populations(self) -> bool:
-        """True for several maps or databases, False for the surfaces of one."""
+        """True for several maps or databases, False for surfaces, tiles or rows of one."""
         return self.kind in {"map", "database"}
 
     @property
@@ -89,7 +100,7 @@ class Groups:
         return self.are_left_out and self.kind == SURFACE
 
     def left_out(self, rows: Dataset) -> Indices:
-        """Deal rows into parts of about one size, each of which is left out together.
+        """Divide rows into parts of about equal size, which are left out one after the other.
 
         Parameters
         ----------
@@ -99,20 +110,21 @@ class Groups:
         Returns
         -------
         ndarray, shape (n,)
-            Number of the part of each row. A part has whole groups where these are left out,
-            otherwise a fifth of the surfaces or tiles, drawn with a fixed seed.
+            Number of the part of each row. A part has one or more groups if groups are left out as
+            a whole; otherwise it has about a fifth of the surfaces or tiles.
         """
-        random = np.random.default_rng(0)
+        random = np.random.default_rng(0)  # A fixed seed: equal rows have equal parts.
         if self.are_left_out:
             return dealt(self.labels, min(self.number, MOST_FITS), random)
         return dealt(rows.surfaces, FOLDS, random)
 
 
 def groups_of(rows: Dataset) -> Groups:
-    """Group rows by the maps or databases that calibrate intervals.
+    """Group rows to calibrate intervals.
 
-    Windows of one map are in one group, whichever databases they are in. Databases that share
-    surfaces are not left out as a whole if too few rows would be left to train on.
+    Windows of maps are grouped by maps, also if windows of one map are in several databases. Other
+    rows are grouped by surfaces if the features are a scene's own, otherwise by databases. All rows
+    are one group if there are too few groups, or if too few rows would be left to train on.
 
     Parameters
     ----------
@@ -122,58 +134,70 @@ def groups_of(rows: Dataset) -> Groups:
     Returns
     -------
     Groups
-        Their groups.
+        The groups of the rows. They are to be left out as a whole (scheme "others") if there are
+        `FEWEST` or more, and if enough rows are left then.
     """
     surfaces, surface = np.unique(rows.groups, return_inverse=True)
     if rows.features.of_scene and not rows.by_tile:
         if surfaces.size >= FEWEST:
-            return Groups(surface, surfaces.size, SURFACE, "others")
+            return Groups(
+                labels=surface, number=surfaces.size, kind=SURFACE, scheme="others"
+            )
         return _one_group(rows, surfaces.size)
     populations, labels = np.unique(rows.population, return_inverse=True)
     if populations.size < 2 or surfaces.size < 2:
         return _one_group(rows, surfaces.size)
-    kind = "map" if rows.by_tile else "database"
+    kind = "database"
+    if rows.by_tile:
+        kind = "map"
+    divided = Groups(labels=labels, number=populations.size, kind=kind, scheme="each")
     if populations.size >= FEWEST:
-        left_out_whole = Groups(labels, populations.size, kind, "others")
+        left_out_whole = replace(divided, scheme="others")
+        # Databases may share surfaces, which are left out together with each of them.
         if _leaves_enough(rows, left_out_whole):
             return left_out_whole
-    divided = Groups(labels, populations.size, kind, "each")
     if _leaves_enough(rows, divided):
         return divided
     return _one_group(rows, surfaces.size)
 
 
 def _one_group(rows: Dataset, surfaces: int) -> Groups:
-    """Return rows of a number of surfaces or tiles as one group."""
-    labels = np.zeros(rows.size, dtype=np.int64)
+    """Return all rows as one group; `surfaces` is the number of their surfaces or tiles."""
     if rows.by_tile:
         kind = "tile"
     elif surfaces > 1:
         kind = SURFACE
     else:
         kind = "row"
-    number = surfaces if surfaces > 1 else rows.size
-    return Groups(labels, number, kind, "surfaces")
+    number = surfaces
+    if surfaces <= 1:  # Rows of a single surface are counted one by one.
+        number = rows.size
+    labels = np.zeros(rows.size, dtype=np.int64)
+    return Groups(labels=labels, number=number, kind=kind, scheme="surfaces")
 
 
 def _leaves_enough(rows: Dataset, groups: Groups) -> bool:
-    """Return whether each model that lacks a part of the rows has enough of them to train on."""
-    unseen = [holdout.unseen.size for holdout in holdouts(rows, groups.left_out(rows))]
-    return max(unseen) <= MOST_UNSEEN * rows.size
+    """Return whether enough rows are left to train on, whichever part of the rows is left out.
+
+    Rows that share a surface with the part are left out with it.
+    """
+    parts = groups.left_out(rows)
+    numbers_unseen = [holdout.unseen.size for holdout in holdouts(rows, parts)]
+    return max(numbers_unseen) <= MOST_UNSEEN * rows.size
 
 
 @dataclass(frozen=True, eq=False)
 class Holdout:
-    """A part of the training rows that a model without them predicts."""
+    """A part of the training rows, which is predicted by a model that has not seen it."""
 
-    rows: Indices  # (k,), positions of the part, ascending
-    # (m,), ascending positions of all rows that this model must not see: those of the part, and
-    # those that share a surface or tile with one of them
+    rows: Indices  # (k,), positions of the rows of the part, ascending
+    # (m,), positions of all rows that the model must not see, ascending: the rows of the part, and
+    # rows that share a surface or tile with one of these
     unseen: Indices
 
 
 def holdouts(rows: Dataset, parts: Indices) -> Iterator[Holdout]:
-    """Yield the parts of training rows that are left out in turn.
+    """Yield the parts of training rows that are left out one after the other.
 
     Parameters
     ----------
@@ -185,36 +209,34 @@ def holdouts(rows: Dataset, parts: Indices) -> Iterator[Holdout]:
     Yields
     ------
     Holdout
-        A part, with the rows that a model which predicts it must not see.
+        One part, in the order of the numbers of the parts.
     """
     for part in np.unique(parts):
         inside = np.flatnonzero(parts == part)
         unseen = np.flatnonzero(np.isin(rows.surfaces, rows.surfaces[inside]))
-        yield Holdout(inside, unseen)
+        yield Holdout(rows=inside, unseen=unseen)
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Which rows calibrate intervals, and what the card and the user are told of them."""
+    """The choice of the rows that calibrate intervals, and its description."""
 
     # parts of the training rows that calibrate; empty if another database calibrates
     holdouts: Sequence[Holdout]
-    # (k,), ascending positions of the training rows that calibrate, which are those of the parts
+    # (k,), positions of the training rows in these parts, ascending; empty if there are no parts
     calibrating: Indices
-    groups: Groups  # of the rows that calibrate
-    measured: MeasuredRows  # their distances from the training
-    # distances of the surrogate, with a limit by the groups that calibrate or by the training
+    groups: Groups  # groups of the rows that calibrate
+    measured: MeasuredRows  # distances of the rows that calibrate from the training
+    # measure of distances that the surrogate keeps, with the limit of its flag
     distance: Distance
-    entry: dict[str, Any]  # "calibration" of the card
-    # by which maps or databases the training rows calibrate; "" if there is only one
+    entry: dict[str, Any]  # entry "calibration" of the card
+    # line for the user on the maps or databases by which training rows calibrate; "" if there is
+    # only one, or if another database calibrates
     remark: str = ""
 
 
 def plan_calibration(model: str, train: Dataset, other: Dataset | None = None) -> Plan:
-    """Choose the rows that calibrate intervals: training rows, or those of another database.
-
-    All training rows calibrate models in `CLOSED`, and all models where whole maps or databases are
-    left out. Otherwise as many parts of them calibrate as have `ENOUGH` surfaces, or all parts.
+    """Choose the rows that calibrate intervals: training rows, or rows of another database.
 
     Parameters
     ----------
@@ -223,12 +245,16 @@ def plan_calibration(model: str, train: Dataset, other: Dataset | None = None) -
     train : Dataset
         The training rows.
     other : Dataset, optional
-        Rows of another database, which calibrate instead.
+        Rows of another database, which calibrate in place of training rows.
 
     Returns
     -------
     Plan
-        The rows that calibrate, their groups, and their distances from the training.
+        The rows that calibrate, with their groups and their distances from the training. All rows
+        of another database calibrate. All training rows calibrate a model in `CLOSED`, and any
+        model if maps or databases are left out as a whole. Otherwise only as many parts of the
+        training rows calibrate as have `ENOUGH` surfaces for each map or database, or all parts if
+        there are fewer surfaces.
     """
     groups = groups_of(train)
     measured = _measure(train, groups)
@@ -238,68 +264,92 @@ def plan_calibration(model: str, train: Dataset, other: Dataset | None = None) -
 
 
 def _measure(train: Dataset, groups: Groups) -> MeasuredRows:
-    """Measure training rows from the training, without the groups or surfaces that they are in."""
+    """Make the measure of distances with the limit of the flag, and apply it to the training rows.
+
+    Rows are measured from rows of other surfaces. If groups are left out as a whole, they are
+    measured from all rows: `calibrate` does not use distances then, and the limit is from groups
+    that were left out in turn. For a scene's own features all distances are 0, without a limit.
+    """
     if train.features.of_scene:
-        # Parameters are drawn independently of each other: their ranges say all.
+        # Parameters are drawn independently of each other, so that their ranges suffice for the
+        # flag.
         features = train.inputs.shape[1]
-        whitening = np.zeros((1, features, features))
-        distance = Distance(np.zeros((1, features)), whitening, np.inf)
+        distance = Distance(
+            centres=np.zeros((1, features)),
+            whitenings=np.zeros((1, features, features)),
+            limit=np.inf,
+        )
     elif groups.are_left_out:
-        distance = from_maps(train.inputs, groups.labels)
+        distance = distance_by_maps(train.inputs, groups.labels)
     else:
-        return from_surfaces(train.inputs, groups.labels, groups.left_out(train))
-    return MeasuredRows(distance, distance.nearest(train.inputs))
+        return rows_measured_by_surfaces(
+            train.inputs, clouds=groups.labels, parts=groups.left_out(train)
+        )
+    return MeasuredRows(training=distance, nearest=distance.nearest(train.inputs))
 
 
 def _plan_by_other(train: Dataset, other: Dataset, distance: Distance) -> Plan:
-    """Plan to calibrate by the rows of another database, by their distances from the training."""
+    """Return the plan to calibrate by all rows of another database.
+
+    `distance` measures distances from the training rows.
+    """
     groups = groups_of(other)
-    measured = MeasuredRows(distance, distance.nearest(other.inputs))
+    measured = MeasuredRows(training=distance, nearest=distance.nearest(other.inputs))
     if groups.are_left_out and not train.features.of_scene:
-        distance = from_training(train.inputs, other.inputs, groups.labels)
+        # Many maps or databases decide the limit of the flag better than the training rows.
+        distance = distance_by_other_maps(train.inputs, other.inputs, groups.labels)
     origin = other.origins[-1]
     return Plan(
         holdouts=(),
-        calibrating=np.arange(0),
+        calibrating=np.arange(0),  # no training rows
         groups=groups,
         measured=measured,
         distance=distance,
-        entry=_entry(groups, origin.database, origin.sha256),
+        entry=_entry(groups, database=origin.database, sha256=origin.sha256),
     )
 
 
 def _plan_by_training(
     model: str, train: Dataset, groups: Groups, measured: MeasuredRows
 ) -> Plan:
-    """Plan to calibrate by training rows, whose distances from the training are measured."""
+    """Return the plan to calibrate by training rows; see `plan_calibration` for their choice.
+
+    `groups` and `measured` describe all training rows.
+    """
     parts = list(holdouts(train, groups.left_out(train)))
     whole_populations = groups.are_populations and groups.are_left_out
     if model not in CLOSED and not whole_populations:
-        populations = groups.number if groups.are_populations else 1
+        # Each part takes another fit, so that no more parts calibrate than needed.
+        populations = 1
+        if groups.are_populations:
+            populations = groups.number
         parts = _first_with_surfaces(ENOUGH * populations, parts, train)
     calibrating = np.sort(np.concatenate([part.rows for part in parts]))
+    # Maps and databases are all among the rows that calibrate. Surfaces, tiles or rows are counted
+    # anew, because only some of them may calibrate.
     number = groups.number
     if model not in CLOSED and not groups.are_populations:
         number = np.unique(train.surfaces[calibrating]).size
-    groups = replace(groups, labels=groups.labels[calibrating], number=number)
+    calibrating_groups = replace(groups, labels=groups.labels[calibrating], number=number)
     nearest = Nearest(
-        measured.nearest.distance[calibrating], measured.nearest.cloud[calibrating]
+        distance=measured.nearest.distance[calibrating],
+        cloud=measured.nearest.cloud[calibrating],
     )
     return Plan(
         holdouts=parts,
         calibrating=calibrating,
-        groups=groups,
+        groups=calibrating_groups,
         measured=MeasuredRows(measured.training, nearest),
         distance=measured.training,
-        entry=_entry(groups),
-        remark=_remark(groups),
+        entry=_entry(calibrating_groups),
+        remark=_remark(calibrating_groups),
     )
 
 
 def _first_with_surfaces(
     enough: int, parts: Sequence[Holdout], train: Dataset
 ) -> list[Holdout]:
-    """Return the first parts of training rows that have enough surfaces together, or all parts."""
+    """Return the first parts that have `enough` surfaces or tiles together, or all parts."""
     chosen: list[Holdout] = []
     surfaces: set[int] = set()
     for part in parts:
@@ -311,7 +361,11 @@ def _first_with_surfaces(
 
 
 def _entry(groups: Groups, database: str = "", sha256: str = "") -> dict[str, Any]:
-    """Return "calibration" of the card, with the path and fingerprint of another database."""
+    """Return the entry "calibration" of the card.
+
+    `database` and `sha256` are path and checksum of another database that calibrates; "" if
+    training rows calibrate.
+    """
     return {
         "scheme": groups.scheme,
         "kind": groups.kind,
@@ -322,7 +376,10 @@ def _entry(groups: Groups, database: str = "", sha256: str = "") -> dict[str, An
 
 
 def _remark(groups: Groups) -> str:
-    """Return the line for the user on the maps or databases that calibrate; "" for one of them."""
+    """Return the line for the user on the groups that calibrate; "" if there is only one group.
+
+    It is as "intervals by 17 maps, each predicted without it".
+    """
     if groups.scheme == "surfaces":
         return ""
     how = "by surfaces that the model has not seen"
@@ -332,26 +389,27 @@ def _remark(groups: Groups) -> str:
 
 
 def calibrate(rows: Dataset, plan: Plan, raw: Values, *, root: bool) -> Calibration:
-    """Calibrate intervals with predictions of models that have not seen the rows.
+    """Calibrate intervals by the errors of predictions.
 
-    Errors are divided by their growth with the distance from the training, unless intervals hold
-    for other maps, and by the usual error, which is fitted without the part that a row is in.
+    Errors are divided by their growth with the distance from the training, unless groups are left
+    out as a whole. Usual errors are then fitted to them. The score of a row is its error over its
+    usual error, which for this purpose is fitted without the part that the row is in.
 
     Parameters
     ----------
     rows : Dataset
-        n rows, those that `plan` calibrates by.
+        The n rows that calibrate by `plan`.
     plan : Plan
-        Their groups and distances.
+        Groups and distances of these rows.
     raw : ndarray, shape (n,)
-        Predictions over the target's scale.
+        Predictions over the target's scale, by models that have not seen the rows.
     root : bool
         True for errors of the square root of the target.
 
     Returns
     -------
     Calibration
-        Scores and usual errors.
+        Scores, usual errors and, unless groups are left out as a whole, the measure of distances.
     """
     groups = plan.groups
     training = plan.measured.training
@@ -359,22 +417,28 @@ def calibrate(rows: Dataset, plan: Plan, raw: Values, *, root: bool) -> Calibrat
     errors = _absolute_errors(raw, rows.target, root=root)
     if not groups.are_left_out:
         errors = errors / GROWTH.at(plan.measured.nearest.distance, training.limit)
+    # Usual errors of each part, fitted to the rows of the other parts.
     usual = np.empty(errors.size)
     for part in np.unique(parts):
         inside = parts == part
-        scale = _usual_errors(rows.inputs, errors, groups, ~inside)
-        usual[inside] = scale.at(rows.inputs[inside])
-    everywhere = np.ones(rows.size, dtype=np.bool_)
-    scale = _usual_errors(rows.inputs, errors, groups, everywhere)
+        without_part = _usual_errors(rows.inputs, errors, groups, ~inside)
+        usual[inside] = without_part.at(rows.inputs[inside])
+    # Usual errors of predictions, fitted to all rows.
+    all_rows = np.ones(rows.size, dtype=np.bool_)
+    scale = _usual_errors(rows.inputs, errors, groups, all_rows)
     if groups.are_left_out:
+        # All groups together are one entry, which holds for any new group.
         together = Scores.of(errors / usual, groups.labels)
-        return Calibration((together,), scale, distance=None, root=root)
+        return Calibration(scores=(together,), usual=scale, distance=None, root=root)
     scores = _scores_of_clouds(errors / usual, rows, plan.measured)
-    return Calibration(scores, scale, distance=training, root=root)
+    return Calibration(scores=scores, usual=scale, distance=training, root=root)
 
 
 def _absolute_errors(raw: Values, truth: Values, *, root: bool) -> Values:
-    """Return the distances of predictions from the truth, or of their roots, (n,)."""
+    """Return absolute errors of n predictions over the target's scale, (n,).
+
+    With `root` they are the errors of square roots, where negative numbers are taken for 0.
+    """
     if root:
         raw = np.sqrt(np.maximum(raw, 0))
         truth = np.sqrt(np.maximum(truth, 0))
@@ -384,13 +448,16 @@ def _absolute_errors(raw: Values, truth: Values, *, root: bool) -> Values:
 def _usual_errors(
     inputs: Values, errors: Values, groups: Groups, fitted: NDArray[np.bool_]
 ) -> ErrorScale:
-    """Fit usual errors to some of n rows with features (n, d).
+    """Fit the usual error, as a function of the features, to the errors of some of n rows.
 
-    Where each surface is a group, there are many of them and few features: the fit is quadratic.
+    The rows are those where `fitted`, (n,), is True. `inputs` are the features, (n, d). `errors`,
+    (n,), are absolute errors; unless groups are left out as a whole, they are divided by their
+    growth with the distance (`GROWTH`).
     """
     terms = inputs[fitted]
     shrinkage = SHRINKAGE
     if groups.are_surfaces:
+        # There are many groups and few features, so that a quadratic fit is possible.
         terms = quadratic(terms)
         shrinkage = SLIGHT
     return fit_scale(terms, errors[fitted], groups.labels[fitted], shrinkage)
@@ -399,12 +466,17 @@ def _usual_errors(
 def _scores_of_clouds(
     errors: Values, rows: Dataset, measured: MeasuredRows
 ) -> tuple[Scores, ...]:
-    """Return the scores of the rows nearest to each cloud; of all rows for clouds with few."""
+    """Return the scores of each cloud of the training, in the order of the clouds.
+
+    A cloud has the scores of the rows nearest to it; or of all rows, if fewer than `SMALLEST` rows
+    are nearest to it.
+    `errors` are the errors of n rows over their growth and their usual errors, (n,).
+    """
     scores = []
     for cloud in range(len(measured.training.centres)):
         near = measured.nearest.cloud == cloud
         if near.sum() < SMALLEST:
-            near[:] = True
+            near[:] = True  # all rows
         scores.append(Scores.of(errors[near], rows.surfaces[near]))
     return tuple(scores)
 
@@ -412,38 +484,40 @@ def _scores_of_clouds(
 def rows_of_another(
     training: Sequence[Dataset], together: Sequence[Dataset]
 ) -> list[Dataset]:
-    """Return the rows of another database that calibrate, for each target.
-
-    Rows of surfaces, or tiles, that the training has too are left out.
+    """Select the rows of another database that calibrate, for each target.
 
     Parameters
     ----------
     training : sequence of Dataset
-        Rows of the databases that train, for each target.
+        For each target, the rows of the databases that train.
     together : sequence of Dataset
-        The same, and behind them the rows of the other database.
+        For each target, the rows of these databases and of the other database, which is the last
+        one.
 
     Returns
     -------
     list of Dataset
-        The rows of the other database, for each target.
+        For each target, the rows of the other database. Rows of surfaces or tiles that the training
+        has too are left out.
 
     Raises
     ------
     InputError
-        If the other database has other features, or too few rows that the training lacks.
+        If the other database needs other features than the training, or has fewer than
+        `SMALLEST_CALIBRATION` rows that are not left out.
     """
     columns = training[0].features.columns
     columns_together = together[0].features.columns
     path = together[0].origins[-1].database
     if columns != columns_together:
+        # Nodes and hardness are features only if they differ between rows.
         differing = sorted(set(columns) ^ set(columns_together))
         raise InputError(
             f"--calibrate-on {path}: has another grid or hardness than the training: there"
             f" {', '.join(differing)} would be a feature"
         )
-    calibrating = [_rows_of_the_last(rows) for rows in together]
-    number = calibrating[0].size
+    calibrating = [_rows_of_last_database(rows) for rows in together]
+    number = calibrating[0].size  # equal for all targets, which have equal rows
     if number < SMALLEST_CALIBRATION:
         raise InputError(
             f"--calibrate-on {path}: {number} usable rows of surfaces that are not in the"
@@ -452,8 +526,8 @@ def rows_of_another(
     return calibrating
 
 
-def _rows_of_the_last(rows: Dataset) -> Dataset:
-    """Return the rows of the last database whose surfaces or tiles no other database has."""
+def _rows_of_last_database(rows: Dataset) -> Dataset:
+    """Return the rows of the last database whose surface or tile no other database has."""
     is_last = rows.database == len(rows.origins) - 1
     shared = np.isin(rows.groups, rows.groups[~is_last])
     return rows.at(np.flatnonzero(is_last & ~shared))

@@ -1,4 +1,8 @@
-"""The model card: data, settings, scores, intervals and training ranges of a surrogate."""
+"""The model card of a surrogate: its data, settings, scores, intervals and training ranges.
+
+A card is a dictionary that JSON can hold. `make` and `judge` assemble it after a fit, the file of
+the surrogate keeps it, and `show` prints it.
+"""
 
 from __future__ import annotations
 
@@ -23,12 +27,18 @@ from learn.metrics import magnitude, no_better, scores
 from learn.models import EVERY, versions
 from learn.surrogate.calibration import FEWEST
 from learn.surrogate.interval import USUAL_LEVEL, calibrated_by
-from learn.surrogate.learnt import Fit, Learnt
-from learn.surrogate.training import between
+from learn.surrogate.learnt import COMPARISON, Fit, Learnt
+from learn.surrogate.training import hardness_range_text
 
-LEVELS = (0.5, 0.9, 0.95)  # levels of intervals whose coverage is reported
-MIDDLE = 1  # place of the level whose coverage is reported for each database
-# what the intervals of one model and set of features hold (`bench/results/coverage`)
+LEVELS = (
+    0.5,
+    0.9,
+    0.95,
+)  # levels of intervals whose coverage is measured on the test rows
+MIDDLE = (
+    1  # place in `LEVELS` of the level whose coverage is also measured on each database
+)
+# Line on the coverage that `bench coverage` has measured, for kernel ridge with hybrid features.
 MEASURED = (
     "          measured on 27 kinds of surfaces that were not trained on (bench coverage): 94 % of"
     " the rows without a flag lie in their 90 % interval, of the worst kind 86 %"
@@ -37,12 +47,12 @@ MEASURED = (
 
 @dataclass(frozen=True)
 class Table:
-    """A table of a card."""
+    """A table of a card, as it is printed."""
 
-    title: str
-    names: list[str]  # headings of the columns of names, which stand first
-    numbers: list[str]  # headings of the columns of numbers
-    rows: list[list[str]]
+    title: str  # line above the table
+    names: list[str]  # headings of the first columns, which have names
+    numbers: list[str]  # headings of the following columns, which have numbers
+    rows: list[list[str]]  # cells of each row, in the order of the columns
 
 
 def make(
@@ -52,7 +62,7 @@ def make(
     sizes: Mapping[str, int],
     entries: dict[str, dict[str, Any]],
 ) -> dict[str, Any]:
-    """Assemble the card of numbers, texts, lists and dictionaries only.
+    """Assemble the card of a fit.
 
     Parameters
     ----------
@@ -61,24 +71,29 @@ def make(
     rows : Dataset
         The usable rows.
     train : ndarray, shape (m,)
-        Positions of the training rows.
+        Positions of the training rows among them.
     sizes : mapping of str to int
-        Numbers of the rows that "train", "calibration" and "test" have.
+        Numbers of "train", "calibration" and "test" rows.
     entries : dict of str to dict
-        Entries of the targets, from `judge`.
+        Entries of the targets, from `judge`, by their short names.
 
     Returns
     -------
     dict of str to object
-        The card, which JSON can hold.
+        The card without "calibration" and "own_scale", which the fit adds. All numbers, texts,
+        lists and dictionaries in it can be written as JSON.
     """
     (model,) = request.models
     features = rows.features
     scene = rows.origins[0].scene
     databases = [_database_of(origin) for origin in rows.origins]
     columns = zip(features.columns, features.units, strict=True)
-    divided: dict[str, Any] = {"split_by": "tile"} if rows.by_tile else {}
-    left_out = {reason: int(number) for reason, number in rows.dropped.items()}
+    numbers_of_rows: dict[str, Any] = {name: int(size) for name, size in sizes.items()}
+    if rows.by_tile:
+        numbers_of_rows["split_by"] = "tile"
+    numbers_of_rows["left_out"] = {
+        reason: int(number) for reason, number in rows.dropped.items()
+    }
     return {
         "title": f"{EVERY[model].title} for {', '.join(request.targets)}",
         "model": model,
@@ -92,13 +107,10 @@ def make(
         "spacing": list(scene.grid.spacing),
         "modulus": scene.contact.e_star,
         **_unusual(rows, databases),
+        # The first column of `described` is Delta; quantiles 0 and 1 are its ends.
         "delta": np.quantile(rows.described[train, 0], (0, 1)).tolist(),
         "area_max": request.area_max,
-        "rows": {
-            **{name: int(size) for name, size in sizes.items()},
-            **divided,
-            "left_out": left_out,
-        },
+        "rows": numbers_of_rows,
         "seed": request.seed,
         "database": rows.name,
         "database_sha256": rows.sha256,
@@ -109,7 +121,7 @@ def make(
 
 
 def _database_of(origin: Origin) -> dict[str, Any]:
-    """Return what a card states of a database."""
+    """Return the entry of a card for one database."""
     scene = origin.scene
     return {
         "database": origin.database,
@@ -123,7 +135,10 @@ def _database_of(origin: Origin) -> dict[str, Any]:
 
 
 def _unusual(rows: Dataset, databases: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return the entries of a card that stand only where they differ from the usual."""
+    """Return the entries that a card has only if they differ from their default.
+
+    `databases` are the entries of the databases, from `_database_of`.
+    """
     features = rows.features
     unusual: dict[str, Any] = {}
     if features.rooted:
@@ -146,7 +161,7 @@ def _unusual(rows: Dataset, databases: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def judge(fitted: Fit, rows: Dataset, test: Indices) -> dict[str, Any]:
-    """Judge the model of a target and its intervals on the test rows.
+    """Score the model of a target and its intervals on the test rows.
 
     Parameters
     ----------
@@ -155,33 +170,39 @@ def judge(fitted: Fit, rows: Dataset, test: Indices) -> dict[str, Any]:
     rows : Dataset
         The usable rows.
     test : ndarray, shape (k,)
-        Positions of the test rows.
+        Positions of the test rows among them.
 
     Returns
     -------
     dict of str to object
-        The target's entry of the card. Scores are in percent, numbers without a unit in their name
-        are in the target's unit.
+        The target's entry of the card. "scores" and "nmae" are in percent, "fit_seconds" in
+        seconds; "range", "mae" and "mean_width" are in the target's unit, and "coverage" is a share
+        of 1.
+
+    Raises
+    ------
+    ValueError
+        If the target is constant in the test rows, or a prediction is not finite.
     """
     learnt = fitted.learnt
     tested = rows.at(test)
     raw = learnt.raw(tested.inputs)
     intervals = [_judge_intervals(learnt, tested, raw, level) for level in LEVELS]
+    entry: dict[str, Any] = {}
+    if len(rows.origins) > 1:
+        inside = intervals[MIDDLE].inside
+        entry["databases"] = _scores_by_database(learnt, tested, raw, inside)
     model_scores = scores_of(learnt, tested, raw)
     remarks = list(fitted.remarks)
     fault = no_better(model_scores["r2"])
     if fault:
         remarks.append(fault)
-    by_database: dict[str, Any] = {}
-    if len(rows.origins) > 1:
-        inside = intervals[MIDDLE].inside
-        by_database["databases"] = _by_database(learnt, tested, raw, inside)
+    truth = tested.target * tested.scale
     settings = sorted(fitted.settings.values.items())
-    return {
-        **by_database,
+    entry |= {
         "column": learnt.column,
         "unit": learnt.unit,
-        "range": np.quantile(tested.target * tested.scale, (0, 1)).tolist(),
+        "range": np.quantile(truth, (0, 1)).tolist(),  # smallest and largest
         "scores": model_scores,
         "intervals": [judged.entry for judged in intervals],
         "settings": {name: str(value) for name, value in settings},
@@ -189,34 +210,43 @@ def judge(fitted: Fit, rows: Dataset, test: Indices) -> dict[str, Any]:
         "fit_seconds": fitted.fitting,
         "remarks": remarks,
     }
+    if fitted.settings.folder is not None:
+        entry[COMPARISON] = str(fitted.settings.folder)
+    return entry
 
 
 @dataclass(frozen=True, eq=False)
 class _JudgedIntervals:
-    """The intervals of a level, judged on the test rows."""
+    """The intervals of one level on the test rows."""
 
-    inside: NDArray[np.bool_]  # (k,), rows whose interval holds the truth
-    entry: dict[str, float]  # level, coverage and mean width for the card
+    inside: NDArray[np.bool_]  # (k,), True for rows whose interval holds the truth
+    # for the card: "level", "coverage" as a share of 1, "mean_width" in the target's unit
+    entry: dict[str, float]
 
 
 def _judge_intervals(
     learnt: Learnt, tested: Dataset, raw: Values, level: float
 ) -> _JudgedIntervals:
-    """Judge intervals of a level about predictions of test rows over their scale, (k,)."""
+    """Measure coverage and mean width of the intervals of a level on the test rows.
+
+    `raw` are the predictions of the test rows over the target's scale, (k,).
+    """
     low, high = learnt.calibration.ends(raw, level, tested.inputs)
+    # The truth is within the bounds, so that clipping the ends to them would change no coverage.
     inside = (low <= tested.target) & (tested.target <= high)
-    smallest = np.clip(low * tested.scale, *learnt.bounds)
-    largest = np.clip(high * tested.scale, *learnt.bounds)
+    # The intervals of predictions are in the target's unit, within its bounds.
+    low_end = np.clip(low * tested.scale, *learnt.bounds)
+    high_end = np.clip(high * tested.scale, *learnt.bounds)
     entry = {
         "level": level,
         "coverage": float(inside.mean()),
-        "mean_width": float((largest - smallest).mean()),
+        "mean_width": float((high_end - low_end).mean()),
     }
-    return _JudgedIntervals(inside, entry)
+    return _JudgedIntervals(inside=inside, entry=entry)
 
 
 def scores_of(learnt: Learnt, rows: Dataset, raw: Values) -> dict[str, float]:
-    """Score predictions.
+    """Score the predictions of a target.
 
     Parameters
     ----------
@@ -225,24 +255,30 @@ def scores_of(learnt: Learnt, rows: Dataset, raw: Values) -> dict[str, float]:
     rows : Dataset
         n rows.
     raw : ndarray, shape (n,)
-        Their predictions over the scale of the target.
+        Predictions of these rows over the scale of the target.
 
     Returns
     -------
     dict of str to float
-        The four scores by their names [%].
+        The scores "nmse", "nmae", "nmaxe" and "r2" [%]; see `learn.metrics.Scores`.
+
+    Raises
+    ------
+    ValueError
+        If the target is constant in the rows, or a prediction is not finite.
     """
     predicted = np.clip(raw * rows.scale, *learnt.bounds)
     return dict(vars(scores(rows.target * rows.scale, predicted)))
 
 
-def _by_database(
+def _scores_by_database(
     learnt: Learnt, tested: Dataset, raw: Values, inside: NDArray[np.bool_]
 ) -> list[dict[str, Any]]:
-    """Score the model on the test rows of each database; NaN where there are none.
+    """Return for each database the number of its test rows, nMAE, mean error and coverage.
 
-    The nMAE is NaN, too, where a target is 0 in all of them; the mean error says more there.
-    `inside` tells of each row whether its interval holds the truth, (k,).
+    The last three are NaN for a database without test rows; the nMAE is NaN, too, if the target is
+    0 in all of them. `raw` are the predictions of the test rows over the target's scale, (k,), and
+    `inside` is True for rows whose interval holds the truth, (k,).
     """
     truth = tested.target * tested.scale
     errors = np.abs(np.clip(raw * tested.scale, *learnt.bounds) - truth)
@@ -272,12 +308,12 @@ def show(card: Mapping[str, Any], low: Values, high: Values) -> None:
     card : mapping of str to object
         The card.
     low, high : ndarray, shape (d,)
-        Training ranges of the features.
+        Smallest and largest value of each feature in the training.
 
     Raises
     ------
     InputError
-        If an entry of the card is missing or malformed.
+        If an entry of the card is missing or malformed. Nothing is printed then.
     """
     try:
         texts = list(lines(card))
@@ -298,7 +334,7 @@ def show(card: Mapping[str, Any], low: Values, high: Values) -> None:
 
 
 def lines(card: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the lines of a card, without its tables.
+    """Write the lines of a card, without its tables.
 
     Parameters
     ----------
@@ -308,7 +344,12 @@ def lines(card: Mapping[str, Any]) -> Iterator[str]:
     Yields
     ------
     str
-        A line.
+        One line.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError, AttributeError, IndexError
+        If an entry of the card is missing or malformed.
     """
     yield f"{card['title']}, {card['features']} features, normalised: {card['normalisation']}"
     rows = card["rows"]
@@ -317,7 +358,7 @@ def lines(card: Mapping[str, Any]) -> Iterator[str]:
         f" tested (split by {rows.get('split_by', 'surface')}, seed {card['seed']});"
         f" {sum(rows['left_out'].values())} left out"
     )
-    yield f"trained   on {_training(card)}"
+    yield f"trained   on {_training_text(card)}"
     for name, target in card["targets"].items():
         yield from _target_lines(name, target)
     yield from _interval_lines(card)
@@ -325,10 +366,12 @@ def lines(card: Mapping[str, Any]) -> Iterator[str]:
         yield MEASURED
     if "grown" in card:
         yield _growth_line(card["grown"])
-    alone = {**card, "sha256": card["database_sha256"]}
-    for entry in card.get("databases", [alone]):
+    # The card of a single database has the entries of this database itself.
+    only_database = {**card, "sha256": card["database_sha256"]}
+    for entry in card.get("databases", [only_database]):
         yield f"data      {entry['database']}, sha256 {entry['sha256'][:16]}"
         yield f"scene     {entry['scene']}"
+    # A library that was not installed when the card was made has no number.
     libraries = [
         f"{name} {number}" for name, number in card["versions"].items() if number
     ]
@@ -337,7 +380,10 @@ def lines(card: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _target_lines(name: str, target: Mapping[str, Any]) -> Iterator[str]:
-    """Yield settings, scores of rows left out in turn, and warnings of a target."""
+    """Yield the lines on a target: its settings, scores of left out rows, and warnings.
+
+    `target` is the entry of the card for the target with this name.
+    """
     settings = ", ".join(f"{key}={value}" for key, value in target["settings"].items())
     yield f"{name:9} {settings} ({target['settings_from']})"
     if "left_out" in target:
@@ -349,9 +395,11 @@ def _target_lines(name: str, target: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _growth_line(grown: Mapping[str, Any]) -> str:
-    """Return the line on the accuracy that a surrogate was grown to."""
+    """Return the line on the accuracy that `learn grow` has reached, from its entry of the card."""
     bounds = [f"{name} {bound:.3g} %" for name, bound in grown["bounds"].items()]
-    met = "met" if grown["met"] else "not met"
+    met = "not met"
+    if grown["met"]:
+        met = "met"
     return (
         f"grown     to an nMAE of {grown['mark']:g} %: {met}, with {grown['rows']} rows; at"
         f" most {', '.join(bounds)}"
@@ -359,13 +407,13 @@ def _growth_line(grown: Mapping[str, Any]) -> str:
 
 
 def _interval_lines(card: Mapping[str, Any]) -> Iterator[str]:
-    """Yield what calibrates intervals, what they hold for, and their largest level."""
+    """Yield the lines on the calibration of intervals, and on their largest level."""
     entry = card.get("calibration")
-    if entry is None:
+    if entry is None:  # Not every card of an earlier version has this entry.
         return
     kinds = f"{entry['kind']}s"
     how = ", each predicted without it"
-    if entry["database"]:
+    if entry["database"]:  # Another database calibrates.
         how = f" of {entry['database']}"
     holding = f"other {kinds} like these"
     if entry["scheme"] == "each":
@@ -374,7 +422,8 @@ def _interval_lines(card: Mapping[str, Any]) -> Iterator[str]:
         )
     yield f"intervals calibrated by {calibrated_by(card)}{how}: hold for {holding}"
     largest = entry.get("largest_level")
-    if largest is None and entry["scheme"] != "each":  # a file of 1.0.0
+    if largest is None and entry["scheme"] != "each":
+        # Cards of 1.0.0 do not state the largest level, which follows from the number of groups.
         groups = entry["groups"]
         largest = math.floor(1000 * groups / (groups + 1)) / 1000
     if largest is not None:
@@ -387,12 +436,13 @@ def level_line(largest: float) -> str:
     Parameters
     ----------
     largest : float
-        The largest level that the calibration reaches.
+        Largest level that the calibration reaches, between 0 and 1.
 
     Returns
     -------
     str
-        The line; a warning if answers get a lower level than the usual one by default.
+        The line. It is a warning if this level is below `USUAL_LEVEL`, so that it is the default of
+        answers.
     """
     if largest >= USUAL_LEVEL:
         return f"intervals hold up to a level of {100 * largest:g} %"
@@ -402,8 +452,9 @@ def level_line(largest: float) -> str:
     )
 
 
-def _training(card: Mapping[str, Any]) -> str:
+def _training_text(card: Mapping[str, Any]) -> str:
     """Return patches, loads and bodies of the training in words."""
+    # The card of a single database has the entries of this database itself.
     patches = [_patch_text(entry) for entry in card.get("databases", [card])]
     text = (
         f"{' and '.join(dict.fromkeys(patches))}, Delta {card['delta'][0]:.4g} to"
@@ -413,7 +464,7 @@ def _training(card: Mapping[str, Any]) -> str:
         text += f", areas to {card['area_max']:g} %"
     limits = card.get("hardness_ratio")
     if limits is not None:
-        text += f", hardness {between(limits)} E*"
+        text += f", hardness {hardness_range_text(limits)} E*"
         if card.get("elastic"):
             text += ", and elastic bodies"
     boundary = card.get("boundary", "free")
@@ -423,7 +474,7 @@ def _training(card: Mapping[str, Any]) -> str:
 
 
 def _patch_text(entry: Mapping[str, Any]) -> str:
-    """Return nodes and sides of a database in words."""
+    """Return nodes and sides [um] of a database in words, from its entry of the card."""
     nx, ny = entry["nodes"]
     x, y = entry["side"]
     if x == y:
@@ -437,7 +488,8 @@ def _scores(card: Mapping[str, Any]) -> Table:
     for name, target in card["targets"].items():
         target_scores = target["scores"]
         low, high = target["range"]
-        nmse = "-"  # it carries the unit of the target, and is given for areas only
+        # The nMSE has the unit of the target. It is shown for the area only, which is in percent.
+        nmse = "-"
         if target["column"] == "area_percent":
             nmse = f"{target_scores['nmse']:.3f}"
         row = [name, str(target["unit"]), f"{low:.4g}", f"{high:.4g}", nmse]
@@ -458,7 +510,7 @@ def _databases(card: Mapping[str, Any]) -> Table:
     numbers = ["rows", "tested"]
     for name, target in card["targets"].items():
         error = "mean error"
-        if target["unit"] != "1":
+        if target["unit"] != "1":  # the unit of pure numbers
             error = f"mean error [{target['unit']}]"
         numbers += [
             f"{name}: nMAE [%]",
@@ -467,6 +519,7 @@ def _databases(card: Mapping[str, Any]) -> Table:
         ]
     rows = []
     for place, database in enumerate(card["databases"]):
+        # Every target has its scores on this database at the same place, for equal test rows.
         entries = [target["databases"][place] for target in card["targets"].values()]
         row = [
             str(database["database"]),
@@ -476,7 +529,9 @@ def _databases(card: Mapping[str, Any]) -> Table:
             str(entries[0]["rows"]),
         ]
         for entry in entries:
-            nmae = f"{entry['nmae']:.3f}" if np.isfinite(entry["nmae"]) else "-"
+            nmae = "-"
+            if np.isfinite(entry["nmae"]):
+                nmae = f"{entry['nmae']:.3f}"
             row += [nmae, f"{entry['mae']:.3g}", f"{100 * entry['coverage']:.1f} %"]
         rows.append(row)
     return Table(
@@ -488,7 +543,10 @@ def _databases(card: Mapping[str, Any]) -> Table:
 
 
 def _ranges(card: Mapping[str, Any], low: Values, high: Values) -> Table:
-    """Return the table of the inputs; for a scene, of its numbers instead of their logarithms."""
+    """Return the table of the inputs with their training ranges, `low` to `high`, (d,) each.
+
+    Features of a scene that are logarithms are shown as the numbers themselves.
+    """
     names = [name for name, _ in card["columns"]]
     units = [unit for _, unit in card["columns"]]
     if card["features"] == SCENE:

@@ -1,4 +1,10 @@
-"""Fit surrogates: read, split into three sets, choose settings, fit, calibrate, judge."""
+"""Fits of surrogates.
+
+`fit` reads the databases and splits the rows into training and test rows. For each target,
+`fit_target` chooses settings, fits the model to the training rows, and calibrates its intervals by
+models that have not seen a part of these rows. The test rows judge the model and its intervals
+(`learn.surrogate.card.judge`).
+"""
 
 from __future__ import annotations
 
@@ -47,13 +53,18 @@ from learn.surrogate.learnt import Clip, Fit, Learnt, clip_of
 from learn.surrogate.model import Surrogate
 from learn.surrogate.scale import NO_POWERS, keeps_its_scale, scale_ranges
 
-SEARCH_ROWS = 3000  # largest number of training rows of the small searches
-LIKELIHOOD_ROWS = 800  # rows for the likelihood of a kernel with a length for every input
-# lengths that the search for the most likely one starts from
+SEARCH_ROWS = 3000  # largest number of training rows of the built-in searches
+LIKELIHOOD_ROWS = (
+    800  # largest number of rows by which the kernel of a Gaussian process is chosen
+)
+# Lengths of standardised inputs from which searches for the most likely length of all inputs start.
 LENGTHS = (0.1, 1.0, 10.0, 100.0)
-USUAL_LENGTH = 10.0  # length of standardised inputs that the search starts from too
+# Length from which a search for the most likely length of each input starts, besides the best
+# length of all inputs.
+USUAL_LENGTH = 10.0
+# Factors of squared distances between standardised inputs, which the built-in searches try.
 GAMMAS = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)
-# settings of the small searches, by model
+# Candidates of the built-in searches, by model.
 CANDIDATES: dict[str, list[dict[str, Any]]] = {
     "kernel-ridge": [
         {"kernel": "rbf", "gamma": gamma, "alpha": alpha}
@@ -66,9 +77,9 @@ CANDIDATES: dict[str, list[dict[str, Any]]] = {
         for penalty in (10.0, 100.0, 1000.0)
     ],
 }
-# settings where nothing is searched; the mean of a population chooses its own
+# Settings of models without a built-in search, on top of their baselines.
 BUILT_IN: dict[str, dict[str, Any]] = {
-    "mlp": {  # for features without units two layers suffice
+    "mlp": {  # Two layers suffice for features without units.
         "hidden_layer_sizes": (100, 50),
         "activation": "tanh",
         "solver": "lbfgs",
@@ -76,27 +87,34 @@ BUILT_IN: dict[str, dict[str, Any]] = {
         "max_iter": 3000,
         "max_fun": 6000,
     },
-    POPULATION.name: {},
+    POPULATION.name: {},  # The fit itself chooses its lengths and variances.
 }
-SCORED = "R2 {r2:.3f} %, nMAE {nmae:.2f} %"  # the scores that a user is told
-# calibration of a model that is not calibrated yet
-UNCALIBRATED = Calibration((), ErrorScale(np.empty(0), 0.0, 0.0, 0.0))
+SCORED = "R2 {r2:.3f} %, nMAE {nmae:.2f} %"  # scores in the lines for the user
+# Calibration of a model before it is calibrated. It has no scores.
+UNCALIBRATED = Calibration(
+    scores=(), usual=ErrorScale(slopes=np.empty(0), offset=0.0, low=0.0, high=0.0)
+)
 
 
 def choose(request: Request, train: Dataset, target: Values, folds: Folds) -> Settings:
     """Choose the settings of a fit.
 
+    If the request names the folder of a comparison, its winner's are taken. Otherwise the kernel of
+    a Gaussian process is the most likely one. Kernel ridge and the SVM are searched for the
+    candidate with the smallest error on the first fold. The other models have fixed settings, from
+    `BUILT_IN` or the paper's optimum. With the paper's features and rows of unit length, all models
+    but the Gaussian process have the paper's optimum.
+
     Parameters
     ----------
     request : Request
-        The fit, of one model. The settings are those of a comparison's winner if it names a folder.
+        The fit, of one model.
     train : Dataset
         The n training rows.
     target : ndarray, shape (n,)
-        Their targets, on the scale that models are trained on.
+        Targets of these rows, on the scale that models are trained on.
     folds : ndarray, shape (n,)
-        Fold of each row. A search fits its candidates without the first fold, and takes the one
-        with the smallest error there.
+        Fold of each row.
 
     Returns
     -------
@@ -106,7 +124,8 @@ def choose(request: Request, train: Dataset, target: Values, folds: Folds) -> Se
     Raises
     ------
     InputError
-        If the folder has no winner of the model, or no candidate can be fitted.
+        If the folder has no winner of the model or is damaged, or if no candidate of a built-in
+        search can be fitted.
     """
     (name,) = request.models
     if request.source is not None:
@@ -115,14 +134,20 @@ def choose(request: Request, train: Dataset, target: Values, folds: Folds) -> Se
         return _most_likely(request, train.inputs, target)
     as_published = request.features == "paper" and request.normalisation == "l2"
     if name in BUILT_IN and not as_published:
-        return Settings(dict(BUILT_IN[name]), False, "built in")
+        return Settings(values=dict(BUILT_IN[name]), tuned=False, origin="built in")
     if name not in CANDIDATES or as_published:
-        return Settings(dict(OPTIMA[name]), True, "the paper's optimum")
+        return Settings(
+            values=dict(OPTIMA[name]), tuned=True, origin="the paper's optimum"
+        )
     return _search(request, train.inputs, target, folds)
 
 
 def _search(request: Request, inputs: Values, target: Values, folds: Folds) -> Settings:
-    """Return the candidate with the smallest error on the first fold, fitted to the others."""
+    """Return the best of the model's `CANDIDATES`: its mean squared error is the smallest.
+
+    Candidates are fitted to rows outside the first fold, `SEARCH_ROWS` at most, and judged on the
+    rows of the first fold. InputError is raised if all errors are NaN or infinite.
+    """
     (name,) = request.models
     # The first fold is 0, unless a few large groups have filled the first folds together.
     validating = folds == folds.min()
@@ -130,9 +155,13 @@ def _search(request: Request, inputs: Values, target: Values, folds: Folds) -> S
     smallest = np.inf
     best: dict[str, Any] | None = None
     for values in CANDIDATES[name]:
-        # A tiny alpha makes singular matrices; the error shows it.
+        # A small alpha may make the matrix singular. The warnings of such a fit are dropped, as its
+        # error is large.
         candidate = _fit_pipeline(
-            request, Settings(values, False, ""), inputs[fitted], target[fitted]
+            request,
+            Settings(values=values, tuned=False, origin=""),
+            inputs[fitted],
+            target[fitted],
         )
         predicted = candidate.pipeline.predict(inputs[validating])
         error = float(np.mean((predicted - target[validating]) ** 2))
@@ -142,45 +171,49 @@ def _search(request: Request, inputs: Values, target: Values, folds: Folds) -> S
     if best is None:
         raise InputError(f"{name}: no candidate of the built-in search could be fitted")
     origin = f"best of {len(CANDIDATES[name])} on a validation fold"
-    return Settings(best, False, origin)
+    return Settings(values=best, tuned=False, origin=origin)
 
 
 def _tuned(folder: Folder, model: str) -> Settings:
-    """Return the settings of the winner of a model's search, or refuse a folder without one."""
+    """Return the settings of the winner of a model's search, from the folder of one target.
+
+    InputError is raised if there is no winner; it names the targets that have one.
+    """
     winner = folder.winner(model)
-    if winner is None:
-        tuned = [
-            part.path.name for part in targets(folder.path.parent) if part.winner(model)
-        ]
-        other_targets = ""
-        if tuned:
-            other_targets = f"give --target {','.join(tuned)}, or first "
-        tune = command_to_type(f"learn tune --model {model} --target {folder.path.name}")
-        raise InputError(
-            f"--from: {folder.path} has no tuned {model}: {other_targets}{tune}"
-        )
-    return winner
+    if winner is not None:
+        return winner
+    other_targets = [
+        other.path.name for other in targets(folder.path.parent) if other.winner(model)
+    ]
+    advice = ""
+    if other_targets:
+        advice = f"give --target {','.join(other_targets)}, or first "
+    advice += command_to_type(f"learn tune --model {model} --target {folder.path.name}")
+    raise InputError(f"--from: {folder.path} has no tuned {model}: {advice}")
 
 
 def with_conditions(request: Request, choice: Any) -> Request:
-    """Take features, load, scaling, rows and seed of a request from a comparison's folder.
+    """Replace the conditions of a fit by those of the comparison that its settings come from.
+
+    The conditions are features, load, normalisation, largest area and seed.
 
     Parameters
     ----------
     request : Request
         A fit of one model.
     choice : learn.commands.fit.Choice
-        Options of the user, of which `source` is the folder.
+        Options of the user, of which `source` is the folder of the comparison.
 
     Returns
     -------
     Request
-        The same fit under the conditions of the comparison.
+        The fit under the conditions of the comparison, with its folder as `source`.
 
     Raises
     ------
     InputError
-        If the folder lacks the model for a target, or contradicts an option of the user.
+        If the comparison has no winner of the model for a target, is missing or damaged, or an
+        option of the user differs from its conditions.
     """
     source: Path = choice.source
     options = {**choice._asdict(), "normalisation": choice.normalise}
@@ -188,16 +221,18 @@ def with_conditions(request: Request, choice: Any) -> Request:
         Folder(source / short_name(TARGETS.get(target, target)))
         for target in request.targets
     ]
-    # Comparisons of earlier versions do not state features and load.
+    # All targets of a comparison have equal conditions. Comparisons of earlier versions do not
+    # state features and load.
     conditions = {
         "features": "paper",
         "load": request.load,
         **folders[0].record().conditions.content(),
     }
     for folder in folders:
-        _tuned(folder, request.models[0])
+        _tuned(folder, request.models[0])  # Only the refusal matters here.
     names = ("features", "load", "normalisation", "area_max", "seed")
     for name in names:
+        # Options that the user did not give are None or "".
         if options.get(name) not in {None, "", conditions[name]}:
             raise InputError(
                 f"--from: {folders[0].path} was made with {name} {conditions[name]!r}, not"
@@ -207,12 +242,12 @@ def with_conditions(request: Request, choice: Any) -> Request:
 
 
 def _most_likely(request: Request, inputs: Values, target: Values) -> Settings:
-    """Return the most likely radial basis function with a length for each input, and noise.
+    """Return settings with the most likely kernel on the first `LIKELIHOOD_ROWS` rows.
 
-    The likelihood has several maxima, and is flat where the lengths are far too short. Kernels with
-    one length for all inputs are fitted quickly. They are therefore searched first, from lengths
-    over four decades. The lengths of the inputs start from the best of these, and from
-    `USUAL_LENGTH`.
+    The kernel is an amplitude times a radial basis function, plus noise. The likelihood has several
+    maxima, and is flat where lengths are far too short. Kernels with one length for all inputs are
+    therefore fitted first, quickly, from the `LENGTHS`. Kernels with a length for each input are
+    then fitted from the best of these lengths, and from `USUAL_LENGTH`.
     """
     inputs = inputs[:LIKELIHOOD_ROWS]
     target = target[:LIKELIHOOD_ROWS]
@@ -221,16 +256,19 @@ def _most_likely(request: Request, inputs: Values, target: Values) -> Settings:
         _fit_process(request, inputs, target, np.array([length])) for length in LENGTHS
     ]
     best = max(with_one_length, key=likelihood)
-    starts = sorted({float(best.kernel_.k1.k2.length_scale), USUAL_LENGTH})
+    # The kernel is the sum of k1, which is the product of amplitude k1 and function k2, and noise.
+    best_length = float(best.kernel_.k1.k2.length_scale)
+    starts = sorted({best_length, USUAL_LENGTH})
     with_lengths = [
         _fit_process(request, inputs, target, np.full(inputs.shape[1], length))
         for length in starts
     ]
     kernel = max([best, *with_lengths], key=likelihood).kernel_
+    # The noise is in the kernel; alpha only keeps its matrix from being singular.
     return Settings(
-        {"kernel": kernel, "optimizer": None, "alpha": 1e-10},
-        False,
-        f"kernel of the largest likelihood on {len(target)} rows, from"
+        values={"kernel": kernel, "optimizer": None, "alpha": 1e-10},
+        tuned=False,
+        origin=f"kernel of the largest likelihood on {len(target)} rows, from"
         f" {len(LENGTHS) + len(starts)} starts",
     )
 
@@ -238,16 +276,21 @@ def _most_likely(request: Request, inputs: Values, target: Values) -> Settings:
 def _fit_process(
     request: Request, inputs: Values, target: Values, lengths: Values
 ) -> Any:
-    """Fit amplitude, lengths and noise of a Gaussian process by their likelihood.
+    """Return a fitted Gaussian process whose amplitude, lengths and noise are the most likely ones.
 
-    Lengths that end at a bound do not matter.
+    `inputs` are the features, (n, d), and `target` the scaled targets, (n,). The search starts from
+    `lengths`: one for all inputs, (1,), or one for each input, (d,).
     """
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
-    kernel = ConstantKernel(10.0, (1e-2, 1e5)) * RBF(lengths, (1e-2, 1e4))
-    kernel += WhiteKernel(1e-3, (1e-9, 1.0))
+    # Each part has a start and its bounds. The length of an input without effect ends at the upper
+    # bound; the warning of this is dropped.
+    amplitude = ConstantKernel(10.0, (1e-2, 1e5))
+    noise = WhiteKernel(1e-3, (1e-9, 1.0))
+    kernel = amplitude * RBF(lengths, (1e-2, 1e4)) + noise
     values = {"kernel": kernel, "optimizer": "fmin_l_bfgs_b", "alpha": 1e-10}
-    fitted = _fit_pipeline(request, Settings(values, False, ""), inputs, target)
+    settings = Settings(values=values, tuned=False, origin="")
+    fitted = _fit_pipeline(request, settings, inputs, target)
     return fitted.pipeline.named_steps[STEP]
 
 
@@ -264,60 +307,65 @@ def fit(
     request : Request
         The fit, of one model.
     executor : Executor
-        Generates surfaces for hybrid features.
+        Workers that generate surfaces for hybrid features.
     say : callable
         Called with each line for the user.
     stopping : callable
-        Returns True after a stop; called between surfaces.
+        Called between surfaces; True ends the fit.
 
     Returns
     -------
     Surrogate or None
-        The surrogate; None after a stop.
+        The surrogate; None if `stopping` ended the fit.
 
     Raises
     ------
     InputError
-        If the input cannot be used, rows or memory do not suffice, or a target is predicted no
-        better than by a constant.
+        If a database cannot be used; if rows or memory do not suffice; if the database that
+        calibrates needs other features than the training; if the settings of the model cannot be
+        chosen (see `choose`); or if a target is predicted no better than by a constant.
     """
-    sets = dataset.read(request, executor, stopping, common=True)
-    if not sets:
+    # `common`: only rows that are usable for all targets. The list is empty if `stopping` ends it.
+    by_target = dataset.read(request, executor, stopping, common=True)
+    if not by_target:
         return None
     calibrating: list[Dataset] | None = None
     if request.calibrate_on is not None:
+        # Nodes and hardness are features only if they differ between rows. All databases are
+        # therefore read together: `rows_of_another` refuses the other one if it would bring a
+        # further feature.
         databases = (*request.databases, request.calibrate_on)
         with_another = replace(request, databases=databases)
         together = dataset.read(with_another, executor, stopping, common=True)
         if not together:
             return None
-        calibrating = rows_of_another(sets, together)
+        calibrating = rows_of_another(by_target, together)
     parts = split.draw(
-        sets[0],
+        by_target[0],
         request.seed,
         request.train_rows,
-        further_targets=sets[1:],
+        further_targets=by_target[1:],
         tiles=split.TILES,
     )
-    surrogate = fit_parts(request, sets, parts, say, calibrating)
+    surrogate = fit_parts(request, by_target, parts, say, calibrating)
     require_better(surrogate, str(request.databases[0]))
     return surrogate
 
 
 def require_better(surrogate: Surrogate, name: str) -> None:
-    """Refuse a surrogate of which a target is predicted no better than by a constant.
+    """Refuse a surrogate that predicts a target no better than a constant does.
 
     Parameters
     ----------
     surrogate : Surrogate
         The surrogate.
     name : str
-        Name of its database or file in the message.
+        Name of its database or file, for the message.
 
     Raises
     ------
     InputError
-        If a target is predicted no better; the message names the first of these.
+        If R2 of a target on the test rows is not above 0; the message names the first such target.
     """
     for target, entry in surrogate.card["targets"].items():
         fault = no_better(entry["scores"]["r2"])
@@ -329,7 +377,7 @@ def require_better(surrogate: Surrogate, name: str) -> None:
 
 def fit_parts(
     request: Request,
-    sets: list[Dataset],
+    by_target: list[Dataset],
     parts: split.Split,
     say: Callable[[str], None],
     calibrating: list[Dataset] | None = None,
@@ -340,27 +388,31 @@ def fit_parts(
     ----------
     request : Request
         The fit, of one model.
-    sets : list of Dataset
-        The usable rows for each target, from `dataset.read`.
+    by_target : list of Dataset
+        For each target of the request, the usable rows, from `dataset.read`.
     parts : Split
-        Their training and test rows.
+        Positions of training and test rows among them.
     say : callable
         Called with each line for the user.
     calibrating : list of Dataset, optional
-        Rows of another database, for each target, which calibrate instead of training rows.
+        For each target, rows of another database, which calibrate in place of training rows.
 
     Returns
     -------
     Surrogate
-        The surrogate, with scores on the test rows.
+        The surrogate. Its card has the scores on the test rows.
 
     Raises
     ------
     InputError
-        If there are too few rows to train on, or too little memory.
+        If this machine lacks the memory, or the settings of the model cannot be chosen (see
+        `choose`).
     """
-    rows = sets[0]
-    other = None if calibrating is None else calibrating[0]
+    # All targets have equal rows, features and groups, so that the first one gives them.
+    rows = by_target[0]
+    other = None
+    if calibrating is not None:
+        other = calibrating[0]
     plan = plan_calibration(request.models[0], rows.at(parts.train), other)
     sizes = {
         "train": parts.train.size,
@@ -369,15 +421,17 @@ def fit_parts(
     }
     for line in _lines_on_rows(request, rows, other, sizes, plan):
         say(line)
-    fitted = _fit_targets(request, sets, parts, plan, calibrating, say)
+    fitted = _fit_targets(request, by_target, parts, plan, calibrating, say)
     models = fitted.learnt.values()
     largest_level = min(model.calibration.largest_level for model in models)
     say(f"  {card.level_line(largest_level)}")
     whole_card = card.make(request, rows, parts.train, sizes, fitted.entries)
     whole_card["calibration"] = {**plan.entry, "largest_level": largest_level}
     if not all(keeps_its_scale(model.powers, rows.features) for model in models):
+        # Rows outside these ranges of heights, lengths and E* are flagged.
         whole_card["own_scale"] = scale_ranges(rows, parts.train)
     scenes = [origin.scene for origin in rows.origins]
+    # Rows with a feature outside these ranges are flagged.
     ranges = rows.features.ranges(scenes, rows.inputs[parts.train])
     return Surrogate(
         card=whole_card,
@@ -390,38 +444,41 @@ def fit_parts(
 
 @dataclass(frozen=True, eq=False)
 class _FittedTargets:
-    """The models of all targets, by the names of the targets."""
+    """The fitted models of all targets, by the short names of the targets."""
 
-    learnt: dict[str, Learnt]
-    entries: dict[str, dict[str, Any]]  # of the card
+    learnt: dict[str, Learnt]  # models
+    entries: dict[str, dict[str, Any]]  # entries of the card, from `card.judge`
 
 
 def _fit_targets(
     request: Request,
-    sets: list[Dataset],
+    by_target: list[Dataset],
     parts: split.Split,
     plan: Plan,
     calibrating: list[Dataset] | None,
     say: Callable[[str], None],
 ) -> _FittedTargets:
-    """Fit and judge the model of each target, and report it to the user by `say`.
+    """Fit the model of each target, score it on the test rows, and report it by `say`.
 
-    Parameters are those of `fit_parts`, and the plan which rows calibrate.
+    `plan` says which rows calibrate; see `fit_parts` for the other parameters.
     """
     learnt: dict[str, Learnt] = {}
     entries: dict[str, dict[str, Any]] = {}
     for number, target in enumerate(request.targets):
-        train = sets[number].at(parts.train)
-        other = None if calibrating is None else calibrating[number]
+        train = by_target[number].at(parts.train)
+        other = None
+        if calibrating is not None:
+            other = calibrating[number]
         fitted = fit_target(request, train, plan, parts.folds, other=other)
-        entry = card.judge(fitted, sets[number], parts.test)
+        entry = card.judge(fitted, by_target[number], parts.test)
+        # With several groups, scores of left out rows tell how well a new group is predicted.
         if plan.remark and fitted.left_out is not None:
             entry["left_out"] = card.scores_of(fitted.learnt, train, fitted.left_out)
-        for line in _lines_on_target(target, sets[number], fitted, entry):
+        for line in _lines_on_target(target, by_target[number], fitted, entry):
             say(line)
         learnt[target] = fitted.learnt
         entries[target] = entry
-    return _FittedTargets(learnt, entries)
+    return _FittedTargets(learnt=learnt, entries=entries)
 
 
 def _lines_on_rows(
@@ -431,7 +488,11 @@ def _lines_on_rows(
     sizes: dict[str, int],
     plan: Plan,
 ) -> list[str]:
-    """Return the lines for the user on the rows that train, calibrate and test."""
+    """Return the lines for the user on the rows that train, calibrate and test.
+
+    `other` are the rows of another database that calibrates. `sizes` are the numbers of "train",
+    "calibration" and "test" rows.
+    """
     remarks_on_rows = list(dataset.remarks(rows, request.normalisation))
     if other is not None:
         for remark in dataset.damage_of(other):
@@ -450,7 +511,11 @@ def _lines_on_rows(
 def _lines_on_target(
     target: str, rows: Dataset, fitted: Fit, entry: dict[str, Any]
 ) -> list[str]:
-    """Return the lines for the user on the fit of a target, of which `entry` is in the card."""
+    """Return the lines for the user on the fit of a target.
+
+    `target` is its short name, as "area"; `rows.target_name` is its column, as "area_percent".
+    `entry` is the entry of the card for this target.
+    """
     score = SCORED.format(**entry["scores"])
     lines = [
         f"{rows.target_name}: {entry['settings_from']}; {score}, fit {fitted.fitting:.3g} s"
@@ -473,8 +538,8 @@ def fit_target(
 ) -> Fit:
     """Fit the model of one target, and calibrate its intervals.
 
-    Training rows that calibrate are predicted by further fits with the same settings, each without
-    a part of them, unless one fit gives all of their errors.
+    Training rows that calibrate are predicted by additional fits with equal settings, each without
+    a part of these rows, unless the model gives their errors by the fit to all training rows.
 
     Parameters
     ----------
@@ -483,13 +548,13 @@ def fit_target(
     train : Dataset
         The n training rows.
     plan : Plan
-        Which rows calibrate, from `plan_calibration` of these training rows.
+        The rows that calibrate, from `plan_calibration` of these training rows.
     folds : ndarray, shape (n,)
-        Fold of each training row; the first fold validates the candidates of a search.
+        Fold of each training row, by which `choose` judges candidates.
     settings : Settings, optional
-        Settings of the model; chosen by `choose` if left out.
+        Settings of the model; by default `choose` chooses them.
     other : Dataset, optional
-        Rows of another database that calibrate, if the plan says so.
+        Rows of another database, with which `plan` was made. They calibrate.
 
     Returns
     -------
@@ -499,7 +564,8 @@ def fit_target(
     Raises
     ------
     InputError
-        If this machine lacks the memory, or a comparison's folder lacks the model.
+        If this machine lacks the memory, or the settings of the model cannot be chosen (see
+        `choose`).
     """
     (name,) = request.models
     check_memory(name, train.size)
@@ -518,12 +584,13 @@ def fit_target(
     if other is None:
         left_out = _predict_left_out(request, settings, train, target, learnt, plan)
         raw = left_out[plan.calibrating]
-        other = train.at(plan.calibrating)
+        calibrating = train.at(plan.calibrating)
     else:
         raw = learnt.raw(other.inputs)
-    # Errors of roots differ less between small and large values of a target that is never below 0.
+        calibrating = other
+    # Errors of the roots of targets that are never negative depend less on the size of the target.
     never_negative = learnt.bounds[0] == 0
-    calibration = calibrate(other, plan, raw, root=never_negative)
+    calibration = calibrate(calibrating, plan, raw, root=never_negative)
     return Fit(
         learnt=replace(learnt, calibration=calibration),
         settings=settings,
@@ -535,18 +602,17 @@ def fit_target(
 
 
 def _scaling_for(request: Request, train: Dataset) -> Scaling:
-    """Return the scaling of a target over the training rows.
-
-    Settings of a comparison were tuned for the target as the paper has it.
-    """
+    """Return the scaling of a target, by its values in all training rows."""
     (name,) = request.models
     of_scene = request.features == SCENE and name != POPULATION.name
+    # Kernels with an amplitude and noise are searched for standardised targets. Settings of a
+    # comparison were tuned for targets as comparisons scale them.
     of_process = name == "gaussian-process" and request.source is None
     return scaling_of(train, np.arange(train.size), standard=of_scene or of_process)
 
 
 def _learnt_of(train: Dataset, fitted: Any, scaling: Scaling, clip: Clip) -> Learnt:
-    """Return the fitted pipeline of a target with its column, not yet calibrated."""
+    """Return the model of a target without calibration, from its fitted pipeline."""
     columns = results(train.origins[0].scene, train.features.load)
     column = columns[train.target_name]
     return Learnt(
@@ -563,10 +629,10 @@ def _learnt_of(train: Dataset, fitted: Any, scaling: Scaling, clip: Clip) -> Lea
 
 @dataclass(frozen=True, eq=False)
 class _FittedPipeline:
-    """A fitted pipeline of scikit-learn."""
+    """A fitted pipeline, and the warnings of its fit."""
 
-    pipeline: Any
-    remarks: tuple[str, ...]  # warnings of the fit
+    pipeline: Any  # pipeline of scikit-learn
+    remarks: tuple[str, ...]  # warnings
 
 
 def _fit_pipeline(
@@ -578,7 +644,8 @@ def _fit_pipeline(
 ) -> _FittedPipeline:
     """Fit the model of a request to features, (n, d), and scaled targets, (n,).
 
-    Numbers of the surfaces, (n,), matter to the mean of a population only.
+    `surfaces` is the number of the surface of each row, (n,). Only the mean of a population needs
+    it.
     """
     (name,) = request.models
     unfitted = pipeline(
@@ -593,7 +660,7 @@ def _fit_pipeline(
         options[f"{STEP}__surfaces"] = surfaces
     with remarks() as warnings:
         fitted = unfitted.fit(inputs, target, **options)
-    return _FittedPipeline(fitted, tuple(warnings))
+    return _FittedPipeline(pipeline=fitted, remarks=tuple(warnings))
 
 
 def _predict_left_out(
@@ -604,35 +671,40 @@ def _predict_left_out(
     learnt: Learnt,
     plan: Plan,
 ) -> Values:
-    """Predict training rows, over the target's scale, by models that have not seen their part.
+    """Predict the n training rows, each by a model that has not seen the part that it is in, (n,).
 
-    `target` are the training rows' targets on the scale that models are trained on, (n,). Rows that
-    are in no part of the plan are NaN.
+    `target` are the targets of the rows, (n,), on the scale that models are trained on. The
+    predictions are over the target's scale, as from `Learnt.raw`; NaN for rows in no part of
+    `plan`.
     """
     (name,) = request.models
     if name == POPULATION.name and plan.groups.are_surfaces:
+        # The fit has predicted each surface by all others.
         model = learnt.pipeline.named_steps[STEP]
         return learnt.scaling.restored(model.left_out_)
     if name in CLOSED and name != POPULATION.name:
         try:
             return _left_out_by_one_fit(target, learnt, plan)
         except np.linalg.LinAlgError:
-            pass  # The matrix is singular: further fits can deal with it.
+            pass  # The kernel's matrix is singular. Fits for each part can deal with that.
     return _left_out_by_further_fits(request, settings, train, target, learnt, plan)
 
 
 def _left_out_by_one_fit(target: Values, learnt: Learnt, plan: Plan) -> Values:
-    """Predict left out rows, (n,), from the one fit to all training rows.
+    """Predict left out rows from the single fit to all n training rows, (n,).
 
-    `target` is on the scale of the training, the result is not. Features keep the scaling of all
-    training rows, and are not clipped to the ranges of the rows seen: errors are, if anything,
-    larger. LinAlgError is raised if the kernel's matrix is singular.
+    `target` are the targets on the scale that models are trained on, (n,); the predictions are over
+    the target's scale, NaN for rows in no part of `plan`. LinAlgError is raised if the kernel's
+    matrix is singular.
+
+    Unlike in a fit for each part, features are scaled and clipped by all training rows. Errors are,
+    if anything, larger.
     """
     model = learnt.pipeline.named_steps[STEP]
     errors = left_out_errors(model, [holdout.unseen for holdout in plan.holdouts])
     predicted = np.full(target.size, np.nan)
     for holdout, error in zip(plan.holdouts, errors, strict=True):
-        # Both arrays ascend, so that errors and rows of the part have the same order.
+        # `unseen` and `rows` ascend, so that the errors are in the order of the rows of the part.
         is_in_part = np.isin(holdout.unseen, holdout.rows)
         predicted[holdout.rows] = target[holdout.rows] - error[is_in_part]
     return learnt.scaling.restored(predicted)
@@ -646,7 +718,10 @@ def _left_out_by_further_fits(
     learnt: Learnt,
     plan: Plan,
 ) -> Values:
-    """Return predictions of left out rows by a further fit for each part."""
+    """Predict left out rows by a fit for each part to the other training rows, (n,).
+
+    Parameters and result are described in `_predict_left_out`.
+    """
     predicted = np.full(train.size, np.nan)
     for holdout in plan.holdouts:
         seen = np.setdiff1d(np.arange(train.size), holdout.unseen)

@@ -1,42 +1,44 @@
 """Intervals of predictions, and distances from the training.
 
-Intervals are conformal: as wide as the errors of models that have not seen a row's surface, map or
-database (`learn.surrogate.calibration`). An error over the error that is usual at its place is a
-score. A quantile of the scores times the usual error is half the width of an interval. The usual
-error is the product of two factors (normalised conformal prediction: J. Lei et al. (2018), J. Am.
-Stat. Assoc. 113, 1094, section 5.2):
+Intervals are conformal: they are as wide as the errors of models that have not seen a row's
+surface, map or database (`learn.surrogate.calibration`). The score of a row is its error over the
+usual error of rows with its features. Half the width of an interval is a quantile of the scores
+times the usual error. The usual error is the product of two factors (normalised conformal
+prediction: J. Lei et al. (2018), J. Am. Stat. Assoc. 113, 1094, section 5.2):
 
 - an `ErrorScale` of the features: errors on windows of turned surfaces are two to three times as
   large as on isotropic ones;
-- a growth with the distance from the training, the same for all fits (`GROWTH`). Kinds of surfaces
-  that a training lacks lie further out, within the limit of the flag. Errors are larger there, but
-  no row of the training tells how much larger.
+- a `Growth` with the distance from the training, which is equal for all fits (`GROWTH`). Kinds of
+  surfaces that a training lacks are further from it, within the limit of the flag. Errors are
+  larger there, but no row of the training shows how much larger.
 
-Surfaces are exchangeable, rows are not. All rows of one surface together therefore weigh as much as
-those of another one. The surface of a prediction counts as one more, with an error of any size, so
-that K surfaces reach a level of K / (K + 1) at most. Where rows come from a few maps or databases,
-each of these has scores of its own surfaces, and a prediction takes the scores of the nearest one.
-With nine maps or databases or more, each weighs as much as another, and intervals hold for rows of
-a further one. (R. Dunn, L. Wasserman, A. Ramdas (2022), J. Am. Stat. Assoc. 118, 2491, "pooling
-CDFs"; Y. Lee, R. F. Barber, R. Willett (2023), arXiv:2306.06342, hierarchical conformal
-prediction.) The level is the mean over all new surfaces or maps. A single one may be covered less.
+Surfaces are exchangeable, rows are not. The weight of a surface is therefore shared by its rows,
+and all surfaces have an equal weight. The surface of a prediction is counted as one more surface,
+whose error may have any size, so that K surfaces reach a level of K / (K + 1) at most. If rows come
+from a few maps or databases, each of these has scores of its own surfaces, and a prediction uses
+the scores of the nearest one. If rows come from nine maps or databases or more, all of these have
+an equal weight, and intervals hold for rows of another map or database too (R. Dunn, L. Wasserman,
+A. Ramdas (2022), J. Am. Stat. Assoc. 118, 2491, "pooling CDFs"; Y. Lee, R. F. Barber, R. Willett
+(2023), arXiv:2306.06342, hierarchical conformal prediction). The level is the mean coverage over
+all new surfaces or maps; the coverage of a single one may be lower.
 
-The theory guarantees the level for a model of half the surfaces, calibrated on the other half. Here
-predictions come from one model of all surfaces: this is the jackknife, not the jackknife+ (R. F.
-Barber et al. (2021), Ann. Stat. 49, 486). `bench coverage` and `bench scans` measure the coverage.
+The theory guarantees the level for a model of half the surfaces that is calibrated on the other
+half. Here predictions come from one model of all surfaces: this is the jackknife, not the
+jackknife+ (R. F. Barber et al. (2021), Ann. Stat. 49, 486). `bench coverage` and `bench scans`
+measure the coverage.
 
-Rows far from the training are flagged (`learn.surrogate.training`). Each feature may lie within its
-range while all of them together are far from any surface of the training. The distance is the
-Mahalanobis distance over the root of the number of features. Its limit is the distance that 97 % of
-the training rows keep, each measured from rows of other surfaces. Where there are many maps or
-databases, each is left out in turn, and a row of a similar new one lies beyond the limit with a
-probability of 10 % at most.
+Rows far from the training are flagged (`learn.surrogate.training`). Each feature may be within its
+range although all of them together are far from those of any surface of the training. The distance
+is the Mahalanobis distance over the root of the number of features. Its limit is the distance that
+97 % of the training rows do not exceed, each measured from rows of other surfaces. If there are
+many maps or databases, each is left out in turn, and the limit is chosen so that a row of a similar
+new one exceeds it with a probability of 10 % at most.
 
-A few databases are a few clouds of features with nothing between them: elastic bodies of one kind
-of surface, bodies that yield of another. Distances are then measured from the nearest cloud. The
-covariance of a cloud is drawn towards the mean of all clouds, as a database may have fewer rows
-than features (J. H. Friedman (1989), J. Am. Stat. Assoc. 84, 165, regularised discriminant
-analysis).
+A few databases are a few clouds of features with nothing between them, for example elastic bodies
+of one kind of surface and bodies that yield of another. Distances are then measured from the
+nearest cloud. The covariance of a cloud is shrunk towards the mean covariance of all clouds, as a
+database may have fewer rows than features (J. H. Friedman (1989), J. Am. Stat. Assoc. 84, 165,
+regularised discriminant analysis).
 """
 
 from __future__ import annotations
@@ -51,93 +53,107 @@ import numpy as np
 from gen.arrays import Indices, Values
 from gen.runtime.errors import InputError
 
-# level of intervals where the user names none, and the calibration reaches it
+# Level of intervals if the user names none and the calibration reaches it.
 USUAL_LEVEL = 0.9
-# slack of largest levels, in thousandths: the weights that they follow from are sums of fractions
+# Added to largest levels, in thousandths, before they are rounded down: they follow from weights
+# that are sums of fractions, and may be below their exact value by rounding.
 ROUNDING = 1e-6
-# share of the rows of a new map or database that lie within the limit, at least
+# Subtracted from a level for the same reason, before it is compared with sums of weights.
+ROUNDING_OF_LEVEL = 1e-9
+# Smallest probability with which a row of a new map or database is within the limit of the flag,
+# if maps or databases decide this limit.
 SHARE = 0.9
-# share of the training rows within the limit, unless maps or databases decide it
+# Share of the training rows that are within the limit of the flag, if surfaces decide this limit.
 INSIDE = 0.97
 
-# Added to the variances of features of deviation 1, because some features repeat others: roots do.
+# Added to the variances of features that have deviation 1. Without it the covariance could be
+# singular: some features nearly repeat another one, as roots do.
 RIDGE = 1e-4
-# The same where maps are one cloud: few directions tell one map from another.
+# Added in its place if the rows of many maps are one cloud: maps differ in few directions.
 RIDGE_OF_MAPS = 0.01
 
 
 class Growth(NamedTuple):
-    """How errors grow with the distance from the training."""
+    """The growth of errors with the distance from the training.
 
-    at_limit: float  # errors at the limit of the flag, over those in the middle
-    power: float  # of the distance, in which the logarithm of the errors is linear
+    The logarithm of the errors is linear in a power of the distance.
+    """
+
+    at_limit: (
+        float  # errors at the limit of the flag over errors in the middle of the training
+    )
+    power: float  # exponent of the distance
 
     def at(self, distance: Values, limit: float) -> Values:
-        """Return the size of errors at distances from the training.
+        """Return the factors by which errors have grown at distances from the training.
 
         Parameters
         ----------
         distance : ndarray, shape (n,)
-            Distances from the training; NaN counts as the limit.
+            Distances from the training; NaN is taken for the limit.
         limit : float
-            Limit of the flag. Beyond it errors are taken to be no larger than at the limit.
+            Limit of the flag. Errors do not grow beyond it.
 
         Returns
         -------
         ndarray, shape (n,)
-            Size of errors over that in the middle of the training.
+            Errors over errors in the middle of the training, from 1 to `at_limit`.
         """
+        # `fmin` ignores NaN. A limit of 0, of rows that are all equal, must not divide.
         share = np.fmin(distance, limit) / max(limit, np.finfo(float).tiny)
         return np.asarray(self.at_limit**share**self.power)
 
 
-# Chosen with 18 kinds of surfaces that were changed in ways of their own (peaks cut, skewed, waves
-# added ...) and the first 23 of `bench coverage`: of the second to the eighth power, the one that
-# needs the smallest share of rows inside over all kinds to have 86 % of each of them inside. By the
-# square, which needs 95 % instead of 94, intervals are a quarter narrower on these kinds.
-GROWTH = Growth(40.0, 4.0)
-# weight of the penalty on the slopes of usual errors, for features of deviation 1 and a mean
-# squared error; on the made maps of `bench scans`, 0.3 to 3 give the same widths within 3 %
+# Chosen among the powers from 2 to 8 with 18 kinds of changed surfaces (peaks cut, skewed, waves
+# added ...) and the first 23 kinds of `bench coverage`. Intervals that hold 86 % of the rows of
+# each kind then hold 94 % of all rows, the smallest share of all powers. With the square they hold
+# 95 %, but are a quarter narrower on these kinds.
+GROWTH = Growth(at_limit=40.0, power=4.0)
+# Weight of the penalty on the slopes of usual errors, for features of deviation 1 and a mean
+# squared error. On the made maps of `bench scans`, widths with weights of 0.3 to 3 agree within
+# 3 %.
 SHRINKAGE = 1.0
-# Least error that counts, over the median: otherwise logarithms near 0 would weigh most.
+# Error over the median error to which smaller errors are raised. Otherwise the large negative
+# logarithms of errors near 0 would dominate the fit of usual errors.
 SMALLEST = 1e-3
-# quantiles of the usual errors beyond which none is extrapolated
+# Quantiles of the fitted usual errors of the training rows, to which all usual errors are clipped.
 ENDS = (0.02, 0.98)
-# largest deviation of a constant feature, over its largest size
+# Largest deviation of a feature over its largest magnitude with which it is taken for constant.
 CONSTANT = 1e-9
 
 
 class Scores(NamedTuple):
-    """Errors, over their usual size, of rows that belong to surfaces, maps or databases."""
+    """Scores of rows that are grouped by surfaces, maps or databases: errors over usual errors."""
 
-    errors: Values  # (n,), ascending
-    weights: Values  # (n,), the inverse of the number of rows of the same surface, map or database
+    errors: Values  # (n,), scores in ascending order
+    # (n,), weight of each score: 1 over the number of rows in its group, so that groups weigh 1
+    weights: Values
 
     @classmethod
     def of(cls, errors: Values, groups: Indices) -> Scores:
-        """Sort and weight errors.
+        """Sort scores, and weight them so that all groups have an equal weight.
 
         Parameters
         ----------
         errors : ndarray, shape (n,)
-            Absolute errors over their usual size.
+            Absolute errors over usual errors; or distances from the training.
         groups : ndarray, shape (n,)
             Number of the surface, map or database of each row.
 
         Returns
         -------
         Scores
-            The errors, ascending, with their weights.
+            The scores with their weights.
         """
         order = np.argsort(errors, kind="stable")
         weights = 1.0 / _sizes_of_groups(groups)
-        return cls(errors[order], weights[order])
+        return cls(errors=errors[order], weights=weights[order])
 
     def quantile(self, level: float) -> float:
-        """Return the score that a row of a new surface does not exceed with a probability.
+        """Return the score that a row of a new group does not exceed with a given probability.
 
-        Each of K surfaces weighs 1 / (K + 1), shared by its rows. An infinite score weighs
-        1 / (K + 1) too (Lee, Barber, Willett (2023), section 3).
+        Each of the K groups has the weight 1 / (K + 1), shared by its rows. The new group has this
+        weight too, and an infinite score (Lee, Barber, Willett (2023), section 3).
 
         Parameters
         ----------
@@ -147,7 +163,7 @@ class Scores(NamedTuple):
         Returns
         -------
         float
-            Score; infinite if the level is above K / (K + 1).
+            The score; infinite if the level is above K / (K + 1).
 
         Raises
         ------
@@ -155,10 +171,11 @@ class Scores(NamedTuple):
             If the level is not between 0 and 1.
         """
         require_probability(level)
+        # The weights of the K groups sum to K.
         reached = np.cumsum(self.weights) / (self.weights.sum() + 1)
-        place = int(np.searchsorted(reached, level - 1e-9))
+        place = int(np.searchsorted(reached, level - ROUNDING_OF_LEVEL))
         if place == self.errors.size:
-            return np.inf
+            return np.inf  # No score of the K groups reaches the level.
         return float(self.errors[place])
 
 
@@ -173,28 +190,30 @@ def require_probability(level: float) -> None:
     Raises
     ------
     InputError
-        If it is not between 0 and 1.
+        If the level is not between 0 and 1.
     """
     if not 0 < level < 1:
         raise InputError(f"--interval {level:g}: give a coverage between 0 and 1, as 0.9")
 
 
 def _sizes_of_groups(groups: Indices) -> Indices:
-    """Return the number of rows of each row's group, (n,)."""
-    _, place, sizes = np.unique(groups, return_inverse=True, return_counts=True)
-    return np.asarray(sizes[place])
+    """Return for each row the number of rows in its group, (n,), by the groups' numbers, (n,)."""
+    _, group_of_row, sizes = np.unique(groups, return_inverse=True, return_counts=True)
+    return np.asarray(sizes[group_of_row])
 
 
 @dataclass(frozen=True, eq=False)
 class ErrorScale:
-    """Usual errors, whose logarithm is a linear or quadratic function of the d features."""
+    """Usual errors, whose logarithm is a linear or quadratic function of d features.
 
-    # change of the logarithm with each feature, (d,); of a quadratic one, with each term of
-    # `quadratic`
+    The errors are in the unit of the errors that were fitted.
+    """
+
+    # change of the logarithm with each term: (d,) features, or (d (d + 3) / 2,) from `quadratic`
     slopes: Values
     offset: float  # logarithm where all features are 0
-    low: float  # least value of the logarithm
-    high: float  # largest value of the logarithm
+    low: float  # smallest logarithm that is returned
+    high: float  # largest logarithm that is returned
 
     def at(self, inputs: Values) -> Values:
         """Return the usual errors of rows.
@@ -202,7 +221,7 @@ class ErrorScale:
         Parameters
         ----------
         inputs : ndarray, shape (n, d)
-            Features; the largest usual error is returned where one is NaN.
+            Features. A row with a NaN gets the largest usual error.
 
         Returns
         -------
@@ -211,7 +230,7 @@ class ErrorScale:
         """
         with np.errstate(over="ignore", invalid="ignore"):
             terms = inputs
-            if self.slopes.size != inputs.shape[1]:
+            if self.slopes.size != inputs.shape[1]:  # The logarithm is quadratic.
                 terms = quadratic(inputs)
             logarithm = terms @ self.slopes + self.offset
         logarithm[np.isnan(logarithm)] = self.high
@@ -219,7 +238,7 @@ class ErrorScale:
 
 
 def quadratic(inputs: Values) -> Values:
-    """Append the products of two features to the features.
+    """Append the products of all pairs of features to the features.
 
     Parameters
     ----------
@@ -229,10 +248,11 @@ def quadratic(inputs: Values) -> Values:
     Returns
     -------
     ndarray, shape (n, d (d + 3) / 2)
-        Features, their squares and their products.
+        Features, then their squares and products, in the order of `np.triu_indices`.
     """
     first, second = np.triu_indices(inputs.shape[1])
-    return np.column_stack([inputs, inputs[:, first] * inputs[:, second]])
+    products = inputs[:, first] * inputs[:, second]
+    return np.column_stack([inputs, products])
 
 
 def fit_scale(
@@ -247,7 +267,7 @@ def fit_scale(
     errors : ndarray, shape (n,)
         Absolute errors.
     groups : ndarray, shape (n,)
-        Number of the surface, map or database of each row. All groups weigh the same.
+        Number of the surface, map or database of each row. All groups have an equal weight.
     shrinkage : float
         Weight of the penalty on the slopes, for features of deviation 1 and a mean squared error.
 
@@ -256,39 +276,54 @@ def fit_scale(
     ErrorScale
         Usual errors, in the unit of the errors.
     """
-    weights = 1.0 / (_sizes_of_groups(groups) * np.unique(groups).size)
+    weights = 1.0 / (_sizes_of_groups(groups) * np.unique(groups).size)  # They sum to 1.
+    # The bound is above 0 even if most errors are 0, so that all logarithms are finite.
     smallest = max(SMALLEST * float(np.median(errors)), np.finfo(float).tiny)
     logarithms = np.log(np.maximum(errors, smallest))
     centre = weights @ inputs
     mean = float(weights @ logarithms)
     differences = inputs - centre
     deviation = np.sqrt(weights @ differences**2)
+    # Constant features keep a slope of 0.
     varying = deviation > CONSTANT * np.abs(inputs).max(axis=0)
-    unit = differences[:, varying] / deviation[varying]
-    weighted = unit * weights[:, None]
-    matrix = weighted.T @ unit + shrinkage * np.eye(unit.shape[1])
+    standardised = differences[:, varying] / deviation[varying]
+    weighted = standardised * weights[:, None]
+    penalty = shrinkage * np.eye(standardised.shape[1])
+    matrix = weighted.T @ standardised + penalty
     coefficients = np.linalg.solve(matrix, weighted.T @ (logarithms - mean))
     slopes = np.zeros(inputs.shape[1])
     slopes[varying] = coefficients / deviation[varying]
-    low, high = np.quantile(mean + unit @ coefficients, ENDS)
-    return ErrorScale(slopes, mean - float(centre @ slopes), float(low), float(high))
+    fitted = mean + standardised @ coefficients
+    low, high = np.quantile(fitted, ENDS)
+    return ErrorScale(
+        slopes=slopes,
+        offset=mean - float(centre @ slopes),
+        low=float(low),
+        high=float(high),
+    )
 
 
 class Nearest(NamedTuple):
-    """The nearest cloud of each of n rows."""
+    """The cloud of training rows that is nearest to each of n rows."""
 
-    distance: Values  # (n,), distance from the mean of this cloud
-    cloud: Indices  # (n,), number of this cloud
+    distance: Values  # (n,), distance from the mean of the nearest cloud
+    cloud: Indices  # (n,), number of the nearest cloud
 
 
 @dataclass(frozen=True, eq=False)
 class Distance:
-    """Distances from k clouds of training rows: all rows, or those of each database or map."""
+    """A measure of distances from k clouds of training rows.
+
+    All training rows are one cloud, or the rows of each database or map are a cloud.
+    """
 
     centres: Values  # (k, d), mean features of the clouds
-    # (k, d, d), matrices after which differences from the mean are uncorrelated
+    # (k, d, d), matrices that turn differences from the mean into uncorrelated numbers of
+    # deviation 1
     whitenings: Values
-    limit: float  # largest distance that is not flagged
+    limit: (
+        float  # largest distance of a row that is not flagged; infinite without a limit
+    )
 
     def nearest(self, inputs: Values) -> Nearest:
         """Find the nearest cloud of each row.
@@ -301,17 +336,20 @@ class Distance:
         Returns
         -------
         Nearest
-            Distance from the nearest mean, NaN where a feature is NaN, and number of its cloud.
+            Distance from the mean of the nearest cloud, NaN where a feature is NaN, and number of
+            this cloud.
         """
         squares = np.empty((len(self.centres), len(inputs)))
         with np.errstate(over="ignore", invalid="ignore"):
             for cloud, centre in enumerate(self.centres):
                 differences = (inputs - centre) @ self.whitenings[cloud]
                 squares[cloud] = np.mean(differences**2, axis=1)
-        return Nearest(np.sqrt(squares.min(axis=0)), squares.argmin(axis=0))
+        return Nearest(
+            distance=np.sqrt(squares.min(axis=0)), cloud=squares.argmin(axis=0)
+        )
 
     def of(self, inputs: Values) -> Values:
-        """Return the distance of each row from the nearest mean.
+        """Return the distance of each row from the mean of the nearest cloud.
 
         Parameters
         ----------
@@ -327,18 +365,18 @@ class Distance:
 
 
 class MeasuredRows(NamedTuple):
-    """Rows, and where they lie seen from the training."""
+    """The distances of some rows from the training."""
 
-    training: Distance  # distances from the training, with the limit of the flag
-    nearest: (
-        Nearest  # of each row; of training rows, measured without the part they are in
-    )
+    training: Distance  # the measure of the surrogate, with the limit of the flag
+    # Nearest cloud of each row. Training rows may be measured from rows of other parts only.
+    nearest: Nearest
 
 
-def from_maps(inputs: Values, groups: Indices) -> Distance:
-    """Measure distances from training rows, with the limit that rows of a new map keep.
+def distance_by_maps(inputs: Values, groups: Indices) -> Distance:
+    """Make a measure of distances from training rows of many maps or databases.
 
-    To find the limit, each map or database is left out in turn.
+    A row of a new map or database is within the limit with a probability of `SHARE` or more. To
+    find the limit, each map or database is left out in turn and measured from the others.
 
     Parameters
     ----------
@@ -350,19 +388,24 @@ def from_maps(inputs: Values, groups: Indices) -> Distance:
     Returns
     -------
     Distance
-        Distances from the one cloud of all rows.
+        Distances from a single cloud of all training rows, with the limit.
     """
     distances = np.empty(len(inputs))
     for group in np.unique(groups):
         inside = groups == group
         without = _from_one_cloud(inputs[~inside])
         distances[inside] = without.of(inputs[inside])
+    # A quantile of distances is taken as that of scores: all maps have an equal weight.
     limit = Scores.of(distances, groups).quantile(SHARE)
     return replace(_from_one_cloud(inputs), limit=limit)
 
 
-def from_training(inputs: Values, other_inputs: Values, groups: Indices) -> Distance:
-    """Measure distances from training rows, with the limit that rows of further maps keep.
+def distance_by_other_maps(
+    inputs: Values, other_inputs: Values, groups: Indices
+) -> Distance:
+    """Make a measure of distances from training rows, with a limit by rows of other maps.
+
+    A row of a new map or database is within the limit with a probability of `SHARE` or more.
 
     Parameters
     ----------
@@ -376,7 +419,7 @@ def from_training(inputs: Values, other_inputs: Values, groups: Indices) -> Dist
     Returns
     -------
     Distance
-        Distances from the one cloud of the training rows.
+        Distances from a single cloud of the training rows, with the limit.
     """
     training = _from_one_cloud(inputs)
     limit = Scores.of(training.of(other_inputs), groups).quantile(SHARE)
@@ -384,90 +427,119 @@ def from_training(inputs: Values, other_inputs: Values, groups: Indices) -> Dist
 
 
 def _from_one_cloud(inputs: Values) -> Distance:
-    """Return the distances from rows of many maps or databases, without a limit."""
-    return _unlimited(inputs, np.zeros(len(inputs), dtype=np.int64), ridge=RIDGE_OF_MAPS)
+    """Return the measure of distances from a single cloud of n rows, (n, d), without a limit."""
+    one_label = np.zeros(len(inputs), dtype=np.int64)
+    return _unlimited(inputs, one_label, ridge=RIDGE_OF_MAPS)
 
 
-def from_surfaces(inputs: Values, clouds: Indices, parts: Indices) -> MeasuredRows:
-    """Measure distances from the nearest cloud of training rows, with a limit that most rows keep.
+def rows_measured_by_surfaces(
+    inputs: Values, clouds: Indices, parts: Indices
+) -> MeasuredRows:
+    """Measure training rows by their distance from the nearest cloud of rows of other surfaces.
+
+    Surfaces are left out in parts. The limit of the flag is the distance that a share `INSIDE` of
+    the training rows does not exceed.
 
     Parameters
     ----------
     inputs : ndarray, shape (n, d)
         Features of the training rows.
     clouds : ndarray, shape (n,)
-        Number of the cloud of each row, from 0 on.
+        Number of the cloud of each row: 0, 1, ...
     parts : ndarray, shape (n,)
-        Number of the part of each row; rows of one surface are in the same part.
+        Number of the part of each row; rows of one surface are in one part.
 
     Returns
     -------
     MeasuredRows
-        Distances from the clouds, and the nearest cloud of each row among the rows of other parts.
+        The measure of distances from the clouds of all rows, with the limit; and for each row the
+        nearest of the clouds of rows that are in other parts.
     """
     distances = np.empty(len(inputs))
     nearest = np.empty(len(inputs), dtype=np.int64)
     has_cloud = np.zeros(len(inputs), dtype=np.bool_)
     for part in np.unique(parts):
         inside = parts == part
+        without_part = _unlimited(inputs[~inside], clouds[~inside])
+        measured = without_part.nearest(inputs[inside])
+        distances[inside] = measured.distance
+        # Clouds with rows in this part only are lacking, so that the others have other numbers.
         remaining = np.unique(clouds[~inside])
-        without = _unlimited(inputs[~inside], clouds[~inside]).nearest(inputs[inside])
-        distances[inside] = without.distance
-        nearest[inside] = remaining[without.cloud]
+        nearest[inside] = remaining[measured.cloud]
         has_cloud[inside] = np.isin(clouds[inside], remaining)
-    # Rows of a cloud that no other part has cannot be measured from their own cloud.
+    # Rows of a lacking cloud are measured from another cloud. They do not decide the limit, unless
+    # there are no other rows.
     if not has_cloud.any():
         has_cloud[:] = True
     limit = float(np.quantile(distances[has_cloud], INSIDE, method="higher"))
     training = replace(_unlimited(inputs, clouds), limit=limit)
-    return MeasuredRows(training, Nearest(distances, nearest))
+    return MeasuredRows(
+        training=training, nearest=Nearest(distance=distances, cloud=nearest)
+    )
 
 
 def _unlimited(inputs: Values, labels: Indices, ridge: float = RIDGE) -> Distance:
-    """Return the distances from the nearest cloud, without a limit.
+    """Return the measure of distances from clouds of rows, without a limit.
 
-    The clouds are the rows, (n, d), of each label, (n,).
+    `inputs` are the features of n rows, (n, d). The rows with one of the `labels`, (n,), are a
+    cloud; clouds are in the order of their labels. `ridge` is added to the variances of features
+    with deviation 1.
     """
     features = inputs.shape[1]
     clouds = [inputs[labels == label] for label in np.unique(labels)]
-    # A feature that is constant in every cloud does not count; its range flags a new value.
+    # A feature that is constant in every cloud has no effect on distances, as its scale is
+    # infinite. Its training range flags other values.
     rounding = CONSTANT * np.abs(inputs).max(axis=0)
     varying = np.any([cloud.std(axis=0) > rounding for cloud in clouds], axis=0)
     scale = np.where(varying, inputs.std(axis=0), np.inf)
-    means = [cloud.mean(axis=0) for cloud in clouds]
-    units = [(cloud - mean) / scale for cloud, mean in zip(clouds, means, strict=True)]
-    squares = [unit.T @ unit for unit in units]
-    shared = np.sum(squares, axis=0) / len(inputs)
+    means = []
+    products = []  # of each cloud, (d, d): sums over rows of products of scaled differences
+    for cloud in clouds:
+        mean = cloud.mean(axis=0)
+        differences = (cloud - mean) / scale
+        means.append(mean)
+        products.append(differences.T @ differences)
+    mean_covariance = np.sum(products, axis=0) / len(inputs)
     whitenings = []
-    for cloud, products in zip(clouds, squares, strict=True):
-        covariance = (products + features * shared) / (len(cloud) + features)
+    for cloud, sums in zip(clouds, products, strict=True):
+        # The mean covariance of all clouds weighs as much as d rows of this cloud.
+        covariance = (sums + features * mean_covariance) / (len(cloud) + features)
         inverse = np.linalg.inv(covariance + ridge * np.eye(features))
         whitenings.append(np.linalg.cholesky(inverse) / scale[:, None])
-    return Distance(np.array(means), np.array(whitenings), np.inf)
+    return Distance(
+        centres=np.array(means), whitenings=np.array(whitenings), limit=np.inf
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """What intervals of one target are computed from. The target is over its scale."""
+    """The numbers that the intervals of one target are computed from.
 
-    scores: tuple[Scores, ...]  # of each cloud of `distance`; or of all maps together
-    # usual errors by the features; scores are over these and over the growth
-    usual: ErrorScale
-    # distance that errors grow with; None for intervals by whole maps
+    Errors are errors of the target over its scale.
+    """
+
+    # one entry for each cloud of `distance`; without a distance, one entry for all maps together
+    scores: tuple[Scores, ...]
+    usual: ErrorScale  # usual errors by the features, before they grow with the distance
+    # measure of the distance that errors grow with; None for intervals that hold for other maps or
+    # databases, or for a scene's own features: their errors do not grow with a distance
     distance: Distance | None = None
     root: bool = False  # True for errors of the square root of the target
-    growth: Growth = GROWTH
+    growth: Growth = GROWTH  # growth with the distance, if there is one
 
     @property
     def largest_level(self) -> float:
-        """Largest level that the fewest surfaces or maps reach, rounded down to three digits."""
-        fewest = min((float(scores.weights.sum()) for scores in self.scores), default=0.0)
-        return math.floor(1000 * fewest / (fewest + 1) + ROUNDING) / 1000
+        """Largest level that all scores reach, rounded down to three digits; 0 without scores."""
+        # The weights of the groups of one entry sum to the number of groups.
+        numbers = [float(scores.weights.sum()) for scores in self.scores]
+        fewest = min(numbers, default=0.0)
+        thousandths = 1000 * fewest / (fewest + 1)
+        return math.floor(thousandths + ROUNDING) / 1000
 
     def ends(
         self, prediction: Values, level: float, inputs: Values
     ) -> tuple[Values, Values]:
-        """Return the intervals about predictions.
+        """Return the ends of the intervals about predictions.
 
         Parameters
         ----------
@@ -481,8 +553,9 @@ class Calibration:
         Returns
         -------
         (ndarray, ndarray), each of shape (n,)
-            Lower and upper ends, over the scale of the target. They are infinite if too few
-            surfaces or maps were calibrated for the level.
+            Lower and upper ends, over the scale of the target. If too few surfaces or maps
+            calibrate the level, both are infinite; if errors are those of roots, the lower end is
+            then 0.
 
         Raises
         ------
@@ -492,14 +565,18 @@ class Calibration:
         half = self._half_widths(level, inputs)
         if not self.root:
             return prediction - half, prediction + half
+        # Intervals of the root are squared.
         root = np.sqrt(np.maximum(prediction, 0.0))
         return np.maximum(root - half, 0.0) ** 2, (root + half) ** 2
 
     def _half_widths(self, level: float, inputs: Values) -> Values:
-        """Return half the width of each interval, (n,), over the target's scale or its root."""
+        """Return half the width of each interval, (n,), in the unit of the errors.
+
+        `inputs` are the features of n rows, (n, d).
+        """
         quantiles = np.array([scores.quantile(level) for scores in self.scores])
         usual = self.usual.at(inputs)
-        if self.distance is None:
+        if self.distance is None:  # There is one entry of scores, and no growth.
             return np.asarray(usual * quantiles[0])
         distance, cloud = self.distance.nearest(inputs)
         growth = self.growth.at(distance, self.distance.limit)
@@ -507,17 +584,17 @@ class Calibration:
 
 
 def calibrated_by(card: Mapping[str, Any]) -> str:
-    """Name the number of surfaces, maps or databases that calibrate a surrogate's intervals.
+    """Write the number and the kind of the groups that calibrate a surrogate's intervals.
 
     Parameters
     ----------
     card : mapping of str to object
-        Card of the surrogate.
+        Card of the surrogate, with a "calibration".
 
     Returns
     -------
     str
-        As "17 maps", or "the surfaces of 4 databases".
+        As "17 maps", or "the surfaces of 4 databases" if surfaces of each database calibrate.
     """
     entry = card["calibration"]
     groups = f"{entry['groups']} {entry['kind']}s"

@@ -35,9 +35,9 @@ def at_pressures(points: Points, pressures: Values) -> Points:
     Returns
     -------
     Points
-        Points at the pressures, with Delta and its interval, and without pressure and force. If an
-        end of an interval is beyond the last Delta it is NaN. `endless` says so, and also where an
-        end is outside the training.
+        Points at the pressures, with Delta and its interval, and without pressure and force. An end
+        of an interval that is beyond the last Delta is NaN. `endless` has for each pressure why its
+        interval does not hold: an end is beyond the last Delta or outside the training; or "".
     """
     deltas = points.values[DELTA.in_laws]
     at = _inverse(deltas, points.values[PRESSURE.in_laws], pressures, first=True)
@@ -158,10 +158,11 @@ def _inverse(deltas: Values, curve: Values, pressures: Values, *, first: bool) -
     rises = np.diff(fine_curve) > 0
     # Of fine points at one pressure, keep the first, or the last.
     kept = np.append(True, rises) if first else np.append(rises, True)
+    # A pressure that only rounding puts above the last one is taken for the last one.
     end = fine_curve[-1]
-    is_end = pressures <= end * (1 + ROUNDING)
-    reached = np.where(is_end, np.minimum(pressures, end), pressures)
-    deltas_at = np.interp(reached, fine_curve[kept], fine_deltas[kept], right=np.nan)
+    is_reached = pressures <= end * (1 + ROUNDING)
+    corrected = np.where(is_reached, np.minimum(pressures, end), pressures)
+    deltas_at = np.interp(corrected, fine_curve[kept], fine_deltas[kept], right=np.nan)
     return np.where(pressures > 0, deltas_at, 0.0)
 
 
@@ -180,7 +181,9 @@ def _interpolate(arguments: Values, values: Values, at: Values) -> Values:
 def _reasons_at(points: Points, at: Values) -> tuple[str, ...]:
     """Return why Deltas, (m,) [um], are outside the training: the reason of a neighbouring point.
 
-    At the Delta of a point it is the reason of this point. The text is "" inside the training.
+    Between two points it is the reason of the lower one, or else of the upper one. At the Delta of
+    a point it is the reason of this point; for NaN it is that of the last two points. The text is
+    "" inside the training.
     """
     deltas = points.values[DELTA.in_laws]
     above = np.searchsorted(deltas, at).clip(0, deltas.size - 1)

@@ -114,7 +114,7 @@ def law_of_surfaces(surrogate: Surrogate, order: Order) -> Law:
     surrogate : Surrogate
         A surrogate of surfaces.
     order : Order
-        The request. Without E*, hardness or loads, those of the scenes or of the training are used.
+        The request. E*, hardness or loads that it lacks are taken from the scenes or the training.
 
     Returns
     -------
@@ -125,8 +125,10 @@ def law_of_surfaces(surrogate: Surrogate, order: Order) -> Law:
     Raises
     ------
     InputError
-        If the surrogate has not learnt what the order needs, a surface cannot be used or none has
-        all statistics, or the law does not reach a pressure.
+        If the surrogate has not learnt what the order needs, or was trained on another boundary or
+        other bodies; if a surface cannot be read or none has all statistics; if a coarse solve
+        fails or a prediction is not finite; if the calibration does not reach the level; or if the
+        law does not reach a pressure.
     """
     loads = order.loads()
     kind = _learnt_load(surrogate, order, loads)
@@ -193,7 +195,7 @@ def law_of_parameters(
     ------
     InputError
         If the surrogate has not learnt what the order needs, a number is missing, unknown or not
-        allowed, or the surrogate does not reach the level of the intervals.
+        allowed, or the calibration does not reach the level of the intervals.
     """
     loads = order.loads()
     kind = _learnt_load(surrogate, order, loads)
@@ -233,8 +235,8 @@ def _learnt_load(
 ) -> Load:
     """Return the kind of the loads of a law: "delta", or "pressure" also for learnt forces.
 
-    `loads` are those of the order by kind. Raises InputError if the surrogate has not learnt the
-    load or a target of the law, or if the order gives loads that the surrogate cannot answer for.
+    `loads` are the loads of the order by kind. Raises InputError if the surrogate has not learnt
+    the load or a target of the law, or if the order gives loads that it cannot answer for.
     """
     load = surrogate.features.load
     kind: Load = "delta" if load == "delta" else "pressure"
@@ -284,7 +286,8 @@ def _defined_surfaces(
         if reason:
             faults.append(Undefined(f"{patch.name}: statistics undefined: {reason}"))
         else:
-            defined.append(PredictedSurface(patch, OnSurface(surrogate, features)))
+            on_surface = OnSurface(surrogate=surrogate, surface=features)
+            defined.append(PredictedSurface(patch=patch, on_surface=on_surface))
     if not defined:
         raise faults[0]
     remarks: list[str] = []
@@ -293,7 +296,7 @@ def _defined_surfaces(
             f"warning: {len(faults)} of {len(surfaces)} surfaces were left out, the"
             f" first: {faults[0]}"
         )
-    return DefinedSurfaces(defined, remarks)
+    return DefinedSurfaces(surfaces=defined, remarks=remarks)
 
 
 def _without_undefined(
@@ -336,7 +339,8 @@ def _bodies(surrogate: Surrogate, order: Order, law_surfaces: LawSurfaces) -> Bo
 
 def _trained_pressures(surrogate: Surrogate, bodies: Bodies) -> Values:
     """Return `STEPS` pressures [MPa] over the range of the training, at equal ratios."""
-    low, high = surrogate.card["delta"]  # the pressures times L / E* stand for Delta [um]
+    # In cards of surrogates by pressure, "delta" has the ends of p L / E* [um].
+    low, high = surrogate.card["delta"]
     length = math.sqrt(math.prod(surrogate.card["side"]))
     return np.geomspace(low, high, STEPS) * (bodies.e_star / length)
 
@@ -391,7 +395,7 @@ def _tables_over_learnt_loads(
 ) -> Tables:
     """Tabulate points at learnt loads, and the same contacts against the other quantity.
 
-    `points` are those of each patch, and `kind` is the kind of their loads.
+    `points` has the points of each patch, and `kind` is the kind of their loads.
     """
     smoothed = [monotone(of_surface) for of_surface in points]
     parts = [
@@ -660,17 +664,18 @@ class SharedPressures:
 def _shared_pressures(over_delta: Curves, extended: Sequence[Points]) -> SharedPressures:
     """Return the mean pressures at the Deltas of a table, as far as all surfaces reach them.
 
-    They are close where the Deltas are. `extended` are the points of each surface. Raises
+    They are closely spaced where the Deltas are. `extended` are the points of each surface. Raises
     InputError if the law has no force.
     """
     mean = np.unique(_mean_pressures(over_delta))
     reach = _reach(extended)
     if mean[-1] <= reach:
-        return SharedPressures(mean, [])
+        return SharedPressures(pressures=mean, remarks=[])
     remark = (
         f"the table against pressure ends at {reach:.4g} MPa: not all surfaces reach more"
     )
-    return SharedPressures(np.append(mean[mean < reach], reach), [remark])
+    pressures = np.append(mean[mean < reach], reach)
+    return SharedPressures(pressures=pressures, remarks=[remark])
 
 
 def _require_reached(
@@ -678,7 +683,8 @@ def _require_reached(
 ) -> None:
     """Refuse ascending pressures, (m,) [MPa], that the mean or a surface does not reach.
 
-    `extended` are the points of each surface. A law without a force is refused too.
+    The mean is that of the table over Delta, and `extended` are the points of each surface. A law
+    without a force is refused too.
     """
     end = min(_mean_pressures(over_delta)[-1], _reach(extended))
     if pressures[-1] > end:
@@ -690,7 +696,10 @@ def _require_reached(
 
 
 def _mean_pressures(over_delta: Curves) -> Values:
-    """Return the pressures of a table over Delta, (k,) [MPa]; refuse a law without a force."""
+    """Return the pressures of the mean curve of a table over Delta, (k,) [MPa].
+
+    Raises InputError if the last pressure is not above 0: the law has no force.
+    """
     mean = over_delta.curves[PRESSURE.in_laws].value
     if not mean[-1] > 0:
         raise InputError(

@@ -107,7 +107,10 @@ class CoarseMeans:
 def _coarse_means(
     surface: SurfaceFeatures, deltas: Values, bodies: Bodies
 ) -> CoarseMeans:
-    """Solve the coarse contacts of a surface at Deltas, (k,) [um], and return their means."""
+    """Solve the coarse contacts of a surface at Deltas, (k,) [um], and return their means.
+
+    Raises InputError if a coarse solve fails.
+    """
     height_of_peak = float(surface.heights.max()) - float(surface.heights.mean())
     means = [surface.means(float(delta), bodies.hardness_ratio) for delta in deltas]
     return CoarseMeans(
@@ -140,6 +143,8 @@ def _quantities(
         displacement = means.compliance * force / means.length  # mean over the patch [um]
         gap = means.gap + displacement + means.yielded_depth
         quantities[MEAN_GAP.in_laws] = np.maximum(gap, 0.0)
+    # A law has the stiffness of the interface per area. A learnt stiffness of unloading is that of
+    # the contact with its patch, whose compliance is taken out.
     nominal = loaded.patch.nominal
     if STIFFNESS.name in targets:
         quantities[STIFFNESS.in_laws] = targets[STIFFNESS.name] / nominal
@@ -193,14 +198,15 @@ def of_interface(stiffness: Values, compliance: float) -> Values:
     Parameters
     ----------
     stiffness : ndarray, shape (k,)
-        Stiffnesses of the contact with its patch, per area [MPa / um].
+        Stiffnesses of the contact with its patch, per nominal area [MPa / um].
     compliance : float
         Compliance of the patch [um / MPa]; 0 if it has no edges.
 
     Returns
     -------
     ndarray, shape (k,)
-        Stiffnesses of the interface alone [MPa / um].
+        Stiffnesses of the interface alone [MPa / um]; 0 without contact, and infinite where the
+        contact is as stiff as the patch but for rounding.
     """
     if not compliance:
         return np.array(stiffness)

@@ -1,16 +1,18 @@
-"""The fitted model of each target of a surrogate, and the file that keeps them.
+"""The fitted model of each target of a surrogate, and the file that keeps these models.
+
+A file has these parts, in this order:
 
     asperity surrogate
-    format 9
+    format 10
     sha256 of all that follows, in hexadecimal digits
-    length of the card, 8 bytes, little endian
-    card: JSON with the card and the training ranges of the features
-    models: a zip archive of skops, with pipelines of scikit-learn, arrays and numbers
+    length of the next part, 8 bytes, little endian
+    JSON with the card and the training ranges of the features
+    zip archive of skops with the models: pipelines of scikit-learn, arrays and numbers
 
-The checksum detects damage. A file names types. Types that are not numbers, arrays or `REVIEWED`
-are refused before anything is imported or made, so that no code of a stranger runs. Compiled code
-of scikit-learn and XGBoost trusts the numbers of trees and vectors: a file that was forged with a
-right checksum may end the process or give any number.
+The checksum detects damage. A file names the types of its objects. If a type is not a number, an
+array or in `REVIEWED`, the file is refused before anything is imported or made, so that no code of
+a stranger runs. Compiled code of scikit-learn and XGBoost trusts the numbers of trees and vectors:
+a forged file with a right checksum may still end the process or give any number.
 """
 
 from __future__ import annotations
@@ -23,9 +25,9 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 from zipfile import ZIP_DEFLATED
 
 import numpy as np
@@ -40,7 +42,6 @@ from learn.features.columns import PURE, SKEWNESS
 from learn.features.sets import SETS, Scaling
 from learn.models import STEP
 from learn.surrogate.interval import (
-    GROWTH,
     Calibration,
     Distance,
     ErrorScale,
@@ -52,30 +53,39 @@ if TYPE_CHECKING:
     from learn.comparison.folder import Settings
     from learn.database_rows import Dataset
 
-# rows that are predicted together: a kernel needs memory for these rows times the training rows
+# Number of rows that are predicted together. A kernel needs memory for this number times the number
+# of training rows.
 CHUNK = 2000
 
-# Features of which models see the nearest value of the training. Moments of third and fourth order
+# Features that models see clipped to the range of the training. Moments of third and fourth order
 # have heavy tails: a window of a honed map with a groove at its border may have a kurtosis of its
-# peaks forty deviations from the mean. A radial basis function of long reach extrapolates like a
-# polynomial there, and a few rows of this kind have had most of the squared error of all rows
-# (`bench scans`). How far a moment is beyond those of the training decides little about the
-# contact. The other features are left as they are: areas and forces of the coarse solve tell most
-# where they are extrapolated. Flags see all features as they are.
+# peaks that is forty deviations from the mean. There, a radial basis function with a large length
+# extrapolates like a polynomial: a few rows of this kind had most of the squared error of all rows
+# (`bench scans`). The distance of a moment from the range of the training has little effect on the
+# contact. The other features are not clipped, because areas and forces of the coarse solve are most
+# useful where they are extrapolated. Flags see all features as they are.
 MOMENTS = frozenset(name for name in PURE if "skewness" in name or "kurtosis" in name)
-# Feature that models see as 0. In a training of self-affine surfaces it is noise, and tells only
-# that a surface is not one of them. Flags and intervals see it.
+# Feature that models see as 0. For self-affine surfaces it is noise: its only information is that
+# a surface is of another kind. Flags and intervals see it as it is.
 UNSEEN = SKEWNESS
 
-# number of the layout, which is raised whenever an older version would misread a file
+# Number of the layout of a file. It is raised whenever an older version would misread a new file.
 FORMAT = 10
-# format of 1.0.0, which learnt targets of a user's function without their dimension
+# Format of 1.0.0, which can be read. It does not state the powers that targets scale with.
 WITHOUT_POWERS = 9
-# formats of 1.0.0rc1 and before, whose intervals promise more than they hold
+# Formats of 1.0.0rc1 and before, which are refused: their intervals have less than their level.
 OLDER = range(3, 9)
+# First lines of a file, with the number of the format and the checksum.
 HEAD = re.compile(SURROGATE + rb"format (\d{1,9})\nsha256 ([0-9a-f]{64})\n")
 
-# types, besides numbers and arrays, of which models are made
+# Entry of a target in a card: its folder in the comparison that the settings come from, if they do.
+COMPARISON = "comparison"
+# Cards of 1.0.0 and before have the folder in the entry "settings_from" only, after these words.
+WORDS_BEFORE_FOLDER = ("tuned in ", "the baseline, by ")
+# Largest number of letters of a library's error that a message quotes.
+LONGEST_FAULT = 100
+
+# Types of the objects that models consist of, besides numbers and arrays.
 REVIEWED = (
     "learn.population.Population",
     "sklearn.dummy.DummyRegressor",
@@ -106,13 +116,13 @@ REVIEWED = (
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """Ranges that the features of a model do not leave; infinite for features without one."""
+    """Ranges that features are clipped to before a model sees them."""
 
-    low: Values  # (d,)
-    high: Values  # (d,)
+    low: Values  # (d,), smallest values; minus infinity for features that are not clipped
+    high: Values  # (d,), largest values; infinity for features that are not clipped
 
     def clipped(self, inputs: Values) -> Values:
-        """Bring features into their ranges.
+        """Clip features to their ranges.
 
         Parameters
         ----------
@@ -122,13 +132,13 @@ class Clip:
         Returns
         -------
         ndarray, shape (n, d)
-            The nearest features within the ranges.
+            The nearest values within the ranges; NaN stays NaN.
         """
         return np.asarray(np.clip(inputs, self.low, self.high))
 
 
 def clip_of(train: Dataset) -> Clip:
-    """Return the ranges that models of some training rows clip features to.
+    """Return the ranges that features are clipped to for models of some training rows.
 
     Parameters
     ----------
@@ -138,29 +148,33 @@ def clip_of(train: Dataset) -> Clip:
     Returns
     -------
     Clip
-        The training ranges of moments, in sets without units, and 0 to 0 for `UNSEEN`.
+        The training ranges of `MOMENTS` if features have no units, 0 to 0 for `UNSEEN`, and
+        infinite ranges for all other features.
     """
     names = np.array(train.features.columns)
-    clipped = np.isin(names, list(MOMENTS)) & train.features.scaled
-    low = np.where(clipped, train.inputs.min(axis=0), -np.inf)
-    high = np.where(clipped, train.inputs.max(axis=0), np.inf)
+    is_clipped = np.isin(names, list(MOMENTS)) & train.features.scaled
+    low = np.where(is_clipped, train.inputs.min(axis=0), -np.inf)
+    high = np.where(is_clipped, train.inputs.max(axis=0), np.inf)
     low[names == UNSEEN] = 0.0
     high[names == UNSEEN] = 0.0
-    return Clip(low, high)
+    return Clip(low=low, high=high)
 
 
 @dataclass(frozen=True, eq=False)
 class Learnt:
-    """The fitted model of one target."""
+    """The fitted model of one target.
+
+    The model predicts the target over its scale (`FeatureSet.scale`), standardised by `scaling`.
+    """
 
     column: str  # name of the target's column in `gen.schema`
-    unit: str  # of the column
-    # pipeline of scikit-learn: scaling of the features, and estimator of the scaled target
+    unit: str  # unit of the column
+    # fitted pipeline of scikit-learn with two steps: scaling of the features, and estimator
     pipeline: Any
-    scaling: Scaling  # of the target over its scale
+    scaling: Scaling  # scaling between the target over its scale and the numbers that are learnt
     calibration: Calibration  # intervals of the target over its scale
-    clip: Clip  # ranges that the features do not leave
-    # smallest and largest value of the column
+    clip: Clip  # ranges that features are clipped to
+    # smallest and largest possible value of the target, in its unit
     bounds: tuple[float, float] = (-np.inf, np.inf)
     # powers of heights, lengths and E* that the target scales with; None if they are unknown
     powers: Powers | None = None
@@ -179,6 +193,7 @@ class Learnt:
             Predictions over the scale of the target; NaN where a feature is NaN. They may be
             infinite far from the training.
         """
+        # The steps are pairs of a name and an object.
         (_, scaling), (_, model) = self.pipeline.steps
         predictions = np.full(len(inputs), np.nan)
         # `Surrogate.predict_rows` names rows without a finite prediction.
@@ -193,12 +208,12 @@ class Learnt:
     def mean_ends(
         self, raw: Values, level: float, inputs: Values
     ) -> tuple[Values, Values]:
-        """Return the intervals of the mean over all surfaces of some parameters.
+        """Return the ends of intervals for the mean over all surfaces with given parameters.
 
         Parameters
         ----------
         raw : ndarray, shape (n,)
-            Predictions, from `raw`.
+            Predictions over the scale of the target, from the method `raw`.
         level : float
             Coverage of the intervals, between 0 and 1.
         inputs : ndarray, shape (n, d)
@@ -212,52 +227,61 @@ class Learnt:
         Raises
         ------
         InputError
-            If the model is not the mean of a population.
+            If the model is not the mean of a population, which alone knows the error of the mean.
         """
         from scipy.stats import norm
 
         model = self.pipeline.named_steps[STEP]
-        if not hasattr(model, "coefficients_"):
+        if not hasattr(model, "coefficients_"):  # `learn.population.Population` has them.
             raise InputError(
                 "the mean has an interval with --model population alone: fit one"
             )
         errors = np.full(len(inputs), np.nan)
         for rows in _chunks(inputs):
             errors[rows] = model.error(self.pipeline[:-1].transform(inputs[rows]))
+        # The error of the mean is normally distributed, and both tails are outside the interval.
         half = norm.ppf((1 + level) / 2) * errors * self.scaling.deviation
         return raw - half, raw + half
 
 
 def _chunks(inputs: Values) -> Iterator[Indices]:
-    """Yield positions of rows without NaN that are predicted together, (k,)."""
+    """Yield the positions of rows that are predicted together, (k,), with `CHUNK` rows at most.
+
+    Rows with a NaN among their features, (n, d), are left out.
+    """
     defined = np.flatnonzero(~np.isnan(inputs).any(axis=1))
     for start in range(0, defined.size, CHUNK):
         yield defined[start : start + CHUNK]
 
 
 def _predict(model: Any, inputs: Values) -> Any:
-    """Return the predictions of an estimator at scaled features (n, d), over the scaled target.
+    """Return the predictions of a fitted estimator at scaled features (n, d), of the scaled target.
 
-    Two estimators are evaluated here, to the numbers that scikit-learn gives.
+    They are an array of n numbers, of shape (n,) or (n, 1).
     """
     if hasattr(model, "L_") and model.L_ is None:
-        # A Gaussian process from a file has no factor, which scikit-learn 1.7 asks for.
+        # A Gaussian process from a file lacks its factor, without which `predict` of scikit-learn
+        # 1.7 fails although the mean does not need it.
         return model.kernel_(inputs, model.X_train_) @ model.alpha_
-    if hasattr(model, "X_fit_") and model.kernel == "rbf":
+    if hasattr(model, "X_fit_") and model.kernel == "rbf":  # kernel ridge
         return _predict_by_radial_functions(model, inputs)
     return model.predict(inputs)
 
 
 def _predict_by_radial_functions(model: Any, inputs: Values) -> Any:
-    """Return the predictions of kernel ridge, (n,), without scikit-learn's checks of its rows."""
+    """Return the predictions of kernel ridge with radial basis functions at features (n, d), (n,).
+
+    The estimator's own `predict` gives equal numbers, but takes longer for checks of its input.
+    """
     centres = np.asarray(model.X_fit_, dtype=np.float64)
     gamma = model.gamma
     if gamma is None:
-        gamma = 1.0 / centres.shape[1]
-    # Squared distances by the binomial formula, in place: the matrix is the largest array of all.
+        gamma = 1.0 / centres.shape[1]  # the default of scikit-learn
+    # Squared distances by |x|^2 + |c|^2 - 2 x c. The matrix is the largest array of a prediction,
+    # so that it is computed in place.
     kernel = np.einsum("ij,ij->i", centres, centres) - 2.0 * (inputs @ centres.T)
     kernel += np.einsum("ij,ij->i", inputs, inputs)[:, None]
-    np.maximum(kernel, 0.0, out=kernel)
+    np.maximum(kernel, 0.0, out=kernel)  # Rounding may have made small squares negative.
     kernel *= -gamma
     np.exp(kernel, out=kernel)
     return kernel @ model.dual_coef_
@@ -265,34 +289,35 @@ def _predict_by_radial_functions(model: Any, inputs: Values) -> Any:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """The fitted model of one target, and how it was fitted."""
+    """The fitted model of one target, with its settings, times and warnings."""
 
-    learnt: Learnt
-    settings: Settings  # of the estimator
+    learnt: Learnt  # the model
+    settings: Settings  # settings of the estimator
     choosing: float  # processor time of the choice of settings [s]
     fitting: float  # processor time of the fit [s]
     remarks: tuple[str, ...]  # warnings of the fit
-    # (n,) predictions of the training rows over the target's scale, by models that have not seen
-    # their group, NaN for rows that do not calibrate; None if another database calibrates
+    # (n,), predictions of the training rows over the target's scale by models that have not seen
+    # them; NaN for rows that do not calibrate. None if another database calibrates.
     left_out: Values | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Contents:
-    """What the file of a surrogate keeps."""
+    """The contents of a surrogate's file."""
 
-    card: dict[str, Any]  # data, settings and scores
+    card: dict[str, Any]  # data, settings and scores, from `learn.surrogate.card.make`
     learnt: Mapping[str, Learnt]  # models by the short names of their targets
-    low: Values  # (d,), smallest features of the training
-    high: Values  # (d,), largest features of the training
-    distance: Distance  # distances from the training
+    low: Values  # (d,), smallest value of each feature in the training
+    high: Values  # (d,), largest value of each feature in the training
+    distance: Distance  # measure of distances from the training
 
 
 @contextmanager
 def _quick_import() -> Iterator[None]:
-    """Have skops imported without its list of all estimators of scikit-learn.
+    """Make imports of skops quick, within a `with` statement.
 
-    To make this list of types to trust, it would import all of scikit-learn.
+    When it is imported, skops lists all estimators of scikit-learn as types to trust, for which it
+    imports all of scikit-learn. Within the statement that list is empty.
     """
     from sklearn import utils
 
@@ -305,7 +330,9 @@ def _quick_import() -> Iterator[None]:
 
 
 def write_contents(path: Path, contents: Contents) -> None:
-    """Write the file of a surrogate, whole or not at all.
+    """Write the file of a surrogate.
+
+    An error leaves no partly written file.
 
     Parameters
     ----------
@@ -319,7 +346,7 @@ def write_contents(path: Path, contents: Contents) -> None:
     InputError
         If the file cannot be written.
     ValueError
-        If a model is of a type that is not `REVIEWED`.
+        If a model contains a type that is not `REVIEWED`.
     """
     with _quick_import():
         from skops import io
@@ -328,17 +355,17 @@ def write_contents(path: Path, contents: Contents) -> None:
         "targets": {name: _packed(learnt) for name, learnt in contents.learnt.items()},
     }
     archive = io.dumps(models, compression=ZIP_DEFLATED, compresslevel=1)
-    strangers = set(io.get_untrusted_types(data=archive)) - set(REVIEWED)
-    if strangers:
-        raise ValueError(f"models of {', '.join(sorted(strangers))} are not kept")
-    card = json.dumps(
+    strange_types = set(io.get_untrusted_types(data=archive)) - set(REVIEWED)
+    if strange_types:
+        raise ValueError(f"models of {', '.join(sorted(strange_types))} are not kept")
+    card_and_ranges = json.dumps(
         {
             "card": contents.card,
             "low": contents.low.tolist(),
             "high": contents.high.tolist(),
         }
     ).encode()
-    body = len(card).to_bytes(8, "little") + card + archive
+    body = len(card_and_ranges).to_bytes(8, "little") + card_and_ranges + archive
     digest = hashlib.sha256(body).hexdigest()
     with atomic(path, "surrogate") as file:
         file.write(SURROGATE + f"format {FORMAT}\nsha256 {digest}\n".encode())
@@ -346,16 +373,27 @@ def write_contents(path: Path, contents: Contents) -> None:
 
 
 def _packed(learnt: Learnt) -> dict[str, Any]:
-    """Return the model of a target as a pipeline of the libraries' types, arrays and numbers."""
+    """Return the model of a target as a dictionary for skops; `_unpacked` is the inverse.
+
+    Its entries are a pipeline of the libraries' types, arrays, numbers and texts.
+    """
     estimator = _without_derived(learnt.pipeline.named_steps[STEP])
     trees = None
     if hasattr(estimator, "estimators_"):
+        # The ensemble keeps its first tree, from which `_restore_trees` makes the others.
         trees = _trees_of(estimator)
         estimator.estimators_ = estimator.estimators_[:1]
     pipeline = copy(learnt.pipeline)
     pipeline.steps = [pipeline.steps[0], (STEP, estimator)]
-    # The distances of the calibration are those of the surrogate, which the file has once.
     calibration = learnt.calibration
+    # All targets have the measure of distances in common, which the file has once. "grows" is the
+    # growth with this distance, or False for a calibration without a distance.
+    grows: tuple[float, ...] | Literal[False] = False
+    if calibration.distance is not None:
+        grows = tuple(calibration.growth)
+    powers = None
+    if learnt.powers is not None:
+        powers = tuple(learnt.powers)
     return {
         "column": learnt.column,
         "unit": learnt.unit,
@@ -364,23 +402,24 @@ def _packed(learnt: Learnt) -> dict[str, Any]:
         "scaling": vars(learnt.scaling),
         "clip": (learnt.clip.low, learnt.clip.high),
         "bounds": learnt.bounds,
-        "powers": learnt.powers and tuple(learnt.powers),
+        "powers": powers,
         "scores": [tuple(scores) for scores in calibration.scores],
         "usual": vars(calibration.usual),
-        "grows": calibration.distance is not None and tuple(calibration.growth),
+        "grows": grows,
         "root": calibration.root,
     }
 
 
 def _without_derived(estimator: Any) -> Any:
-    """Return a copy of a fitted estimator without what predictions do not need.
+    """Return a copy of a fitted estimator without the attributes that predictions do not need.
 
-    Kernel ridge becomes scikit-learn's own. A Gaussian process loses its factor, as large as its
-    rows squared, and the mean of a population its predictions of the training rows.
+    A Gaussian process loses its factor, a matrix of its training rows. The mean of a population
+    loses its predictions of the training rows. Kernel ridge becomes scikit-learn's own class.
     """
     from sklearn.kernel_ridge import KernelRidge
 
     if isinstance(estimator, KernelRidge):
+        # Models are fitted by a class of `learn.kernel_ridge`, which is not among `REVIEWED`.
         copied = KernelRidge()
         vars(copied).update(vars(estimator))
     else:
@@ -392,14 +431,19 @@ def _without_derived(estimator: Any) -> Any:
 
 
 def _members_of(ensemble: Any) -> list[Any]:
-    """Return the trees of an ensemble in their order."""
+    """Return the fitted trees of an ensemble of scikit-learn in their order.
+
+    Gradient boosting has them in an array of one column, other ensembles in a list.
+    """
     return list(np.ravel(np.array(ensemble.estimators_, dtype=object)).tolist())
 
 
 def _trees_of(ensemble: Any) -> dict[str, Values]:
-    """Return all trees of an ensemble of scikit-learn in four arrays.
+    """Return all trees of an ensemble of scikit-learn as four arrays, by their names.
 
-    In the archive each of some thousand trees would take ten small files, and a millisecond.
+    "counts" and "depths" have the number of nodes and the depth of each tree. "nodes" and "values"
+    have the nodes of all trees, one tree after the other. Arrays are quick to pack: each tree would
+    take ten small files of the archive and a millisecond, and there may be some thousand trees.
     """
     states = [member.tree_.__getstate__() for member in _members_of(ensemble)]
     return {
@@ -411,9 +455,10 @@ def _trees_of(ensemble: Any) -> dict[str, Values]:
 
 
 def _restore_trees(ensemble: Any, trees: Mapping[str, Values]) -> None:
-    """Put all trees into an ensemble of which a file keeps the first one."""
+    """Put the trees from `_trees_of` into an ensemble that has only its first tree; change it."""
     first = _members_of(ensemble)[0]
-    tree_type, sizes, _ = first.tree_.__reduce__()
+    # Arguments that a tree is made with: numbers of features, classes and outputs.
+    tree_type, arguments, _ = first.tree_.__reduce__()
     counts = trees["counts"].tolist()
     depths = trees["depths"].tolist()
     members = []
@@ -421,7 +466,7 @@ def _restore_trees(ensemble: Any, trees: Mapping[str, Values]) -> None:
     for count, depth in zip(counts, depths, strict=True):
         nodes = slice(start, start + count)
         member = copy(first)
-        member.tree_ = tree_type(*sizes)
+        member.tree_ = tree_type(*arguments)
         member.tree_.__setstate__(
             {
                 "max_depth": depth,
@@ -432,7 +477,8 @@ def _restore_trees(ensemble: Any, trees: Mapping[str, Values]) -> None:
         )
         members.append(member)
         start += count
-    if isinstance(ensemble.estimators_, np.ndarray):  # gradient boosting has a column
+    if isinstance(ensemble.estimators_, np.ndarray):
+        # Gradient boosting has its trees in an array of one column.
         ensemble.estimators_ = np.array(members, dtype=object).reshape(-1, 1)
     else:
         ensemble.estimators_ = members
@@ -441,7 +487,7 @@ def _restore_trees(ensemble: Any, trees: Mapping[str, Values]) -> None:
 def read_contents(path: Path) -> Contents:
     """Read the file of a surrogate.
 
-    Models that another version of scikit-learn made predict one row, as a trial.
+    If another version of scikit-learn made the models, they have to predict one row as a trial.
 
     Parameters
     ----------
@@ -451,7 +497,7 @@ def read_contents(path: Path) -> Contents:
     Returns
     -------
     Contents
-        The surrogate.
+        The contents, with unpacked models.
 
     Raises
     ------
@@ -462,17 +508,18 @@ def read_contents(path: Path) -> Contents:
     file = read_file(path)
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")  # models of another version of their library
+            # Libraries warn of models that another version of them made.
+            warnings.simplefilter("ignore")
             return _contents_of(file)
-    except (
-        Exception
-    ) as error:  # any error of a library about content that it does not know
+    # Libraries raise errors of any type about contents that they do not know.
+    except Exception as error:
         if is_shortage(error):
-            raise
-        fault = printable(" ".join(str(error).split())[:100])
-        versions = ", ".join(
-            f"{name} {number}" for name, number in file.card["versions"].items() if number
-        )
+            raise  # Memory or disk space is short, which is no fault of the file.
+        in_one_line = " ".join(str(error).split())
+        fault = printable(in_one_line[:LONGEST_FAULT])
+        # A library that was not installed when the file was made has no number.
+        libraries = file.card["versions"].items()
+        versions = ", ".join(f"{name} {number}" for name, number in libraries if number)
         raise InputError(
             f"{path}: its models cannot be used here ({fault}); it was made with"
             f" {printable(versions)}: {_how_to_fit_anew(path, file.card)}"
@@ -481,16 +528,20 @@ def read_contents(path: Path) -> Contents:
 
 @dataclass(frozen=True, eq=False)
 class SurrogateFile:
-    """The file of a surrogate, of which the models are not unpacked."""
+    """The contents of a surrogate's file with models that are not unpacked."""
 
-    card: dict[str, Any]  # data, settings and scores
-    low: Values  # (d,), smallest features of the training
-    high: Values  # (d,), largest features of the training
-    archive: bytes  # of skops, with the models
+    card: dict[str, Any]  # data, settings and scores, from `learn.surrogate.card.make`
+    low: Values  # (d,), smallest value of each feature in the training
+    high: Values  # (d,), largest value of each feature in the training
+    archive: bytes  # archive of skops with the models
 
 
 def _contents_of(file: SurrogateFile) -> Contents:
-    """Unpack the models of a file, and try them if another scikit-learn has made them."""
+    """Unpack the models of a file.
+
+    If another version of scikit-learn made the models, they predict one row as a trial. Any error
+    of a library is passed on.
+    """
     import sklearn
 
     with _quick_import():
@@ -502,24 +553,32 @@ def _contents_of(file: SurrogateFile) -> Contents:
         for name in file.card["targets"]
     }
     if sklearn.__version__ != file.card["versions"].get("scikit-learn"):
-        row = file.low[None]
+        row = file.low[None]  # a row within the training ranges, (1, d)
         for target in learnt.values():
             target.calibration.ends(target.raw(row), 0.5, row)
-    return Contents(file.card, learnt, file.low, file.high, distance)
+    return Contents(
+        card=file.card,
+        learnt=learnt,
+        low=file.low,
+        high=file.high,
+        distance=distance,
+    )
 
 
 def _unpacked(packed: Mapping[str, Any], distance: Distance) -> Learnt:
-    """Return the model of a target that `_packed` has packed."""
-    growth = GROWTH
-    if packed["grows"]:
-        growth = Growth(*packed["grows"])
+    """Return the model of a target from the dictionary that `_packed` made of it.
+
+    `distance` is the surrogate's measure of distances, which all targets have in common.
+    """
     calibration = Calibration(
         scores=tuple(Scores(*scores) for scores in packed["scores"]),
         usual=ErrorScale(**packed["usual"]),
-        distance=distance if packed["grows"] else None,
         root=packed["root"],
-        growth=growth,
     )
+    if packed["grows"]:
+        calibration = replace(
+            calibration, distance=distance, growth=Growth(*packed["grows"])
+        )
     pipeline = packed["pipeline"]
     if packed["trees"] is not None:
         _restore_trees(pipeline.named_steps[STEP], packed["trees"])
@@ -536,9 +595,13 @@ def _unpacked(packed: Mapping[str, Any], distance: Distance) -> Learnt:
 
 
 def _powers_of(packed: Mapping[str, Any]) -> Powers | None:
-    """Return the powers of a target; files of 1.0.0 do not state those of contact quantities."""
+    """Return the powers that a packed target scales with; None if they are unknown."""
     if "powers" in packed:
-        return packed["powers"] and Powers(*packed["powers"])
+        if packed["powers"] is None:
+            return None
+        return Powers(*packed["powers"])
+    # Files of `WITHOUT_POWERS` do not state powers. Those of contact quantities are known; the
+    # results of a user's function have none.
     quantity = QUANTITIES.get(packed["column"])
     if quantity is None or not quantity.stored:
         return None
@@ -546,7 +609,7 @@ def _powers_of(packed: Mapping[str, Any]) -> Powers | None:
 
 
 def read_file(path: Path) -> SurrogateFile:
-    """Read the file of a surrogate, but do not unpack its models.
+    """Read the file of a surrogate without unpacking its models.
 
     Parameters
     ----------
@@ -556,7 +619,7 @@ def read_file(path: Path) -> SurrogateFile:
     Returns
     -------
     SurrogateFile
-        Card, training ranges and the archive of the models.
+        Card, training ranges, and the archive of the models.
 
     Raises
     ------
@@ -569,9 +632,11 @@ def read_file(path: Path) -> SurrogateFile:
         raise InputError(f"{path} cannot be read: {error.strerror or error}") from None
     head = HEAD.match(content)
     if head is None:
-        database = "; it is a database" if kind_of(path) == "database" else ""
+        is_database = ""
+        if kind_of(path) == "database":
+            is_database = "; it is a database"
         raise InputError(
-            f"{path}: is no surrogate{database}: {command_to_type('learn fit')} makes one of a"
+            f"{path}: is no surrogate{is_database}: {command_to_type('learn fit')} makes one of a"
             " database"
         )
     number = int(head[1])
@@ -584,23 +649,28 @@ def read_file(path: Path) -> SurrogateFile:
             f"{path}: is damaged: its checksum is not that of its content; restore it from a copy"
             " or fit it anew"
         )
+    remedy = ""
     try:
         file = _split(body)
-        remedy = _how_to_fit_anew(path, file.card) if number in OLDER else ""
+        if number in OLDER:
+            remedy = _how_to_fit_anew(path, file.card)
+    # The checksum is right, so that the file was written with other contents.
     except (ValueError, TypeError, KeyError, RecursionError, MemoryError) as error:
-        fault = printable(f"{type(error).__name__}: {error}"[:100])
+        fault = printable(f"{type(error).__name__}: {error}"[:LONGEST_FAULT])
         raise InputError(
             f"{path}: is no surrogate that could be read ({fault})"
         ) from None
-    if remedy:
+    if number in OLDER:
         raise InputError(other_format + remedy)
     return file
 
 
 def _split(body: memoryview) -> SurrogateFile:
-    """Split what follows the head of a file into card, training ranges and archive."""
+    """Split the body of a file, which follows its first lines, into its parts."""
+    # The first 8 bytes are the length of the JSON, which follows them.
     end = 8 + int.from_bytes(body[:8], "little")
     content = json.loads(bytes(body[8:end]))
+    # Files of `OLDER` formats, which are refused afterwards, may lack the training ranges.
     return SurrogateFile(
         card=content["card"],
         low=np.array(content.get("low", ()), dtype=np.float64),
@@ -610,13 +680,16 @@ def _split(body: memoryview) -> SurrogateFile:
 
 
 def _how_to_fit_anew(path: Path, card: Mapping[str, Any]) -> str:
-    """Return "fit it anew: " and the command that does so, as far as the card tells."""
+    """Return "fit it anew: " and the command that does so, with the options that the card states.
+
+    KeyError, TypeError or ValueError is raised if the card is malformed.
+    """
     # The card of a single database has the entries of that database itself.
     databases = [entry["database"] for entry in card.get("databases", [card])]
     area_max = None
     if card.get("area_max") is not None:
         area_max = f"{card['area_max']:g}"
-    normalisation = None
+    normalisation = None  # An option is left out if its value is the default.
     if card["normalisation"] != SETS[card["features"]].normalisation:
         normalisation = card["normalisation"]
     options = {
@@ -641,11 +714,16 @@ def _how_to_fit_anew(path: Path, card: Mapping[str, Any]) -> str:
 
 
 def _comparison_of(card: Mapping[str, Any]) -> Path | None:
-    """Return the comparison folder that the settings of a surrogate come from, if they do."""
-    from learn.comparison.folder import folder_of_origin
+    """Return the comparison folder whose winners' settings a surrogate has, from its card.
 
+    It is None if no comparison chose the settings.
+    """
+    # All targets have their settings from folders of one comparison.
     target = next(iter(card["targets"].values()))
-    folder = folder_of_origin(str(target["settings_from"]))
-    if folder is None:
-        return None
-    return folder.parent
+    if COMPARISON in target:
+        return Path(target[COMPARISON]).parent
+    origin = str(target["settings_from"])
+    for words in WORDS_BEFORE_FOLDER:
+        if origin.startswith(words):
+            return Path(origin.removeprefix(words)).parent
+    return None

@@ -1,4 +1,4 @@
-"""Which level the intervals of an answer get."""
+"""The level of the intervals of an answer: the default one, and the levels that are refused."""
 
 from __future__ import annotations
 
@@ -10,23 +10,26 @@ from learn.surrogate.model import Surrogate
 
 
 def require_level(surrogate: Surrogate, level: float) -> None:
-    """Refuse a level of intervals that too few surfaces or maps calibrate.
+    """Refuse a level of intervals that the calibration of a surrogate does not reach.
 
     Parameters
     ----------
     surrogate : Surrogate
         The surrogate.
     level : float
-        Coverage of the intervals.
+        Coverage of the intervals, between 0 and 1.
 
     Raises
     ------
     InputError
-        If the level is not between 0 and 1, or the intervals of a target do not reach it.
+        If the level is not between 0 and 1, or too few surfaces, maps or databases calibrate the
+        intervals of a target for it.
     """
     for name, learnt in surrogate.learnt.items():
         calibration = learnt.calibration
-        if all(np.isfinite(scores.quantile(level)) for scores in calibration.scores):
+        # A quantile is infinite beyond the largest level that its surfaces or maps reach.
+        quantiles = [scores.quantile(level) for scores in calibration.scores]
+        if np.isfinite(quantiles).all():
             continue
         raise InputError(
             f"--interval {level:g}: intervals of {name} are calibrated by"
@@ -38,40 +41,44 @@ def require_level(surrogate: Surrogate, level: float) -> None:
 def level_of(
     surrogate: Surrogate, requested: float | None, *, mean: bool = False
 ) -> float:
-    """Return the level of the intervals of an answer.
+    """Choose the level of the intervals of an answer, or check the requested one.
 
     Parameters
     ----------
     surrogate : Surrogate
         The surrogate that answers.
     requested : float or None
-        The level that the user names. None stands for `USUAL_LEVEL`, or for the largest level that
-        holds if it is smaller.
+        The level that the user names; None for the default.
     mean : bool
-        True for intervals of the mean over surfaces, which no rows calibrate: any level holds.
+        True for intervals of the mean over surfaces. They need no calibration, so that they reach
+        any level.
 
     Returns
     -------
     float
-        A level that holds, between 0 and 1.
+        The requested level. By default it is `USUAL_LEVEL`, or the largest level that the
+        calibration reaches if this is smaller.
 
     Raises
     ------
     InputError
-        If the level is not between 0 and 1, or too few surfaces or maps calibrate it.
+        If the level is not between 0 and 1, or the calibration does not reach it.
     """
-    level = requested
-    if level is None:
-        level = USUAL_LEVEL if mean else min(USUAL_LEVEL, surrogate.largest_level)
     if mean:
+        level = USUAL_LEVEL
+        if requested is not None:
+            level = requested
         require_probability(level)
-    else:
-        require_level(surrogate, level)
+        return level
+    level = min(USUAL_LEVEL, surrogate.largest_level)
+    if requested is not None:
+        level = requested
+    require_level(surrogate, level)
     return level
 
 
 def level_note(surrogate: Surrogate, level: float, requested: float | None) -> str:
-    """Explain a level of intervals that is below the usual one though the user named none.
+    """Explain why intervals have a lower level than `USUAL_LEVEL` by default.
 
     Parameters
     ----------
@@ -85,7 +92,7 @@ def level_note(surrogate: Surrogate, level: float, requested: float | None) -> s
     Returns
     -------
     str
-        The explanation; "" if there is nothing to explain.
+        The explanation; "" if the user named the level, or if it is `USUAL_LEVEL`.
     """
     if requested is not None or level >= USUAL_LEVEL:
         return ""

@@ -1,6 +1,6 @@
 """A surrogate, and its predictions for a surface."""
 
-from __future__ import annotations  # short signatures in help()
+from __future__ import annotations  # so that help() shows the short names of types
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -22,8 +22,9 @@ from learn.features.scene import checked_numbers
 from learn.surrogate.interval import Distance
 from learn.surrogate.learnt import Contents, Learnt, read_contents, write_contents
 from learn.surrogate.scale import keeps_its_scale, scale_notes
-from learn.surrogate.training import Training, between
+from learn.surrogate.training import Training, hardness_range_text
 
+# Ranges of the user's numbers, with the words of their refusals.
 MODULUS = Range(0, np.inf, "a modulus above 0 MPa")
 HARDNESS = Range(0, np.inf, "a hardness above 0 MPa")
 LEVEL = Range(0, 1, "a coverage between 0 and 1, as 0.9")
@@ -36,17 +37,21 @@ class Prediction:
     Attributes
     ----------
     delta : ndarray, shape (n,)
-        Far-field displacement [um].
+        Far-field displacement [um]; NaN if the load is another one, which is then in `given`.
     values : dict of str to ndarray, shape (n,)
-        Predictions by target: "area" [%], "force" [uN], "mean_gap" [um] ...
+        Predictions by target: "area" [%], "force" [uN], "mean_gap" [um] ...; NaN where the
+        surrogate has no finite prediction.
     low, high : dict of str to ndarray, shape (n,)
-        Lower and upper ends of the intervals by target; empty if no intervals were asked for. They
-        hold for rows inside the training only; tables leave them out for other rows.
+        Lower and upper ends of the intervals by target, in the units of `values`; empty if the
+        question had no level. They hold for rows inside the training only; tables leave them out
+        for other rows.
     reasons : tuple of str
-        For each row, what is outside the training; "" if nothing is.
+        For each row, what is outside the training, or which targets have no finite prediction; ""
+        if the row is inside.
     given : dict of str to ndarray, shape (n,)
-        The pressure of each row [MPa], or the parameters and the load of a scene by their names, if
-        the surrogate has learnt these; otherwise empty. `delta` is then NaN unless it is the load.
+        Of a surrogate by pressure, the "pressure" of each row [MPa]. Of a surrogate of a scene's
+        own features, the parameters and the load by their names, in the scene's units. Otherwise
+        empty.
     """
 
     delta: Values
@@ -68,7 +73,7 @@ class Prediction:
 
     @property
     def inside(self) -> NDArray[np.bool_]:
-        """True for rows inside the training, shape (n,)."""
+        """True for rows without a reason, which are inside the training, shape (n,)."""
         return np.array([not reason for reason in self.reasons], dtype=np.bool_)
 
 
@@ -83,11 +88,12 @@ class Surrogate:
     learnt : mapping of str to Learnt
         Models by the short names of their targets.
     low, high : ndarray, shape (d,)
-        Training ranges of the features.
+        Smallest and largest value of each feature in the training.
     distance : Distance
-        Distances from the training.
+        Measures distances from the training.
     training : Training
-        What predictions need of the training: features, E*, hardness, boundary, grids.
+        The facts about the training that predictions need: features, E*, hardness, boundary, grids.
+        It is made from the other attributes.
     """
 
     card: dict[str, Any]
@@ -98,8 +104,9 @@ class Surrogate:
     training: Training = field(init=False)
 
     def __post_init__(self) -> None:
-        """Read the training from the card."""
+        """Make the training from the card, the ranges and the distances."""
         training = Training.of(self.card, self.low, self.high, self.distance)
+        # The class is frozen, so that an ordinary assignment would be refused.
         object.__setattr__(self, "training", training)
 
     @property
@@ -119,12 +126,15 @@ class Surrogate:
 
     @property
     def hardness_limits(self) -> tuple[float, float] | None:
-        """Smallest and largest hardness over E* of the training; None if no bodies yield."""
+        """Smallest and largest hardness over E* of the training; None if all bodies are elastic."""
         return self.training.hardness_limits
 
     @classmethod
     def load(cls, path: Path | str) -> Self:
-        """Read the file of a surrogate. No code that the file names is imported or run.
+        """Read the file of a surrogate.
+
+        Code that a file names is not imported or run, unless it is of the types that models of
+        `learn fit` are made of.
 
         Parameters
         ----------
@@ -152,7 +162,9 @@ class Surrogate:
         )
 
     def save(self, path: Path | str) -> None:
-        """Write the file that `load` reads, whole or not at all.
+        """Write a file that `load` reads.
+
+        An error leaves no partly written file.
 
         Parameters
         ----------
@@ -164,7 +176,7 @@ class Surrogate:
         InputError
             If the file cannot be written.
         ValueError
-            If a model has settings that `learn fit` never gives.
+            If a model contains a type that models of `learn fit` never contain.
         """
         contents = Contents(
             card=self.card,
@@ -189,29 +201,35 @@ class Surrogate:
     ) -> Prediction:
         """Predict contacts of one surface, or of a scene's surfaces by their parameters.
 
-        A surrogate of a scene's own features takes no surface, but the scene's parameters and load
-        by their names, as `predict(hurst=0.7, rms_height=1.2, pressure=[10.0, 20.0])`. Each is a
-        number or an array, and arrays have one length.
+        A surrogate of surfaces needs `surface`, `side` and a load. A surrogate of a scene's own
+        features takes no surface, side or E*, but the scene's parameters and its load by their
+        names, as `predict(hurst=0.7, rms_height=1.2, pressure=[10.0, 20.0])`. Each of these is a
+        number, or an array; all arrays have the same length.
 
         Parameters
         ----------
-        surface : ArrayLike
+        surface : ArrayLike, optional
             Heights, shape (nx, ny) [um].
-        side : float or tuple of float
+        side : float or tuple of float, optional
             Scan length; one number, or one for each axis [um].
-        delta : ArrayLike
-            One or more far-field displacements [um].
+        delta : ArrayLike, optional
+            One or more far-field displacements [um]. A surrogate that was fitted with --load
+            pressure does not use them.
         e_star : float, optional
             E* of forces and pressures; that of the training by default [MPa].
         hardness : ArrayLike, optional
-            Hardness of the softer body, for a surrogate of bodies that yield; by default that of
-            the training, if it has only one [MPa].
+            Hardness of the softer body [MPa], for a surrogate of bodies that yield: one number, or
+            an array for a surrogate of a scene's own features. For a surface it is by default that
+            of the training, if it has only one; or bodies are elastic, if the training includes
+            some.
         level : float or None
-            Coverage of the intervals; None for no intervals. It is never reduced: above
-            `largest_level` the ends of intervals are infinite, or the bounds of the target. Give
-            `min(0.9, surrogate.largest_level)` for the level that `learn predict` takes by default.
+            Coverage of the intervals, between 0 and 1; None for no intervals. A level above
+            `largest_level` is not lowered: the ends of its intervals are infinite, or the bounds of
+            the target. Give `min(0.9, surrogate.largest_level)` for the level that `learn predict`
+            takes by default.
         mean : bool
-            True for intervals of the mean over all surfaces of the parameters, not of a new one.
+            True for intervals of the mean over all surfaces with these parameters. False for
+            intervals of a single new surface.
         **numbers : ArrayLike
             Parameters and load of a surrogate of a scene's own features, in the scene's units; or
             `pressure` for a surrogate of surfaces that was fitted with --load pressure [MPa].
@@ -224,24 +242,30 @@ class Surrogate:
         Raises
         ------
         InputError
-            If heights, lengths, loads, `e_star`, `hardness` or `level` are impossible, or if a
-            surface, hardness, parameter or load is missing or unknown.
+            If heights, lengths, loads, `e_star`, `hardness`, `level` or parameters are impossible;
+            if a surface, hardness, parameter or load is missing, unknown or of the other kind of
+            surrogate; if a statistic of the surface is undefined, a feature is too large, or a
+            coarse solve fails; or if the model has no intervals of the mean.
         """
-        load = self.features.load
         if self.features.of_scene:
+            # The scene fixes E*, and its parameters replace the surface.
             if surface is not None or side is not None or e_star is not None:
                 names = ", ".join(self.features.names)
                 raise InputError(
                     f"the surrogate asks for {names}, not for a surface or E*"
                 )
+            # `delta` and `hardness` may be numbers of the scene, too.
             by_name = {"delta": delta, "hardness": hardness, **numbers}
-            rows = self.of_numbers(
-                {name: value for name, value in by_name.items() if value is not None}
-            )
+            scene_numbers = {
+                name: value for name, value in by_name.items() if value is not None
+            }
+            rows = self.of_numbers(scene_numbers)
             return self.predict_rows(rows, level=level, mean=mean)
+        load = self.features.load
         loads = delta
         if load == "pressure":
             loads = numbers.pop("pressure", None)
+        # `numbers` that are left over are parameters of a scene, which this surrogate lacks.
         if surface is None or side is None or loads is None or numbers or mean:
             raise InputError(
                 f"the surrogate asks for a surface, its side and {load}: parameters of a scene and"
@@ -258,33 +282,34 @@ class Surrogate:
 
     @property
     def largest_level(self) -> float:
-        """Largest level of intervals that holds for all targets, rounded down to three digits.
+        """Largest level that the intervals of all targets reach, rounded down to three digits.
 
-        Intervals that K surfaces, maps or databases calibrate reach K / (K + 1).
+        Intervals that K surfaces, maps or databases calibrate reach a level of K / (K + 1).
         """
         return min(learnt.calibration.largest_level for learnt in self.learnt.values())
 
     def bodies(self, e_star: float | None, hardness: float | None) -> Bodies:
-        """Return the bodies of a prediction, which by default are those of the training.
+        """Check E* and hardness of a prediction, and complete them by those of the training.
 
         Parameters
         ----------
         e_star : float or None
             E* [MPa]; None for that of the training.
         hardness : float or None
-            Hardness [MPa]. None stands for elastic bodies if the training has some, otherwise for
-            the only hardness of the training.
+            Hardness of the softer body [MPa]. None for elastic bodies if the training includes
+            some; otherwise for the only hardness over E* of the training.
 
         Returns
         -------
         Bodies
-            E* and hardness.
+            E* and hardness; no hardness for elastic bodies. `has_modulus` is True if `e_star` is
+            given.
 
         Raises
         ------
         InputError
-            If a number is not above 0, if there is a hardness and the training has none, or if
-            there is none and the training has several.
+            If a number is not above 0; if a hardness is named and all bodies of the training are
+            elastic; or if none is named and the training has several.
         """
         limits = self.hardness_limits
         modulus = self.modulus
@@ -299,13 +324,14 @@ class Surrogate:
                 " out, or fit one to a database whose scene has a hardness"
             )
         if hardness is None and limits is not None and not self.features.elastic:
+            # All bodies of the training yield: one hardness is the default, several are not.
             if limits[0] < limits[1]:
                 raise InputError(
                     "give --hardness: the surrogate was trained on bodies that yield at"
-                    f" {between(limits)} E*"
+                    f" {hardness_range_text(limits)} E*"
                 )
             hardness = limits[0] * modulus
-        return Bodies(modulus, hardness, has_modulus=e_star is not None)
+        return Bodies(e_star=modulus, hardness=hardness, has_modulus=e_star is not None)
 
     def of_numbers(self, numbers: Mapping[str, ArrayLike]) -> Rows:
         """Turn parameters and loads of a scene into rows for `predict_rows`.
@@ -313,8 +339,8 @@ class Surrogate:
         Parameters
         ----------
         numbers : mapping of str to ArrayLike
-            Numbers or arrays of one length, (n,), by the names of `features.names`, in the scene's
-            units.
+            Parameters and load by the names of `features.names`, in the scene's units. Each is a
+            number or an array; all arrays have the same length n.
 
         Returns
         -------
@@ -324,8 +350,9 @@ class Surrogate:
         Raises
         ------
         InputError
-            If the surrogate is one of surfaces, a name is missing or unknown, lengths differ, or a
-            number is not finite, or not above 0 where its logarithm is learnt.
+            If the surrogate has features of surfaces, a name is missing or unknown, lengths differ,
+            an array has more than one dimension, or a number is masked or not finite, or not above
+            0 where its logarithm is a feature.
         """
         if not self.features.of_scene:
             raise InputError(
@@ -333,8 +360,15 @@ class Surrogate:
             )
         columns = checked_numbers(self.features.columns, numbers)
         size = next(iter(columns.values())).size
+        # Delta is unknown if the scene's load is another quantity.
         delta = columns.get("delta", np.full(size, np.nan))
-        return Rows(np.empty((size, 0)), delta, 1.0, scene_numbers=columns)
+        # A scene's own features need no statistics and no length.
+        return Rows(
+            statistics=np.empty((size, 0)),
+            delta=delta,
+            length=1.0,
+            scene_numbers=columns,
+        )
 
     def for_surface(
         self,
@@ -342,12 +376,12 @@ class Surrogate:
         side: float | tuple[float, float],
         name: str = "the surface",
     ) -> OnSurface:
-        """Apply the surrogate to a surface, whose statistics are computed once.
+        """Apply the surrogate to a surface, for predictions at as many loads as needed.
 
         Parameters
         ----------
         surface : ArrayLike
-            Heights, shape (nx, ny) [um]; the patch has the boundary of the training.
+            Heights, shape (nx, ny) [um]. The patch is taken to have the boundary of the training.
         side : float or tuple of float
             Scan length; one number, or one for each axis [um].
         name : str
@@ -356,12 +390,13 @@ class Surrogate:
         Returns
         -------
         OnSurface
-            The surrogate with the features of this surface.
+            The surrogate with this surface, whose statistics are computed once.
 
         Raises
         ------
         InputError
-            If heights or lengths are impossible, or the surrogate is of a scene's own features.
+            If heights or lengths are impossible, or the surrogate has a scene's own features, which
+            need no surface.
         """
         if self.features.of_scene:
             names = ", ".join(self.features.names)
@@ -375,8 +410,14 @@ class Surrogate:
             node_spacing(heights.shape[0], sides[0], self.boundary),
             node_spacing(heights.shape[1], sides[1], self.boundary),
         )
-        features = SurfaceFeatures(heights, sides, spacing, name, self.boundary)
-        return OnSurface(self, features)
+        features = SurfaceFeatures(
+            heights=heights,
+            sides=sides,
+            spacing=spacing,
+            name=name,
+            boundary=self.boundary,
+        )
+        return OnSurface(surrogate=self, surface=features)
 
     def of_statistics(
         self,
@@ -399,7 +440,8 @@ class Surrogate:
         hardness_ratio : float, optional
             Hardness over E*; None for elastic bodies.
         nodes : ndarray, shape (n,), optional
-            Nodes along a side, the geometric mean of both axes, if the features need them.
+            Number of nodes along a side, the geometric mean of both axes. Needed only if it is
+            among the features.
 
         Returns
         -------
@@ -409,7 +451,8 @@ class Surrogate:
         Raises
         ------
         InputError
-            If a statistic is NaN, or an array is masked in places.
+            If a statistic is NaN, or an array has masked elements or entries that are no real
+            numbers.
         """
         with input_errors():
             statistics = real_array("statistics", statistics)
@@ -417,7 +460,13 @@ class Surrogate:
             length = real_array("lengths", length)
         if np.isnan(statistics).any():
             raise InputError("statistics must be finite: some are NaN")
-        return Rows(statistics, delta, length, hardness_ratio, nodes)
+        return Rows(
+            statistics=statistics,
+            delta=delta,
+            length=length,
+            hardness_ratio=hardness_ratio,
+            nodes=nodes,
+        )
 
     def predict_rows(
         self,
@@ -427,7 +476,7 @@ class Surrogate:
         level: float | None = 0.9,
         mean: bool = False,
     ) -> Prediction:
-        """Predict rows.
+        """Predict all targets of rows, with intervals and reasons.
 
         Parameters
         ----------
@@ -436,9 +485,10 @@ class Surrogate:
         e_star : float, optional
             E* of forces and pressures; that of the training by default [MPa].
         level : float or None
-            Coverage of the intervals; None for no intervals. See `predict`.
+            Coverage of the intervals, between 0 and 1; None for no intervals. See `predict`.
         mean : bool
-            True for intervals of the mean over surfaces, of a surrogate of a scene's own features.
+            True for intervals of the mean over all surfaces with the parameters of a row. Only a
+            surrogate made with --model population has them.
 
         Returns
         -------
@@ -448,8 +498,10 @@ class Surrogate:
         Raises
         ------
         InputError
-            If E*, the level or a Delta is out of range, a feature is too large, or the rows lack
-            the heights of the surface, its nodes or a parameter that the features need.
+            If E*, the level or a Delta is out of range; if a feature is too large, or undefined in
+            a row whose statistics are all defined; if the rows lack the columns of a coarse solve,
+            the nodes or a parameter that the features need; or if the model has no intervals of the
+            mean.
         """
         with input_errors():
             if e_star is not None:
@@ -465,11 +517,15 @@ class Surrogate:
         for name, learnt in self.learnt.items():
             answer = self._answer(learnt, rows, inputs, e_star)
             values[name] = answer.values
-            if level is not None:
-                interval = answer.mean_interval if mean else answer.interval
-                lows[name], highs[name] = interval(level, inputs)
+            if level is None:
+                continue
+            if mean:
+                lows[name], highs[name] = answer.mean_interval(level, inputs)
+            else:
+                lows[name], highs[name] = answer.interval(level, inputs)
         delta = rows.delta.copy()
         if "pressure" in rows.scene_numbers:
+            # `rows.delta` is then p L / E*, in place of a displacement.
             delta = np.full(delta.shape, np.nan)
         return Prediction(
             delta=delta,
@@ -483,18 +539,30 @@ class Surrogate:
     def _answer(
         self, learnt: Learnt, rows: Rows, inputs: Values, e_star: float | None
     ) -> _Answer:
-        """Predict one target of n rows with features (n, d), at an E* [MPa]."""
+        """Predict one target of n rows, of which `inputs` are the features, (n, d).
+
+        `e_star` is that of the prediction [MPa]; None for that of the training. Values that are not
+        finite become NaN.
+        """
         scale = self._scale(learnt.powers, rows, e_star)
         raw = learnt.raw(inputs)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            raw[~np.isfinite(raw * scale)] = np.nan
-            values = np.clip(raw * scale, *learnt.bounds)
-            # Intervals are about the value within the bounds, so that bounds leave each a width.
-            centre = np.where(values == raw * scale, raw, values / scale)
-        return _Answer(learnt, values, centre, scale)
+            restored = raw * scale
+            is_finite = np.isfinite(restored)
+            raw[~is_finite] = np.nan
+            restored[~is_finite] = np.nan
+            values = np.clip(restored, *learnt.bounds)
+            # The middle of an interval is the value within the bounds. About a value outside of
+            # them, both ends of the interval could be clipped to the same bound.
+            centre = np.where(values == restored, raw, values / scale)
+        return _Answer(learnt=learnt, values=values, centre=centre, scale=scale)
 
     def _scale(self, powers: Powers | None, rows: Rows, e_star: float | None) -> Values:
-        """Return what a target is over, (n,), in its unit, at an E* [MPa]."""
+        """Return the factors between the learnt target and the target, (n,), in its unit.
+
+        `powers` are the powers that the target scales with; None if they are unknown. `e_star` is
+        the E* of the prediction [MPa]; None for the E* of the training.
+        """
         scale = self.features.scale(powers, rows, self.modulus)
         if e_star is None or powers is None or not powers.modulus:
             return scale
@@ -507,52 +575,72 @@ class Surrogate:
         values: Mapping[str, Values],
         e_star: float | None,
     ) -> tuple[str, ...]:
-        """Return for each row the targets without a finite value, and what is outside."""
-        one_scale = [
+        """Return one text for each of n rows, of notes with "; " between them; "" without notes.
+
+        The notes are on targets without a finite prediction, then on the differences from the
+        training, then on the scale of targets without known powers. `inputs` are the features,
+        (n, d), and `values` the predictions by target, (n,) each.
+        """
+        targets_of_one_scale = [
             name
             for name, learnt in self.learnt.items()
             if not keeps_its_scale(learnt.powers, self.features)
         ]
-        notes = zip(
-            self.training.reasons(rows, inputs),
-            scale_notes(self.training, one_scale, rows, e_star),
-            strict=True,
-        )
-        reasons = ["; ".join(filter(None, pair)) for pair in notes]
-        defined = ~np.isnan(inputs).any(axis=1)
+        notes_on_training = self.training.reasons(rows, inputs)
+        notes_on_scale = scale_notes(self.training, targets_of_one_scale, rows, e_star)
+        # The notes of later targets come first.
+        notes_on_targets: list[list[str]] = [[] for _ in notes_on_training]
+        # A row with an undefined feature has a note on that already.
+        is_defined = ~np.isnan(inputs).any(axis=1)
         for name, predicted in values.items():
-            for row in np.flatnonzero(np.isnan(predicted) & defined):
-                fault = f"the surrogate has no finite {name}"
-                reasons[row] = f"{fault}; {reasons[row]}" if reasons[row] else fault
-        return tuple(reasons)
+            for row in np.flatnonzero(np.isnan(predicted) & is_defined):
+                notes_on_targets[row].insert(0, f"the surrogate has no finite {name}")
+        notes_of_rows = zip(
+            notes_on_targets, notes_on_training, notes_on_scale, strict=True
+        )
+        return tuple(
+            "; ".join(filter(None, [*on_targets, on_training, on_scale]))
+            for on_targets, on_training, on_scale in notes_of_rows
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class _Answer:
     """Predictions of one target for n rows."""
 
-    learnt: Learnt  # the model of the target
-    values: Values  # (n,), in the unit of the target, within its bounds
-    centre: Values  # (n,), the middle of the interval, over the scale
-    scale: Values  # (n,), divisor of the target, in its unit
+    learnt: Learnt  # model of the target
+    values: Values  # (n,), predictions in the unit of the target, within its bounds
+    centre: Values  # (n,), middle of the intervals, over the scale of the target
+    scale: Values  # (n,), scale of the target, in its unit
 
     def interval(self, level: float, inputs: Values) -> tuple[Values, Values]:
-        """Return both ends of the intervals of a new surface, each (n,), in the target's unit."""
+        """Return lower and upper ends of intervals for a new surface, each (n,).
+
+        They are in the unit of the target. `level` is the coverage, `inputs` the features, (n, d).
+        """
         low, high = self.learnt.calibration.ends(self.centre, level, inputs)
         return self._restored(low), self._restored(high)
 
     def mean_interval(self, level: float, inputs: Values) -> tuple[Values, Values]:
-        """Return both ends of the intervals of the mean, each (n,), in the target's unit."""
+        """Return lower and upper ends of intervals for the mean over surfaces, each (n,).
+
+        They are in the unit of the target. `level` is the coverage, `inputs` the features, (n, d).
+        """
         low, high = self.learnt.mean_ends(self.centre, level, inputs)
         return self._restored(low), self._restored(high)
 
     def _restored(self, end: Values) -> Values:
-        """Return an end in the unit of the target, within its bounds, (n,)."""
+        """Return ends over the scale, (n,), in the unit of the target and within its bounds."""
         return np.asarray(np.clip(end * self.scale, *self.learnt.bounds))
 
 
 def _checked_sides(side: float | tuple[float, float]) -> tuple[float, float]:
-    """Return the lengths of a patch along x and y [um], of one number or two."""
+    """Return the lengths of a patch along x and y [um]; a single number is the length of both.
+
+    `checked` raises a plain ValueError for an impossible length. InputError is raised for a
+    sequence that has not two lengths.
+    """
+    # A text goes to `checked`, which refuses it; below, "ab" would pass as two lengths.
     if isinstance(side, str) or np.ndim(side) == 0:
         length = checked("side", side)
         return length, length
@@ -563,13 +651,15 @@ def _checked_sides(side: float | tuple[float, float]) -> tuple[float, float]:
 
 
 def _require_numbers(rows: Rows, inputs: Values) -> None:
-    """Refuse rows whose Delta is not above 0, or whose features (n, d) are too large or infinite.
+    """Raise InputError if a Delta is not above 0, or a feature is undefined or above `LARGEST`.
 
-    Undefined statistics are allowed: predictions of these rows are NaN.
+    `inputs` are the features of n rows, (n, d). Features are not checked in rows with a NaN among
+    the statistics, whose predictions are NaN.
     """
-    defined = ~np.isnan(rows.statistics).any(axis=1)
-    too_large = defined & ~(np.abs(inputs) <= LARGEST).all(axis=1)
-    faulty = np.flatnonzero(too_large | ~(rows.delta > 0))
+    is_defined = ~np.isnan(rows.statistics).any(axis=1)
+    in_range = (np.abs(inputs) <= LARGEST).all(axis=1)  # False for NaN, too
+    has_load = rows.delta > 0  # False for NaN, too
+    faulty = np.flatnonzero((is_defined & ~in_range) | ~has_load)
     if faulty.size:
         raise InputError(
             f"row {faulty[0] + 1} of {len(rows.delta)}: statistics and Delta must be finite,"
@@ -580,14 +670,14 @@ def _require_numbers(rows: Rows, inputs: Values) -> None:
 
 @dataclass(frozen=True, eq=False)
 class OnSurface:
-    """A surrogate applied to one surface, whose statistics are computed once.
+    """A surrogate applied to one surface.
 
     Attributes
     ----------
     surrogate : Surrogate
         The surrogate.
     surface : SurfaceFeatures
-        The surface.
+        The surface, whose statistics are computed once.
     """
 
     surrogate: Surrogate
@@ -599,16 +689,18 @@ class OnSurface:
         bodies: Bodies | None = None,
         hardness: Values | None = None,
     ) -> Rows:
-        """Compute what features need at one or more loads.
+        """Make the rows of the surface at one or more loads.
 
         Parameters
         ----------
         delta : ArrayLike
-            One displacement above 0, or n of them [um]; pressures [MPa] if these were learnt.
+            One displacement above 0, or n of them [um]; pressures [MPa] for a surrogate by
+            pressure.
         bodies : Bodies, optional
-            Bodies from `Surrogate.bodies`; those of the training by default.
+            Bodies from `Surrogate.bodies`; by default those of `Surrogate.bodies(None, None)`, or
+            bodies with the E* of the training if `hardness` is given.
         hardness : ndarray, shape (n,), optional
-            Hardness at each load instead of the bodies' [MPa].
+            Hardness at each load, in place of the bodies' one [MPa].
 
         Returns
         -------
@@ -618,12 +710,18 @@ class OnSurface:
         Raises
         ------
         InputError
-            If a load is not above 0, or a statistic that the features need is undefined.
+            If a load is not finite and above 0, any of the 22 statistics is undefined, or a coarse
+            solve fails. Without `bodies`, also if `hardness` is given and all bodies of the
+            training are elastic, or if it is left out and the training has several.
         """
         features = self.surrogate.features
         if bodies is None:
-            first = None if hardness is None else float(hardness[0])
-            bodies = self.surrogate.bodies(None, first)
+            # `bodies` demands a hardness if the training has several. Any one will do, because
+            # `ratio` below replaces it.
+            any_hardness = None
+            if hardness is not None:
+                any_hardness = float(hardness[0])
+            bodies = self.surrogate.bodies(e_star=None, hardness=any_hardness)
         ratio: Values | float | None = bodies.hardness_ratio
         if hardness is not None:
             ratio = hardness / bodies.e_star
@@ -644,13 +742,16 @@ class OnSurface:
         Parameters
         ----------
         delta : ArrayLike
-            One displacement above 0, or n of them [um]; pressures [MPa] if these were learnt.
+            One displacement above 0, or n of them [um]; pressures [MPa] for a surrogate by
+            pressure.
         e_star : float, optional
             E* of forces and pressures; that of the training by default [MPa].
         hardness : float, optional
-            Hardness of the softer body; by default that of the training, if it has only one [MPa].
+            Hardness of the softer body [MPa]. By default that of the training, if it has only one;
+            or elastic bodies, if the training includes some.
         level : float or None
-            Coverage of the intervals; None for no intervals. See `Surrogate.predict`.
+            Coverage of the intervals, between 0 and 1; None for no intervals. See
+            `Surrogate.predict`.
 
         Returns
         -------
@@ -660,8 +761,8 @@ class OnSurface:
         Raises
         ------
         InputError
-            If a load, `e_star`, `hardness` or `level` is impossible, the hardness is missing, or a
-            statistic that the features need is undefined.
+            If a load, `e_star`, `hardness` or `level` is impossible, the hardness is missing, any
+            of the 22 statistics is undefined, a feature is too large, or a coarse solve fails.
         """
         rows = self.rows(delta, self.surrogate.bodies(e_star, hardness))
         return self.surrogate.predict_rows(rows, e_star=e_star, level=level)

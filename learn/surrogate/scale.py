@@ -1,10 +1,11 @@
-"""The scale that a surrogate holds at, where a target scales with no known power of it.
+"""Targets without known powers of heights, lengths and E*, which hold at the training's scale only.
 
-Features without units serve surfaces of any size and bodies of any E*, because targets are learnt
-over their scale. That needs a target with known powers of heights, lengths and E*. The result of a
-user's function may depend on a length or a stress that is fixed in the function, and databases of
-earlier versions do not tell. Such a target holds at heights, lengths and E* of the training alone,
-and everything else is flagged.
+Features without units serve surfaces of any size and bodies of any E*, because each target is
+divided by its scale before it is learnt. The scale is a product of powers of heights, lengths and
+E*, which must be known. They are unknown for the result of a user's function, which may depend on a
+length or a stress that is fixed in the function; databases of earlier versions do not state them
+either. Predictions of a target without known powers hold at heights, lengths and E* of the training
+only. Rows outside these ranges are flagged.
 """
 
 from __future__ import annotations
@@ -24,14 +25,17 @@ from learn.surrogate.training import Training
 if TYPE_CHECKING:
     from learn.database_rows import Dataset
 
-RMS_HEIGHT = STATISTICS.index("height_rms")  # column of the statistics
-# relative distance beyond a range of the training up to which a number still counts as inside
+RMS_HEIGHT = STATISTICS.index(
+    "height_rms"
+)  # place of the rms height among the statistics
+# Relative distance outside a training range up to which a number is not flagged: room for rounding.
 TOLERANCE = 1e-6
+# What the user is told, after the name of the target.
 NO_POWERS = (
     "has no known powers of heights, lengths and E*: it holds at those of the training alone, and"
     " everything else is flagged"
 )
-# names of the three numbers in cards and messages, and their units
+# Names of the three numbers of the scale in cards and messages, and their units.
 HEIGHT = "rms height"
 LENGTH = "scan length L"
 MODULUS = "E*"
@@ -39,65 +43,70 @@ UNITS = {HEIGHT: "um", LENGTH: "um", MODULUS: "MPa"}
 
 
 def keeps_its_scale(powers: Powers | None, features: FeatureSet) -> bool:
-    """Return whether a target is known at every scale that the features serve.
+    """Return whether the predictions of a target hold at every scale that the features serve.
 
     Parameters
     ----------
     powers : Powers or None
         Powers of heights, lengths and E* that the target scales with; None if they are unknown.
     features : FeatureSet
-        Features of the target; those of a scene have no other scale than the scene's.
+        Features that the target is learnt from.
 
     Returns
     -------
     bool
-        False if the target holds at the scale of the training alone.
+        False if predictions hold at the scale of the training only. Always True for features of a
+        scene, whose rows have no other scale than the scene's.
     """
     return powers is not None or features.of_scene
 
 
 def scale_ranges(rows: Dataset, train: Indices) -> dict[str, list[float]]:
-    """Return the scale of training rows, for the card of targets that hold at this scale alone.
+    """Return the ranges of the three numbers of the scale over the training rows.
+
+    The card of a surrogate keeps them if a target holds at the scale of the training only.
 
     Parameters
     ----------
     rows : Dataset
         The usable rows.
     train : ndarray, shape (m,)
-        Positions of the training rows.
+        Positions of the training rows among them.
 
     Returns
     -------
     dict of str to list of float
-        Smallest and largest rms height [um], scan length [um] and E* [MPa].
+        [smallest, largest] by the names `HEIGHT` [um], `LENGTH` [um] and `MODULUS` [MPa].
+        Heights are from the training rows, lengths and E* from the scenes of all databases.
     """
     scenes = [origin.scene for origin in rows.origins]
     lengths = [float(np.sqrt(np.prod(scene.grid.sides))) for scene in scenes]
     moduli = [scene.contact.e_star for scene in scenes]
-    # Delta stands before the statistics.
+    # The first column of `described` is Delta, the other ones are the statistics.
+    rms_heights = rows.described[train, 1 + RMS_HEIGHT]
     return {
-        HEIGHT: _ends(rows.described[train, 1 + RMS_HEIGHT]),
+        HEIGHT: _ends(rms_heights),
         LENGTH: _ends(lengths),
         MODULUS: _ends(moduli),
     }
 
 
 def _ends(values: Values | Sequence[float]) -> list[float]:
-    """Return the smallest and the largest value."""
+    """Return the smallest and the largest value as a list of two."""
     return [float(np.min(values)), float(np.max(values))]
 
 
 def scale_notes(
     training: Training, targets: Sequence[str], rows: Rows, e_star: float | None
 ) -> list[str]:
-    """Name for each row what is outside the scale that some targets hold at.
+    """Say for each row how its scale differs from the training's, if targets depend on that.
 
     Parameters
     ----------
     training : Training
         The training of a surrogate.
     targets : sequence of str
-        Names of its targets that hold at the scale of the training alone.
+        Names of the targets that hold at the scale of the training only.
     rows : Rows
         n rows to predict.
     e_star : float or None
@@ -106,7 +115,8 @@ def scale_notes(
     Returns
     -------
     list of str
-        A note for each row; "" for a row inside this scale.
+        One text for each row, of notes with "; " between them; "" for a row inside the training's
+        scale, and for all rows if `targets` is empty.
     """
     number = len(rows.delta)
     if not targets:
@@ -126,12 +136,16 @@ def scale_notes(
 def _scale_of(
     rows: Rows, training: Training, e_star: float | None
 ) -> Mapping[str, Values]:
-    """Return E* [MPa], and for features without units heights and lengths [um], each (n,).
+    """Return the numbers of the scale of n rows that have to be compared, (n,) each, by name.
 
-    Features with units have heights among them, and their side is compared with the grid.
+    E* [MPa] is always compared. Rms heights and scan lengths [um] are compared for features without
+    units only: features with units include the heights, and `Training.grid_note` compares the side.
+    `e_star` is that of the prediction [MPa]; None for that of the training.
     """
     number = len(rows.delta)
-    modulus = training.modulus if e_star is None else e_star
+    modulus = training.modulus
+    if e_star is not None:
+        modulus = e_star
     scale = {MODULUS: np.full(number, modulus)}
     if training.features.scaled:
         scale[HEIGHT] = rows.statistics[:, RMS_HEIGHT]
@@ -140,7 +154,11 @@ def _scale_of(
 
 
 def _trained_range(training: Training, name: str) -> tuple[float, float]:
-    """Return a range of the training; cards of older files tell it by other numbers."""
+    """Return the training range of one number of the scale, by its name, in its unit.
+
+    Cards of files of format 9 and before do not keep the ranges, which then follow from the other
+    entries of the card.
+    """
     card = training.card
     if "own_scale" in card:
         low, high = card["own_scale"][name]
@@ -155,7 +173,11 @@ def _trained_range(training: Training, name: str) -> tuple[float, float]:
 
 
 def _range_of_heights(training: Training) -> tuple[float, float]:
-    """Return the widest range of rms heights [um] that Delta and two features over h allow."""
+    """Return a range [um] that includes the rms heights of the training.
+
+    It follows from the ranges of Delta and of the features `delta/h` and `height_rms/h`: the rms
+    height is Delta times the ratio of the second feature to the first one.
+    """
     columns = training.features.columns
     delta = columns.index("delta/h")
     rms = columns.index("height_rms/h")

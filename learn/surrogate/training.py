@@ -1,7 +1,8 @@
-"""What a surrogate was trained on, and why rows lie outside it.
+"""The training of a surrogate, and how rows to predict differ from it.
 
-The flag of a row names what is unlike the training: a feature outside its range, a large distance
-from the training (`learn.surrogate.interval`), another grid, or another hardness.
+A row is flagged if it differs from the training: a feature is outside its range, the distance from
+the training is large (`learn.surrogate.interval`), or the grid or the hardness is another one.
+`Training.reasons` says in words what differs.
 """
 
 from __future__ import annotations
@@ -20,39 +21,38 @@ from learn.features.scene import SCENE, plain
 from learn.features.sets import SETS, FeatureSet
 from learn.surrogate.interval import Distance
 
-# relative difference from the training's hardness up to which two numbers are equal
-SAME_HARDNESS = 1e-6
-# the same for sides, and for spacings, which maps of one instrument hardly share
+# Largest relative differences from the training with which a row is not flagged.
+SAME_HARDNESS = 1e-6  # room for rounding only
 SAME_SIDE = 1e-3
-SAME_SPACING = 0.02
+SAME_SPACING = 0.02  # maps of one instrument rarely have exactly equal spacings
 
 
 @dataclass(frozen=True, eq=False)
 class Training:
-    """The training of a surrogate, as far as predictions need it."""
+    """The facts about a surrogate's training that predictions need."""
 
-    card: Mapping[str, Any]  # of the surrogate
-    features: FeatureSet  # the feature set that the models were trained on
-    low: Values  # (d,), smallest features
-    high: Values  # (d,), largest features
-    distance: Distance  # distances from the training, with the limit of the flag
+    card: Mapping[str, Any]  # card of the surrogate, from `learn.surrogate.card.make`
+    features: FeatureSet  # feature set that the models were trained on
+    low: Values  # (d,), smallest value of each feature
+    high: Values  # (d,), largest value of each feature
+    distance: Distance  # measures distances from the training; has the limit of the flag
     modulus: float  # E* [MPa]
-    boundary: Boundary  # of the patches
-    # smallest and largest hardness over E*; None if no bodies yield
+    boundary: Boundary  # boundary of the patches
+    # smallest and largest hardness over E* of the bodies that yield; None if all are elastic
     hardness_limits: tuple[float, float] | None = None
 
     @classmethod
     def of(
         cls, card: Mapping[str, Any], low: Values, high: Values, distance: Distance
     ) -> Training:
-        """Read a training from the card of a surrogate.
+        """Make the training of a surrogate from its card, ranges and distances.
 
         Parameters
         ----------
         card : mapping of str to object
             Card of the surrogate.
         low, high : ndarray, shape (d,)
-            Training ranges of the features.
+            Smallest and largest value of each feature in the training.
         distance : Distance
             Distances from the training.
 
@@ -61,6 +61,7 @@ class Training:
         Training
             The training.
         """
+        # Cards state a hardness only if some bodies yield, and a boundary only if it is not free.
         limits = card.get("hardness_ratio")
         if limits is not None:
             limits = (float(limits[0]), float(limits[1]))
@@ -76,26 +77,30 @@ class Training:
         )
 
     def reasons(self, rows: Rows, inputs: Values) -> list[str]:
-        """Name for each row what is outside the training.
+        """Say for each row how it differs from the training.
 
         Parameters
         ----------
         rows : Rows
             n rows to predict.
         inputs : ndarray, shape (n, d)
-            Their features.
+            Features of the rows.
 
         Returns
         -------
         list of str
-            For each row its own notes, then those on grid, hardness, distance and features; "" for
-            a row inside the training.
+            One text for each row, of notes with "; " between them: first `rows.notes`, then the
+            notes on grid, hardness, distance and features. "" for a row inside the training.
         """
         number = len(inputs)
-        grid_notes = {grid: self.grid_note(*grid) for grid in set(rows.grids)}
+        # Many rows share a grid, so that each grid is compared once.
+        note_of_grid = {
+            grid: self.grid_note(grid.shape, grid.sides) for grid in set(rows.grids)
+        }
+        grid_notes = [note_of_grid[grid] for grid in rows.grids]
         columns = [
-            _for_all_rows(rows.notes, number),
-            _for_all_rows([grid_notes[grid] for grid in rows.grids], number),
+            _one_for_each_row(rows.notes, number),
+            _one_for_each_row(grid_notes, number),
             self._hardness_notes(rows, number),
             self._distance_notes(inputs),
             self._range_notes(inputs),
@@ -103,13 +108,15 @@ class Training:
         return ["; ".join(filter(None, notes)) for notes in zip(*columns, strict=True)]
 
     def _hardness_notes(self, rows: Rows, number: int) -> list[str]:
-        """Return for each row how its hardness differs from the training's, or ""."""
+        """Return a note for each of n rows whose hardness is outside the training's, else ""."""
         notes = [""] * number
         if self.hardness_limits is None or rows.hardness_ratio is None:
             return notes
         low, high = self.hardness_limits
         if self.features.elastic:
-            high = np.inf  # elastic bodies count as very hard ones
+            high = (
+                np.inf
+            )  # The training has elastic bodies too: no hardness is too large.
         ratios = np.broadcast_to(rows.hardness_ratio, number)
         inside = ratios >= low * (1 - SAME_HARDNESS)
         inside &= ratios <= high * (1 + SAME_HARDNESS)
@@ -118,7 +125,10 @@ class Training:
         return notes
 
     def _distance_notes(self, inputs: Values) -> list[str]:
-        """Return for each row the distance from the training beyond the limit, or ""."""
+        """Return a note for each row whose distance from the training is beyond the limit, else "".
+
+        `inputs` are the features of n rows, (n, d). A NaN distance is not beyond the limit.
+        """
         notes = [""] * len(inputs)
         limit = self.distance.limit
         distances = self.distance.of(inputs)
@@ -129,7 +139,11 @@ class Training:
         return notes
 
     def _range_notes(self, inputs: Values) -> list[str]:
-        """Return for each row which features are outside their training ranges, or ""."""
+        """Return a note for each row on its features outside their training ranges, else "".
+
+        `inputs` are the features of n rows, (n, d). A note shows the features as `FeatureSet.shown`
+        does, without the logarithms of a scene.
+        """
         notes = [""] * len(inputs)
         outside = (inputs < self.low) | (inputs > self.high)
         values = self.features.shown(inputs)
@@ -137,17 +151,19 @@ class Training:
         high = self.features.shown(self.high)
         names = self.features.names
         for row in np.flatnonzero(outside.any(axis=1)):
-            notes[row] = "; ".join(
+            notes_on_features = [
                 f"{names[place]} {values[row, place]:.4g} outside {low[place]:.4g} to"
                 f" {high[place]:.4g}"
                 for place in np.flatnonzero(outside[row])
-            )
+            ]
+            notes[row] = "; ".join(notes_on_features)
         return notes
 
     def grid_note(self, shape: tuple[int, ...], sides: tuple[float, ...]) -> str:
-        """Tell how a grid differs from the training's.
+        """Say how a grid differs from the grids of the training.
 
-        Features with units bind a surrogate to the side and the spacing of its training.
+        Nodes and the ratio of the sides are always compared. Side and spacing are compared for
+        features with units only: features without units serve patches of any size.
 
         Parameters
         ----------
@@ -159,7 +175,7 @@ class Training:
         Returns
         -------
         str
-            The differences; "" if there are none.
+            Notes on the differences, with "; " between them; "" if there are none.
         """
         notes = [
             self._nodes_note(shape),
@@ -169,7 +185,11 @@ class Training:
         return "; ".join(filter(None, notes))
 
     def _nodes_note(self, shape: tuple[int, ...]) -> str:
-        """Return how the nodes differ, or ""; as a feature they have a range instead."""
+        """Return a note if no database of the training has this number of nodes, else "".
+
+        Where the number of nodes is a feature, the training range of this feature decides instead.
+        """
+        # The card of a single database has the entries of this database itself.
         databases = self.card.get("databases", [self.card])
         grids = list(dict.fromkeys(tuple(entry["nodes"]) for entry in databases))
         if NODES in self.features.columns or shape in grids:
@@ -178,9 +198,13 @@ class Training:
         return f"{shape[0]} x {shape[1]} nodes, trained on {trained}"
 
     def _sides_note(self, sides: tuple[float, ...]) -> str:
-        """Return how the ratio of the sides differs, or with units the sides themselves, or ""."""
+        """Return a note if the ratio of the sides differs from the training's, else "".
+
+        For features with units, an equal ratio but another side [um] has a note too.
+        """
         side_x, side_y = self.card["side"]
-        if not np.isclose(sides[0] * side_y, sides[1] * side_x, rtol=SAME_SIDE):
+        same_ratio = np.isclose(sides[0] * side_y, sides[1] * side_x, rtol=SAME_SIDE)
+        if not same_ratio:
             trained = f"{side_x:.6g} x {side_y:.6g} um"
             if side_x == side_y:
                 trained = "square patches"
@@ -191,10 +215,14 @@ class Training:
         return ""
 
     def _spacing_note(self, shape: tuple[int, ...], sides: tuple[float, ...]) -> str:
-        """Return how the spacing differs along the first axis where it does, or ""."""
+        """Return a note on the first axis whose spacing [um] differs from the training's, else "".
+
+        Features without units, and features with the number of nodes among them, allow any spacing.
+        """
         if self.features.scaled or NODES in self.features.columns:
             return ""
         for nodes, side, trained in zip(shape, sides, self.card["spacing"], strict=True):
+            # A single node has no spacing; its grid has a note on the nodes already.
             spacing = node_spacing(max(nodes, 2), side, self.boundary)
             if not np.isclose(spacing, trained, rtol=SAME_SPACING):
                 return f"spacing {spacing:.4g} um, trained on {trained:.4g} um"
@@ -202,22 +230,33 @@ class Training:
 
 
 def _features_of(card: Mapping[str, Any]) -> FeatureSet:
-    """Return the feature set that a card describes."""
+    """Rebuild the feature set that the models were trained on from the card of their surrogate.
+
+    It is the set of `SETS` that the card names, with the columns, coarse blocks, load and elastic
+    bodies of the training.
+    """
+    # Cards leave out these three entries for a load by Delta, no blocks, and one kind of bodies.
+    load = card.get("load") or "delta"
+    blocks = card.get("blocks", 0)
+    elastic = card.get("elastic", False)
     columns = tuple(name for name, _unit in card["columns"])
-    load = str(card.get("load") or "delta")
     if card["features"] == SCENE:
+        # The load is the last feature of a scene; `plain` takes "log(...)" off its column.
         load = plain(columns[-1])
     return replace(
         SETS[card["features"]],
         columns=columns,
-        blocks=int(card.get("blocks", 0)),
-        load=load,
-        elastic=bool(card.get("elastic")),
+        blocks=int(blocks),
+        load=str(load),
+        elastic=bool(elastic),
     )
 
 
-def _for_all_rows(notes: Sequence[str], number: int) -> list[str]:
-    """Return a note for each row, of none, one for all rows, or as many as there are rows."""
+def _one_for_each_row(notes: Sequence[str], number: int) -> list[str]:
+    """Return one note for each of n rows.
+
+    `notes` are n notes, a single note that holds for all rows, or none, which gives "" for all.
+    """
     if not notes:
         return [""] * number
     if len(notes) == 1:
@@ -225,8 +264,8 @@ def _for_all_rows(notes: Sequence[str], number: int) -> list[str]:
     return list(notes)
 
 
-def between(limits: tuple[float, float]) -> str:
-    """Write a range of the hardness over E*.
+def hardness_range_text(limits: tuple[float, float]) -> str:
+    """Write a range of the hardness over E* for people.
 
     Parameters
     ----------

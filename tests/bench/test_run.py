@@ -179,7 +179,10 @@ def test_commands_make_and_rewrite_a_page(tmp_path, capfd):
     [
         (["run", "nothing", "-o", "here"], "nothing: give one of resolution"),
         (["run", "speedup", "-o", "here"], "speedup: takes long, and needs --full"),
-        (["run", "scale", "-o", "here"], "scale: left with commit d9d1fb3"),
+        (
+            ["run", "scale", "-o", "here"],
+            "scale: is no longer made; the code up to commit d9d1fb3",
+        ),
         (["run", "cost", "-o", "here", "--database", "none.h5"], "none.h5"),
         (["page", "nowhere"], "nowhere is not a folder"),
     ],
@@ -207,13 +210,13 @@ def test_a_command_that_was_run_elsewhere_names_no_folder_of_that_machine(tmp_pa
     there = (
         "python -m bench one --database '/a b/all/databases/paper.h5' -o '/a b/all/one'"
     )
-    assert here.command(one, there) == (
+    assert here.portable(one, there) == (
         "python -m bench one --database report/databases/paper.h5 -o report/one"
     )
     own = f"python -m bench one -o {tmp_path / 'one'}"
     for command in (own, "python -m bench other /data/one.csv"):
-        assert here.command(one, command) == command
-    assert here.command(one, "") == ""
+        assert here.portable(one, command) == command
+    assert here.portable(one, "") == ""
 
 
 OTHER = WRITE.replace("'x'", "'y'")

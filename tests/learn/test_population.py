@@ -197,6 +197,19 @@ def test_the_command_line_answers_for_a_table_of_numbers(path, new, tmp_path):
     assert column(rows, "area_percent")[2:] == pytest.approx(new.area[:2])
 
 
+def test_tables_with_different_further_columns_are_answered_together(path, tmp_path):
+    columns = {"seat": "part", "seal": "maker"}
+    for name, column_name in columns.items():
+        table = tmp_path / f"{name}.csv"
+        table.write_text(f"{column_name},hurst,rms_height\n{name}-1,0.7,1.2\n")
+    bare = tmp_path / "bare.csv"
+    bare.write_text("hurst,rms_height\n0.7,1.2\n")
+    tables = [str(tmp_path / "seat.csv"), str(tmp_path / "seal.csv"), str(bare)]
+    rows = predicted(path, tmp_path, *tables, "--pressure", "0.02")
+    assert [row["part"] for row in rows] == ["seat-1", "", ""]
+    assert [row["maker"] for row in rows] == ["", "seal-1", ""]
+
+
 def test_a_law_has_the_answers(path, new, tmp_path):
     table = tmp_path / "law.csv"
     line = ["law", str(path), *AT, "--pressure", "0.002,0.02", "--conductivity", "50"]

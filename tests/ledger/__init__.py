@@ -10,6 +10,12 @@ A wanted change updates the file in the same commit, with its reason:
 
     python -m tests.ledger --update "Why the counts have changed"
 
+Which counts a constant of the solver moves is shown by
+
+    python -m tests.ledger --halved bem.active_set.ADVANCE
+
+or `--doubled`; the comments of these constants name what was found.
+
 Exact on every processor are solves, rows, candidates, fits and bytes per row, which follow from
 scenes and grids of settings. Convolutions, and rarely iterations and contact nodes, may differ by
 one in a solve between processors, whose sums of many numbers round differently. Every entry adds up

@@ -14,6 +14,7 @@ def multiply_constant(name: str, factor: float) -> str:
     """Multiply a constant of `bem` in this process, wherever its module or another one reads it.
 
     Solves that ran before may have kept tables of the old value: call it in a fresh process.
+    Defaults of parameters keep the old value.
 
     Parameters
     ----------

@@ -7,6 +7,7 @@ import pytest
 
 import bem
 from bem.derived.grid_error import coarser, slope_order
+from bem.far_field import critical_delta
 from bem.problem import pose
 from tests.bem.waves import random_waves
 
@@ -100,6 +101,18 @@ def test_a_higher_summit_is_in_the_bars_at_a_given_displacement(boundary, yields
     for name in ("force", "continuum_area_percent", "mean_gap"):
         bar = getattr(error, name.removeprefix("continuum_"))
         assert abs(getattr(raised, name) - getattr(contact, name)) < 1.5 * bar, name
+
+
+def test_a_displacement_beyond_the_critical_one_of_half_of_the_nodes_is_the_reason():
+    """On a compliant far field, half of the nodes are not in full contact, but in none at all."""
+    heights = fractal(17, 0.8, 0)
+    delta = 0.99 * critical_delta(heights, "uniform-pressure")
+    error = bem.solve(heights, 1.0, delta, far_field="compliant").grid_error()
+    assert not error.resolved
+    assert "Delta*" in error.reason
+    assert "full contact" not in error.reason
+    assert error.coarse is None
+    assert error.force == math.inf
 
 
 @pytest.mark.parametrize("hurst", [0.2, 0.5, 0.9])

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from gen.law import cubics
-from gen.law.cubics import short_name
+from gen.law.cubics import Between, Function, short_name
 from gen.law.curves import slopes
 from gen.maps.settings import Reading
 from gen.quantities import IN_LAWS
@@ -231,3 +231,23 @@ def test_a_name_cannot_end_the_comment_of_a_header(surfaces, run, folder):
     assert "*/" not in comment
     assert not set(b"\\?\x1b\r") & set(comment.encode())
     assert compiled(["asperity_a_area(1.0)"], "a.h").stderr == ""
+
+
+@pytest.mark.parametrize("goes_on", [True, False])
+def test_the_deviation_is_that_of_the_cubic_that_is_written(goes_on):
+    """Where a law ends level, functions that go on are written with another last slope."""
+    at = np.arange(4.0)
+    function = Function(
+        name="force",
+        argument="delta",
+        at=at,
+        values=np.array([0.0, 1.0, 3.0, 3.2]),
+        goes_on=goes_on,
+        tangent=True,
+        between=Between(
+            at=np.array([2.5]), values=np.array([3.0]), inside=np.array([True])
+        ),
+    )
+    assert (function.slopes[-1] > 0) == goes_on
+    middle = 3.1 + (function.slopes[2] - function.slopes[3]) / 8  # cubic of Hermite
+    assert function.deviation.inside == pytest.approx(middle / 3.0 - 1, rel=1e-12)

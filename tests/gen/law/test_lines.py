@@ -9,7 +9,9 @@ from gen.law.lines import Column
 def column(at, values, own=None):
     """A column that is known at points, all of which are the law's own unless they are named."""
     whole = np.ones(at.size, dtype=bool)
-    return Column.through(at, values, whole if own is None else own, whole, powers=True)
+    return Column.through(
+        at, values, whole if own is None else own, whole, power_law=True
+    )
 
 
 def diverging(points):

@@ -60,6 +60,7 @@ def test_a_tuned_winner_is_taken_with_what_it_rests_on():
     assert card["seed"] == 3
     assert card["features"] == "dimensionless"
     assert card["targets"]["area"]["settings_from"] == "tuned in out/area"
+    assert card["targets"]["area"]["comparison"] == "out/area"
     assert card["targets"]["area"]["settings"]["gamma"] == "0.001"
 
 

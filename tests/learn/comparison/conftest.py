@@ -16,7 +16,7 @@ def work(database, here):
     return here
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def training(samples):
     """Eighty training rows in five folds."""
     inputs, target = samples

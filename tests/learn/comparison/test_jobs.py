@@ -1,9 +1,14 @@
 """Compare and tune: what decides, their results, what they repeat, and how they are stopped."""
 
+import contextlib
+import io
 import json
+import shutil
 import signal
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import h5py
 import launch
@@ -23,37 +28,100 @@ STUMPS = {"max_depth": [1, 2], "min_samples_leaf": [30]}
 """Trees that the library's own outdoes."""
 
 
-def test_compare_tune_and_show(work, capsys):
-    models = ["--model", "decision-tree", "--model", "kernel-ridge"]
-    assert run("compare", "database.h5", "-o", "out", *models) == 0
-    said = capsys.readouterr()
-    assert "72 training rows, 18 test rows" in said.err
-    assert "(8.99)" in said.out, "the paper's number stands beside ours"
-    assert run("tune", "database.h5", "-o", "out", "--model", "kernel-ridge") == 0
-    said = capsys.readouterr()
-    assert "160 candidates, 88 differ, 55 fits, 55 to do" in said.err
-    assert run("show", "out") == 0
+class Printed(NamedTuple):
+    """The lines that a command has printed."""
+
+    out: str
+    err: str
+
+
+def printed(*arguments):
+    """Run a command line that succeeds; return what it prints."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        assert run(*arguments) == 0
+    return Printed(out.getvalue(), err.getvalue())
+
+
+class Compared(NamedTuple):
+    """Two models that were compared, one of which was tuned, and what the commands printed."""
+
+    folder: Path
+    compare: Printed
+    tune: Printed
+
+    def table(self, name):
+        """Read a table of the target."""
+        return table(self.folder / "area" / name)
+
+
+@pytest.fixture(scope="module")
+def compared(solved, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("compared") / "out"
+    ridge = ["--model", "kernel-ridge"]
+    compare = printed("compare", solved, "-o", folder, *TREE, *ridge)
+    tune = printed("tune", solved, "-o", folder, *ridge)
+    return Compared(folder, compare, tune)
+
+
+def test_the_numbers_of_rows_are_said(compared):
+    assert "72 training rows, 18 test rows" in compared.compare.err
+
+
+def test_the_paper_s_numbers_stand_beside_ours(compared):
+    assert "(8.99)" in compared.compare.out
+
+
+def test_tune_says_which_fits_there_are_to_do(compared):
+    assert "160 candidates, 88 differ, 55 fits, 55 to do" in compared.tune.err
+
+
+def test_show_draws_pictures(compared):
+    assert run("show", compared.folder) == 0
     for name in ("parity.png", "scores.png", "times.png"):
-        assert (work / "out/area" / name).read_bytes().startswith(b"\x89PNG")
-    scores = table("out/area/scores.csv")
+        picture = compared.folder / "area" / name
+        assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_every_result_has_scores(compared):
+    scores = compared.table("scores.csv")
     assert [(row["model"], row["result"]) for row in scores] == [
         ("decision-tree", "baseline"),
         ("kernel-ridge", "baseline"),
         ("kernel-ridge", "tuned"),
     ]
-    assert float(scores[2]["r2"]) > float(scores[1]["r2"])
-    assert scores[0]["train_r2"] == "100.0"
-    assert table("out/area/times.csv")[0]["fits"] != "0"
-    (found,) = table("out/area/tuning.csv")
+
+
+def test_a_winner_of_a_search_is_better_than_the_baseline(compared):
+    _, baseline, tuned = compared.table("scores.csv")
+    assert float(tuned["r2"]) > float(baseline["r2"])
+
+
+def test_a_decision_tree_knows_its_training_rows_by_heart(compared):
+    assert compared.table("scores.csv")[0]["train_r2"] == "100.0"
+
+
+def test_fits_are_timed(compared):
+    assert compared.table("times.csv")[0]["fits"] != "0"
+
+
+def test_a_table_of_searches_counts_candidates_and_fits(compared):
+    (found,) = compared.table("tuning.csv")
     assert int(found["candidates"]) >= 160, (
         "and those beyond the end at which the winner lay"
     )
     assert int(found["fits_nominal"]) == 5 * int(found["candidates"])
-    record = json.loads((work / "out/area/comparison.json").read_text())
+
+
+def test_a_comparison_records_its_data_and_versions(compared):
+    record = json.loads((compared.folder / "area/comparison.json").read_text())
     assert record["scene"]["samples"] == 90
     assert record["conditions"]["versions"] == nine.versions()
     assert len(record["conditions"]["database_sha256"]) == 64
-    parts = [row["part"] for row in table("out/area/rows.csv")]
+
+
+def test_a_comparison_records_the_part_of_each_row(compared):
+    parts = [row["part"] for row in compared.table("rows.csv")]
     assert (parts.count("train"), parts.count("test")) == (72, 18)
 
 
@@ -64,22 +132,40 @@ def test_both_targets_have_folders_and_force_has_no_nmse(work):
     assert not {"nmse", "paper_r2"} & table("out/force/scores.csv")[0].keys()
 
 
-def test_a_model_that_fails_is_reported_and_the_others_go_on(work, capsys, monkeypatch):
+@pytest.fixture(scope="module")
+def failing(solved, tmp_path_factory):
+    """The folder of two models, of which the first fails, and what `compare` printed."""
     from sklearn.tree import DecisionTreeRegressor
 
     def refuse(self, *arguments, **named):
         raise ValueError("no tree today")
 
-    monkeypatch.setattr(DecisionTreeRegressor, "fit", refuse)
-    models = ["--model", "decision-tree", "--model", "kernel-ridge"]
-    assert run("compare", "database.h5", "-o", "out", *models) == 0
-    said = capsys.readouterr()
+    folder = tmp_path_factory.mktemp("failing") / "out"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(DecisionTreeRegressor, "fit", refuse)
+        said = printed("compare", solved, "-o", folder, *TREE, "--model", "kernel-ridge")
+    return folder, said
+
+
+def test_a_model_that_fails_is_reported(failing):
+    _, said = failing
     assert "warning: Decision Tree, baseline: no tree today" in said.err
     assert "Decision Tree, baseline: no tree today" in said.out
-    assert run("show", "out") == 0
-    assert table("out/area/scores.csv")[0]["failure"] == "no tree today"
-    assert float(table("out/area/scores.csv")[1]["r2"]) > 0
-    for file in Path("out").rglob("*.json"):  # RFC 8259 knows no NaN
+
+
+def test_models_after_one_that_fails_go_on(failing):
+    folder, _ = failing
+    failed, next_model = table(folder / "area/scores.csv")
+    assert failed["failure"] == "no tree today"
+    assert float(next_model["r2"]) > 0
+
+
+def test_a_comparison_with_a_model_that_failed_is_shown(failing):
+    assert run("show", failing[0]) == 0
+
+
+def test_no_file_has_nan_for_a_fit_that_failed(failing):
+    for file in failing[0].rglob("*.json"):  # RFC 8259 knows no NaN
         json.loads(file.read_text(), parse_constant=pytest.fail)
 
 
@@ -95,37 +181,56 @@ def spoilt(file):
     file["area_percent"][81] = np.nan
 
 
-@pytest.mark.few(1)
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (huge, ["height_max is "]),
-        (
-            spoilt,
-            [
-                "constant over all rows, so of no use to a model: asperity_density",
-                "30 rows repeat others",
-                "left out 1 rows: target not finite",
-                "left out 1 rows: input not finite",
-            ],
-        ),
+ODD = {
+    huge: ["height_max is "],
+    spoilt: [
+        "constant over all rows, so of no use to a model: asperity_density",
+        "30 rows repeat others",
+        "left out 1 rows: target not finite",
+        "left out 1 rows: input not finite",
     ],
-)
-def test_all_nine_models_survive_odd_data(work, change, words, capsys, monkeypatch):
-    monkeypatch.setattr(jobs, "FITS", jobs.Repetitions(1, 1))
-    with h5py.File("database.h5", "r+") as file:
-        change(file)
-    assert run("compare", "database.h5", "-o", "out") == 0
-    said = capsys.readouterr().err
-    for word in words:
-        assert word in said
-    scores = table("out/area/scores.csv")
-    assert len(scores) == 10, "nine models, and a library's own Gaussian process"
-    for row in scores:
+}
+"""Changes of a database, and what is said of it then."""
+
+
+class Odd(NamedTuple):
+    """A comparison of all models on odd data."""
+
+    change: Callable[[Any], None]
+    scores: list[dict[str, str]]
+    said: str
+
+
+@pytest.fixture(scope="module", params=list(ODD))
+def odd(request, solved, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("odd")
+    database = shutil.copy(solved, folder / "database.h5")
+    with h5py.File(database, "r+") as file:
+        request.param(file)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(jobs, "FITS", jobs.Repetitions(1, 1))
+        said = printed("compare", database, "-o", folder / "out").err
+    return Odd(request.param, table(folder / "out/area/scores.csv"), said)
+
+
+@pytest.mark.few(1)
+def test_odd_data_are_said(odd):
+    for words in ODD[odd.change]:
+        assert words in odd.said
+
+
+@pytest.mark.few(1)
+def test_all_nine_models_survive_odd_data(odd):
+    assert len(odd.scores) == 10, "nine models, and a library's own Gaussian process"
+    for row in odd.scores:
         assert row["failure"] == ""
         assert np.isfinite(float(row["r2"])), row["model"]
-    if change is spoilt:
-        assert max(float(row["r2"]) for row in scores) > 90
+
+
+@pytest.mark.few(1)
+def test_models_learn_from_the_rows_that_are_not_odd(odd):
+    least = 90 if odd.change is spoilt else -np.inf
+    assert max(float(row["r2"]) for row in odd.scores) > least
 
 
 def test_a_search_in_which_every_fit_fails_says_why(work, capsys, monkeypatch):
@@ -137,17 +242,17 @@ def test_a_search_in_which_every_fit_fails_says_why(work, capsys, monkeypatch):
     assert "'C' parameter" in table("out/area/scores.csv")[0]["failure"]
 
 
-def begin(work):
-    """Start a search and wait until some of its fits are on disk."""
-    arguments = ["tune", "database.h5", "-o", "cut", "--model", "decision-tree"]
-    started = launch.begin(0, *arguments, folder=work, module="learn")
-    trials = work / "cut/area/trials/decision-tree.jsonl"
+def begin(folder):
+    """Start a search in a folder, and wait until some of its fits are on disk."""
+    arguments = ["tune", "database.h5", "-o", "cut", *TREE]
+    started = launch.begin(0, *arguments, folder=folder, module="learn")
+    trials = folder / "cut/area/trials/decision-tree.jsonl"
     limit = time.monotonic() + TIMEOUT
     while not trials.exists() or trials.read_bytes().count(b"\n") < 12:
         assert time.monotonic() < limit
         assert started.poll() is None, started.communicate()
         time.sleep(0.01)
-    return started, arguments
+    return started
 
 
 def scores_of(folder, model):
@@ -167,29 +272,54 @@ def undisturbed(solved, tmp_path_factory):
     return path / "area"
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
-def test_a_search_that_was_stopped_goes_on_and_ends_with_the_same_tables(
-    work, undisturbed, number, capsys
-):
-    started, arguments = begin(work)
-    started.send_signal(number)
+class Stopped(NamedTuple):
+    """A search that a signal stopped, and that the same command finished."""
+
+    folder: Path
+    code: int  # exit code of the process that was stopped
+    out: str  # what this process printed
+    had_winner: bool  # whether it left a result
+    said: str  # what the second process said of the fits
+
+
+@pytest.fixture(scope="module", params=[signal.SIGKILL, signal.SIGTERM])
+def stopped(request, solved, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("stopped")
+    shutil.copy(solved, folder / "database.h5")
+    started = begin(folder)
+    started.send_signal(request.param)
     out, err = started.communicate(timeout=TIMEOUT)
-    if number == signal.SIGTERM:
-        assert started.returncode == 128 + number, err
-        assert "stopped by SIGTERM; the same command goes on" in out
-    assert not (work / "cut/area/tuned").exists()
-    assert run(*arguments) == 0
-    said = capsys.readouterr().err
-    assert "550 fits" in said
-    assert "550 fits, 550 to do" not in said
-    for name in ("scores.csv", "tuning.csv"):
-        assert (work / "cut/area" / name).read_bytes() == (
-            undisturbed / name
-        ).read_bytes()
-    assert scores_of(work / "cut/area", "decision-tree") == scores_of(
-        undisturbed, "decision-tree"
-    )
+    if request.param == signal.SIGTERM:
+        assert started.returncode == 128 + request.param, err
+    had_winner = (folder / "cut/area/tuned").exists()
+    with contextlib.chdir(folder):
+        said = printed("tune", "database.h5", "-o", "cut", *TREE).err
+    return Stopped(folder / "cut/area", started.returncode, out, had_winner, said)
+
+
+@pytest.mark.long
+def test_a_search_that_was_stopped_has_no_winner_and_says_how_it_goes_on(stopped):
+    assert not stopped.had_winner
+    if stopped.code == 128 + signal.SIGTERM:
+        assert "stopped by SIGTERM; the same command goes on" in stopped.out
+
+
+@pytest.mark.long
+def test_a_search_that_was_stopped_goes_on(stopped):
+    assert "550 fits" in stopped.said
+    assert "550 fits, 550 to do" not in stopped.said
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["scores.csv", "tuning.csv"])
+def test_a_search_that_was_stopped_ends_with_the_same_tables(stopped, undisturbed, name):
+    assert (stopped.folder / name).read_bytes() == (undisturbed / name).read_bytes()
+
+
+@pytest.mark.long
+def test_a_search_that_was_stopped_ends_with_the_same_scores(stopped, undisturbed):
+    scores = scores_of(stopped.folder, "decision-tree")
+    assert scores == scores_of(undisturbed, "decision-tree")
 
 
 @pytest.mark.long
@@ -216,54 +346,93 @@ def test_tables_do_not_depend_on_the_number_of_ranks(work):
     assert ours == theirs
 
 
-@pytest.fixture
-def stumps(monkeypatch):
-    """A grid of trees that the baseline outdoes, in place of Table 2's."""
-    monkeypatch.setitem(paper.SPACES, "decision-tree", STUMPS)
+@pytest.fixture(scope="module")
+def tuned_stumps(solved, tmp_path_factory):
+    """The folder of a search that the baseline has won."""
+    folder = tmp_path_factory.mktemp("stumps") / "out"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(paper.SPACES, "decision-tree", STUMPS)
+        printed("tune", solved, "-o", folder, *TREE)
+    return folder
+
+
+@pytest.fixture(scope="module", params=[[], ["--budget", "1h"]])
+def outdone(request, solved, tmp_path_factory):
+    """A comparison in which the baseline wins the search, and what was printed."""
+    folder = tmp_path_factory.mktemp("outdone") / "out"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(paper.SPACES, "decision-tree", STUMPS)
+        patch.setattr(search, "LEAST_ROWS", 20)
+        compare = printed("compare", solved, "-o", folder, *TREE)
+        tune = printed("tune", solved, "-o", folder, *TREE, *request.param)
+    return Compared(folder, compare, tune)
 
 
 @pytest.mark.few(1)
-@pytest.mark.usefixtures("stumps")
-@pytest.mark.parametrize("limit", [[], ["--budget", "1h"]])
-def test_where_the_baseline_wins_every_table_and_picture_names_it(
-    work, limit, capsys, monkeypatch
-):
-    monkeypatch.setattr(search, "LEAST_ROWS", 20)
-    assert run("compare", "database.h5", "-o", "out", *TREE) == 0
-    assert run("tune", "database.h5", "-o", "out", *TREE, *limit) == 0
-    said = capsys.readouterr()
+def test_that_the_baseline_wins_is_said(outdone):
     line = "Decision Tree: the baseline wins, no candidate is better over five folds of all rows"
-    assert line in said.err
-    assert line in said.out
-    assert "tuned: baseline" in said.out
-    (found,) = table("out/area/tuning.csv")
+    assert line in outdone.tune.err
+    assert line in outdone.tune.out
+    assert "tuned: baseline" in outdone.tune.out
+
+
+@pytest.mark.few(1)
+def test_the_table_of_searches_names_the_baseline_that_wins(outdone):
+    (found,) = outdone.table("tuning.csv")
     assert found["winner"] == "baseline"
     assert found["settings"] == "those of the library"
-    assert (
-        float(found["baseline_r2"]) == float(found["winner_r2"]) > float(found["grid_r2"])
-    )
     assert found["optimum_r2"] == "", "the grid lacks it"
-    baseline, tuned = table("out/area/scores.csv")
+
+
+@pytest.mark.few(1)
+def test_the_table_of_searches_has_the_score_of_the_baseline_that_wins(outdone):
+    (found,) = outdone.table("tuning.csv")
+    assert float(found["baseline_r2"]) == float(found["winner_r2"])
+    assert float(found["baseline_r2"]) > float(found["grid_r2"])
+
+
+@pytest.mark.few(1)
+def test_the_table_of_scores_has_those_of_the_baseline_that_wins_twice(outdone):
+    baseline, tuned = outdone.table("scores.csv")
     assert (baseline["winner"], tuned["winner"]) == ("", "baseline")
     for name in ("nmse", "nmae", "nmaxe", "r2"):
         assert tuned[name] == baseline[name], "the same model, fitted to the same rows"
-    result = Folder(work / "out/area").result("tuned", "decision-tree")
+
+
+@pytest.mark.few(1)
+def test_the_result_of_a_search_has_the_folds_of_the_baseline_that_wins(outdone):
+    result = Folder(outdone.folder / "area").result("tuned", "decision-tree")
     assert result.settings == {}
     assert len(result.search.baseline_r2_folds) == 5
-    assert run("show", "out") == 0
 
 
-@pytest.mark.usefixtures("stumps")
-def test_a_surrogate_of_a_search_that_the_baseline_won_is_the_baseline(work):
-    assert run("tune", "database.h5", "-o", "out", *TREE) == 0
-    arguments = ["--from", "out", "--target", "area", "-o", "t.surrogate", *TREE]
-    assert run("fit", "database.h5", *arguments) == 0
-    card = Surrogate.load("t.surrogate").card
-    assert card["targets"]["area"]["settings_from"] == "the baseline, by out/area"
-    path = work / "out/area/tuned/decision-tree.json"
+@pytest.mark.few(1)
+def test_pictures_of_a_search_that_the_baseline_wins_are_drawn(outdone):
+    assert run("show", outdone.folder) == 0
+
+
+@pytest.fixture
+def copied_stumps(tuned_stumps, solved, tmp_path):
+    """A copy of the folder of `tuned_stumps`, and the options that fit its winner."""
+    folder = shutil.copytree(tuned_stumps, tmp_path / "out")
+    file = tmp_path / "t.surrogate"
+    return folder, [solved, "--from", folder, "--target", "area", "-o", file, *TREE]
+
+
+def test_a_surrogate_of_a_search_that_the_baseline_won_is_the_baseline(copied_stumps):
+    folder, options = copied_stumps
+    assert run("fit", *options) == 0
+    area = Surrogate.load(options[-3]).card["targets"]["area"]
+    assert area["settings_from"] == f"the baseline, by {folder}/area"
+    assert area["comparison"] == f"{folder}/area"
+
+
+def test_edited_settings_of_a_baseline_that_won_are_refused(copied_stumps):
+    folder, options = copied_stumps
+    path = folder / "area/tuned/decision-tree.json"
     edited = json.loads(path.read_text()) | {"settings": {"max_depth": 5}}
     path.write_text(json.dumps(edited))
-    assert run("fit", "database.h5", *arguments) == 2
+    assert run("fit", *options) == 2
 
 
 def test_a_budget_too_small_for_the_baseline_gives_no_result_and_says_so(work, capsys):

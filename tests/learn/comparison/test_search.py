@@ -4,6 +4,8 @@ import json
 import math
 import warnings
 from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -12,8 +14,9 @@ from sklearn.model_selection import GridSearchCV, PredefinedSplit
 
 from learn.comparison import search as searches
 from learn.comparison.fits import Training, Trial, Trials
-from learn.comparison.grid import reach
-from learn.executor import budget_of, seconds
+from learn.comparison.grid import Grid, reach
+from learn.comparison.search import GridSearch
+from learn.executor import Executor, budget_of, seconds
 from learn.models import MODELS, STEP, pipeline
 
 # Every kind of synonym and of shared fit, small enough for a test.
@@ -89,14 +92,29 @@ SCALED = {
 """Points of the grids for features without units."""
 
 
-@pytest.mark.few(1)
-@pytest.mark.parametrize(("model", "space"), [*REDUCED.items(), *SCALED.items()])
-def test_scores_and_winner_are_those_of_scikit_learns_grid_search(
-    model, space, training, searching
-):
-    search = searching(model, space)
-    search.fit_all()
-    grid, report = search.grid, search.report()
+class Searched(NamedTuple):
+    """A search of a grid, and the results of scikit-learn's GridSearchCV on the same folds."""
+
+    search: GridSearch
+    results: dict[str, Any]
+
+    @property
+    def names(self):
+        """Name of each candidate, in the order of scikit-learn's."""
+        return [*map(self.search.grid.name_of, self.search.grid.candidates)]
+
+
+@pytest.fixture(
+    scope="module",
+    params=[*REDUCED.items(), *SCALED.items()],
+    ids=[*REDUCED, *(f"{model}-scaled" for model in SCALED)],
+)
+def searched(request, training, tmp_path_factory):
+    model, space = request.param
+    grid = Grid(MODELS[model], space, training.inputs.shape[1])
+    with Trials(tmp_path_factory.mktemp(model) / "trials.jsonl", {}) as trials:
+        search = GridSearch(MODELS[model], grid, training, trials, Executor())
+        search.fit_all()
     theirs = pipeline(MODELS[model], tuned=True)
     if model == "kernel-ridge":
         theirs.set_params(**{STEP: KernelRidge()})
@@ -107,43 +125,81 @@ def test_scores_and_winner_are_those_of_scikit_learns_grid_search(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of perceptrons that have not converged
         reference.fit(training.inputs, training.target)
-    results = reference.cv_results_
+    return Searched(search, reference.cv_results_)
+
+
+@pytest.mark.few(1)
+def test_scores_are_those_of_scikit_learns_grid_search(searched):
+    results = searched.results
     expected = np.stack([results[f"split{fold}_test_score"] for fold in range(5)], axis=1)
     assert np.isfinite(expected).all()
-    names = [*map(grid.name_of, grid.candidates)]
-    folds, means = [*map(search.folds, names)], search.means(grid.differing)
+    folds = [*map(searched.search.folds, searched.names)]
     np.testing.assert_allclose(folds, expected, rtol=0, atol=1e-10)
-    means = [means[name] for name in names]
-    np.testing.assert_allclose(means, results["mean_test_score"], atol=1e-10)
+
+
+@pytest.mark.few(1)
+def test_means_are_those_of_scikit_learns_grid_search(searched):
+    means = searched.search.means(searched.search.grid.differing)
+    ours = [means[name] for name in searched.names]
+    np.testing.assert_allclose(ours, searched.results["mean_test_score"], atol=1e-10)
+
+
+@pytest.mark.few(1)
+def test_the_winner_is_that_of_scikit_learns_grid_search(searched):
+    search, results = searched
     best = results["params"][int(np.argmin(results["rank_test_score"]))]
-    assert grid.first[search.winner] == {
+    assert search.grid.first[search.winner] == {
         key.partition("__")[2]: best[key] for key in best
     }
-    assert report.fits == 5 * len(grid.families)
-    if space is REDUCED[model] and model != "gaussian-process":
+
+
+@pytest.mark.few(1)
+def test_each_family_of_candidates_takes_five_fits(searched):
+    grid = searched.search.grid
+    assert searched.search.report().fits == 5 * len(grid.families)
+    if grid.space is REDUCED[grid.model.name] and grid.model.name != "gaussian-process":
         assert len(grid.families) < len(grid.candidates)
 
 
-def test_finished_fits_are_not_done_again(searching, tmp_path):
+class Resumed(NamedTuple):
+    """A search that was killed in the midst of a line of its file, and goes on."""
+
+    whole: GridSearch  # the same search that was not killed
+    kept: int  # trials that the file of the killed search still has
+    to_do: int  # candidates on single folds that the search has to fit when it goes on
+    search: GridSearch  # the search that went on
+    path: Path  # the file in the end
+
+
+@pytest.fixture
+def resumed(searching, tmp_path):
     trees = REDUCED["decision-tree"]
     path = tmp_path / "cut.jsonl"
     with Trials(path, {"seed": 0}) as opened:
-        first = searching("decision-tree", trees, opened)
-        first.fit_all()
-    done = len(first.trials.finished)
-    whole = path.read_bytes()
-    # A kill in the midst of a line.
-    path.write_bytes(whole[: int(0.6 * len(whole))])
+        whole = searching("decision-tree", trees, opened)
+        whole.fit_all()
+    content = path.read_bytes()
+    path.write_bytes(content[: int(0.6 * len(content))])
     with Trials(path, {"seed": 0}) as opened:
-        left = len(opened.finished)
-        assert 0 < left < done
+        kept = len(opened.finished)
         search = searching("decision-tree", trees, opened)
         tasks = search.tasks(search.grid.families, 80)
-        assert sum(len(task.candidates) for task in tasks) == done - left
         search.fit_all()
-    names = search.grid.differing
-    assert [*map(first.folds, names)] == [*map(search.folds, names)]
-    for line in path.read_text().splitlines():
+    to_do = sum(len(task.candidates) for task in tasks)
+    return Resumed(whole, kept, to_do, search, path)
+
+
+def test_finished_fits_are_not_done_again(resumed):
+    done = len(resumed.whole.trials.finished)
+    assert 0 < resumed.kept < done
+    assert resumed.to_do == done - resumed.kept
+
+
+def test_a_search_that_goes_on_ends_with_the_scores_of_one_that_was_not_killed(resumed):
+    names = resumed.search.grid.differing
+    scores = [*map(resumed.search.folds, names)]
+    assert scores == [*map(resumed.whole.folds, names)]
+    for line in resumed.path.read_text().splitlines():
         json.loads(line)
 
 
@@ -163,30 +219,44 @@ def limited(search, fits):
     return replace(search, stopping=lambda: sum(n == total for *_, n in finished) >= fits)
 
 
-def test_the_best_on_few_rows_are_judged_first_after_the_optimum(
-    searching, trials, monkeypatch
-):
-    """On 26 rows of `levels` the deep trees come after all others, on all of them they are best."""
+SPACE = {"max_depth": [1, 2, 3, 4, 30], "min_samples_leaf": [1, 40, 80]}
+
+
+@pytest.fixture
+def halved(searching, monkeypatch):
+    """A search by halving of `SPACE` on `levels`, which is stopped after ten judged candidates.
+
+    On 26 rows deep trees come after all others, on all rows they are best. They are the optimum.
+    """
     monkeypatch.setattr(searches, "LEAST_ROWS", 20)
-    space = {"max_depth": [1, 2, 3, 4, 30], "min_samples_leaf": [1, 40, 80]}
-    search = replace(searching("decision-tree", space), training=levels(720), baseline={})
-    settings = {"max_depth": 30, "min_samples_leaf": 1}
-    deep = search.grid.name_of(settings)
+    search = replace(searching("decision-tree", SPACE), training=levels(720), baseline={})
+    deep = search.grid.name_of({"max_depth": 30, "min_samples_leaf": 1})
     found = limited(replace(search, optimum=deep), 11 * 5)
     found.halve(math.inf)
-    few = search.means(search.grid.differing, 26, 2)
+    few = found.means(found.grid.differing, 26, 2)
     assert few[deep] < sorted(few.values())[-3]
-    assert found.fault == ""
-    assert (found.judged, found.best) == (10, deep)
-    assert found.how.startswith("successive halving: 15 candidates on 26 rows, 2 folds, ")
-    assert found.how.endswith(" 2 folds, 10 candidates on 720 rows, 5 folds")
-    assert {trial.fold for trial in trials.finished.values() if trial.rows == 26} == {
-        0,
-        1,
-    }
-    assert found.seconds == pytest.approx(
-        sum(t.seconds for t in trials.finished.values())
-    )
+    return found
+
+
+def test_the_optimum_is_judged_even_if_it_is_not_among_the_best_on_few_rows(halved):
+    assert halved.fault == ""
+    assert (halved.judged, halved.best) == (10, halved.optimum)
+
+
+def test_a_search_by_halving_says_its_steps(halved):
+    how = halved.how
+    assert how.startswith("successive halving: 15 candidates on 26 rows, 2 folds, ")
+    assert how.endswith(" 2 folds, 10 candidates on 720 rows, 5 folds")
+
+
+def test_steps_of_halving_rank_on_two_folds(halved):
+    trials = halved.trials.finished.values()
+    assert {trial.fold for trial in trials if trial.rows == 26} == {0, 1}
+
+
+def test_the_time_of_a_search_is_that_of_all_its_fits(halved):
+    trials = halved.trials.finished.values()
+    assert halved.seconds == pytest.approx(sum(trial.seconds for trial in trials))
 
 
 @pytest.mark.parametrize(
@@ -200,8 +270,7 @@ def test_a_model_of_which_too_few_candidates_were_judged_is_not_searched(
     fits, words, searching, monkeypatch
 ):
     monkeypatch.setattr(searches, "LEAST_ROWS", 20)
-    space = {"max_depth": [1, 2, 3, 4, 30], "min_samples_leaf": [1, 40, 80]}
-    search = replace(searching("decision-tree", space), training=levels(720), baseline={})
+    search = replace(searching("decision-tree", SPACE), training=levels(720), baseline={})
     found = limited(search, fits)
     found.halve(math.inf)
     assert found.fault.startswith("not searched: ")
@@ -210,52 +279,67 @@ def test_a_model_of_which_too_few_candidates_were_judged_is_not_searched(
     assert search.fault == "", "with more time it goes on"
 
 
-def test_a_search_without_time_says_how_long_a_fit_takes_and_which_budget_would_do(
-    searching, trials
-):
-    """Five folds of ten candidates, each fitted alone, and of the baseline; two searches share."""
-    space = {"max_depth": [1, 2, 3, 4, 30], "min_samples_leaf": [1, 40, 80]}
-    search = replace(searching("decision-tree", space), baseline={}, searches=2)
+@pytest.fixture
+def begun(searching, trials):
+    """One of two searches of `SPACE`, of which a fit of the baseline, of 30 s, is finished."""
+    search = replace(searching("decision-tree", SPACE), baseline={}, searches=2)
     assert search.advice == "give a larger --budget", "nothing was begun"
     (name,) = search.baseline_family
     trials.add([Trial(candidate=name, fold=0, rows=80, r2=0.5, seconds=30.0)])
+    return search
+
+
+def test_a_search_without_time_says_how_long_a_fit_takes_and_which_budget_would_do(begun):
+    """Five folds of ten candidates, each fitted alone, and of the baseline; two searches share."""
     needed = 2 * 5 * (10 + 1) * 30.0 / searches.JUDGED
-    wanted = f"--budget {budget_of(needed)}"
-    assert (
-        search.advice
-        == f"a fit to 80 rows takes 30 s, so that 10 candidates need {wanted}"
+    assert begun.advice == (
+        "a fit to 80 rows takes 30 s, so that 10 candidates need --budget"
+        f" {budget_of(needed)}"
     )
     assert seconds(budget_of(needed)) >= needed
-    search.ended.append(300.0)
-    assert (
-        "a fit to 80 rows was not finished in 300 s, so that 10 candidates"
-        in search.advice
-    )
-    assert search.advice.endswith("h or more")
-    assert search.advice in search.fault
 
 
-def test_a_search_goes_on_beyond_the_end_at_which_its_winner_lies(searching, trials):
-    """The smallest trees of the grid are too small: deeper ones are tried, and only the needed."""
+def test_a_search_whose_fits_were_stopped_says_which_budget_is_the_least(begun):
+    begun.ended.append(300.0)
+    stopped = "a fit to 80 rows was not finished in 300 s, so that 10 candidates"
+    assert stopped in begun.advice
+    assert begun.advice.endswith("h or more")
+
+
+def test_the_reason_of_a_search_without_a_winner_has_the_advice(begun):
+    assert begun.advice in begun.fault
+
+
+@pytest.fixture
+def of_shallow_trees(searching):
+    """A search of trees that are too shallow."""
     space = {"max_depth": [1, 2, 3], "min_samples_leaf": [1, 2, 4]}
-    search = replace(
-        searching("decision-tree", space), training=levels(720), baseline=None
-    )
-    found = replace(search)
-    found.exhaust()
-    added = found.grid.candidates[9:]
-    best = found.grid.first[found.winner]
-    assert [each["max_depth"] for each in added if each["min_samples_leaf"] == 1][:3] == [
-        4,
-        5,
-        6,
-    ]
-    assert best["max_depth"] == 6
-    assert search.grid.first[search.best]["max_depth"] == 3
-    before = dict(trials.finished)
+    search = searching("decision-tree", space)
+    return replace(search, training=levels(720), baseline=None)
+
+
+@pytest.fixture
+def extended(of_shallow_trees):
+    """The same search after it went on beyond its grid; both have the same trials."""
+    search = replace(of_shallow_trees)
     search.exhaust()
-    assert search.means(search.grid.differing) == found.means(found.grid.differing)
-    assert trials.finished == before, "the next call finds the fits beyond the grid done"
+    return search
+
+
+def test_a_search_goes_on_beyond_the_end_at_which_its_winner_lies(extended):
+    added = extended.grid.candidates[9:]
+    depths = [each["max_depth"] for each in added if each["min_samples_leaf"] == 1]
+    assert depths[:3] == [4, 5, 6]
+    assert extended.grid.first[extended.winner]["max_depth"] == 6
+
+
+def test_a_second_search_finds_the_fits_beyond_the_grid_done(extended, of_shallow_trees):
+    search = of_shallow_trees
+    assert search.grid.first[search.best]["max_depth"] == 3
+    before = dict(search.trials.finished)
+    search.exhaust()
+    assert search.trials.finished == before
+    assert search.means(search.grid.differing) == extended.means(extended.grid.differing)
 
 
 @pytest.mark.parametrize(

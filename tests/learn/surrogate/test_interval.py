@@ -16,9 +16,9 @@ from learn.surrogate.interval import (
     Distance,
     ErrorScale,
     Scores,
+    distance_by_maps,
     fit_scale,
-    from_maps,
-    from_surfaces,
+    rows_measured_by_surfaces,
 )
 from learn.surrogate.training import Training
 
@@ -112,7 +112,7 @@ def correlated(rows, seed, size=3):
 def from_rows(inputs):
     """Distances from rows of one cloud, each of a surface of its own."""
     parts = np.arange(len(inputs)) % 5
-    return from_surfaces(inputs, np.zeros(len(inputs), int), parts).training
+    return rows_measured_by_surfaces(inputs, np.zeros(len(inputs), int), parts).training
 
 
 def test_rows_against_the_correlation_are_outside_though_in_every_range():
@@ -127,14 +127,18 @@ def test_rows_against_the_correlation_are_outside_though_in_every_range():
 
 def test_the_limit_is_a_distance_of_each_row_from_other_parts():
     inputs, parts = correlated(200, 0), np.arange(200) % 5
-    measured = from_surfaces(inputs, np.zeros(200, int), parts)
+    measured = rows_measured_by_surfaces(inputs, np.zeros(200, int), parts)
     distances = measured.nearest.distance
     assert measured.training.limit == np.quantile(distances, INSIDE, method="higher")
     assert (measured.nearest.cloud == 0).all()
     moved = inputs + np.where(parts == 2, 5.0, 0.0)[:, None]
-    moved_distances = from_surfaces(moved, np.zeros(200, int), parts).nearest.distance
+    moved_distances = rows_measured_by_surfaces(
+        moved, np.zeros(200, int), parts
+    ).nearest.distance
     seen = parts != 2
-    without = from_surfaces(inputs[seen], np.zeros(160, int), parts[seen]).training
+    without = rows_measured_by_surfaces(
+        inputs[seen], np.zeros(160, int), parts[seen]
+    ).training
     np.testing.assert_allclose(moved_distances[~seen], without.of(moved[~seen]))
 
 
@@ -164,7 +168,7 @@ def test_rows_between_two_databases_are_far_from_both():
         None
     ] / 2
     parts = np.random.default_rng(1).integers(0, 5, 1000)
-    nearest = from_surfaces(inputs, kinds, parts).training
+    nearest = rows_measured_by_surfaces(inputs, kinds, parts).training
     assert nearest.of(between)[0] > 2 * nearest.limit
     assert from_rows(inputs).of(between)[0] < from_rows(inputs).limit
     fresh, _ = clouds(4000, 2)
@@ -181,7 +185,7 @@ def of_maps():
         [along, along + 0.05 * random.normal(size=600), np.zeros(600)]
     )
     inputs += 0.1 * random.normal(size=(20, 3))[groups] * [1, 1, 0]
-    return inputs, from_maps(inputs, groups)
+    return inputs, distance_by_maps(inputs, groups)
 
 
 ODD = np.array([[1.5, -1.5, 0.0]])  # within the range of each feature

@@ -266,6 +266,14 @@ def test_older_files_are_refused_with_the_command_that_fits_anew(path, ridge):
     )
 
 
+def test_the_command_that_fits_anew_names_the_comparison_of_the_card(path, ridge):
+    area = {"settings_from": "in other words", "comparison": "found/area"}
+    card = {**ridge.card, "targets": {"area": area}}
+    written(path, {"card": card, "parts": {}, "arrays": []}, b"", number=7)
+    with pytest.raises(InputError, match=" --from found -o "):
+        Surrogate.load(path)
+
+
 @pytest.mark.parametrize("key", ["rows", "targets"])
 def test_a_card_that_lacks_something_is_one_line(path, key, refused):
     card, models = content(path)
