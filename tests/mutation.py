@@ -40,8 +40,8 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
         ),
         ("crossed_along_x * dy", "crossed_along_x * dx"),
         (
-            "problem.datum_height) + self.approach",
-            "problem.datum_height) - self.approach",
+            "gap: Field = self.displacement - inter",
+            "gap: Field = self.displacement + inter",
         ),
         ("np.maximum(interference - self", "np.maximum(interference + self"),
         (
