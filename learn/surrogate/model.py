@@ -570,7 +570,7 @@ class Surrogate:
         scale = self.features.scale(powers, rows, self.modulus)
         if e_star is None or powers is None or not powers.modulus:
             return scale
-        # Features with units have a scale of 1, also at another E*.
+        # `scale` is that at the E* of the training, which is 1 for features with units.
         return scale * (e_star / self.modulus) ** powers.modulus
 
     def _reasons(
