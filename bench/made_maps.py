@@ -267,9 +267,10 @@ def _self_affine(
 
 
 def _turned(description: MadeMap, random: np.random.Generator) -> Heights:
-    """Return round grooves along y, made by the nose of a tool, with sharp ridges between them.
+    """Return the heights of a turned surface: round grooves along y with sharp ridges between them.
 
-    The heights are in any unit, as those of the further kinds below: `surface` scales them.
+    They have no unit, as the heights of all kinds: `surface` scales them. The depths of grooves
+    vary at random, and gentle self-affine waves are added.
     """
     x, y = _coordinates(description)
     # The grooves are slightly wavy along y.
@@ -280,6 +281,7 @@ def _turned(description: MadeMap, random: np.random.Generator) -> Heights:
     position = (x + waviness) / description.length + phase
     groove = np.floor(position).astype(int)  # number of the groove at each node
     across = position - groove - 0.5  # place in the groove, -0.5 to 0.5 of its width
+    # Depth of each groove; its ridges are 1 above its middle.
     depths = random.normal(0, 0.12, groove.max() + 1)
     grooves = 4 * across**2 - depths[groove]
     along = _self_affine(description, random, description.length / 2, 0.6, stretch=0.1)

@@ -271,9 +271,10 @@ class _TimedContact:
 
 
 def _summary(answers: list[Errors]) -> Row:
-    """Return the columns of a row: root mean squares of errors [%], and the median time [s].
+    """Return the columns of a row about the answers of one method.
 
-    A column of errors is "" if the method has none.
+    They are the root mean square of the relative errors of each quantity [%], and the median time
+    [s]. The column of a quantity is "" if the method does not compute it.
     """
     row: Row = {}
     for name in ("area", DELTA.name, MEAN_GAP.name, UNLOADING.name):

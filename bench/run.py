@@ -195,14 +195,15 @@ class _Job:
 
 
 def _in_turn(parts: Iterable[Part], inputs: Inputs) -> list[Part]:
-    """Return the parts that this run has a command for, in the order of the work.
+    """Return the parts that this run has a command for, in the order in which they are made.
 
-    Parts that are made alone come first. Parts that are made side by side follow, the longest
-    first. Parts that read the comparison come last, in the same order, because other parts add to
-    the comparison.
+    Parts that read the comparison come after all other parts, because some of these write into it.
+    Before and after this border, parts that are made alone come first, as given, and parts that are
+    made side by side follow, the longest first.
     """
 
     def turn(part: Part) -> tuple[bool, bool, float]:
+        """Return the sort key of a part."""
         reads_comparison = "comparison" in inputs.sources(part)
         duration = 0.0
         if part.beside:

@@ -340,7 +340,11 @@ def _run_table(table: str, *, full: bool) -> list[tuple[Case, Answer]]:
 
 
 def _summary(table: str, answers: Sequence[tuple[Case, Answer]]) -> list[str]:
-    """Return the lines of text about a table: one with the counts, and one for each failed case."""
+    """Return the lines of text about the cases of a table.
+
+    `table` is a key of `TABLES`. The first line has the numbers of all and of failed cases. One
+    line for each failed case follows, with the reason.
+    """
     failed = [(case, answer) for case, answer in answers if not answer.passed]
     counts = f"{TABLES[table].title}: {len(answers)} cases, {len(failed)} failed"
     names = [f"  {case.family}, {case.name}: {answer.failed}" for case, answer in failed]

@@ -373,10 +373,11 @@ def _hardnesses() -> Iterator[Case]:
 
 
 def _limits() -> Iterator[Case]:
-    """Yield extreme and wrong hardnesses.
+    """Yield cases of the paper's surface with extreme hardnesses, and with refused ones.
 
-    They are near the largest elastic pressure or far above it, so small that the contact is the
-    bearing area, or not above 0.
+    Near the largest elastic pressure and far above it, the contact has to be nearly elastic. At
+    hardnesses close to 0 it has to be the bearing area. Hardnesses that are not above 0 or NaN have
+    to raise ValueError.
     """
     largest = float(Setup(paper()).solve().pressure.max())
     nearly_elastic = {

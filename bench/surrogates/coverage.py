@@ -465,16 +465,22 @@ def _parts(case: Case, rows: Dataset, row_limit: int, seed: int) -> Parts:
 
 
 def _scores(fitted: Fitted, judged: Dataset, always: NDArray[np.bool_]) -> Row:
-    """Return the scores of a surrogate on rows that judge, as columns of the table.
+    """Return the scores of a fitted surrogate on the rows `judged`, as columns of the table.
 
-    Shares of flagged, covered, and covered unflagged rows are 0 to 1; the last is NaN if all rows
-    are flagged. `nmae` [%] is the error of all rows. `width` [%] is the mean width of the intervals
-    of unflagged rows over their mean target, NaN if all are flagged. `empty` is the number of
-    unflagged rows whose interval has no width. `always` marks rows that are taken as flagged even
-    if the surrogate does not flag them.
+    `always`, (n,), marks rows that are taken as flagged even if the surrogate does not flag them.
+    The columns are:
+
+    - `judged`: number of rows.
+    - `nmae`: normalised mean absolute error on all rows [%].
+    - `flagged`, `covered`: shares of all rows that are flagged, and whose target is in the interval
+      [1].
+    - `unflagged`: number of rows that are not flagged. The columns below are about these rows.
+    - `covered_unflagged`: share whose target is in the interval, NaN if all rows are flagged [1].
+    - `width`: mean width of the intervals over the mean target, NaN if all rows are flagged [%].
+    - `empty`: number of intervals without width.
     """
     low, high = fitted.interval(judged, LEVEL)
-    truth = judged.target * judged.scale
+    truth = judged.target * judged.scale  # in the unit of the intervals
     covered = (low <= truth) & (truth <= high)
     flagged = fitted.flags(judged) | always
     kept = ~flagged
