@@ -43,9 +43,8 @@ class Faults:
 
     spikes: int = 0  # number of single nodes that are far above the surface
     holes: int = 0  # number of round patches without heights, which may overlap
-    step: float = (
-        0.0  # jump of the height at a line of constant y, as between two images [um]
-    )
+    # Jump of the height at a line of constant y, as between two images [um].
+    step: float = 0.0
     # Slopes along x and y of a plane that is added [1].
     tilt: tuple[float, float] = (0.0, 0.0)
 

@@ -192,9 +192,8 @@ class Filter:
         self.field: Real = _aligned((shape[0], periods[1]), factors.dtype)
         length = period + GAP_BYTES // waves.itemsize
         self._waves = _aligned((columns, length), waves)[:, :period]
-        in_rows = self._waves[
-            :, : shape[0]
-        ]  # beyond the field's rows is padding, which stays 0
+        # Beyond the field's rows is padding, which stays 0 between calls.
+        in_rows = self._waves[:, : shape[0]]
         self._rows_forward = _plan(self.field, in_rows.T)
         self._rows_backward = _plan(in_rows.T, self.field, backward=True)
         fitting = max(BATCH_BYTES // self._waves[:1].nbytes, 1)  # columns in the cache

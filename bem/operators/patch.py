@@ -509,9 +509,8 @@ def displacement_filter(
     if boundary != "free":
         inverse = False
         return edgeless_filter(shape, boundary, aspect, dtype, inverse)
-    if (
-        dtype == "float32"
-    ):  # the two filters of a free patch share memory if they are large
+    if dtype == "float32":
+        # Large filters of both precisions share memory.
         exact: Any = displacement_filter(shape, "free", kernel, aspect, "float64")
         rough: FieldFilter = exact.in_single_precision()
         return rough
@@ -633,9 +632,8 @@ def _inverse_filter(
         half = period // 2 + 1  # entries from 0 to half of the period
         share = (np.arange(half) / period)[:, np.newaxis]  # k / m
         folded = (1 - share) * table[:half]
-        folded[1:] += (
-            share[1:] * table[: period - half : -1]
-        )  # t_(m - k) for k = 1, 2, ...
+        # From the end of the table: t_(m - k) for k = 1, 2, ...
+        folded[1:] += share[1:] * table[: period - half : -1]
         table = folded.T  # the second axis comes next, and the order is restored after it
     return spectral_filter(
         (rows, periods[1]), 1 / _even_spectrum(table), "float32", periods

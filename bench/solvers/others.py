@@ -48,7 +48,7 @@ COARSEST = 32
 
 
 def fast_grid(nodes: int) -> int:
-    """Return the smallest sufficient number of nodes that has no prime factors above 5.
+    """Return the smallest number of nodes from `nodes` that has no prime factors above 5.
 
     FFTs of this number of nodes are fast.
 
@@ -119,8 +119,8 @@ def primal_gradients(
 def dual_gradients(nodes: int, spacing: float, boundary: Boundary = "free") -> Press:
     """Set up ContactMechanics' gradients in pressures, after Bugnicourt and others (2018).
 
-    The tolerance bounds the largest residual gap over Delta. The solver starts from the overlap as
-    a pressure, which is faster than starting from zero.
+    The tolerance bounds the largest residual gap over Delta. The first pressure is proportional to
+    the overlap, which is faster than starting from zero.
 
     Parameters
     ----------
@@ -258,7 +258,7 @@ def levels(nodes: int) -> int:
 
 
 def nested_grid(nodes: int) -> int:
-    """Return the smallest sufficient number of nodes that can be halved `levels(nodes)` times.
+    """Return the smallest number of nodes from `nodes` that can be halved `levels(nodes)` times.
 
     Parameters
     ----------
