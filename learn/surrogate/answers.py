@@ -227,8 +227,8 @@ def answers_of_parameters(
     ------
     Row
         For each row of the tables and each of the k loads: "input", the table, or "" without
-        tables; the other columns of the table, unchanged; the numbers; and targets, "flag" and
-        "reason" as `answers` has them.
+        tables; the further columns of all tables, unchanged, "" where the row's table lacks one;
+        the numbers; and targets, "flag" and "reason" as `answers` has them.
 
     Raises
     ------
@@ -246,8 +246,15 @@ def answers_of_parameters(
         )
         for row in _rows_of_prediction(surrogate, prediction):
             yield {"input": "", **row}
-    for path in tables:
-        table = _read_numbers(path, surrogate, fixed)
+    numbers_of_tables = [_read_numbers(path, surrogate, fixed) for path in tables]
+    # All rows have the further columns of all tables; a table without one of them has "" there.
+    no_cells = {
+        name: ""
+        for table in numbers_of_tables
+        for cells in table.further_cells[:1]
+        for name in cells
+    }
+    for path, table in zip(tables, numbers_of_tables, strict=True):
         # How often each row of the table is repeated: once for each load of the options.
         repeats = max((values.size for values in fixed.values()), default=1)
         with _errors_about(path):
@@ -255,7 +262,7 @@ def answers_of_parameters(
         prediction = surrogate.predict_rows(rows, level=level, mean=mean)
         for place, row in enumerate(_rows_of_prediction(surrogate, prediction)):
             further_cells = table.further_cells[place // repeats]
-            yield {"input": str(path), **further_cells, **row}
+            yield {"input": str(path), **no_cells, **further_cells, **row}
 
 
 @dataclass(frozen=True, eq=False)

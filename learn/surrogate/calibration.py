@@ -90,6 +90,11 @@ class Groups:
         return self.scheme == "others"
 
     @property
+    def are_several(self) -> bool:
+        """True if each map, database or surface is a group, False if all rows are one group."""
+        return self.scheme != "surfaces"
+
+    @property
     def are_populations(self) -> bool:
         """True for several maps or databases, False for surfaces, tiles or rows of one."""
         return self.kind in {"map", "database"}
@@ -137,28 +142,36 @@ def groups_of(rows: Dataset) -> Groups:
         The groups of the rows. They are to be left out as a whole (scheme "others") if there are
         `FEWEST` or more, and if enough rows are left then.
     """
-    surfaces, surface = np.unique(rows.groups, return_inverse=True)
+    # Tiles of maps count as surfaces here.
+    surfaces, surface_of_row = np.unique(rows.groups, return_inverse=True)
+    number_of_surfaces = surfaces.size
     if rows.features.of_scene and not rows.by_tile:
-        if surfaces.size >= FEWEST:
+        if number_of_surfaces >= FEWEST:
             return Groups(
-                labels=surface, number=surfaces.size, kind=SURFACE, scheme="others"
+                labels=surface_of_row,
+                number=number_of_surfaces,
+                kind=SURFACE,
+                scheme="others",
             )
-        return _one_group(rows, surfaces.size)
-    populations, labels = np.unique(rows.population, return_inverse=True)
-    if populations.size < 2 or surfaces.size < 2:
-        return _one_group(rows, surfaces.size)
+        return _one_group(rows, number_of_surfaces)
+    # A population is a map, or a database of rows that come from no maps.
+    populations, population_of_row = np.unique(rows.population, return_inverse=True)
+    if populations.size < 2 or number_of_surfaces < 2:
+        return _one_group(rows, number_of_surfaces)
     kind = "database"
     if rows.by_tile:
         kind = "map"
-    divided = Groups(labels=labels, number=populations.size, kind=kind, scheme="each")
+    surfaces_left_out = Groups(
+        labels=population_of_row, number=populations.size, kind=kind, scheme="each"
+    )
     if populations.size >= FEWEST:
-        left_out_whole = replace(divided, scheme="others")
+        populations_left_out = replace(surfaces_left_out, scheme="others")
         # Databases may share surfaces, which are left out together with each of them.
-        if _leaves_enough(rows, left_out_whole):
-            return left_out_whole
-    if _leaves_enough(rows, divided):
-        return divided
-    return _one_group(rows, surfaces.size)
+        if _leaves_enough(rows, populations_left_out):
+            return populations_left_out
+    if _leaves_enough(rows, surfaces_left_out):
+        return surfaces_left_out
+    return _one_group(rows, number_of_surfaces)
 
 
 def _one_group(rows: Dataset, surfaces: int) -> Groups:
@@ -380,7 +393,7 @@ def _remark(groups: Groups) -> str:
 
     It is as "intervals by 17 maps, each predicted without it".
     """
-    if groups.scheme == "surfaces":
+    if not groups.are_several:
         return ""
     how = "by surfaces that the model has not seen"
     if groups.are_left_out:

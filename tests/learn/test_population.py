@@ -50,10 +50,11 @@ def test_the_evidence_has_the_slopes_of_its_differences():
     )
     at, step = np.log([1.0, 2.0, 0.5]), 1e-5 * np.eye(3)
     ends = [
-        [rows.evidence(at + sign * each, X[:20])[0] for sign in (1, -1)] for each in step
+        [rows.minus_log_evidence(at + sign * each, X[:20])[0] for sign in (1, -1)]
+        for each in step
     ]
     slopes = (np.array(ends) @ [1, -1]) / 2e-5
-    assert rows.evidence(at, X[:20])[1] == pytest.approx(slopes, rel=1e-5)
+    assert rows.minus_log_evidence(at, X[:20])[1] == pytest.approx(slopes, rel=1e-5)
 
 
 @pytest.mark.few(1)
@@ -195,6 +196,19 @@ def test_the_command_line_answers_for_a_table_of_numbers(path, new, tmp_path):
     assert column(rows, "hurst") == [0.6, 0.6, 0.7, 0.7]
     assert [row["part"] for row in rows] == ["seat", "seat", "seal", "seal"]
     assert column(rows, "area_percent")[2:] == pytest.approx(new.area[:2])
+
+
+def test_tables_with_different_further_columns_are_answered_together(path, tmp_path):
+    columns = {"seat": "part", "seal": "maker"}
+    for name, column_name in columns.items():
+        table = tmp_path / f"{name}.csv"
+        table.write_text(f"{column_name},hurst,rms_height\n{name}-1,0.7,1.2\n")
+    bare = tmp_path / "bare.csv"
+    bare.write_text("hurst,rms_height\n0.7,1.2\n")
+    tables = [str(tmp_path / "seat.csv"), str(tmp_path / "seal.csv"), str(bare)]
+    rows = predicted(path, tmp_path, *tables, "--pressure", "0.02")
+    assert [row["part"] for row in rows] == ["seat-1", "", ""]
+    assert [row["maker"] for row in rows] == ["", "seal-1", ""]
 
 
 def test_a_law_has_the_answers(path, new, tmp_path):
