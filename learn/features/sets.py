@@ -56,7 +56,7 @@ from learn.features.columns import (
 from learn.features.rows import Rows
 from learn.features.scene import SCENE
 
-# Function of n rows, which returns one feature of them, (n,).
+# Type of a function that takes n rows and returns one feature of them, (n,).
 Formula = Callable[[Rows], Values]
 
 
