@@ -425,7 +425,7 @@ class GridSearch:
     @property
     def fault(self) -> str:
         """Reason why the search has no winner; "" if it has one."""
-        # A winner has to be compared with the baseline.
+        # The winner has to be compared with the baseline.
         if self.tasks([self.baseline_family], self.training.rows):
             return (
                 f"not searched: the baseline was not finished on {FOLDS} folds within the time:"
@@ -440,9 +440,10 @@ class GridSearch:
                 f"not searched: {self.judged} of {len(self.grid.differing)} candidates were judged"
                 f" over {FOLDS} folds of all rows, {self._least_judged} are needed: {self.advice}"
             )
-        # Few rows must not hide the optimum. If fits failed, it may have no score for that reason.
+        # The winner has to be compared with the optimum as well, unless fits failed: that of the
+        # optimum may be one of them, and more time would not help.
         if self.optimum and not failures and not self.means([self.optimum]):
-            return f"not searched: the paper's optimum was not judged: {self.advice}"
+            return f"not searched: the optimum of the grid was not judged: {self.advice}"
         return ""
 
     @property
