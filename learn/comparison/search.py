@@ -434,14 +434,14 @@ class GridSearch:
         failures = self.failures
         if failures and not self.best:
             return "; ".join(failures)
-        # More time would allow enough candidates.
+        # Too few candidates are no search; with more time, enough would be judged.
         if self.judged < self._least_judged:
             return (
                 f"not searched: {self.judged} of {len(self.grid.differing)} candidates were judged"
                 f" over {FOLDS} folds of all rows, {self._least_judged} are needed: {self.advice}"
             )
-        # The winner has to be compared with the optimum as well, unless fits failed: that of the
-        # optimum may be one of them, and more time would not help.
+        # The winner has to be compared with the optimum as well. After failures it has not: the fit
+        # of the optimum may have failed, and more time would not give it a score.
         if self.optimum and not failures and not self.means([self.optimum]):
             return f"not searched: the optimum of the grid was not judged: {self.advice}"
         return ""
