@@ -94,8 +94,7 @@ SAMPLED = 16
 LEAST_OVERLAPPING = 6.0
 
 # Share of the nodes that are solved first under a light load, over the mean pressure divided by E*
-# times the rms slope [1]. Ladders
-# take up to 16 % more convolutions if it is halved
+# times the rms slope [1]. Ladders take up to 16 % more convolutions if it is halved
 # (`python -m tests.ledger --halved bem.equilibrium.OVERLAPPING`).
 OVERLAPPING = 20.0
 
@@ -115,19 +114,19 @@ REACH = 1e3
 # under a load is not above zero [1]. This number matters in rare cases.
 LEAST = 1e-3
 
-# Delta, over that of full contact, above which full contact is the better start [1]. This number
-# matters in rare cases.
+# Delta, over Delta of full contact, at or above which a start from full contact is better than a
+# start without any pressure [1]. This number matters in rare cases.
 NEARLY_FULL = 0.9
 
-# Largest number of trials of the constant that is added to the pressure of full contact. This
-# number matters in rare cases.
+# Largest number of constants that are tried in `_begun_nearly_full`. This number matters in rare
+# cases.
 CONSTANTS = 4
 
 # Least mean gap that these trials aim at, over Delta of full contact [1]. This number matters in
 # rare cases.
 LEAST_GAP = 1e-6
 
-# Largest residual of a start that is better than no pressure [Delta]. This number matters in rare
+# Largest violation of a start that is better than no pressure [Delta]. This number matters in rare
 # cases.
 FARTHEST = 10.0
 
@@ -456,24 +455,31 @@ def _at_displacement(problem: Problem, near: Start | None, give: float) -> Equil
 
 
 def _begun_nearly_full(iterate: Iterate) -> bool:
-    """Begin from the pressure of full contact plus a constant, cut off below zero.
+    """Begin at a given Delta from the pressure of full contact plus a constant, cut off below zero.
 
-    The mean gap falls nearly exponentially with the load (Persson 2007); trials tell how fast.
-    Return whether this is a useful start: it is if the displacement is not too far from that of
-    full contact.
+    The patch has no edges, and the iterate's unit of displacement is Delta. The mean gap falls
+    nearly exponentially with the constant (Persson 2007); trials tell how fast. Return whether the
+    iterate now has a useful start. If Delta is not below that of full contact, or below the share
+    `NEARLY_FULL` of it, return False and leave the iterate as it is.
     """
     below = iterate.below
-    depth = -float(below.mean())
-    if depth < 1 or 1 / depth < NEARLY_FULL:
+    full_delta = -float(below.mean())  # Delta of full contact, over Delta
+    if full_delta < 1 or 1 / full_delta < NEARLY_FULL:
         return False
     full = iterate.patch.zero_mean_pressure(below)
-    scale = float(full.std()) / 2
+    # Gaps are means, as a share of Delta of full contact: a pressure in balance at a displacement s
+    # leaves 1 - s / full_delta, because it does not move the mean of the surface.
+    wanted_gap = max(1 - 1 / full_delta, LEAST_GAP)
+    scale = float(full.std()) / 2  # gap = exp(-constant / scale), a first guess
     for _ in range(CONSTANTS):
-        constant = -scale * math.log(max(1 - 1 / depth, LEAST_GAP))
+        constant = -scale * math.log(wanted_gap)
         pressure = np.maximum(full + constant, 0)
         iterate.begin(pressure)
         penetration = float(iterate.residual.mean(where=pressure > 0))
-        gap = 1 - (1 - penetration) / depth
+        # Less the mean penetration, Delta is the displacement at which the pressure is in balance.
+        gap = 1 - (1 - penetration) / full_delta
+        # Nodes that penetrate have too little pressure, which is safe to begin from. Of a gap out
+        # of range there is no logarithm for the next trial.
         if penetration > 0 or not 0 < gap < 1:
             break
         scale = constant / -math.log(gap)
