@@ -3,6 +3,8 @@
 Arrays come in and arrays go out: no files, no MPI, nothing printed.
 """
 
+from bem.accuracy import NotReachable, solve_within
+from bem.budget import Budget
 from bem.contact import Contact
 from bem.derived.grid_error import GridError
 from bem.problem import NoSolution, OutOfRange, Problem
@@ -12,12 +14,15 @@ from bem.threads import keep_freed_memory
 keep_freed_memory()
 
 __all__ = [
+    "Budget",
     "Contact",
     "GridError",
     "NoSolution",
     "NotConverged",
+    "NotReachable",
     "OutOfRange",
     "Problem",
     "ladder",
     "solve",
+    "solve_within",
 ]

@@ -4,12 +4,14 @@ from __future__ import annotations  # short signatures in help()
 
 import math
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from bem.arrays import Field, Mask
+from bem.budget import Budget
 from bem.checks import LARGEST, Range, real_number
 from bem.derived.border import continuum_nodes
 from bem.derived.grid_error import GridError, grid_error_of
@@ -63,6 +65,8 @@ class Contact:
         Function that solves another problem: `bem.solving.solve_posed`, which this file cannot
         import. It takes the problem, and a pressure near its solution or None [MPa], and returns
         its contact.
+    budget : Budget or None
+        Errors of the answers by their causes; None unless `solve_within` made the contact.
     """
 
     problem: Problem = field(repr=False)
@@ -76,6 +80,7 @@ class Contact:
     iterations: int
     convolutions: int
     again: Callable[[Problem, Field | None], Contact] = field(repr=False)
+    budget: Budget | None = field(default=None, repr=False)
     _kept: dict[str | int, Any] = field(default_factory=dict, repr=False)
 
     @computed_once
@@ -98,7 +103,8 @@ class Contact:
     def gap(self) -> Field:
         """Distance left between the surfaces, (nx, ny), zero in contact [um]."""
         heights = self.problem.heights
-        gap: Field = self.displacement - ((heights - heights.max()) + self.approach)
+        interference = (heights - self.problem.datum_height) + self.approach
+        gap: Field = self.displacement - interference
         if self.problem.hardness is not None:  # yielded nodes penetrate by their depth
             gap = np.where(self.yielded, np.maximum(gap, 0.0), gap)
         gap.setflags(write=False)
@@ -108,7 +114,7 @@ class Contact:
     def yielded_depth(self) -> Field:
         """Depth by which the softer body has yielded, (nx, ny), zero without a hardness [um]."""
         heights = self.problem.heights
-        interference = (heights - heights.max()) + self.approach
+        interference = (heights - self.problem.datum_height) + self.approach
         depth = np.where(
             self.yielded, np.maximum(interference - self.displacement, 0.0), 0.0
         )
@@ -183,6 +189,23 @@ class Contact:
             depth = self.yielded_depth
         cells = continuum_nodes(self.problem, self.pressure, self.gap, depth)
         return 100.0 * cells / self.pressure.size
+
+    def with_budget(self, budget: Budget) -> Contact:
+        """Return this contact, and what was computed of it, with a budget of errors.
+
+        Parameters
+        ----------
+        budget : Budget
+            Errors of the answers.
+
+        Returns
+        -------
+        Contact
+            A copy that shares all arrays.
+        """
+        contact = copy(self)
+        object.__setattr__(contact, "budget", budget)  # the class is frozen for its users
+        return contact
 
     def grid_error(self) -> GridError:
         """Estimate the errors that the grid makes, by solving the same contact on a coarser one.

@@ -819,8 +819,9 @@ def _on_coarser_grid(problem: Problem) -> Start | None:
         pressure = pressure.repeat(2, axis=0).repeat(2, axis=1)
     reach = None
     if free and coarse.delta is None:
-        cut_off = float(problem.heights.max() - coarse.heights.max())
-        reach = FURTHER * (loose.delta + cut_off)
+        # The coarser grid may leave out the highest node.
+        lost_height = float(problem.heights.max() - coarse.heights.max())
+        reach = FURTHER * (loose.delta + lost_height)
     share = coarse.heights.size / problem.heights.size
     spent = math.ceil(share * loose.effort.convolutions)
     return Start(pressure, spent=spent, reach=reach)

@@ -99,6 +99,10 @@ class Problem:
         Bound on the steps of conjugate gradients and the contact sets of dense algebra.
     boundary : str
         "free", "periodic" or "mirror", see `bem.solve`.
+    datum : float or None
+        Height above the highest node from which Delta counts, None for the highest node itself. On
+        fewer nodes of a surface it is the highest node of all of them, so that Delta stays the
+        same displacement; it is below 0 where a wave rises between the nodes of the surface [um].
     """
 
     heights: Field = field(repr=False)
@@ -112,6 +116,12 @@ class Problem:
     rtol: float
     max_iterations: int
     boundary: Boundary = "free"
+    datum: float | None = None
+
+    @property
+    def datum_height(self) -> float:
+        """Height at which Delta is zero [um]."""
+        return float(self.heights.max()) + (self.datum or 0.0)
 
     @property
     def aspect(self) -> float:
@@ -300,7 +310,7 @@ def _check_displacement(problem: Problem, delta: float) -> None:
     """Refuse a displacement [um] of full contact or more of elastic bodies without edges."""
     if problem.boundary == "free" or problem.hardness is not None:
         return
-    depth = float((problem.heights.max() - problem.heights).mean())
+    depth = float((problem.datum_height - problem.heights).mean())
     if delta >= max(depth, FLATTEST):
         raise NoSolution(
             f"delta = {delta:g} um has no equilibrium on a patch without edges: the"

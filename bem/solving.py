@@ -250,7 +250,18 @@ def solve_posed(problem: Problem, near: Field | None = None) -> Contact:
     start = None
     if near is not None:
         start = Start(near / problem.modulus)  # [E*]
-    return contact_of(problem, equilibrium_of(problem, start))
+    if problem.datum is None:
+        return contact_of(problem, equilibrium_of(problem, start))
+    by_own_node = replace(problem, datum=None)
+    if problem.delta is not None:
+        by_own_node = replace(by_own_node, delta=problem.delta - problem.datum)
+    contact = contact_of(by_own_node, equilibrium_of(by_own_node, start))
+    return replace(
+        contact,
+        problem=problem,
+        delta=contact.delta + problem.datum,
+        approach=contact.approach + problem.datum,
+    )
 
 
 def contact_of(problem: Problem, equilibrium: Equilibrium | None) -> Contact:

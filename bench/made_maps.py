@@ -43,9 +43,8 @@ class Faults:
 
     spikes: int = 0  # number of single nodes that are far above the surface
     holes: int = 0  # number of round patches without heights, which may overlap
-    step: float = (
-        0.0  # jump of the height at a line of constant y, as between two images [um]
-    )
+    # Jump of the height at a line of constant y, as between two images [um].
+    step: float = 0.0
     # Slopes along x and y of a plane that is added [1].
     tilt: tuple[float, float] = (0.0, 0.0)
 
@@ -267,9 +266,10 @@ def _self_affine(
 
 
 def _turned(description: MadeMap, random: np.random.Generator) -> Heights:
-    """Return round grooves along y, made by the nose of a tool, with sharp ridges between them.
+    """Return the heights of a turned surface: round grooves along y with sharp ridges between them.
 
-    The heights are in any unit, as those of the further kinds below: `surface` scales them.
+    They have no unit, as the heights of all kinds: `surface` scales them. The depths of grooves
+    vary at random, and gentle self-affine waves are added.
     """
     x, y = _coordinates(description)
     # The grooves are slightly wavy along y.
@@ -280,6 +280,7 @@ def _turned(description: MadeMap, random: np.random.Generator) -> Heights:
     position = (x + waviness) / description.length + phase
     groove = np.floor(position).astype(int)  # number of the groove at each node
     across = position - groove - 0.5  # place in the groove, -0.5 to 0.5 of its width
+    # Depth of each groove; its ridges are 1 above its middle.
     depths = random.normal(0, 0.12, groove.max() + 1)
     grooves = 4 * across**2 - depths[groove]
     along = _self_affine(description, random, description.length / 2, 0.6, stretch=0.1)

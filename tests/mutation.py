@@ -39,7 +39,10 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
             "along = wrapped[:-1]\n            across = wrapped[:, :-1]",
         ),
         ("crossed_along_x * dy", "crossed_along_x * dx"),
-        ("- ((heights - heights.max())", "- ((heights - heights.mean())"),
+        (
+            "gap: Field = self.displacement - inter",
+            "gap: Field = self.displacement + inter",
+        ),
         ("np.maximum(interference - self", "np.maximum(interference + self"),
         (
             "np.flatnonzero((self.pressure > 0) & ~yielded)",

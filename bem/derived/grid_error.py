@@ -98,7 +98,8 @@ class GridError:
     remaining : float
         Error that remains over the error removed by halving the spacing, from 1/3 to 2.5 [1].
     summit : float
-        Height by which the summit may be above the highest node [um].
+        Height by which the summit may be above the highest node; 0 where the problem has a datum
+        of its own, from which Delta counts on every grid [um].
     growth : float
         Share by which a summit of this height makes area and force grow, 0 under a given load [1].
     counted : float
@@ -144,7 +145,7 @@ class GridError:
         if self.contact.problem.delta is not None:
             return 0.0
         return self._bar(
-            lambda contact: contact.delta - contact.problem.heights.max(),
+            lambda contact: contact.delta - contact.problem.datum_height,
             by_summit=self.summit,
         )
 
@@ -240,7 +241,9 @@ def grid_error_of(contact: Contact) -> GridError:
     order = slope_order(problem.heights, problem.boundary)
     lowest_order, highest_order = ORDERS
     remaining = 1 / (2 ** min(max(order, lowest_order), highest_order) - 1)
-    summit = OF_SUMMIT * remaining * _drop_from_highest(problem.heights)
+    summit = 0.0
+    if problem.datum is None:
+        summit = OF_SUMMIT * remaining * _drop_from_highest(problem.heights)
     area = area_within(contact)
     spare = 1.0
     if problem.hardness is not None and area:
@@ -307,9 +310,8 @@ def _judged(contact: Contact, coarse: Contact, *, order: float, spare: float) ->
     if area == 0 < contact.force:
         reason = "no spot of contact is as large as a cell of the grid"
         return _Verdict(resolved=False, reason=reason, coarse=coarse)
-    change = float(
-        coarse_area > 0
-    )  # without contact, an area of the coarser grid is 100 % more
+    # Without contact, any area of the coarser grid is taken as 100 % more.
+    change = float(coarse_area > 0)
     if area:
         change = coarse_area / area - 1
     comparison = _in_words(change)
@@ -351,7 +353,10 @@ def _solve_coarser(contact: Contact, summit: float) -> Contact:
     """
     problem = contact.problem
     half, near = coarser(problem, contact.pressure)
-    if problem.delta is None:
+    if problem.datum is not None:
+        half = replace(half, datum=problem.datum_height - float(half.heights.max()))
+        check_solvable(half)
+    elif problem.delta is None:
         half = replace(half, delta=None, force=contact.force)
     else:
         lost = float(problem.heights.max() - half.heights.max())
@@ -372,7 +377,9 @@ def _growth(contact: Contact, summit: float) -> float:
     approach = contact.approach
     touching = contact.pressure > 0
     pressure = contact.pressure[touching]
-    displaced = (heights[touching] - heights.max()) / approach + 1  # [approach]
+    displaced = (
+        heights[touching] - contact.problem.datum_height
+    ) / approach + 1  # [approach]
     if contact.problem.hardness is not None:
         displaced += contact.yielded_depth[touching] / approach
     work = float(np.average(displaced, weights=pressure / pressure.max())) / 2  # [F d]
@@ -394,6 +401,7 @@ def area_within(contact: Contact, spacing: tuple[float, float] | None = None) ->
 
     Cells at the borders of a free patch reach half a spacing beyond its nodes. To compare a coarser
     grid with a finer one, its border cells can be counted only as far as those of the finer one.
+    Grids with a datum of their own cover the same patch, see `coarser`.
 
     Parameters
     ----------
@@ -412,7 +420,8 @@ def area_within(contact: Contact, spacing: tuple[float, float] | None = None) ->
     area = (
         contact.continuum_area_percent / 100 * contact.pressure.size * cell[0] * cell[1]
     )
-    if spacing is None or contact.problem.boundary != "free":
+    problem = contact.problem
+    if spacing is None or problem.boundary != "free" or problem.datum is not None:
         return area
     touching = contact.pressure > 0
     for axis in (0, 1):
@@ -481,7 +490,9 @@ def coarser(problem: Problem, pressure: Field) -> tuple[Problem, Field]:
     The coarser grid consists of nodes of the finer one where every second node covers the patch:
     with an even number of nodes on a patch that repeats itself, with an odd one on a free patch.
     Otherwise the surface is read between its nodes: by its own waves where the patch has no edges,
-    by cubic splines on free patches.
+    by cubic splines on free patches. The outer nodes of a free patch stay on its border, so that
+    its outer cells reach further beyond it. Where the problem has a datum of its own, the cells of
+    both grids cover the same patch instead.
 
     Parameters
     ----------
@@ -504,7 +515,9 @@ def coarser(problem: Problem, pressure: Field) -> tuple[Problem, Field]:
         nodes = heights.shape[axis]
         if nodes == 1:  # there is nothing to halve
             continue
-        places = _coarser_places(nodes, problem.boundary)
+        on_border = problem.boundary == "free" and problem.datum is None
+        centred = problem.boundary != "periodic"
+        places = _coarser_places(nodes, on_border=on_border, centred=centred)
         heights = _read(heights, axis, places, problem.boundary)
         pressure = pressure.take(np.rint(places).astype(np.intp), axis)
         spacing[axis] *= places[1] - places[0]
@@ -519,17 +532,21 @@ def coarser(problem: Problem, pressure: Field) -> tuple[Problem, Field]:
     return half, pressure
 
 
-def _coarser_places(nodes: int, boundary: Boundary) -> Values:
-    """Return the places of the coarser grid's nodes along an axis, (m,) [spacing]."""
+def _coarser_places(nodes: int, *, on_border: bool, centred: bool) -> Values:
+    """Return the places of the coarser grid's nodes along an axis, (m,) [spacing].
+
+    The outer nodes of both grids are `on_border`, or all nodes are centres of cells that cover the
+    same length: `centred` cells begin half a spacing before the first node, on both grids, and
+    otherwise the first nodes of both are the same.
+    """
     number = (nodes + 1) // 2
     places: Values = np.arange(number, dtype=np.float64)
-    if boundary == "free":  # the outer nodes stay on the border
+    if on_border:
         places *= (nodes - 1) / (number - 1)
         return places
     step = nodes / number
     places *= step
-    if boundary == "mirror":
-        # The border is half a spacing before the first node, on both grids.
+    if centred:
         places += 0.5 * step - 0.5
     return places
 

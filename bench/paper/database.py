@@ -283,9 +283,11 @@ def _table_5(tests: dict[str, FineTest], database: Path) -> list[Row]:
 
 
 def _reason_for_fine(database: Path, fine: Dataset) -> str:
-    """Say how the mean curvature of peaks changes on the finer grid.
+    """Return a sentence on how the mean curvature of peaks changes on the finer grid.
 
-    `database` is that of the coarse grid; rows that failed have NaN.
+    `database` is that of the coarse grid, of which all rows are read; a row that failed has NaN.
+    Of the fine grid, only the rows of `fine` are read. The sentence has the ratio of the medians,
+    and the share of fine rows above the largest coarse value [%].
     """
     with Reader(database) as reader:
         coarse_values = reader.column(CURVATURE)

@@ -394,10 +394,11 @@ def equal_kernels(database: Path) -> Report:
         If the database has too few usable rows.
     """
     (rows,) = dataset.read(Request((database,), area_max=AREA_MAX))
-    parts = split.draw(rows, 0, APPENDIX_ROWS)
+    parts = split.draw(rows, seed=0, train_rows=APPENDIX_ROWS)
     truth = rows.target[parts.test]
 
     def predicted(name: str, settings: dict[str, Any]) -> Values:
+        """Fit the model of this name to the training part, and return predictions for the test."""
         model = pipeline(MODELS[name], settings)
         model.fit(rows.inputs[parts.train], rows.target[parts.train])
         return np.asarray(model.predict(rows.inputs[parts.test]), dtype=float)

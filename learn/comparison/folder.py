@@ -278,7 +278,8 @@ def conditions_of(dataset: Dataset, split: Split, request: Request) -> dict[str,
         "versions": versions(),
         "area_max": request.area_max,
     }
-    # Delta is not stated, as in files of versions without other loads: their conditions are equal.
+    # The load Delta is left out, because folders of earlier versions do not state it: their results
+    # remain comparable.
     if features.by_pressure:
         conditions["load"] = "pressure"
     return conditions

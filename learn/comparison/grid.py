@@ -275,7 +275,7 @@ class Grid:
         return ""
 
     def ends(self, settings: SettingValues) -> SettingValues:
-        """Return the settings of a candidate that are at an end of all values of the candidates.
+        """Return the next untried value of each setting whose value is at an end of those tried.
 
         Parameters
         ----------
@@ -285,8 +285,9 @@ class Grid:
         Returns
         -------
         dict
-            The next value beyond the end by setting, in alphabetical order. Settings that a kernel
-            or solver ignores are left out.
+            The next value in the series of the setting (`reach`), by the name of the setting in
+            alphabetical order. Settings that are at no end, and those that the kernel or solver of
+            the candidate ignores, are left out.
         """
         canonical = canonical_settings(self.model, settings, self.inputs)
         beyond = {}
@@ -296,6 +297,7 @@ class Grid:
             # The value before this one and the value after it; the ends of the chain have only one.
             neighbours = chain[max(place - 1, 0) : place] + chain[place + 1 : place + 2]
             for value in neighbours:
+                # At an end of the values tried, no candidate has this neighbour.
                 if all(candidate[name] != value for candidate in self.candidates):
                     beyond[name] = value
         return beyond

@@ -1,0 +1,630 @@
+"""A contact whose answers have the errors that are asked for, on the coarsest grid that gives them.
+
+The time of a contact grows with the square of its nodes a side. Whoever needs an area to a per cent
+rarely needs all nodes of a map. `solve_within` therefore solves the same surface on fewer nodes,
+beginning with the fewest that keep its waves, and refines until the bars of `Contact.grid_error`
+are as short as asked.
+
+Four things make a contact on fewer nodes that of the given map:
+
+- Its cells cover the same patch. The nodes are the centres of the larger cells, so that force, mean
+  pressure, area and mean gap need no conversion. Also the border of a free patch stays half a
+  spacing of the given map beyond its outer nodes.
+- The surface is read there by its own waves: by Fourier's on a periodic patch, by cosines on a
+  mirrored one. On a free patch it is read by cubic splines; where each larger cell has an odd
+  number of cells along both axes these are every third or every fifth node of the map.
+- Delta counts from the highest node of the given map, see `Problem.datum`.
+- A bar compares a grid with a coarser one, and cannot see the waves that both of them have not.
+  Their part of the error follows from their share of the mean square slope. Under light loads the
+  area goes with the inverse of the rms slope (Persson 2001, J. Chem. Phys. 115), so that its
+  relative error is half of the share; the part that is counted is twice as large.
+"""
+
+from __future__ import annotations  # short signatures in help()
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bem.arrays import Field, Nodes, Values
+from bem.budget import Budget, ErrorParts, Trial
+from bem.checks import Range, real_number, shown
+from bem.contact import Contact
+from bem.derived.grid_error import FEWEST, LEAST_ORDER, GridError, slope_order
+from bem.problem import Problem, checked, pose
+from bem.solving import solve_posed
+from bem.threads import computed_once, on_threads
+
+# Factor that makes a bar of 95 % of one of 90 %, as for normal errors [1].
+TO_95_PERCENT = 1.2
+
+# Relative error of the area for a dropped share of the mean square slope, over this share [1].
+OF_DROPPED = 1.0
+
+# Largest part of the error that dropped waves may take on the first grid that is tried [1].
+MOST_FOR_WAVES = 0.5
+
+# Tolerance of the solver over the error that is asked for [1], and the loosest one [Delta].
+OF_TOLERANCE = 0.1
+LOOSEST = 1e-2
+
+# Fewest nodes along an axis of a grid that is tried. Half of them judge it, and where these are
+# fewer than 16, areas of both grids agree by chance too often.
+FEWEST_TRIED = 4 * FEWEST
+
+# Ratio of the nodes a side of two grids that follow each other [1].
+STEP = math.sqrt(2)
+
+# Largest order by which a bar may fall with the spacing [1]. Grids whose bar would still be too
+# long with this order are left out, but no more than up to a number of times the nodes a side [1]:
+# where few nodes are in a wave, a bar can fall faster.
+BEST_ORDER = 2.0
+FURTHEST = 2.0
+
+ERRORS = Range(0, 1, "above 0 and below 1: 0.01 is one per cent")
+
+
+@dataclass(frozen=True)
+class Answer:
+    """An answer of a contact that can be asked for with an error.
+
+    Attributes
+    ----------
+    value : callable
+        Function that returns the answer of a contact.
+    bar : callable
+        Function that returns the half-width of its 90 % bar, in the same unit.
+    """
+
+    value: Callable[[Contact], float]
+    bar: Callable[[GridError], float]
+
+
+ANSWERS = {
+    "area": Answer(
+        lambda contact: contact.continuum_area_percent, lambda error: error.area_percent
+    ),
+    "mean_gap": Answer(lambda contact: contact.mean_gap, lambda error: error.mean_gap),
+    "stiffness": Answer(lambda contact: contact.stiffness, lambda error: error.stiffness),
+    "delta": Answer(lambda contact: contact.delta, lambda error: error.delta),
+    "force": Answer(lambda contact: contact.force, lambda error: error.force),
+}
+"""Answers that can be asked for, by their names."""
+
+
+class NotReachable(ArithmeticError):
+    """No grid gives the answers within the errors that were asked for.
+
+    Attributes
+    ----------
+    budget : Budget
+        What was tried; empty where the given map alone tells that no grid will do.
+    contact : Contact or None
+        The contact with the smallest errors, None if there is none with a bar.
+    """
+
+    def __init__(
+        self, message: str, budget: Budget, contact: Contact | None = None
+    ) -> None:
+        super().__init__(message)
+        self.budget = budget
+        self.contact = contact
+
+    def __reduce__(self) -> tuple[type[NotReachable], tuple[str, Budget, Contact | None]]:
+        """Let the error be pickled, so that worker processes can raise it."""
+        return NotReachable, (str(self), self.budget, self.contact)
+
+
+def solve_within(
+    heights: ArrayLike,
+    side: float | tuple[float, float],
+    error: float | Mapping[str, float],
+    *,
+    delta: float | None = None,
+    force: float | None = None,
+    pressure: float | None = None,
+    threads: int | None = None,
+    **settings: Any,
+) -> Contact:
+    """Solve a contact on the coarsest grid of a surface that gives the answers within an error.
+
+    No grid is finer than the given map. The same call takes the same grid on every machine, because
+    grids are chosen by their bars alone and never by times.
+
+    Parameters
+    ----------
+    heights : array_like, shape (nx, ny)
+        Heights z of the surface; Delta counts from the highest of them [um].
+    side : float or tuple of float
+        Scan length L, one for a square grid or one for each axis [um].
+    error : float or mapping of str to float
+        Largest relative error of the area in the continuum, at 95 %. Or the errors of some answers,
+        by their names: "area", "mean_gap", "stiffness", "delta", "force" [1].
+    delta : float, optional
+        Far-field displacement Delta [um]. Exactly one of `delta`, `force` and `pressure` is needed.
+    force : float, optional
+        Total normal force F [uN].
+    pressure : float, optional
+        Mean pressure over the cells of all nodes of the given map [MPa].
+    threads : int, optional
+        Threads that share the work, see `bem.solve`.
+    **settings
+        Further arguments of `bem.solve`, without `rtol`, which follows from the error, and without
+        `near`. MIRCO's kernel and far field are refused: they are statements about its own grid.
+
+    Returns
+    -------
+    Contact
+        The contact on the chosen grid. Its `budget` has the parts of the errors and all trials.
+
+    Raises
+    ------
+    ValueError
+        For input that no contact problem can have, and for errors or answers that cannot be asked.
+        NoSolution, a ValueError, for a load that no equilibrium carries, see `bem.solve`.
+    NotReachable
+        If no grid up to the given map has bars as short as asked. It says what the best bar is, and
+        why there is no better one.
+    """
+    asked = _checked_errors(error)
+    _refuse_settings(settings)
+    tolerance = min(OF_TOLERANCE * min(asked.values()), LOOSEST)
+    problem = pose(
+        heights,
+        side,
+        delta,
+        force=force,
+        pressure=pressure,
+        rtol=tolerance,
+        **settings,
+    )
+    with on_threads(None if threads is None else checked("threads", threads)):
+        return _Search(problem, asked).solve()
+
+
+def _checked_errors(error: float | Mapping[str, float]) -> dict[str, float]:
+    """Return the error of each answer that is asked for, by its name, or refuse it [1]."""
+    if not isinstance(error, Mapping):
+        error = {"area": error}
+    if not error:
+        raise ValueError(f"error is empty: name at least one of {', '.join(ANSWERS)}")
+    for name in error:
+        if name not in ANSWERS:
+            raise ValueError(
+                f"error of {shown(name)}: answers with an error are {', '.join(ANSWERS)}"
+            )
+    return {
+        name: real_number(f"error of {name}", value, ERRORS)
+        for name, value in error.items()
+    }
+
+
+def _refuse_settings(settings: Mapping[str, Any]) -> None:
+    """Refuse arguments of `bem.solve` that do not go with an error."""
+    for name in ("rtol", "near"):
+        if name in settings:
+            raise ValueError(f"{name} is given: with an error it follows from the error")
+    if settings.get("kernel", "uniform-pressure") != "uniform-pressure":
+        raise ValueError(
+            f"kernel = {shown(settings['kernel'])}: with an error use 'uniform-pressure', because"
+            " the other one belongs to its grid"
+        )
+    if settings.get("far_field", "rigid") != "rigid":
+        raise ValueError(
+            f"far_field = {shown(settings['far_field'])}: with an error use 'rigid', because the"
+            " other one belongs to its grid"
+        )
+
+
+class _Search:
+    """The search for the coarsest grid of a problem whose answers are within some errors.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem on the given map.
+    asked : dict of str to float
+        Largest relative errors, by the names of the answers [1].
+    """
+
+    def __init__(self, problem: Problem, asked: dict[str, float]) -> None:
+        self.given = replace(problem, datum=0.0)
+        self.asked = asked
+        self.trials: list[Trial] = []
+        self.best: Contact | None = None
+
+    @property
+    def budget(self) -> Budget:
+        """What was tried up to now."""
+        rows, columns = self.given.heights.shape
+        return Budget((rows, columns), self.given.rtol, tuple(self.trials))
+
+    def solve(self) -> Contact:
+        """Return the contact on the first grid that gives all answers, with its budget.
+
+        Raises
+        ------
+        NotReachable
+            If there is none.
+        """
+        load = self.given.force if self.given.delta is None else self.given.delta
+        if load is None or load <= 0:
+            return solve_posed(self.given).with_budget(self.budget)
+        self._refuse_endless_waves()
+        surface = Surface(self.given)
+        for nodes in grids(self.given):
+            if not self._may_suffice(nodes):
+                continue
+            problem, dropped = surface.on(nodes)
+            if OF_DROPPED * dropped > MOST_FOR_WAVES * min(self.asked.values()):
+                continue
+            contact = self._tried(problem, dropped)
+            if contact is not None and self.trials[-1].is_met:
+                return contact.with_budget(self.budget)
+        raise NotReachable(self._message(), self.budget, self.best)
+
+    def _may_suffice(self, nodes: tuple[int, int]) -> bool:
+        """Return whether bars may be short enough on a grid, after those of the last trial."""
+        if not self.trials or nodes == self.given.heights.shape:
+            return True
+        last = self.trials[-1]
+        if last.excess == math.inf:
+            return True
+        step = min(math.pow(last.excess, 1 / BEST_ORDER), FURTHEST)
+        return max(nodes) >= step * max(last.nodes)
+
+    def _refuse_endless_waves(self) -> None:
+        """Refuse a map whose roughness continues down to its grid, unless its bodies yield.
+
+        Raises
+        ------
+        NotReachable
+            If elastic bodies have no area in the continuum.
+        """
+        order = slope_order(self.given.heights, self.given.boundary)
+        if order >= LEAST_ORDER or self.given.hardness is not None:
+            return
+        raise NotReachable(
+            f"{self._in_words(self.asked)} not reachable on any grid: waves go on down to the grid"
+            " of the given map, so that no bar holds: give a map whose shortest wave has 8 nodes or"
+            " more",
+            self.budget,
+        )
+
+    def _tried(self, problem: Problem, dropped: float) -> Contact | None:
+        """Solve on a grid and keep the trial; return None where the solver fails.
+
+        Parameters
+        ----------
+        problem : Problem
+            The problem on this grid.
+        dropped : float
+            Share of the given map's mean square slope that the grid has not [1].
+        """
+        rows, columns = problem.heights.shape
+        try:
+            contact = solve_posed(problem)
+        except ArithmeticError as failure:
+            trial = Trial((rows, columns), dropped, {}, str(failure), 0.0, 0.0)
+            self.trials.append(trial)
+            return None
+        error = contact.grid_error()
+        answers = {
+            name: self._parts(contact, error, name, dropped=dropped)
+            for name in self.asked
+        }
+        convolutions = float(contact.convolutions)
+        if error.coarse is not None:
+            share = work(error.coarse.pressure.shape) / work((rows, columns))
+            convolutions += error.coarse.convolutions * share
+        trial = Trial(
+            nodes=(rows, columns),
+            waves_dropped=dropped,
+            answers=answers,
+            reason=error.reason,
+            convolutions=convolutions,
+            work=convolutions * work((rows, columns)) / work(self.given.heights.shape),
+        )
+        if trial.excess < min((each.excess for each in self.trials), default=math.inf):
+            self.best = contact
+        self.trials.append(trial)
+        return contact
+
+    def _parts(
+        self, contact: Contact, error: GridError, name: str, *, dropped: float
+    ) -> ErrorParts:
+        """Return the relative error of an answer by its causes."""
+        return ErrorParts(
+            asked=self.asked[name],
+            grid=TO_95_PERCENT * _relative_bar(contact, error, name),
+            waves=OF_DROPPED * dropped,
+            solver=contact.problem.rtol,
+        )
+
+    def _message(self) -> str:
+        """Say that the errors are not reachable, what the best bars are, and why."""
+        asked = self._in_words(self.asked)
+        judged = [trial for trial in self.trials if trial.excess < math.inf]
+        if not judged:
+            reason = self.trials[-1].reason if self.trials else "no grid could be tried"
+            return f"{asked} not reachable on the nodes of the given map, no bar holds: {reason}"
+        best = min(judged, key=lambda trial: trial.excess)
+        reached = self._in_words(
+            {name: parts.total for name, parts in best.answers.items()}
+        )
+        rows, columns = best.nodes
+        return (
+            f"{asked} not reachable on the nodes of the given map: the best is {reached}, on"
+            f" {rows} x {columns} nodes, where {best.reason}: ask for no less, or give a map with"
+            " more nodes in a wave"
+        )
+
+    def _in_words(self, errors: Mapping[str, float]) -> str:
+        """Return errors as text, for example "area to 1 %"."""
+        return ", ".join(
+            f"{name} to {100 * value:.2g} %" for name, value in errors.items()
+        )
+
+
+def _relative_bar(contact: Contact, error: GridError, name: str) -> float:
+    """Return the half-width of an answer's 90 % bar over its value, infinite if it does not hold.
+
+    Where yielding decides the area of a surface without a limit, it decides no other answer.
+    """
+    if not error.resolved or contact.contact_nodes == 0:
+        return math.inf
+    if name != "area" and error.order < LEAST_ORDER:
+        return math.inf
+    value = abs(ANSWERS[name].value(contact))
+    if not math.isfinite(value):  # the stiffness of full contact
+        return 0.0
+    bar = ANSWERS[name].bar(error)
+    return bar / value if value > 0 else math.inf
+
+
+def work(nodes: tuple[int, ...]) -> float:
+    """Return the work of a convolution on a grid: its nodes times their logarithm [1].
+
+    Parameters
+    ----------
+    nodes : tuple of int
+        Nodes along the axes.
+    """
+    size = math.prod(nodes)
+    return size * math.log2(max(size, 2))
+
+
+# Grids of the same surface
+
+
+def grids(problem: Problem) -> Iterator[tuple[int, int]]:
+    """Yield the nodes of the grids of a map, from the coarsest one to the map itself.
+
+    Each has about 1.4 times as many nodes a side as the one before. Their numbers suit fast
+    transforms and the coarser grids of `bem.derived.grid_error`.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem on the given map.
+
+    Yields
+    ------
+    tuple of int
+        Nodes (mx, my).
+    """
+    rows, columns = problem.heights.shape
+    steps = math.floor(math.log(max(min(rows, columns) / FEWEST_TRIED, 1), STEP))
+    for step in range(steps, 0, -1):
+        coarse = _fast_nodes(rows / STEP**step), _fast_nodes(columns / STEP**step)
+        if coarse[0] < 0.85 * rows and coarse[1] < 0.85 * columns:
+            yield coarse
+    yield rows, columns
+
+
+def _fast_nodes(nodes: float) -> int:
+    """Return a number of nodes, at least the given one, that is four times a fast length."""
+    from scipy.fft import next_fast_len  # here, because few contacts need it
+
+    return 4 * int(next_fast_len(math.ceil(nodes / 4), real=True))
+
+
+class Surface:
+    """The surface of a map, which is read on fewer nodes whose cells cover the same patch.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem on the given map, with a datum.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+
+    def on(self, nodes: tuple[int, int]) -> tuple[Problem, float]:
+        """Return the problem on fewer nodes.
+
+        Parameters
+        ----------
+        nodes : tuple of int
+            Nodes (mx, my), at most those of the map.
+
+        Returns
+        -------
+        problem : Problem
+            The problem with the same datum and load.
+        dropped : float
+            Share of the map's mean square slope that is not on the coarser grid [1].
+        """
+        problem = self.problem
+        shape = problem.heights.shape
+        if nodes == shape:
+            return problem, 0.0
+        if problem.boundary == "free":
+            fewer, dropped = _read_free(problem.heights, nodes, problem.aspect)
+        else:
+            fewer, dropped = self._waves.cut(nodes)
+            fewer += float(problem.heights.mean())
+        fewer.setflags(write=False)
+        spacing = (
+            problem.spacing[0] * shape[0] / nodes[0],
+            problem.spacing[1] * shape[1] / nodes[1],
+        )
+        datum = problem.datum_height - float(fewer.max())
+        return replace(problem, heights=fewer, spacing=spacing, datum=datum), dropped
+
+    @computed_once
+    def _waves(self) -> _Waves:
+        """The waves of a patch without edges, by one transform."""
+        heights = self.problem.heights - self.problem.heights.mean()
+        if self.problem.boundary == "periodic":
+            return _Waves.periodic(heights, self.problem.aspect)
+        return _Waves.mirrored(heights, self.problem.aspect)
+
+
+@dataclass(frozen=True, eq=False)
+class _Waves:
+    """The waves of a patch without edges.
+
+    Attributes
+    ----------
+    amplitudes : ndarray, shape (nx, ny // 2 + 1) or (nx, ny)
+        Amplitudes of Fourier's waves of a periodic patch, or of the cosines of a mirrored one [um].
+    squares : ndarray, shape of the amplitudes
+        Parts of the waves in the mean square slope, in an arbitrary unit.
+    along, across : ndarray of int, shape (nx,) and (ny // 2 + 1,) or (ny,)
+        Waves in the patch, or half waves in a mirrored one; negative ones of the first axis of a
+        periodic patch run the other way.
+    is_periodic : bool
+        Whether the patch is periodic.
+    """
+
+    amplitudes: NDArray[Any]  # complex or real
+    squares: Field
+    along: Nodes
+    across: Nodes
+    is_periodic: bool
+
+    @classmethod
+    def periodic(cls, heights: Field, aspect: float) -> _Waves:
+        """Return the waves of a periodic patch of cells with an aspect, second side over first."""
+        from scipy import fft  # here, because few contacts need it
+
+        rows, columns = heights.shape
+        amplitudes = fft.rfft2(heights, norm="forward")
+        along = np.rint(fft.fftfreq(rows, 1 / rows)).astype(np.intp)
+        across = np.arange(columns // 2 + 1)
+        times = np.where((across == 0) | (2 * across == columns), 1.0, 2.0)
+        numbers = np.add.outer((along / rows) ** 2, (across / columns / aspect) ** 2)
+        squares = numbers * times * (amplitudes.real**2 + amplitudes.imag**2)
+        return cls(amplitudes, squares, along, across, is_periodic=True)
+
+    @classmethod
+    def mirrored(cls, heights: Field, aspect: float) -> _Waves:
+        """Return the cosines of a mirrored patch; its nodes are the centres of cells."""
+        from scipy import fft  # here, because few contacts need it
+
+        rows, columns = heights.shape
+        amplitudes = fft.dctn(heights, norm="forward")
+        along, across = np.arange(rows), np.arange(columns)
+        # A cosine stands for two waves, one each way; a constant stands for itself.
+        times = np.outer(np.where(along == 0, 1.0, 2.0), np.where(across == 0, 1.0, 2.0))
+        numbers = np.add.outer((along / rows) ** 2, (across / columns / aspect) ** 2)
+        return cls(
+            amplitudes, numbers * times * amplitudes**2, along, across, is_periodic=False
+        )
+
+    def cut(self, nodes: tuple[int, int]) -> tuple[Field, float]:
+        """Return the heights of those waves that fewer nodes have, and the share of the others.
+
+        Parameters
+        ----------
+        nodes : tuple of int
+            Nodes (mx, my) of the coarser grid.
+
+        Returns
+        -------
+        heights : ndarray, shape (mx, my)
+            Heights on the coarser grid, of zero mean [um].
+        dropped : float
+            Share of the mean square slope of the waves that are cut [1].
+        """
+        from scipy import fft  # here, because few contacts need it
+
+        half_waves = 2 if self.is_periodic else 1
+        rows = np.flatnonzero(half_waves * np.abs(self.along) < nodes[0])
+        columns = np.flatnonzero(half_waves * self.across < nodes[1])
+        kept = np.ix_(rows, columns)
+        total = float(self.squares.sum())
+        share = float(self.squares[kept].sum()) / total if total > 0 else 1.0
+        spectrum = (nodes[0], nodes[1] // 2 + 1) if self.is_periodic else nodes
+        amplitudes = np.zeros(spectrum, dtype=self.amplitudes.dtype)
+        amplitudes[np.ix_(self.along[rows], self.across[columns])] = self.amplitudes[kept]
+        heights: Field
+        if self.is_periodic:
+            heights = fft.irfft2(amplitudes, s=nodes, norm="forward")
+        else:
+            heights = fft.idctn(amplitudes, norm="forward")
+        return np.ascontiguousarray(heights), max(1.0 - share, 0.0)
+
+
+def _read_free(
+    heights: Field, nodes: tuple[int, int], aspect: float
+) -> tuple[Field, float]:
+    """Return a free surface at the centres of larger cells, by cubic splines.
+
+    What the coarser grid has not is the difference to the surface that is read back from it.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights [um].
+    nodes : tuple of int
+        Nodes (mx, my) of the coarser grid.
+    aspect : float
+        Second side of a cell over its first [1].
+
+    Returns
+    -------
+    heights : ndarray, shape (mx, my)
+        Heights on the coarser grid [um].
+    dropped : float
+        Share of the mean square slope of this difference, at least that of the waves that are lost
+        [1].
+    """
+    places: list[Values] = []
+    fewer = heights
+    for axis in (0, 1):
+        step = heights.shape[axis] / nodes[axis]
+        places.append((np.arange(nodes[axis]) + 0.5) * step - 0.5)
+        given = np.arange(heights.shape[axis], dtype=np.float64)
+        fewer = _splined(fewer, axis, given, places[axis])
+    window = heights
+    read_back = fewer
+    for axis in (0, 1):
+        first, last = places[axis][[0, -1]]
+        within = np.arange(math.ceil(first), math.floor(last) + 1)
+        window = window.take(within, axis)
+        read_back = _splined(read_back, axis, places[axis], within.astype(np.float64))
+    total = _mean_square_slope(window, aspect)
+    lost = _mean_square_slope(window - read_back, aspect)
+    return np.ascontiguousarray(fewer), lost / total if total > 0 else 0.0
+
+
+def _splined(heights: Field, axis: int, nodes: Values, places: Values) -> Field:
+    """Return heights at some places along an axis, by the cubic spline through those at nodes."""
+    from scipy.interpolate import make_interp_spline  # here, because few contacts need it
+
+    read: Field = make_interp_spline(nodes, heights, 3, axis=axis)(places)
+    return read
+
+
+def _mean_square_slope(heights: Field, aspect: float) -> float:
+    """Return the mean square slope between neighbouring nodes, in first sides of a cell."""
+    along = np.diff(heights, axis=0)
+    across = np.diff(heights, axis=1) / aspect
+    return float(np.mean(along**2)) + float(np.mean(across**2))

@@ -1,0 +1,292 @@
+"""A contact within an error: the same surface on fewer nodes, answers within what was asked."""
+
+import math
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bem
+from bem.accuracy import Surface, grids
+from bem.problem import pose
+from bem.solving import solve_posed
+from tests.bem.waves import random_waves
+
+BOUNDARIES = ("periodic", "mirror", "free")
+
+WAVES = random_waves(2, 12, 0.7, 1)
+"""Waves of which the shortest has a twelfth of the side."""
+
+
+def given(nodes, boundary):
+    """A map of the waves; a patch that does not repeat itself has three quarters of its period."""
+    if boundary == "periodic":
+        return WAVES(nodes)
+    return WAVES(4 * nodes // 3)[:nodes, :nodes]
+
+
+def posed(heights, boundary, **load):
+    load = load or {"force": 0.01}
+    delta = load.pop("delta", None)
+    problem = pose(heights, (2.0, 3.0), delta, boundary=boundary, **load)
+    return replace(problem, datum=0.0)
+
+
+def places_of(shape, boundary):
+    """Places of the nodes along both axes, from the beginning of the first cell or node [side]."""
+    offset = 0.0 if boundary == "periodic" else 0.5
+    return [(np.arange(nodes) + offset) / nodes for nodes in shape]
+
+
+@pytest.mark.parametrize("boundary", BOUNDARIES)
+@pytest.mark.parametrize("nodes", [(96, 99), (60, 90)])
+def test_fewer_nodes_read_the_same_surface_on_the_same_patch(boundary, nodes):
+    turns = np.pi if boundary == "mirror" else 2 * np.pi
+
+    def surface(shape):
+        x, y = places_of(shape, boundary)
+        return np.multiply.outer(np.cos(3 * turns * x), np.cos(2 * turns * y))
+
+    problem = posed(surface((180, 198)), boundary)
+    fewer, dropped = Surface(problem).on(nodes)
+    assert dropped == pytest.approx(0, abs=1e-6)
+    patches = [
+        [n * h for n, h in zip(each.heights.shape, each.spacing, strict=True)]
+        for each in (problem, fewer)
+    ]
+    assert patches[1] == pytest.approx(patches[0])
+    error = 1e-5 if boundary == "free" else 1e-12
+    assert fewer.heights == pytest.approx(surface(nodes), abs=error)
+
+
+def test_larger_cells_of_an_odd_number_of_cells_take_nodes_of_a_free_map():
+    heights = np.random.default_rng(0).normal(size=(45, 60))
+    fewer, dropped = Surface(posed(heights, "free")).on((15, 12))
+    assert fewer.heights == pytest.approx(heights[1::3, 2::5])
+    assert dropped > 0.5  # of white noise
+
+
+@pytest.mark.parametrize(("boundary", "nodes"), [("periodic", 72), ("mirror", 36)])
+def test_the_dropped_share_is_that_of_the_mean_square_slope(boundary, nodes):
+    """Two waves of 5 and 40 periods, whose slopes are as 1 to 2, of which the second is cut."""
+    turns = np.pi if boundary == "mirror" else 2 * np.pi
+    x, _ = places_of((128, 96), boundary)
+    line = np.cos(5 * turns * x) + 2 / 8 * np.cos(40 * turns * x)
+    problem = posed(np.add.outer(line, np.zeros(96)), boundary)
+    assert Surface(problem).on((nodes, 96))[1] == pytest.approx(0.8)
+
+
+def test_grids_end_with_the_map_and_begin_with_those_whose_half_can_judge():
+    sizes = list(grids(posed(np.zeros((300, 200)), "periodic")))
+    assert sizes[-1] == (300, 200)
+    assert min(sizes[0]) >= 32
+    assert sizes == sorted(sizes)
+    assert list(grids(posed(np.zeros((9, 9)), "free"))) == [(9, 9)]
+
+
+@pytest.mark.parametrize("boundary", BOUNDARIES)
+@pytest.mark.parametrize("by", ["pressure", "delta", "force"])
+def test_the_area_is_within_the_error_on_fewer_nodes(boundary, by):
+    heights = given(240, boundary)
+    full = bem.solve(heights, 1.0, pressure=0.006, boundary=boundary)
+    load = {"pressure": 0.006, "delta": full.delta, "force": full.force}[by]
+    contact = bem.solve_within(heights, 1.0, 0.03, boundary=boundary, **{by: load})
+    assert contact.pressure.size < heights.size / 2
+    area = full.continuum_area_percent
+    assert contact.continuum_area_percent == pytest.approx(area, rel=0.03)
+    assert getattr(contact, "force" if by != "delta" else "delta") == pytest.approx(
+        full.force if by != "delta" else full.delta, rel=1e-9
+    )
+    assert contact.delta == pytest.approx(full.delta, rel=0.02)
+    assert contact.mean_gap == pytest.approx(full.mean_gap, rel=0.02)
+
+
+@pytest.mark.parametrize("boundary", BOUNDARIES)
+def test_delta_counts_from_the_highest_node_of_the_given_map(boundary):
+    heights = given(192, boundary)
+    full = bem.solve(heights, 1.0, pressure=0.004, boundary=boundary)
+    delta = full.delta
+    problem = posed(heights, boundary, delta=delta)
+    problem = replace(problem, spacing=full.problem.spacing)
+    fewer, _ = Surface(problem).on((48, 48))
+    assert fewer.datum > 0
+    contact = solve_posed(fewer)
+    assert contact.delta == delta
+    assert contact.approach == pytest.approx(delta)
+    touching = contact.pressure > 0
+    assert np.abs(contact.gap[touching]).max() <= 2 * problem.rtol * delta
+    area = full.continuum_area_percent
+    off = abs(contact.continuum_area_percent / area - 1)
+    own = solve_posed(replace(fewer, datum=None))
+    assert off < 0.03
+    assert abs(own.continuum_area_percent / area - 1) > 2 * off
+    # Under the force of that contact, Delta is the same again.
+    again = solve_posed(replace(fewer, delta=None, force=contact.force))
+    assert again.delta == pytest.approx(delta, rel=1e-5)
+
+
+def test_a_datum_of_the_maps_own_highest_node_changes_no_contact():
+    heights = given(64, "periodic")
+    delta = 0.3 * (heights.max() - heights.mean())
+    contact = bem.solve(heights, 1.0, delta, boundary="periodic")
+    same = solve_posed(replace(contact.problem, datum=0.0))
+    assert (same.pressure == contact.pressure).all()
+    assert (same.gap == contact.gap).all()
+
+
+def test_a_small_delta_that_leaves_the_cut_surface_untouched_is_refined():
+    heights = given(192, "periodic")
+    delta = 0.02 * (heights.max() - heights.mean())
+    contact = bem.solve_within(heights, 1.0, 0.2, delta=delta, boundary="periodic")
+    full = bem.solve(heights, 1.0, delta, boundary="periodic")
+    assert not contact.budget.trials[0].is_met
+    assert contact.continuum_area_percent == pytest.approx(
+        full.continuum_area_percent, rel=0.2
+    )
+
+
+@pytest.mark.parametrize("boundary", BOUNDARIES)
+def test_ripples_that_carry_the_slope_are_never_cut(boundary):
+    """Waviness with ripples of 8 nodes a wave: cut, the area is off by several per cent."""
+    nodes = 192
+    turns = 2 * np.pi * np.arange(nodes) / nodes
+    ripples = np.add.outer(np.cos(24 * turns), np.cos(24 * turns)) / 24
+    heights = random_waves(1, 4, 0.8, 2)(nodes) + 0.03 / (2 * np.pi) * ripples
+    full = bem.solve(heights, 1.0, pressure=0.01, boundary=boundary)
+    try:
+        contact = bem.solve_within(heights, 1.0, 0.04, pressure=0.01, boundary=boundary)
+    except bem.NotReachable as refusal:
+        trials = refusal.budget.trials
+    else:
+        trials = contact.budget.trials
+        area = full.continuum_area_percent
+        assert contact.continuum_area_percent == pytest.approx(area, rel=0.04)
+    assert all(trial.nodes[0] > 48 for trial in trials)
+
+
+def test_each_answer_has_an_error_of_its_own():
+    heights = given(192, "mirror")
+    asked = {
+        "area": 0.05,
+        "mean_gap": 0.01,
+        "stiffness": 0.1,
+        "delta": 0.01,
+        "force": 0.01,
+    }
+    contact = bem.solve_within(heights, 1.0, asked, pressure=0.01, boundary="mirror")
+    full = bem.solve(heights, 1.0, pressure=0.01, boundary="mirror")
+    answers = contact.budget.answers
+    assert answers.keys() == asked.keys()
+    for name, parts in answers.items():
+        assert parts.asked == asked[name]
+        assert parts.total == pytest.approx(
+            math.hypot(parts.grid, parts.waves, parts.solver)
+        )
+        assert parts.total <= asked[name]
+        attribute = "continuum_area_percent" if name == "area" else name
+        assert getattr(contact, attribute) == pytest.approx(
+            getattr(full, attribute), rel=asked[name]
+        )
+    assert answers["force"].grid == 0
+    assert contact.problem.rtol == pytest.approx(0.001)
+
+
+def test_the_budget_says_what_was_tried():
+    contact = bem.solve_within(
+        given(192, "periodic"), 1.0, 0.02, pressure=0.01, boundary="periodic"
+    )
+    budget = contact.budget
+    assert budget.given == (192, 192)
+    assert budget.nodes == contact.pressure.shape == budget.trials[-1].nodes
+    assert [trial.is_met for trial in budget.trials] == [False] * (
+        len(budget.trials) - 1
+    ) + [True]
+    assert budget.work == pytest.approx(sum(trial.work for trial in budget.trials))
+    assert 0 < budget.trials[-1].work < budget.trials[-1].convolutions
+    assert budget.trials[-1].reason == contact.grid_error().reason
+
+
+def test_bodies_that_yield_are_answered():
+    heights = given(192, "periodic")
+    setting = {"pressure": 0.006, "hardness": 0.05, "boundary": "periodic"}
+    contact = bem.solve_within(heights, 1.0, 0.03, **setting)
+    full = bem.solve(heights, 1.0, **setting)
+    assert contact.pressure.size < heights.size
+    assert contact.continuum_area_percent == pytest.approx(
+        full.continuum_area_percent, rel=0.03
+    )
+
+
+@pytest.mark.parametrize("hurst", [0.2, 0.9])
+def test_roughness_down_to_the_grid_is_refused_before_any_solve(hurst, monkeypatch):
+    monkeypatch.setattr("bem.accuracy.solve_posed", lambda *_: pytest.fail("a solve"))
+    heights = random_waves(1, 63, hurst, 0)(128)
+    with pytest.raises(
+        bem.NotReachable, match=r"area to 3 %.*waves go on down to the grid"
+    ):
+        bem.solve_within(heights, 1.0, 0.03, pressure=0.01, boundary="periodic")
+
+
+def test_too_few_nodes_are_refused_with_the_best_bar():
+    heights = random_waves(1, 12, 0.8, 0)(64)
+    with pytest.raises(
+        bem.NotReachable, match=r"the best is area to .* %, on .* nodes"
+    ) as info:
+        bem.solve_within(heights, 1.0, 0.001, pressure=0.01, boundary="periodic")
+    refusal = info.value
+    assert refusal.contact is not None
+    assert refusal.budget.trials
+    assert not any(trial.is_met for trial in refusal.budget.trials)
+
+
+def test_few_nodes_in_contact_are_refused_with_the_reason():
+    heights = 100 * random_waves(1, 4, 0.8, 1)(48)
+    with pytest.raises(
+        bem.NotReachable, match=r"no bar holds: .* as large as a cell"
+    ) as info:
+        bem.solve_within(heights, 100.0, 0.03, pressure=4e-9, boundary="mirror")
+    again = pickle.loads(
+        pickle.dumps(bem.NotReachable(str(info.value), info.value.budget))
+    )
+    assert str(again) == str(info.value)
+
+
+@pytest.mark.parametrize("load", [{"delta": 0.0}, {"delta": -1.0}, {"force": 0.0}])
+def test_bodies_without_a_load_are_exact(load):
+    contact = bem.solve_within(given(64, "free"), 1.0, 0.001, **load)
+    assert contact.contact_nodes == contact.convolutions == 0
+    assert contact.budget.trials == ()
+    assert contact.budget.nodes == (64, 64)
+    assert contact.budget.work == 0
+
+
+@pytest.mark.parametrize(
+    ("error", "settings", "message"),
+    [
+        (0.0, {}, "error of area = 0"),
+        (1.0, {}, "error of area = 1"),
+        ("1%", {}, "error of area"),
+        ({}, {}, "empty"),
+        ({"gap": 0.1}, {}, "answers with an error are area, mean_gap"),
+        (0.1, {"rtol": 1e-3}, "rtol is given"),
+        (0.1, {"near": None}, "near is given"),
+        (0.1, {"kernel": "concentrated-force"}, "belongs to its grid"),
+        (0.1, {"far_field": "compliant"}, "belongs to its grid"),
+        (0.1, {"force": 1.0}, "force and pressure given"),
+        (0.1, {"hardness": 0.001}, "mean pressure must stay below"),
+    ],
+)
+def test_what_cannot_be_asked_is_refused(error, settings, message):
+    with pytest.raises(ValueError, match=message):
+        bem.solve_within(given(32, "free"), 1.0, error, pressure=0.01, **settings)
+
+
+def test_without_an_error_nothing_is_judged(monkeypatch):
+    monkeypatch.setattr("bem.accuracy.grids", lambda *_: pytest.fail("grids"))
+    monkeypatch.setattr(
+        "bem.contact.grid_error_of", lambda *_: pytest.fail("a coarser grid")
+    )
+    contact = bem.solve(given(64, "periodic"), 1.0, pressure=0.01, boundary="periodic")
+    assert contact.budget is None
+    assert contact.problem.datum is None
