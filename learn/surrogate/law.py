@@ -491,7 +491,8 @@ def _table_over_other(
     for part in parts:
         without_intervals = replace(part, low={}, high={})
         places = risen(part.values[argument])
-        rising.append(without_intervals.chosen(places).from_rest(at_rest))
+        rising_points = without_intervals.chosen(places)
+        rising.append(rising_points.from_rest(at_rest))
     arguments = rising[0].values[argument]
     if len(rising) > 1:
         shared_end = min(part.values[argument][-1] for part in rising)
@@ -517,7 +518,9 @@ def _predicted(
     for name, predictions in answer.values.items():
         is_finite = np.isfinite(predictions)
         if not is_finite.all():
-            load = loads[np.argmin(is_finite)]
+            load = loads[
+                np.argmin(is_finite)
+            ]  # the first load without a finite prediction
             where = f"Delta = {load:.4g} um" if kind == "delta" else f"{load:.4g} MPa"
             raise InputError(
                 f"{surface.patch.name}: the surrogate has no finite {name} at {where}:"
@@ -660,10 +663,10 @@ def _gap_warnings(surrogate: Surrogate, bodies: Bodies) -> list[str]:
 
 
 def _monotony_warnings(table: Curves, smoothed: Sequence[Monotone]) -> list[str]:
-    """Warn of each curve of a table that was far from monotone before it was made monotone.
+    """Return a warning for each curve of a table that was far from monotone before its correction.
 
-    `smoothed` are the monotone points of each surface; their mean correction over the surfaces
-    decides.
+    `smoothed` are the monotone points of each surface, with their corrections. A curve has a
+    warning if its mean correction over the surfaces exceeds `CORRECTED` somewhere.
     """
     warnings: list[str] = []
     # The conductance and a stiffness from a slope are not corrected.
@@ -671,6 +674,7 @@ def _monotony_warnings(table: Curves, smoothed: Sequence[Monotone]) -> list[str]
         corrections = [of_surface.corrections[name] for of_surface in smoothed]
         change = np.abs(np.mean(corrections, axis=0)).max()
         largest = np.nanmax(np.abs(table.curves[name].value), initial=0.0)
+        # A curve that is 0 everywhere has no size to compare with; 1 takes its place.
         if change > CORRECTED * (largest or 1.0):
             warnings.append(_monotony_warning(name))
     return sorted(warnings)
