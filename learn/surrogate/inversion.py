@@ -36,8 +36,9 @@ def at_pressures(points: Points, pressures: Values) -> Points:
     -------
     Points
         Points at the pressures, with Delta and its interval, and without pressure and force. An end
-        of an interval that is beyond the last Delta is NaN. `endless` has for each pressure why its
-        interval does not hold: an end is beyond the last Delta or outside the training; or "".
+        of an interval that is beyond the last Delta is NaN. `endless` has a text for each pressure:
+        the reason why the interval does not hold (an end is beyond the last Delta, or outside the
+        training), or "" if it holds.
     """
     deltas = points.values[DELTA.in_laws]
     curve = points.values[PRESSURE.in_laws]
@@ -82,9 +83,9 @@ class DeltaInterval:
 def _interval_of_delta(points: Points, pressures: Values, at: Values) -> DeltaInterval:
     """Invert both ends of the pressure's interval at pressures, (m,) [MPa].
 
-    `at` are the Deltas at the pressures, (m,) [um]; the interval is widened to contain them. If an
-    upper end of the pressure's interval is not finite, the low end is NaN at all pressures; if a
-    lower end is not finite, the high end is.
+    `at` are the Deltas at the pressures, (m,) [um]; the intervals are widened to contain them. The
+    low ends of Delta follow from the upper ends of the pressure, and are all NaN if one of these is
+    not finite. The high ends of Delta follow from the lower ends of the pressure in like manner.
     """
     deltas = points.values[DELTA.in_laws]
     low = np.full_like(at, np.nan)
