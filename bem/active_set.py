@@ -105,7 +105,7 @@ CAPPINGS = 4
 # Number of open nodes, with the smallest gaps, that are factorised together with a contact set,
 # over the number of nodes of this set [1]. Solves take up to 14 % more iterations if it is doubled
 # (`python -m tests.ledger --doubled bem.active_set.SPARE`).
-SPARE = 0.08
+SPARE = 0.04
 
 # Largest number of exact residuals that dense algebra computes before rounds take over. This number
 # matters little.
@@ -114,7 +114,7 @@ RENEWALS = 5
 # Largest set of nodes with a factor in double precision, over the largest set worth factorising
 # [1]. Double precision saves a convolution at the end (`pytest bench -k few_in_contact`). This
 # number matters little.
-DOUBLE_SHARE = 0.5
+DOUBLE_SHARE = 0.6
 
 # Factor by which `solve_on` reduces the residual between two checks of single precision [1]. This
 # number matters in rare cases.
@@ -476,17 +476,23 @@ class ActiveSet:
         return few_enough and self.iterate.iterations < self.iterate.max_iterations
 
     def _factor(self, nodes: Nodes) -> ContactFactor:
-        """Factorise the matrix of some nodes, in double precision if they are few.
+        """Factorise the matrix of some nodes, ordered by falling pressure, then by penetration.
 
-        The nodes are ordered by falling pressure, then by falling penetration. Raise LinAlgError if
-        the matrix is not positive definite in its precision.
+        The precision is that of `_entries`. Raise LinAlgError if the matrix is not positive
+        definite in it.
         """
         iterate = self.iterate
-        order = np.lexsort((-iterate.residual.flat[nodes], -iterate.pressure.flat[nodes]))
+        pressure = iterate.pressure.reshape(-1)[nodes]
+        residual = iterate.residual.reshape(-1)[nodes]
+        order = np.lexsort((-residual, -pressure))
+        return ContactFactor(self._entries, nodes[order])
+
+    def _entries(self, nodes: Nodes) -> Real:
+        """Return `Patch.entries` of some nodes, in double precision if they are few."""
         precision = "float32"
         if nodes.size <= DOUBLE_SHARE * self._patch.few:
             precision = "float64"
-        return ContactFactor(partial(self._patch.entries, dtype=precision), nodes[order])
+        return self._patch.entries(nodes, precision)
 
     def _solved_densely(
         self, factor: ContactFactor, interference: Values
@@ -977,8 +983,8 @@ class ActiveSet:
         patch.take_contact(next_set)
         if advances:
             correction = patch.correct(patch.in_contact(iterate.residual))
-            patch.add_to(bounded, np.float32(ADVANCE) * correction)
-            np.maximum(bounded, 0, out=bounded)
+            correction *= np.float32(ADVANCE)
+            patch.add_to(bounded, correction, least=0.0)
         if iterate.yields:  # the added share makes no further node yield
             highest = np.maximum(pressure, BELOW_HARDNESS * iterate.hardness)
             np.minimum(bounded, highest, out=bounded)

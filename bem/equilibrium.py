@@ -36,6 +36,9 @@ FEW_NODES = 250
 # (`python -m tests.ledger --doubled bem.equilibrium.NESTED`).
 NESTED = 500
 
+# `NESTED` under a load without edges [nodes], where the first steps come nearer to the solution.
+NESTED_EDGELESS = 700
+
 # `NESTED` where few nodes come into contact [nodes]: a coarser grid then saves work on larger grids
 # only. This number matters little.
 NESTED_FAINT = 1000
@@ -70,7 +73,7 @@ ENOUGH_FREE = 0.5
 
 # `ENOUGH_FREE` for all other starts, where a step gains less [1]. Ladders take up to 7 % more
 # iterations if it is doubled (`python -m tests.ledger --doubled bem.equilibrium.ENOUGH`).
-ENOUGH = 0.9
+ENOUGH = 0.6
 
 # Mean pressure, over E* times the rms slope, up to which a start on the highest nodes of a patch
 # without edges is nearer to the solution than a start from full contact [1]. Solves without edges
@@ -262,7 +265,10 @@ def _start_of(problem: Problem, near: Start | None) -> Start | None:
 
     None is also returned where a coarser grid would not help, see `_on_coarser_grid`.
     """
-    if near is None and min(problem.heights.shape) >= NESTED:
+    least_nodes = NESTED
+    if problem.boundary != "free" and problem.delta is None:
+        least_nodes = NESTED_EDGELESS
+    if near is None and min(problem.heights.shape) >= least_nodes:
         return _on_coarser_grid(problem)
     return near
 

@@ -339,8 +339,9 @@ class Iterate:
         # With the residual r = u + s - H p, the energy is -(p u + p r + p s) / 2 at a given
         # displacement. Under a given load the energy lacks - p s, so that the sign of p s changes;
         # p s is then the load times s.
-        far_field_work = self.shift * float(self.pressure.sum())
-        if self.load is not None:
+        if self.load is None:
+            far_field_work = self.shift * float(self.pressure.sum())
+        else:
             far_field_work = -self.shift * self.load
         work = inner(self.pressure, self.below) + inner(self.pressure, self.residual)
         return -(work + far_field_work) / 2
@@ -453,12 +454,15 @@ class Iterate:
         Parameters
         ----------
         residual : ndarray, shape (nx, ny)
-            Residual of the present pressure, in any precision [unit of displacement].
+            Residual of the present pressure, which carries the load, in any precision
+            [unit of displacement].
         """
+        assert self.load is not None
         weights = self.pressure
+        carried = self.load
         if self.yields:
             weights = np.where(weights < self.hardness, weights, 0.0)
-        carried = float(weights.sum())
+            carried = float(weights.sum())
         if carried > 0:
             mean = inner(weights, residual) / carried
         else:  # all nodes in contact have yielded
@@ -653,8 +657,8 @@ class Iterate:
         self.patch.take_contact(touching & (self.pressure < self.limit))
         correction = self.patch.correct(self.patch.in_contact(self.residual))
         corrected = self.pressure.copy()
-        self.patch.add_to(corrected, correction)
-        return np.maximum(corrected, 0, out=corrected)
+        self.patch.add_to(corrected, correction, least=0.0)
+        return corrected
 
     def _take_first_step(
         self, target: Field, interference: Real, *, is_last: bool
@@ -760,7 +764,9 @@ class Iterate:
         """
         patch = self.patch
         before = self.pressure
-        patch.take_contact(touching & (before < self.limit))
+        if self.yields:
+            touching = touching & (before < self.hardness)
+        patch.take_contact(touching)
         share = APPROACH_FREE
         if patch.boundary != "free":
             share = np.interp(
@@ -768,8 +774,9 @@ class Iterate:
             )
         after = before.copy()
         correction = patch.correct(patch.in_contact(self.residual))
-        patch.add_to(after, np.float32(share) * correction)
-        self.pressure = np.clip(after, 0, self.limit, out=after)
+        correction *= np.float32(share)
+        patch.add_to(after, correction, least=0.0, largest=self.limit)
+        self.pressure = after
         self.admit(after)
         change = np.subtract(after, before, out=before)
         self.residual -= patch.displace(change)
