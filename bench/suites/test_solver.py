@@ -132,6 +132,7 @@ def test_influence_coefficients(
     """Tabulate the influence coefficients; no round reuses the table of an earlier one."""
 
     def tabulate() -> NDArray[np.float64]:
+        """Compute the table anew."""
         influence._kept_table.cache_clear()
         return influence.influence_coefficients((nodes, nodes), kernel)
 
@@ -215,12 +216,14 @@ def test_solve_few_in_contact(
     heights = paper_case(0, nodes).heights
 
     def excess(delta: float) -> float:
+        """Return the share in contact at a Delta [um] less the wanted share [%]."""
         return bem.solve(heights, SIDE, delta, rtol=1e-2).area_percent - percent
 
     delta = optimize.brentq(excess, 1, 60, xtol=0.1)
     solve = partial(bem.solve, heights, SIDE, delta)
 
     def iterate() -> bem.Contact:
+        """Solve without dense algebra."""
         never_dense = ((0.0, 1.0),)
         with mock.patch.object(patch, "FEW_FREE", never_dense):
             return solve()
