@@ -86,8 +86,8 @@ class Fitted(Fit):
         rows : Dataset
             n rows with the inputs of the training.
         level : float
-            Share of rows that have to be inside their interval if they resemble the training, between 0
-        and 1.
+            Share of the intervals that have to hold their row's target, between 0 and 1. It is
+            promised for rows that resemble the training rows.
 
         Returns
         -------
