@@ -62,7 +62,8 @@ def give_of(problem: Problem) -> float:
     Returns
     -------
     float
-        Compliance of the far field [displacement over the sum of reduced pressures].
+        Compliance of the far field, its displacement over the sum of the nodes' pressures
+        [first side of a cell / E*].
 
     Raises
     ------
@@ -125,9 +126,9 @@ def flat_punch(shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0) -> F
 def critical_delta(heights: Field, kernel: Kernel, aspect: float = 1.0) -> float:
     """Compute Delta*, at which the force on a compliant far field grows without bound.
 
-    The pressure of the flat punch is the null vector of H - 1 1^T / K. No gap is negative, so that
-    the product of the gap with this pressure is not negative either. It follows that Delta is below
-    the mean of z_max - z, weighted by this pressure.
+    Delta* is the mean of z_max - z, weighted by the pressure of the flat punch. This pressure is
+    the null vector of H - 1 1^T / K. Its product with the gap contains therefore no displacement,
+    and is not negative, because no gap is. It follows that Delta is below Delta*.
 
     Parameters
     ----------

@@ -17,10 +17,10 @@ from bem.threads import share
 Kernel = Literal["uniform-pressure", "concentrated-force"]
 KERNELS: tuple[Kernel, ...] = get_args(Kernel)
 
-# Pairs of the least distance d from the cell [longer side of the cell] and the number of
-# Gauss-Legendre points along each side of the cell that are used from there. They
-# integrate 1/r over the cell to the last digit: the error falls as (2 d)^(-2 points). Closer to the
-# cell the closed form is used.
+# Pairs (d, points): from the distance d from the loaded cell [longer side of the cell], up to that
+# of the next pair, `points` Gauss-Legendre points along each side of the cell integrate 1/r over
+# the cell to the last digit. The error falls as (2 d)^(-2 points). Below the first distance the
+# closed form is used.
 QUADRATURE = ((3.0, 8), (16.0, 5), (128.0, 3))
 
 # Longest side of a square table that serves grids of all shapes that fit into it [nodes]. The boxes
@@ -31,8 +31,8 @@ ALWAYS_SHARED = 288
 # [1]. Above it a table of the grid's own shape is cheaper.
 LARGEST_WASTE = 4
 
-# Least number of entries of a table that is not kept for later calls, because the filters made from
-# it are kept.
+# Least number of entries of a table that is not kept for later calls. The filters made from it are
+# kept instead.
 LARGE = 2**20
 
 # Rows of a matrix or table that are computed at a time: their indices fit into the cache.
@@ -50,7 +50,7 @@ FEW_NODES = 2**15
 def influence_coefficients(
     shape: tuple[int, int], kernel: Kernel = "uniform-pressure", aspect: float = 1.0
 ) -> Field:
-    """Compute the displacement at a cell's centre by unit pressure on the cell (i, j) away.
+    """Compute the displacement at a cell's centre by unit pressure on a cell i and j cells away.
 
     Parameters
     ----------
@@ -66,8 +66,9 @@ def influence_coefficients(
     Returns
     -------
     ndarray, shape (nx, ny)
-        Displacement, read-only [first side of a cell x pressure / E*]. The offsets (-i, j), (i, -j)
-        and (-i, -j) have the coefficient of (i, j).
+        Displacement for the offsets i and j from 0 [first side of a cell x pressure / E*]. The
+        offsets (-i, j), (i, -j) and (-i, -j) have the coefficient of (i, j). The array is
+        read-only, and may be a part of a table that later calls share.
 
     Raises
     ------
@@ -80,9 +81,11 @@ def influence_coefficients(
     tabulated = shape
     if entries < LARGE and (side <= ALWAYS_SHARED or wastes_little):
         tabulated = side, side
-    is_kept = math.prod(tabulated) < LARGE
-    table = _kept_table if is_kept else _table
-    return table(tabulated, kernel, aspect)[: shape[0], : shape[1]]
+    if math.prod(tabulated) < LARGE:
+        table = _kept_table(tabulated, kernel, aspect)
+    else:
+        table = _table(tabulated, kernel, aspect)
+    return table[: shape[0], : shape[1]]
 
 
 def _shared_side(nodes: int) -> int:
@@ -104,7 +107,10 @@ def _kept_table(shape: tuple[int, int], kernel: Kernel, aspect: float) -> Field:
 
 
 def _table(shape: tuple[int, int], kernel: Kernel, aspect: float) -> Field:
-    """Compute the coefficients of all offsets (i, j) with i, j >= 0 within a grid, read-only."""
+    """Compute the coefficients of all offsets (i, j) with i, j >= 0 within a grid, read-only.
+
+    Raises ValueError if the kernel is unknown.
+    """
     rows, columns = np.ogrid[: shape[0], : shape[1]]
     if kernel == "uniform-pressure":
         table = np.empty(shape)
@@ -127,10 +133,11 @@ def _table(shape: tuple[int, int], kernel: Kernel, aspect: float) -> Field:
 def _uniform_pressure(
     rows: NDArray[np.int64], columns: NDArray[np.int64], aspect: float
 ) -> Field:
-    """Compute the coefficients of uniform pressure for offsets by (m, 1) rows and (1, n) columns.
+    """Compute the (m, n) coefficients of uniform pressure for some offsets.
 
-    Near the loaded cell they have a closed form. Farther away its terms would cancel, so that
-    quadrature is used.
+    `rows`, (m, 1), are the offsets along the first axis and `columns`, (1, n), along the second
+    [cells]. Near the loaded cell the closed form is used. Farther away its terms would cancel, so
+    that quadrature is used.
     """
     if aspect == 1.0:  # sorted offsets make the table symmetric to the last bit
         x = np.maximum(rows, columns) * 1.0
@@ -168,7 +175,7 @@ def _closed_form(x: Values, y: Values, aspect: float) -> Values:
 def _quadrature(x: Values, y: Values, aspect: float, points: int) -> Values:
     """Integrate 1/(pi r) over a cell of sides 1 and `aspect` at (x, y).
 
-    Gauss and Legendre's rule has `points` along each side.
+    The Gauss-Legendre rule has `points` points along each side.
     """
     nodes, weights = np.polynomial.legendre.leggauss(points)
     total = np.zeros_like(x)
@@ -281,7 +288,7 @@ class InfluenceMatrix:
         """Return the (a, b) flat indices into the table for the offsets of (a,) from (b,) nodes."""
         rows, columns = self._shape
         offsets: Nodes
-        if self._mirrored:
+        if self._mirrored:  # the table has 2 columns - 1 columns
             extra = columns - 1  # columns of the table beyond those of the grid
             centre = (rows - 1) * (columns + extra) + extra  # index of the offset (0, 0)
             nodes_in_table = nodes // columns * extra + nodes
@@ -299,9 +306,10 @@ class InfluenceMatrix:
 def _coefficients(
     shape: tuple[int, int], kernel: Kernel, aspect: float, dtype: str, mirrored: bool
 ) -> Real:
-    """Return the flat table of coefficients, read-only.
+    """Return the flat table of the coefficients of all offsets within a grid, read-only.
 
-    A mirrored table has offsets of either sign; without `mirrored`, offsets are not negative.
+    If `mirrored`, the table has offsets of either sign, (2 nx - 1) (2 ny - 1) entries; otherwise it
+    has those from 0, nx ny entries.
     """
     table = influence_coefficients(shape, kernel, aspect).astype(dtype)
     if mirrored:

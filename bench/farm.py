@@ -136,7 +136,7 @@ def _mpiexec() -> str:
 
 
 def speedup(rows: int, rounds: int) -> list[Row]:
-    """Generate the first rows of `paper` alone, with one worker, with two, and in two copies.
+    """Time how long the first rows of `paper` take alone, with one worker, two, and in two copies.
 
     Prints the times of each round on standard error.
 
@@ -221,7 +221,7 @@ def generate(ranks: int, rows: int) -> float:
 
 
 def _side_by_side(rows: int) -> float:
-    """Run two generations at one time, without MPI; return their mean wall time [s]."""
+    """Run two generations side by side, without MPI; return the mean of their wall times [s]."""
     ranks = (0, 0)
     with ThreadPoolExecutor(2) as pool:
         return mean(pool.map(generate, ranks, (rows, rows)))
@@ -232,9 +232,8 @@ def _generation(world: farm.World) -> float:
 
     Returns the wall time without start-up [s].
     """
-    compute_rows(
-        load("scene.toml"), 0, 1
-    )  # one row, to load libraries and plan transforms
+    # One row is computed first, to load libraries and plan transforms.
+    compute_rows(load("scene.toml"), 0, 1)
     world.broadcast(None)  # waits until all ranks have computed a row
     began = time.perf_counter()
     generate_database("scene.toml", Path("rows.h5"), world)
@@ -391,7 +390,7 @@ def write(
     blocks : sequence of range
         Rows of each task.
     template : dict of ndarray
-        Columns of as many rows as the largest block has. Each block takes the first of these rows.
+        Columns with the number of rows of the largest block. Each block takes the first rows.
     world : World
         The ranks.
     parallel : bool
@@ -430,7 +429,7 @@ def template_of(scene: Scene, blocks: Sequence[range]) -> Columns:
     Returns
     -------
     dict of ndarray
-        Columns of as many rows as the largest block has.
+        Columns with the number of rows of the largest block.
     """
     count = max(map(len, blocks))
     rows = {
@@ -452,7 +451,7 @@ def require_rows(path: Path, blocks: Sequence[range], template: Columns) -> None
     blocks : sequence of range
         Rows of each task.
     template : dict of ndarray
-        Columns that were written, as of `template_of`.
+        Columns that were written, from `template_of`.
 
     Raises
     ------

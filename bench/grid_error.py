@@ -42,7 +42,7 @@ FEWEST_NODES_A_WAVE = 3.0
 """Fewest nodes in the shortest wave of a judged grid."""
 
 MOST_NODES_A_WAVE = 32
-"""Most nodes in the shortest wave of a judged grid, about."""
+"""Most nodes in the shortest wave of a judged grid, before the number of waves is rounded down."""
 
 FEWEST_WAVES = 3
 """Fewest periods of the shortest wave on a side."""
@@ -154,11 +154,11 @@ def _summary(judgements: list[Judgement]) -> Row:
 def _judged(draw: Draw, random: np.random.Generator) -> Iterator[Judgement]:
     """Draw a surface and `LOADS` loads, and yield a judgement for each load.
 
-    Loads without a solution or without contact are left out.
+    Loads without a solution or without contact are left out. The state of `random` moves.
     """
     sample = draw(random)
-    coarse = sample.surface(sample.nodes)
-    fine = sample.surface(sample.exact)
+    coarse = sample.surface(sample.nodes)  # heights on the judged grid
+    fine = sample.surface(sample.exact)  # heights on the exact grid
     # The spacing is about 1 / nodes, as the patch has a side of 1.
     steps = [np.diff(coarse, axis=axis).std() for axis in (0, 1)]
     rms_slope = math.hypot(*steps) * sample.nodes
@@ -207,9 +207,14 @@ def _draw_load(random: np.random.Generator, rms_slope: float) -> _Load:
 
 
 def _compared(contact: bem.Contact, exact: bem.Contact) -> Judgement:
-    """Compare a contact and its bars with the contact on the exact grid."""
+    """Compare a contact and its bars with the contact on the exact grid.
+
+    Answers that are zero or infinite are left out.
+    """
     estimate = contact.grid_error()
     patch_area = contact.pressure.size * math.prod(contact.problem.spacing)
+    # Border cells of a free patch reach half a spacing beyond its nodes. Those of the exact grid
+    # are extended to those of the judged grid, so that both areas are shares of one patch.
     exact_area = area_within(exact, contact.problem.spacing)
     # Values on the judged grid and on the exact grid, by the name of the answer.
     values = {
@@ -361,9 +366,10 @@ def _regular(random: np.random.Generator, *, crossed: bool) -> Sample:
 
 
 def _turned(random: np.random.Generator) -> Sample:
-    """Draw grooves of a round tool on gentle waves, with sharp ridges between the grooves.
+    """Draw a turned surface on a periodic patch: grooves along y on gentle waves.
 
-    The patch is periodic.
+    The grooves are parabolas as a round tool leaves them, with sharp ridges between them. The exact
+    grid is 8 times as fine as the judged one, because of these ridges.
     """
     nodes = int(random.choice([64, 96, 128]))
     grooves = int(random.choice([2, 3, 4, 6]))
@@ -373,18 +379,19 @@ def _turned(random: np.random.Generator) -> Sample:
     def heights(n: int) -> Heights:
         """Return the heights of n nodes a side."""
         places = np.arange(n) / n
-        # Distance from the middle of a groove [width of a groove]; 0.37 is any phase.
+        # Distance from the middle of a groove [width of a groove]. The phase of 0.37 is arbitrary:
+        # no ridge is at the border.
         from_middle = (places * grooves + 0.37) % 1 - 0.5
-        groove = 0.2 / grooves * from_middle**2
+        groove = 0.2 / grooves * from_middle**2  # profile along x [side of the patch]
         return np.asarray(groove[:, None] + amplitude * waves(places))
 
     return Sample(boundary="periodic", surface=heights, nodes=nodes, finer=8)
 
 
 def _fractal(random: np.random.Generator) -> Sample:
-    """Draw waves on a periodic patch, the shortest of half a spacing of the judged grid.
+    """Draw self-affine waves on a periodic patch that the judged grid cannot resolve.
 
-    The judged grid cannot resolve them.
+    The shortest wave is as long as half a spacing of this grid.
     """
     nodes = int(random.choice([64, 128]))
     hurst = random.uniform(0.2, 0.95)

@@ -39,13 +39,12 @@ BLUR = 4
 
 @dataclass(frozen=True)
 class Faults:
-    """The tilt, noise and faults that an instrument adds to a map."""
+    """The tilt and the faults that an instrument adds to a map."""
 
     spikes: int = 0  # number of single nodes that are far above the surface
     holes: int = 0  # number of round patches without heights, which may overlap
-    step: float = (
-        0.0  # jump of the height at a line of constant y, as between two images [um]
-    )
+    # Jump of the height at a line of constant y, as between two images [um].
+    step: float = 0.0
     # Slopes along x and y of a plane that is added [1].
     tilt: tuple[float, float] = (0.0, 0.0)
 
@@ -220,7 +219,7 @@ def write_all(folder: Path, maps: Iterable[MadeMap] | None = None) -> list[Path]
 
 
 def _random(description: MadeMap, *key: int) -> np.random.Generator:
-    """Return a source of random numbers that depend on kind and number of a map, and on a key."""
+    """Return a random generator, seeded by the kind and number of a map and by further words."""
     words = (list(KINDS).index(description.kind), description.number, *key)
     seed = np.random.SeedSequence(SEED, spawn_key=words)
     return np.random.Generator(np.random.PCG64(seed))
@@ -267,9 +266,10 @@ def _self_affine(
 
 
 def _turned(description: MadeMap, random: np.random.Generator) -> Heights:
-    """Return round grooves along y, made by the nose of a tool, with sharp ridges between them.
+    """Return the heights of a turned surface: round grooves along y with sharp ridges between them.
 
-    The heights are in any unit, as those of the further kinds below: `surface` scales them.
+    They have no unit, as the heights of all kinds: `surface` scales them. The depths of grooves
+    vary at random, and gentle self-affine waves are added.
     """
     x, y = _coordinates(description)
     # The grooves are slightly wavy along y.
@@ -280,6 +280,7 @@ def _turned(description: MadeMap, random: np.random.Generator) -> Heights:
     position = (x + waviness) / description.length + phase
     groove = np.floor(position).astype(int)  # number of the groove at each node
     across = position - groove - 0.5  # place in the groove, -0.5 to 0.5 of its width
+    # Depth of each groove; its ridges are 1 above its middle.
     depths = random.normal(0, 0.12, groove.max() + 1)
     grooves = 4 * across**2 - depths[groove]
     along = _self_affine(description, random, description.length / 2, 0.6, stretch=0.1)
@@ -287,14 +288,20 @@ def _turned(description: MadeMap, random: np.random.Generator) -> Heights:
 
 
 def _ground(description: MadeMap, random: np.random.Generator) -> Heights:
-    """Return long scratches of grains: waves along y are 12 times as long as waves along x."""
+    """Return the heights of a ground surface: scratches along y on a finer isotropic roughness.
+
+    The waves of the scratches are 12 times as long along y as along x.
+    """
     scratches = _self_affine(description, random, description.length, 0.7, stretch=1 / 12)
     rough = _self_affine(description, random, description.length / 4, 0.7)
     return np.asarray(scratches + 0.15 * rough)
 
 
 def _sandblasted(description: MadeMap, random: np.random.Generator) -> Heights:
-    """Return overlapping craters that grains have made, round bowls of random diameters."""
+    """Return the heights of a sandblasted surface: overlapping round craters of random diameters.
+
+    An isotropic roughness is added.
+    """
     heights = np.zeros(description.shape)
     nx, ny = description.shape
     dx, dy = description.spacing
@@ -319,7 +326,7 @@ def _sandblasted(description: MadeMap, random: np.random.Generator) -> Heights:
 
 
 def _honed(description: MadeMap, random: np.random.Generator) -> Heights:
-    """Return a fine plateau with deep grooves in two directions that cross."""
+    """Return the heights of a honed surface: a fine plateau with deep grooves that cross."""
     x, y = _coordinates(description)
     heights = 0.35 * _self_affine(description, random, description.length / 2, 0.6)
     angle = np.radians(random.uniform(25, 40))
@@ -327,6 +334,7 @@ def _honed(description: MadeMap, random: np.random.Generator) -> Heights:
         across = x * np.cos(direction) + y * np.sin(direction)
         low = float(across.min())
         high = float(across.max())
+        # The mean distance of the grooves of a direction is `description.length`.
         for _ in range(int((high - low) / description.length)):
             centre = random.uniform(low, high)
             width = random.uniform(0.06, 0.16) * description.length

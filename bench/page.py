@@ -57,12 +57,17 @@ class FilledPart:
     failure: str  # as in `PartToShow`
     # Values of each content by their names in the template, from `_filled_content`.
     contents: list[dict[str, Any]]
-    failed: list[bool]  # for all rows with a verdict: True if the row failed
+    row_failed: list[bool]  # for each row with a verdict: True if the row failed
+
+    @property
+    def has_verdicts(self) -> bool:
+        """Whether any row of the part's tables has a verdict."""
+        return bool(self.row_failed)
 
     @property
     def failures(self) -> int:
         """The number of rows that failed."""
-        return self.failed.count(True)
+        return self.row_failed.count(True)
 
 
 def part_to_show(part: Part, inputs: Inputs) -> PartToShow:
@@ -84,7 +89,7 @@ def part_to_show(part: Part, inputs: Inputs) -> PartToShow:
     Raises
     ------
     InputError
-        If the record is damaged.
+        If the record is damaged or cannot be read.
     """
     record = read(inputs.path(part))
     if record is not None and not record.finished:
@@ -110,7 +115,10 @@ def part_to_show(part: Part, inputs: Inputs) -> PartToShow:
 
 
 def _require_readable(content: Content) -> None:
-    """Raise InputError if the file of a table or figure cannot be read; words were read before."""
+    """Raise InputError if the file of a table or figure cannot be read.
+
+    The text of words is in `content` already.
+    """
     if isinstance(content, Table):
         tabulated(content)
     elif isinstance(content, Figure):
@@ -165,7 +173,11 @@ def page_of(parts: Sequence[Part], inputs: Inputs) -> str:
 
 
 def _page_values(parts: Sequence[Part], inputs: Inputs) -> dict[str, Any]:
-    """Return the values of the template by their names in it."""
+    """Return the values of the page's template, by their names in it.
+
+    Parts that were not made are only in "missing". "judged" are the parts with verdicts, and
+    "failures" is the number of rows that failed in all parts.
+    """
     shown = [part_to_show(part, inputs) for part in _present(parts, inputs)]
     filled = [_filled(part) for part in shown if not part.is_missing]
     chapters = groupby(filled, key=lambda filled_part: filled_part.part.chapter)
@@ -173,7 +185,7 @@ def _page_values(parts: Sequence[Part], inputs: Inputs) -> dict[str, Any]:
         "output": inputs.output,
         "circumstances": circumstances(),
         "states": states(_records_of_todays_parts(filled)),
-        "judged": [part for part in filled if part.failed],
+        "judged": [part for part in filled if part.has_verdicts],
         "failures": sum(part.failures for part in filled),
         "answers": lines(parts, inputs),
         "chapters": {chapter: list(group) for chapter, group in chapters},
@@ -202,8 +214,8 @@ def states(records: Sequence[Record | None]) -> str:
     Returns
     -------
     str
-        A sentence with the number of parts and the first ten digits of the hash of each state, the
-        most frequent state first; "" if there are no parts.
+        A sentence with the number of parts and the first ten digits of the hash of each state of
+        the code, the most frequent state first; "" if there are no parts.
     """
     if not records:
         return ""
@@ -218,20 +230,18 @@ def states(records: Sequence[Record | None]) -> str:
 def _filled(shown: PartToShow) -> FilledPart:
     """Return a part with the content of its files, for the template."""
     contents = [_filled_content(content) for content in shown.contents]
-    failed: list[bool] = []
+    row_failed: list[bool] = []
     for values in contents:
         if values["kind"] == Table.__name__:
-            of_table = values[
-                "table"
-            ].failed  # None for each row of a table without verdicts
-            failed += [has_failed for has_failed in of_table if has_failed is not None]
+            verdicts = values["table"].failed  # None for a row without a verdict
+            row_failed += [failed for failed in verdicts if failed is not None]
     return FilledPart(
         part=shown.part,
         record=shown.record,
         command=shown.command,
         failure=shown.failure,
         contents=contents,
-        failed=failed,
+        row_failed=row_failed,
     )
 
 

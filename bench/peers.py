@@ -57,7 +57,7 @@ H = 0.65 the contacts are neither small nor large.
 """
 
 HURST = 0.65
-"""Hurst exponent of the surfaces on free patches, but for `PAPERS_HURST` [1]."""
+"""Hurst exponent of the surfaces on free patches, except those with `PAPERS_HURST` [1]."""
 
 PAPERS_HURST = 0.8
 """Hurst exponent of the contacts that suit the paper's algorithm [1]."""
@@ -72,22 +72,24 @@ PERIODIC_HURST = 0.8
 """Hurst exponent of the surfaces of periodic patches [1]."""
 
 LOADS = (0.004, 0.04, 0.26, 0.75, 1.2)
-"""Mean pressures on periodic patches, at which some 1, 10, 50, 90 and 99 % touch [E* h']."""
+"""Mean pressures on periodic patches [E* times the rms slope]. They bring about 1, 10, 50, 90 and
+99 % of the nodes into contact."""
 
 PERIODIC_LADDER = tuple(10.0**-decade for decade in range(2, 13))
 """Tolerances that are tried on periodic patches, falling [1]."""
 
 LOAD_ERROR = 1e-6
-"""Largest good relative error of the force, or of the displacement if the force is given [1]."""
+"""Largest accepted relative error of the force, or of the displacement if the force is given
+[1]."""
 
 MISPLACED_SHARE = 5e-4
-"""Largest good number of misplaced nodes over the number of nodes in contact [1].
+"""Largest accepted number of misplaced nodes over the number of nodes in contact [1].
 
-One misplaced node is always good enough. `Errors` says which nodes are misplaced.
+One misplaced node is always accepted. `Errors` says which nodes are misplaced.
 """
 
 TURN = 0.05
-"""CPU time for which a solver at least repeats a solve in each of its turns [s]."""
+"""Least CPU time for which a solver repeats a solve in each of its turns [s]."""
 
 PATIENCE = 5.0
 """CPU time of a solve above which it is timed only once [s]."""
@@ -146,7 +148,7 @@ def samples(
         The contacts, grid after grid and displacement after displacement. At each displacement
         elastic bodies come first, then bodies with falling hardness.
     """
-    bounds = (None, *sorted(hardnesses, reverse=True))
+    bounds = (None, *sorted(hardnesses, reverse=True))  # None: elastic bodies
     cases: list[Case] = []
     for size in nodes:
         cases += [sample(size, delta, bound) for delta, bound in product(deltas, bounds)]
@@ -190,7 +192,7 @@ def find_errors(pressure: Values, control: Control, case: Case, exact: Exact) ->
         The errors.
     """
     if control == "force":
-        # The Delta at which each node just touches; its mean is weighted by the pressure.
+        # The mean, weighted by the pressure, of the Delta at which each node just touches.
         touch = case.displacement(pressure) - (case.heights - case.heights.max())
         delta = (pressure * touch).sum() / pressure.sum()
         load_error = delta / case.delta - 1
@@ -316,7 +318,7 @@ class Trial:
         return None
 
     def row(self, ours: "Trial") -> Row:
-        """Return the row of this trial for the table.
+        """Return the row of this trial for the table of `compare`.
 
         Parameters
         ----------
@@ -393,10 +395,10 @@ def compare(
 
 
 _peer = partial(Solver, install="peers", ladder=PERIODIC_LADDER)
-"""Makes a solver by other people that is given the displacement of a periodic patch."""
+"""Makes a solver by other people for periodic patches that is given the displacement."""
 
 _peer_by_force = partial(_peer, control="force")
-"""Makes a solver by other people that is given the force on a periodic patch."""
+"""Makes a solver by other people for periodic patches that is given the force."""
 
 PERIODIC_SOLVERS = (
     replace(BEM, control="force", ladder=PERIODIC_LADDER),
@@ -537,10 +539,10 @@ def periodic(nodes: Sequence[int], rounds: int) -> list[Row]:
     Raises
     ------
     InputError
-        If a number of nodes is not a power of two, or is smaller.
+        If a number of nodes is not a power of two, or is below `others.COARSEST`.
     """
     for size in nodes:
-        is_power_of_two = not size & (size - 1)
+        is_power_of_two = not size & (size - 1)  # only the highest bit is set
         if size < others.COARSEST or not is_power_of_two:
             raise InputError(
                 f"nodes {size}: give 2^k from {others.COARSEST} on, as 128, 256, 512"
@@ -560,7 +562,7 @@ def _check(nodes: Sequence[int], values: Sequence[float]) -> None:
     is not finite and above 0.
     """
     for size in nodes:
-        is_power_and_one = not (size - 1) & (size - 2)
+        is_power_and_one = not (size - 1) & (size - 2)  # size - 1 is a power of two
         if size < 3 or not is_power_and_one:
             raise InputError(f"nodes {size}: give 2^k + 1, as 129, 257, 513")
     for value in values:

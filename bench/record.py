@@ -62,7 +62,7 @@ COMPARED = {
 """Fields of `Record`, with their names in messages. A part is made again if one of them differs."""
 
 RECORD = ".part.json"
-"""The record of a part is the file of this ending after the name of the part."""
+"""Ending of the file of a part's record, after the name of the part."""
 
 NOT_READ = (RECORD, ".printed.txt", ".said.txt")
 """Endings of files about how a part was made: its record, its standard output and its standard
@@ -162,9 +162,9 @@ class Record(documents.Document):
 
 
 def _inputs_in(path: Path) -> Iterator[Path]:
-    """Yield the files of an input: the file itself, or all files below a folder but `NOT_READ`.
+    """Yield the files of an input: the file itself, or the files below a folder.
 
-    Nothing is yielded if the path does not exist.
+    Files with the endings `NOT_READ` are left out. Nothing is yielded if the path does not exist.
     """
     if path.is_file():
         yield path
@@ -268,6 +268,7 @@ class Inputs:
         """
 
         def words_to_keep(match: re.Match[str]) -> str:
+            """Return the words in brackets, or "" if their file or folder has nothing."""
             words, name = match.groups()
             path = self.files[name]
             if path.is_file() or any(path.glob("**/*.csv")):
@@ -296,7 +297,7 @@ class Inputs:
             The command. The folder of this run is not replaced.
         """
         words = shlex.split(recorded)
-        # A word ROOT/PART or ROOT/PART/... shows that the command's run had the folder ROOT.
+        # The folder of a run is the part ROOT of a word ROOT/PART or ROOT/PART/...
         folder_of_part = re.compile(rf"(.+)/{re.escape(part.folder or part.name)}(/.*)?")
         matches = [folder_of_part.fullmatch(word) for word in words]
         run_folders = {match[1] for match in matches if match}
@@ -358,7 +359,7 @@ class Inputs:
         }
 
     def stale(self, part: Part) -> str:
-        """Say why a part has to be made again.
+        """Return the reason why a part has to be made again.
 
         Parameters
         ----------

@@ -100,10 +100,10 @@ class Part:
     retired: str = ""
     # True if exit code 1 reports a failed check; False if it reports an error.
     judges: bool = False
-    seconds: float | None = (
-        None  # processor time of the short run [s]; None if not measured
-    )
-    # Time of the full run [min], if the published record is of another command; otherwise 0.
+    # Processor time of the short run [s]; None if it has not been measured.
+    seconds: float | None = None
+    # Time of the full run [min], if the published record is of another command than the full run's;
+    # otherwise 0.
     minutes: float = 0
     beside: bool = False  # True if other parts may be made at the same time
     # Names of programs and distributions. If one is not installed, some rows are left out.

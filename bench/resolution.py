@@ -72,13 +72,14 @@ def random_waves(
     Parameters
     ----------
     longest, shortest : int
-        Periods a side of the longest and of the shortest wave.
+        Number of periods of the longest and of the shortest wave on a side.
     hurst : float
         Hurst exponent [1].
     random : numpy.random.Generator
         Source of random numbers, whose state moves.
     aspect : float
-        Length of waves along the second axis over that along the first [1].
+        Length of a wave along the second axis over the length along the first of a wave with the
+        same amplitude [1].
 
     Returns
     -------
@@ -95,8 +96,9 @@ def random_waves(
     waves = amplitude * np.exp(phases)
     conjugates = np.conj(waves[::-1, ::-1])
     waves = (waves + conjugates) / 2  # which makes the heights real
-    gradients = np.hypot(k[:, None], k) ** 2
-    squares = gradients * np.abs(waves) ** 2
+    squared_wavenumbers = np.hypot(k[:, None], k) ** 2
+    squares = squared_wavenumbers * np.abs(waves) ** 2
+    # Rms slope before the heights are scaled.
     slope = 2 * np.pi * np.sqrt(np.sum(squares))
 
     def heights(places: Values) -> Heights:
@@ -252,7 +254,10 @@ class _TimedContact:
         return areas
 
     def errors_of_area(self, area: float, true_area: float) -> Errors:
-        """Return the error of an area [%], with the time of the solve alone."""
+        """Return the error of an area of this contact, with the time of the solve alone.
+
+        `area` and `true_area` are in percent.
+        """
         return {"area": area / true_area - 1, "seconds": self.solve_seconds}
 
     def errors(self, exact: bem.Contact, true_area: float) -> Errors:
@@ -271,9 +276,10 @@ class _TimedContact:
 
 
 def _summary(answers: list[Errors]) -> Row:
-    """Return the columns of a row: root mean squares of errors [%], and the median time [s].
+    """Return the columns of a row about the answers of one method.
 
-    A column of errors is "" if the method has none.
+    They are the root mean square of the relative errors of each quantity [%], and the median time
+    [s]. The column of a quantity is "" if the method does not compute it.
     """
     row: Row = {}
     for name in ("area", DELTA.name, MEAN_GAP.name, UNLOADING.name):

@@ -36,7 +36,7 @@ ROWS = 1500
 """Rows of the paper preset that a short run generates. A full run generates all of its rows."""
 
 PATIENCE = 60.0
-"""Time that a command gets to end after a signal, before it is killed [s]."""
+"""Time within which a command has to end after a signal; then it is killed [s]."""
 
 AWAKE = 0.5
 """Longest sleep of the main thread, which alone can handle signals [s]."""
@@ -98,12 +98,12 @@ def run(inputs: Inputs, only: Sequence[str] = ()) -> tuple[Path, Outcome]:
 
 
 def _reads_database(parts: Iterable[Part], inputs: Inputs) -> bool:
-    """Say whether the command of one of the parts reads the database of the paper preset."""
+    """Return whether the command of any part reads the database of the paper preset."""
     return any("{database}" in inputs.template(part) for part in parts)
 
 
 def _rows_of_database(inputs: Inputs) -> int:
-    """Return the number of rows of the paper preset that this run generates."""
+    """Return the number of rows of the paper preset that a full or short run generates."""
     return load("paper").samples if inputs.full else ROWS
 
 
@@ -141,7 +141,7 @@ def make(parts: Iterable[Part], inputs: Inputs, after: Callable[[], object]) -> 
 
 
 class _Job:
-    """Makes the parts of a run; `failed` collects the names of those that failed.
+    """Makes the parts of a run; `failed` has the names of the parts that failed so far.
 
     `parts` are all parts of the run, which are numbered on standard error. `after` is called
     whenever a part has been made.
@@ -195,14 +195,15 @@ class _Job:
 
 
 def _in_turn(parts: Iterable[Part], inputs: Inputs) -> list[Part]:
-    """Return the parts that this run has a command for, in the order of the work.
+    """Return the parts that this run has a command for, in the order in which they are made.
 
-    Parts that are made alone come first. Parts that are made side by side follow, the longest
-    first. Parts that read the comparison come last, in the same order, because other parts add to
-    the comparison.
+    Parts that read the comparison come after all other parts, because some of these write into it.
+    Before and after this border, parts that are made alone come first, as given, and parts that are
+    made side by side follow, the longest first.
     """
 
     def turn(part: Part) -> tuple[bool, bool, float]:
+        """Return the sort key of a part."""
         reads_comparison = "comparison" in inputs.sources(part)
         duration = 0.0
         if part.beside:
@@ -444,7 +445,7 @@ def planned(inputs: Inputs, only: Sequence[str] = ()) -> str:
 
 
 def _makes_database(parts: Iterable[Part], inputs: Inputs) -> bool:
-    """Say whether the run of these parts generates a new database of the paper preset."""
+    """Return whether the run of these parts generates a new database of the paper preset."""
     is_given = inputs.database is not None
     exists = inputs.files["database"].exists()
     return not is_given and not exists and _reads_database(parts, inputs)
@@ -456,7 +457,10 @@ def _planned_line(*, name: str, duration: str, lane: str, reason: str, title: st
 
 
 def _line_of_part(part: Part, inputs: Inputs, *, to_make: bool) -> str:
-    """Return the line of the plan for one part, with the programs that it needs and lacks."""
+    """Return the line of the plan for one part.
+
+    Its title is followed by the programs and packages that the part needs and that are missing.
+    """
     duration = "-"
     reason = "is there"
     if to_make:
@@ -476,7 +480,8 @@ def _line_of_part(part: Part, inputs: Inputs, *, to_make: bool) -> str:
 def _seconds_of_all(parts: list[Part], inputs: Inputs) -> float:
     """Return the time of all parts [s]. A part of unknown time adds nothing.
 
-    Parts that are made side by side fill `LANES` lanes, but take as long as the longest of them.
+    Parts that are made side by side share `LANES` lanes, but take at least as long as the longest
+    of them.
     """
     alone = [expected_seconds(p, inputs) or 0.0 for p in parts if not p.beside]
     side_by_side = [expected_seconds(p, inputs) or 0.0 for p in parts if p.beside]

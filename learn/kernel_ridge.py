@@ -87,21 +87,23 @@ class _Factor:
     """The Cholesky factor of K + alpha I."""
 
     matrix: Values  # (n, n), the factor in the upper triangle; the lower one is not used
-    alpha: float  # the alpha that was used, at least the requested one
-    condition: float  # estimate for the requested alpha; 0 if this alpha was used
+    alpha: float  # the alpha of the factor, at least the requested one
+    # estimate of the condition number with the requested alpha; 0 if the factor has this alpha
+    condition: float
 
 
 def _factorise(kernel: Values, alpha: float) -> _Factor:
     """Factorise K + alpha I, (n, n), with the smallest tried alpha for which it is not singular.
 
-    Sets negligible entries of the kernel matrix to 0, in place. Raises ValueError if the matrix is
-    not finite.
+    The requested alpha is tried first, then larger ones. Sets negligible entries of the kernel
+    matrix K, (n, n), to 0, in place. Raises ValueError if the matrix is not finite.
     """
     diagonal = kernel.diagonal().copy()
     _clear_negligible(kernel)
-    rounding = EPSILON * max(float(diagonal.max()), np.finfo(float).tiny) * len(kernel)
-    shift = alpha
-    condition = 0.0
+    largest = max(float(diagonal.max()), np.finfo(float).tiny)
+    rounding = EPSILON * largest * len(kernel)
+    shift = alpha  # the alpha of this attempt
+    condition = 0.0  # 0 in the first attempt
     while True:
         # The matrix is symmetric, and its transpose has the order of Fortran.
         factor = np.array(kernel.T, order="F")
@@ -109,8 +111,10 @@ def _factorise(kernel: Values, alpha: float) -> _Factor:
         norm = float(matrix_norm(factor, 1, check_finite=False))
         if not np.isfinite(norm):
             raise ValueError("the kernel matrix is not finite: the inputs are too large")
-        factor, failed = dpotrf(factor, overwrite_a=1, clean=0)
-        reciprocal = 0.0  # of the condition number
+        factor, failed = dpotrf(
+            factor, overwrite_a=1, clean=0
+        )  # leaves the lower triangle
+        reciprocal = 0.0  # of the condition number; 0 without a factor
         if not failed:
             reciprocal = float(dpocon(factor, anorm=norm)[0])
         if reciprocal > EPSILON:
@@ -187,6 +191,8 @@ def _linear_predictions(
     largest_square = largest**2  # the largest eigenvalue of the kernel matrix
     for alpha in alphas:
         if largest_square * EPSILON > alpha:
+            # The smallest eigenvalue is 0 or more, so that alpha bounds that of K + alpha I; for an
+            # alpha of 0 the condition number is stated as 1 / EPSILON^2.
             condition = largest_square / max(alpha, EPSILON**2 * largest_square)
             warnings.warn(
                 f"kernel ridge with a linear kernel and alpha = {alpha:g} is singular to"
@@ -240,8 +246,8 @@ def left_out_errors(model: Any, parts: Sequence[Indices]) -> list[Values]:
     inverse, _ = dpotri(factor, lower=1, overwrite_c=1)
     errors = []
     for part in parts:
-        # LAPACK computes the lower triangle of the inverse. It has that of the block, because the
-        # positions ascend.
+        # LAPACK computes the lower triangle of the inverse only. The positions ascend, so that this
+        # contains the lower triangle of the part's block.
         lower = np.tril(inverse[np.ix_(part, part)])
         block = lower + np.tril(lower, -1).T
         errors.append(np.linalg.solve(block, equations.coefficients[part]))
@@ -259,7 +265,8 @@ class _Equations:
 def _equations_of(model: Any) -> _Equations:
     """Return the equations of a fitted kernel ridge or a fitted Gaussian process.
 
-    A Gaussian process has equations of equal form, with the variance of the noise as alpha.
+    A Gaussian process solves (K + alpha I) a = y, too. The variance of its noise is alpha, or a
+    part of its kernel.
     """
     if isinstance(model, KernelRidge):
         kernel = np.asarray(model._get_kernel(model.X_fit_), dtype=float)
@@ -271,4 +278,6 @@ def _equations_of(model: Any) -> _Equations:
         alpha = model.alpha
         coefficients = model.alpha_
     kernel[np.diag_indices_from(kernel)] += float(alpha)
-    return _Equations(kernel, np.asarray(coefficients, dtype=float).reshape(-1))
+    return _Equations(
+        matrix=kernel, coefficients=np.asarray(coefficients, dtype=float).reshape(-1)
+    )

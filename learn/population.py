@@ -31,7 +31,7 @@ Inputs `X`, shape (n, d), are standardised throughout: mean 0 and deviation 1.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import comb
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,15 +62,19 @@ VARIANCES = (1e-3, 1e5)
 PLANE = 10.0
 # Number of parts of the surfaces that are left out in turn.
 PARTS = 20
-# Largest number of rows of a surface whose scatter is correlated. Rows beyond it are treated as
-# rows of another surface, which keeps the matrices small.
+# Largest number of rows of a surface whose scatter is treated as correlated. Further rows of the
+# surface are treated as rows of another surface, which keeps the matrices small.
 TOGETHER = 200
 # Smallest share of the scatter that is independent for each row. It keeps correlations invertible
 # where rows repeat earlier ones.
 SMALLEST_SEPARATE = 1e-4
-# First guess of the correlation: the independent share as a logit (12 %), the logarithm of the
-# length (2.7 deviations of an input) and the power as a logit between 1 and 2 (1.5).
-FIRST_CORRELATION = (-2.0, 1.0, 0.0)
+# The three settings of the correlation at which the search for them starts. They are
+# described in `_with_likeliest_size`.
+FIRST_CORRELATION = (
+    -2.0,  # logit of the independent share, which is 12 %
+    1.0,  # logarithm of the length, which is 2.7 deviations of an input
+    0.0,  # logit of the power less 1: the power is 1.5
+)
 # Number of fits of power law and scatter; each takes the weights of the fit before.
 PASSES = 3
 # Smallest size of the scatter, over the deviation of the target over its power law.
@@ -86,15 +90,16 @@ DOUBT = 0.5
 # Smallest factor of the errors of means over those of the process. It is above 1 because the
 # process treats its lengths as known.
 SMALLEST_FACTOR = 1.15
-# Largest logarithm of the square of this factor, where the search for it ends.
+# Largest logarithm of the square of the factor, at which the search for the factor ends.
 LARGEST_LOGARITHM = 4.0
-# Smallest share of a direction's error from which the factor is estimated; see `DirectionScores`.
+# Smallest of the `shares` of `DirectionScores`. Directions with a smaller share do not enter the
+# estimate of the factor.
 SMALLEST_SHARE = 1e-3
 # Penalty on the coefficients of polynomials, over the sum of the weights of all rows.
 RIDGE = 1e-6
 # Added to the diagonal of the Matern matrix among centres, which close centres make singular.
 JITTER = 1e-6
-# Added to the diagonal of the equations, over the sum of their diagonal.
+# Added to the diagonal of the equations against rounding, over the sum of their diagonal.
 ROUNDING = 1e-14
 # Smallest value of which a logarithm is taken, over the median of all values.
 FLOOR = 1e-3
@@ -127,15 +132,17 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
     """
 
     # Attributes that `fit` sets. Surrogates store them by these names.
-    trend_: Values  # (1 + d,), constant and exponents of the power law's logarithm
-    sizes_: Values  # (k,), coefficients of the quadratic of the scatter's logarithm
+    # (1 + d,), logarithm of the power law: its constant, and its slopes by the inputs
+    trend_: Values
+    # (k,), coefficients of the quadratic polynomial that is the logarithm of the scatter
+    sizes_: Values
     ends_: Values  # (2,), smallest and largest logarithm of the scatter
     mean_: float  # mean of the ratio (target over power law)
-    deviation_: float  # deviation of the process over the root of the scatter
-    lengths_: Values  # (d,), lengths of the Matern function
+    deviation_: float  # deviation of the process over the square root of the scatter
+    lengths_: Values  # (d,), lengths of the Matern function, one for each input
     places_: Values  # (m, d), centres over the lengths
-    coefficients_: Values  # (m + 1 + d,), of the functions of `_functions`
-    # (n,), predictions without the part of each row, in the target's unit
+    coefficients_: Values  # (m + 1 + d,), coefficients of the functions of `_functions`
+    # (n,), prediction of each row by the equations without the row's part, in the target's unit
     left_out_: Values
     spread_: Values  # (m + 1 + d, q), independent errors of the coefficients
 
@@ -180,59 +187,72 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         centres = X[random.permutation(len(y))[:CENTRES]]
         sample = random.permutation(len(y)) < LIKELY_ROWS
         sampled_rows = rows.where(sample, _blocks(surfaces[sample]))
-        likely = _most_likely(sampled_rows, centres[:LIKELY_CENTRES])
+        likely = _most_likely_scales(sampled_rows, centres[:LIKELY_CENTRES])
         parts = dealt(surfaces, PARTS, random)
         self._solve(rows, centres, likely, parts)
         return self
 
     def _fit_trend(self, X: Values, y: Values, surfaces: Indices) -> TrendDistances:
-        """Fit power law, scatter, mean and deviation; return the distances of the ratio from fits.
+        """Fit the power law, the scatter, and mean and deviation of the ratio; return distances.
 
-        The ratio is the target over its power law, or the target itself if it is not above 0
-        everywhere. Sets `trend_`, `sizes_`, `ends_`, `mean_` and `deviation_`.
+        Takes inputs, (n, d), targets, (n,), and the number of the surface of each row, (n,). The
+        ratio is the target over its power law. If a target is 0 or less, the power law is 1. The
+        distances are those of the ratio from its mean and from its cubic polynomial. Sets
+        `trend_`, `sizes_`, `ends_`, `mean_` and `deviation_`.
         """
         weights = np.ones(len(y))
         most_terms = np.unique(surfaces).size / SURFACES_PER_TERM
-        self.trend_ = np.zeros(X.shape[1] + 1)
+        self.trend_ = np.zeros(X.shape[1] + 1)  # the power law 1
+        all_positive = y.min() > 0
         for _ in range(PASSES):
-            if y.min() > 0:
-                logarithm = _floored_logarithm(y)
-                self.trend_ = _polynomial(X, logarithm, weights, 1, most_terms)
+            if all_positive:
+                logarithms = _floored_logarithm(y)
+                self.trend_ = _polynomial(
+                    X, logarithms, weights, degree=1, most_terms=most_terms
+                )
             ratio = y / self._trend(X)
             from_cubic = self._fit_scatter(X, ratio, weights, most_terms)
+            # The next fits weigh each row by the inverse variance of its scatter.
             weights = self._scatter(X) ** -2
+        # The mean weighs each row by the inverse variance of the process, which is in proportion to
+        # the scatter.
         self.mean_ = float(np.average(ratio, weights=np.sqrt(weights)))
         from_mean = ratio - self.mean_
-        # `_process_deviation` multiplies by `deviation_`, which is fitted with its help.
+        # With `deviation_` 1, `_process_deviation` returns the square root of the scatter.
         self.deviation_ = 1.0
         in_roots_of_scatter = from_mean / self._process_deviation(X)
-        # A constant ratio has the deviation 0, by which nothing could be divided.
+        # The deviation is a divisor. It is 0 for a constant ratio, and 1 takes its place.
         self.deviation_ = float(np.std(in_roots_of_scatter)) or 1.0
-        return TrendDistances(from_mean, from_cubic)
+        return TrendDistances(from_mean=from_mean, from_cubic=from_cubic)
 
     def _fit_scatter(
         self, X: Values, ratio: Values, weights: Values, most_terms: float
     ) -> Values:
-        """Fit the size of the scatter of the ratio; return its distances from a cubic, (n,).
+        """Fit the size of the scatter; return the distances of the ratio from a cubic, (n,).
 
-        Sets `sizes_` and `ends_`. The size is the root mean square of the distances, limited to the
-        `SCATTER_QUANTILES` of all rows.
+        Takes inputs, (n, d), the ratio and the weights of rows, (n,) each, and the largest number
+        of terms of a polynomial. Sets `sizes_` and `ends_`. The size is the exponential of a
+        quadratic polynomial fitted to the logarithms of the distances, limited to its
+        `SCATTER_QUANTILES` over the rows. It is then multiplied by a number with which the root
+        mean square of the distances over the size is 1.
         """
-        cubic = _polynomial(X, ratio, weights, 3, most_terms)
-        distances = ratio - _terms(X, 3) @ cubic
+        cubic = _polynomial(X, ratio, weights, degree=3, most_terms=most_terms)
+        distances = ratio - _terms(X, degree=3) @ cubic
         magnitudes = np.abs(distances)
-        logarithms = _floored_logarithm(magnitudes)
+        log_magnitudes = _floored_logarithm(magnitudes)
         equal_weights = np.ones(len(X))
-        self.sizes_ = _polynomial(X, logarithms, equal_weights, 2, most_terms)
-        logarithm = _terms(X, 2) @ self.sizes_
-        self.ends_ = np.quantile(logarithm, SCATTER_QUANTILES)
+        self.sizes_ = _polynomial(
+            X, log_magnitudes, equal_weights, degree=2, most_terms=most_terms
+        )
+        log_sizes = _terms(X, degree=2) @ self.sizes_
+        log_low, log_high = np.quantile(log_sizes, SCATTER_QUANTILES)
         # A mean of logarithms is below the logarithm of the root mean square: raise the sizes.
-        size = np.exp(np.clip(logarithm, *self.ends_))
-        root_mean_square = np.sqrt(np.mean((magnitudes / size) ** 2))
+        sizes = np.exp(np.clip(log_sizes, log_low, log_high))
+        root_mean_square = np.sqrt(np.mean((magnitudes / sizes) ** 2))
         shift = np.log(root_mean_square)
-        self.sizes_[0] += shift
-        smallest = np.log(SMALLEST_SCATTER * ratio.std())
-        self.ends_ = np.maximum(self.ends_ + shift, smallest)
+        self.sizes_[0] += shift  # the constant of the quadratic polynomial
+        log_smallest = np.log(SMALLEST_SCATTER * ratio.std())
+        self.ends_ = np.maximum([log_low + shift, log_high + shift], log_smallest)
         return np.asarray(distances)
 
     def _solve(
@@ -250,8 +270,9 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         targets = rows.white(rows.targets)
         matrix = whitened.T @ whitened
         count = len(centres)
-        # Prior covariances: 1 for the coefficients of the plane, which `PLANE` scales, and that of
-        # the process for the values of the Matern functions.
+        # The penalty is the inverse of the prior covariance of the coefficients. It is 1 for those
+        # of the plane, whose functions `PLANE` scales. For those of the Matern functions it is the
+        # Matern matrix over the variance, which replaces the 1 of their diagonal.
         penalty = np.eye(len(matrix)) * (1 + ROUNDING * np.trace(matrix))
         inverse_covariance = _matern_among(self.places_).values / likely.variance
         penalty[:count, :count] += inverse_covariance - np.eye(count)
@@ -269,31 +290,37 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         self.spread_ = equations.spread(functions, factor)
 
     def _restored(self, X: Values, means: Values) -> Values:
-        """Return means of the equations, (n,), in the unit of the target, (n,)."""
+        """Turn means of the process over its deviation, (n,), into means of the target, (n,)."""
         ratio = self.mean_ + self._process_deviation(X) * means
         return np.asarray(ratio * self._trend(X))
 
     def _process_deviation(self, X: Values) -> Values:
-        """Return the deviation of the process over the power law, (n,)."""
+        """Return the deviation of the process, as a deviation of the ratio, (n,).
+
+        It is `deviation_` times the square root of the scatter at inputs, (n, d).
+        """
         return np.asarray(self.deviation_ * np.sqrt(self._scatter(X)))
 
     def _scatter(self, X: Values) -> Values:
-        """Return the fitted size of the scatter over the power law, (n,)."""
-        logarithm = _terms(X, 2) @ self.sizes_
+        """Return the fitted size of the scatter of the ratio at inputs, (n, d), as (n,)."""
+        logarithm = _terms(X, degree=2) @ self.sizes_
         low, high = self.ends_
         return np.asarray(np.exp(np.clip(logarithm, low, high)))
 
     def _trend(self, X: Values) -> Values:
-        """Return the power law in the unit of the target, (n,).
+        """Return the power law at inputs, (n, d), in the unit of the target, (n,).
 
-        It is 1 for a target that is not above 0 everywhere.
+        It is 1 if a target of the training is 0 or less.
         """
         exponents = self.trend_[1:]
         logarithm = X @ exponents + self.trend_[0]
         return np.asarray(np.exp(logarithm))
 
     def _functions(self, X: Values) -> Values:
-        """Return the m Matern functions and the 1 + d functions of the plane, (n, m + 1 + d)."""
+        """Return the functions of which the mean is a sum, at inputs, (n, d), as (n, m + 1 + d).
+
+        They are the m Matern functions, then the 1 + d functions of the plane.
+        """
         kernel = _matern(X / self.lengths_, self.places_)
         return np.hstack([kernel.values, _plane(X)])
 
@@ -330,9 +357,9 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         return np.asarray(deviation * self._process_deviation(X) * self._trend(X))
 
     def drawn_errors(self, X: Values, number: int) -> Values:
-        """Draw functions from the process, and return the distances of the mean from them.
+        """Draw errors of the mean from the fitted process, each a function of the inputs.
 
-        The draws are the same in each call.
+        Each call draws equal functions, because the seed is `random_state`.
 
         Parameters
         ----------
@@ -344,13 +371,13 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         Returns
         -------
         ndarray, shape (n, number)
-            Distances in the unit of the target.
+            Errors in the unit of the target, one drawn function a column.
         """
         random = np.random.default_rng(self.random_state)
         normal = random.standard_normal((self.spread_.shape[1], number))
         functions = self._functions(X) @ (self.spread_ @ normal)
-        distances = functions.T * self._process_deviation(X) * self._trend(X)
-        return np.asarray(distances).T
+        errors = functions.T * self._process_deviation(X) * self._trend(X)
+        return np.asarray(errors).T
 
 
 @dataclass(frozen=True, eq=False)
@@ -382,14 +409,15 @@ class Equations:
         for part in np.unique(parts):
             inside = parts == part
             rows = self.whitened[inside]
-            # For the product of `rows` with itself, numpy has a routine with other rounding.
+            # For `rows.T @ rows` numpy would call a routine that rounds differently; a second copy
+            # of the rows keeps the results of earlier versions.
             matrix = self.matrix - rows.T @ self.whitened[inside] + self.penalty
             right = self.right - rows.T @ self.targets[inside]
             means[inside] = functions[inside] @ solve(matrix, right, assume_a="pos")
         return means
 
     def spread(self, functions: Values, factor: float) -> Values:
-        """Return independent errors of the coefficients, in order of their variance at the rows.
+        """Return independent errors of the coefficients, with the largest in the last column.
 
         Parameters
         ----------
@@ -401,12 +429,14 @@ class Equations:
         Returns
         -------
         ndarray, shape (k, q)
-            The q largest errors, one a column, with at least a share `KEPT` of the variance.
+            Errors, one a column, in ascending order of their variance at the rows. They are the q
+            largest ones, which have at least the share `KEPT` of the variance of all k.
         """
         root = np.linalg.cholesky(self.matrix + self.penalty)
         inverse = solve_triangular(root.T, np.eye(len(self.matrix)))
         products = functions.T @ functions
-        variances, directions = eigh(inverse.T @ products @ inverse)  # ascending
+        # `eigh` sorts the variances in ascending order.
+        variances, directions = eigh(inverse.T @ products @ inverse)
         negligible = (1 - KEPT) * variances.sum()
         kept = np.cumsum(variances) > negligible
         return np.asarray(factor * inverse @ directions[:, kept])
@@ -421,7 +451,7 @@ class ScatterCorrelation(NamedTuple):
     size: float = 1.0  # most likely size of the scatter, over its fitted size
 
     def roots(self, X: Values, blocks: Sequence[Indices]) -> list[Values]:
-        """Return the Cholesky factors of the correlations of each surface's rows.
+        """Return the Cholesky factor of the matrix of correlations of the rows of each surface.
 
         Parameters
         ----------
@@ -433,7 +463,7 @@ class ScatterCorrelation(NamedTuple):
         Returns
         -------
         list of ndarray, shape (b, k, k)
-            Lower triangular factors for each block.
+            Lower triangular factors of the b surfaces of each block.
         """
         roots = []
         for block in blocks:
@@ -447,11 +477,11 @@ class ScatterCorrelation(NamedTuple):
         return roots
 
 
-class Evidence(NamedTuple):
-    """The evidence of lengths and a variance, as a minimiser takes it."""
+class MinusLogEvidence(NamedTuple):
+    """Minus the logarithm of the evidence with its slopes, in the order that a minimiser takes."""
 
-    minus_logarithm: float  # minus the logarithm of the evidence, up to a constant
-    # (d + 1,), slopes of `minus_logarithm` by the logarithms of the lengths and of the variance
+    value: float  # minus the logarithm of the evidence, up to a constant
+    # (d + 1,), slopes of `value` by the logarithms of the d lengths and of the variance
     slopes: Values
 
 
@@ -459,33 +489,36 @@ class Evidence(NamedTuple):
 class EvidenceTerms:
     """The numbers from which the evidence of lengths and a variance, and its slopes, follow."""
 
-    logarithm: float  # of the variance
-    variance: float  # of the process, over the variance that the target has
-    places: Values  # (n, d), rows over the lengths
+    log_variance: float  # logarithm of `variance`
+    variance: float  # variance of the process, over the variance that the target has
+    places: Values  # (n, d), inputs of the rows over the lengths
     about: Values  # (m, d), centres over the lengths
-    near: Kernel  # between rows and centres
-    among: Kernel  # among the centres
+    near: Kernel  # Matern function between rows and centres, (n, m)
+    among: Kernel  # Matern function among the centres, (m, m)
     whitened: Values  # (n, m + 1 + d), whitened functions at the rows
     targets: Values  # (n,), whitened targets
-    factor: Any  # Cholesky factor of the equations, as `cho_factor` returns it
-    prior_factor: Any  # Cholesky factor of the Matern matrix among the centres
-    solution: Values  # (m + 1 + d,), coefficients
+    # Cholesky factor of the equations' matrix, as `cho_factor` returns it
+    factor: tuple[Values, bool]
+    # Cholesky factor of the Matern matrix among the centres, as `cho_factor` returns it
+    prior_factor: tuple[Values, bool]
+    solution: Values  # (m + 1 + d,), coefficients that solve the equations
 
-    def minus_logarithm(self) -> float:
+    def minus_log_evidence(self) -> float:
         """Return minus the logarithm of the evidence, up to a constant."""
-        matrix = self.factor[0]
-        prior = self.prior_factor[0]
-        of_matrix = np.log(np.diag(matrix)).sum()
-        of_prior = np.log(np.diag(prior)).sum()
-        determinants = of_matrix - of_prior
+        matrix_root, _ = self.factor
+        prior_root, _ = self.prior_factor
+        # Half the logarithm of the determinant of a matrix is the sum over its Cholesky factor.
+        half_log_matrix = np.log(np.diag(matrix_root)).sum()
+        half_log_prior = np.log(np.diag(prior_root)).sum()
         explained = self.solution @ (self.whitened.T @ self.targets)
-        squares = self.targets @ self.targets - explained
-        count = len(self.about)
-        return float(determinants + (count * self.logarithm + squares) / 2)
+        unexplained = self.targets @ self.targets - explained
+        # The prior covariance of the m coefficients is in proportion to the variance.
+        prior = len(self.about) * self.log_variance
+        return float(half_log_matrix - half_log_prior + (prior + unexplained) / 2)
 
 
 class Whitened:
-    """Rows whose scatter has size 1, with a method that also makes it uncorrelated.
+    """Rows divided by the size of their scatter; `white` also removes its correlation.
 
     Parameters
     ----------
@@ -563,8 +596,8 @@ class Whitened:
             whitened[block] = matrices @ columns[block]
         return whitened.reshape(values.shape)
 
-    def evidence(self, logarithms: Values, centres: Values) -> Evidence:
-        """Return minus the logarithm of the evidence, with its slopes.
+    def minus_log_evidence(self, logarithms: Values, centres: Values) -> MinusLogEvidence:
+        """Return minus the logarithm of the evidence of lengths and a variance, with its slopes.
 
         Parameters
         ----------
@@ -575,14 +608,19 @@ class Whitened:
 
         Returns
         -------
-        Evidence
+        MinusLogEvidence
             The value, and its slopes by the logarithms.
         """
         terms = self._evidence_terms(logarithms, centres)
-        return Evidence(terms.minus_logarithm(), -self._evidence_slopes(terms))
+        return MinusLogEvidence(
+            value=terms.minus_log_evidence(), slopes=-self._evidence_slopes(terms)
+        )
 
     def _evidence_terms(self, logarithms: Values, centres: Values) -> EvidenceTerms:
-        """Solve the equations for lengths and a variance, given by logarithms, (d + 1,)."""
+        """Solve the equations of the coefficients for lengths and a variance.
+
+        Takes the logarithms of the d lengths and of the variance, (d + 1,), and m centres, (m, d).
+        """
         lengths = np.exp(logarithms[:-1])
         variance = np.exp(logarithms[-1])
         count = len(centres)
@@ -594,11 +632,12 @@ class Whitened:
         targets = self.white(self.targets)
         whitened = self.white(functions * self.process[:, None])
         matrix = whitened.T @ whitened
+        # Add the penalty that `Population._solve` describes.
         matrix += np.eye(len(matrix)) * (1 + ROUNDING * np.trace(matrix))
         matrix[:count, :count] += among.values / variance - np.eye(count)
         factor = cho_factor(matrix)
         return EvidenceTerms(
-            logarithm=logarithms[-1],
+            log_variance=logarithms[-1],
             variance=variance,
             places=places,
             about=about,
@@ -612,10 +651,11 @@ class Whitened:
         )
 
     def _evidence_slopes(self, terms: EvidenceTerms) -> Values:
-        """Return the slopes of the logarithm of the evidence by the logarithms, (d + 1,).
+        """Return the slopes of the logarithm of the evidence, (d + 1,).
 
-        By the chain rule they are sums over the Matern functions at the rows (`near`), and over
-        those among the centres (`among`).
+        They are derivatives by the logarithms of the d lengths and of the variance. By the chain
+        rule they are sums over the values of the Matern function between rows and centres (`near`)
+        and over its values among the centres (`among`).
         """
         count = len(terms.about)
         solution = terms.solution[:count]
@@ -638,20 +678,23 @@ class Whitened:
 
 
 class DirectionScores(NamedTuple):
-    """Errors of a mean in q independent directions, judged by rows that it was not fitted to.
+    """Errors of a mean in q independent directions, measured at rows that it was not fitted to.
 
-    If the errors of means are `factor` times those of the process, the expected value of `squares`
-    is 1 + factor^2 `shares`: the scatter of the rows, and the error of the mean.
+    If the errors of means are `factor` times those that the process states, the expected value of
+    `squares` is 1 + factor^2 `shares`. The 1 is the scatter of the rows.
     """
 
-    shares: Values  # (q,), variance of the mean's error by the process, over the rows' scatter
-    squares: Values  # (q,), squared error over the variance of the rows' scatter
+    # (q,), variance of the mean's error that the process states, over the variance of the scatter
+    shares: Values
+    # (q,), squared distance of the rows from the mean, over the variance of the scatter
+    squares: Values
 
 
 def _direction_scores(equations: Equations, inside: NDArray[np.bool_]) -> DirectionScores:
-    """Fit the mean to one half of the rows, and judge it by the other half.
+    """Fit the mean to one half of the rows, and measure its errors at the other half.
 
-    `inside`, (n,), is True for the rows that judge.
+    `inside`, (n,), is True for the rows at which errors are measured. Directions with a share of
+    `SMALLEST_SHARE` or less are left out.
     """
     outside = ~inside
     functions = equations.whitened
@@ -663,31 +706,36 @@ def _direction_scores(equations: Equations, inside: NDArray[np.bool_]) -> Direct
     shares, directions = eigh(inverse @ information @ inverse.T)
     errors = equations.targets[inside] - functions[inside] @ mean
     scores = directions.T @ (inverse @ (functions[inside].T @ errors))
-    # In other directions the scatter of the rows hides the error of the mean.
-    telling = shares > SMALLEST_SHARE
-    return DirectionScores(shares[telling], scores[telling] ** 2 / shares[telling])
+    # Where the share is small, the scatter of the rows hides the error of the mean.
+    kept = shares > SMALLEST_SHARE
+    return DirectionScores(shares=shares[kept], squares=scores[kept] ** 2 / shares[kept])
 
 
 def _error_factor(equations: Equations, first_half: NDArray[np.bool_]) -> float:
-    """Return the factor of errors of the mean over those of the process.
+    """Return the factor of the errors of the mean over the errors that the process states.
 
-    `first_half`, (n,), is True for the rows of one half of the surfaces. The mean of each half is
-    judged by the rows of the other half. The factor is the most probable one, and at least
-    `SMALLEST_FACTOR`.
+    `first_half`, (n,), is True for the rows of one half of the surfaces. The errors of the mean of
+    each half are measured at the rows of the other half. The factor is the most probable one that
+    is at least `SMALLEST_FACTOR`.
     """
     halves = [_direction_scores(equations, half) for half in (first_half, ~first_half)]
     shares = np.concatenate([half.shares for half in halves])
     squares = np.concatenate([half.squares for half in halves])
 
-    def minus_logarithm(logarithm: float) -> float:
-        """Return minus the logarithm of the probability of a squared factor's logarithm."""
-        variance = 1 + np.exp(logarithm) * shares
+    def minus_log_probability(log_square: float) -> float:
+        """Return minus the logarithm of the probability of a factor.
+
+        Takes the logarithm of the square of the factor. A constant is left out.
+        """
+        # The prior of this logarithm is normal, with mean 0 and deviation `DOUBT`.
+        variance = 1 + np.exp(log_square) * shares
         terms = np.log(variance) + squares / variance
-        return float(terms.sum() + (logarithm / DOUBT) ** 2) / 2
+        return float(terms.sum() + (log_square / DOUBT) ** 2) / 2
 
     bounds = (2 * np.log(SMALLEST_FACTOR), LARGEST_LOGARITHM)
-    search = minimize_scalar(minus_logarithm, bounds=bounds, method="bounded")
-    return float(np.exp(search.x / 2))
+    search = minimize_scalar(minus_log_probability, bounds=bounds, method="bounded")
+    log_square_of_factor = search.x
+    return float(np.exp(log_square_of_factor / 2))
 
 
 class LikelyScales(NamedTuple):
@@ -697,20 +745,25 @@ class LikelyScales(NamedTuple):
     variance: float  # over the variance that the target has
 
 
-def _most_likely(rows: Whitened, centres: Values) -> LikelyScales:
-    """Search for lengths and variance from each of `STARTS`; return those of largest evidence."""
-    features = centres.shape[1]
-    limits = [*[LENGTHS] * features, VARIANCES]
+def _most_likely_scales(rows: Whitened, centres: Values) -> LikelyScales:
+    """Return the d lengths and the variance of the largest evidence that the searches reach.
+
+    One search starts at each of `STARTS`. The centres, (m, d), are places of the Matern functions.
+    """
+    inputs = centres.shape[1]
+    log_limits = [tuple(np.log(LENGTHS))] * inputs
+    log_limits.append(tuple(np.log(VARIANCES)))
     searches = []
     for length in STARTS:
-        start = np.log([*[length] * features, 1.0])  # with the variance 1
+        start = np.zeros(inputs + 1)  # The logarithm of the variance starts at 0.
+        start[:-1] = np.log(length)
         search = minimize(
-            rows.evidence,
+            rows.minus_log_evidence,
             start,
-            (centres,),
-            jac=True,
+            args=(centres,),
+            jac=True,  # The function also returns its slopes.
             method="L-BFGS-B",
-            bounds=[tuple(np.log(ends)) for ends in limits],
+            bounds=log_limits,
             options={"maxiter": STEPS, "ftol": 1e-6},
         )
         searches.append(search)
@@ -721,9 +774,9 @@ def _most_likely(rows: Whitened, centres: Values) -> LikelyScales:
 
 @dataclass(frozen=True)
 class LikelyCorrelation:
-    """A correlation with its most likely size of the scatter, and how likely it is."""
+    """A correlation with the most likely size of the scatter, and their likelihood."""
 
-    minus_likelihood: float  # minus the logarithm of the likelihood, up to a constant
+    minus_log_likelihood: float  # minus the logarithm of the likelihood, up to a constant
     correlation: ScatterCorrelation
 
 
@@ -732,67 +785,72 @@ def _most_likely_correlation(
 ) -> ScatterCorrelation:
     """Return the most likely correlation of the scatter of a surface's rows, with its size.
 
-    `scatter`, (n,), are the distances of the ratio from the cubic over their fitted size.
+    Takes inputs, (n, d), and the `scatter`, (n,): the distances of the ratio from the cubic, over
+    their fitted size. `blocks` are the positions of the rows of each surface, from `_blocks`.
     """
 
-    def minus_likelihood(settings: Values) -> float:
-        """Return minus the logarithm of the likelihood of three settings; see `_sized`."""
-        return _sized(settings, X, scatter, blocks).minus_likelihood
+    def minus_log_likelihood(settings: Values) -> float:
+        """Return minus the logarithm of the likelihood of three settings, (3,)."""
+        return _with_likeliest_size(settings, X, scatter, blocks).minus_log_likelihood
 
     search = minimize(
-        minus_likelihood,
+        minus_log_likelihood,
         np.array(FIRST_CORRELATION),
         method="Nelder-Mead",
         options={"maxiter": 100, "xatol": 0.05},
     )
-    return _sized(search.x, X, scatter, blocks).correlation
+    return _with_likeliest_size(search.x, X, scatter, blocks).correlation
 
 
-def _sized(
+def _with_likeliest_size(
     settings: Values, X: Values, scatter: Values, blocks: list[Indices]
 ) -> LikelyCorrelation:
     """Return the correlation of three settings, with the most likely size of a scatter, (n,).
 
-    The settings have no bounds: the share that is independent for each row (as a logit), the length
-    (as a logarithm) and the power (as a logit between 1 and 2).
+    Takes the inputs of the rows, (n, d), and the positions of the rows of each surface, from
+    `_blocks`. The settings, (3,), are numbers without bounds, as a minimiser needs them: the logit
+    of the share that is independent for each row, the logarithm of the length, and the logit of the
+    power less 1.
     """
-    separate, length, power = settings
+    logit_separate, log_length, logit_power = settings
+    above_smallest = (1 - SMALLEST_SEPARATE) * float(expit(logit_separate))
     correlation = ScatterCorrelation(
-        separate=SMALLEST_SEPARATE + (1 - SMALLEST_SEPARATE) * float(expit(separate)),
-        length=float(np.exp(length)),
-        power=1 + float(expit(power)),
+        separate=SMALLEST_SEPARATE + above_smallest,
+        length=float(np.exp(log_length)),
+        power=1 + float(expit(logit_power)),
     )
-    squares = 0.0
+    squares = 0.0  # sum of the squares of the whitened scatter
     log_determinant = 0.0  # of the Cholesky factors of all surfaces
     for block, root in zip(blocks, correlation.roots(X, blocks), strict=True):
         whitened = np.linalg.solve(root, scatter[block][:, :, None])
         squares += np.square(whitened).sum()
         log_determinant += np.log(np.diagonal(root, axis1=1, axis2=2)).sum()
     size = np.sqrt(max(squares / len(X), np.finfo(float).tiny))
-    minus_likelihood = len(X) * np.log(size) + log_determinant
-    sized = correlation._replace(size=float(size))
-    return LikelyCorrelation(minus_likelihood, sized)
+    return LikelyCorrelation(
+        minus_log_likelihood=len(X) * np.log(size) + log_determinant,
+        correlation=correlation._replace(size=float(size)),
+    )
 
 
 def _blocks(surfaces: Indices) -> list[Indices]:
-    """Return the positions of the rows of each surface, in arrays (b, k) of equally large surfaces.
+    """Return the positions of the rows of each surface, one array for each number of rows.
 
-    Takes the number of the surface of each row, (n,). A surface of more than `TOGETHER` rows is cut
-    into several.
+    Takes the number of the surface of each row, (n,). An array, (b, k), has the b surfaces of k
+    rows each. A surface of more than `TOGETHER` rows is cut into several.
     """
     order = np.argsort(surfaces, kind="stable")
     ordered = surfaces[order]
-    first = np.flatnonzero(np.diff(ordered, prepend=ordered[0] - 1))
-    of_size: dict[int, list[Indices]] = {}
-    for rows in np.split(order, first[1:]):
+    starts_of_surfaces = np.flatnonzero(np.diff(ordered)) + 1
+    by_size: dict[int, list[Indices]] = {}
+    for rows in np.split(order, starts_of_surfaces):
         for start in range(0, rows.size, TOGETHER):
             block = rows[start : start + TOGETHER]
-            of_size.setdefault(block.size, []).append(block)
-    return [np.array(blocks) for blocks in of_size.values()]
+            by_size.setdefault(block.size, []).append(block)
+    return [np.array(blocks) for blocks in by_size.values()]
 
 
 def _plane(X: Values) -> Values:
-    """Return the constant and the inputs, (n, 1 + d), times the prior deviation `PLANE`."""
+    """Return the functions of the plane, (n, 1 + d): 1 and the inputs, times `PLANE`."""
     return PLANE * np.column_stack([np.ones(len(X)), X])
 
 
@@ -835,7 +893,10 @@ def _by_lengths(slopes: Values, places: Values, centres: Values) -> Values:
 
 
 def _terms(X: Values, degree: int) -> Values:
-    """Return the k terms of a polynomial of the inputs, (n, k), in order of their degrees."""
+    """Return the k terms of a polynomial of inputs, (n, d), as (n, k), in order of their degrees.
+
+    The first term is 1.
+    """
     return np.asarray(PolynomialFeatures(degree).fit_transform(X))
 
 
@@ -844,15 +905,18 @@ def _polynomial(
 ) -> Values:
     """Fit a polynomial by weighted least squares; return the coefficients of `_terms`, (k,).
 
-    If the polynomial would have more than `most_terms` terms, it is of a lower degree, but at least
-    linear. The coefficients of higher terms are then 0.
+    Takes inputs, (n, d), and the target and the weights of rows, (n,) each. If the polynomial would
+    have more than `most_terms` terms, it is of a lower degree, but at least linear. The
+    coefficients of higher terms are then 0.
     """
     terms = _terms(X, degree)
     inputs = X.shape[1]
     coefficients = np.zeros(terms.shape[1])
-    while degree > 1 and comb(inputs + degree, degree) > most_terms:
-        degree -= 1
-    fitted = slice(comb(inputs + degree, degree))
+    fitted_degree = degree
+    while fitted_degree > 1 and _number_of_terms(inputs, fitted_degree) > most_terms:
+        fitted_degree -= 1
+    # Terms are in the order of their degrees: the terms of the lower degree come first.
+    fitted = slice(_number_of_terms(inputs, fitted_degree))
     weighted = terms[:, fitted] * weights[:, None]
     matrix = weighted.T @ terms[:, fitted]
     matrix[np.diag_indices_from(matrix)] += RIDGE * weights.sum()
@@ -860,8 +924,17 @@ def _polynomial(
     return coefficients
 
 
+def _number_of_terms(inputs: int, degree: int) -> int:
+    """Return the number of terms of a polynomial, from the number of inputs and the degree."""
+    return comb(inputs + degree, degree)
+
+
 def _floored_logarithm(values: Values) -> Values:
-    """Return logarithms of values, (n,), of 0 and more; none is below `FLOOR` times the median."""
+    """Return the logarithms of values, (n,), that are 0 or more.
+
+    Values below `FLOOR` times the median are first raised to this bound. The bound is above 0 even
+    if the median is 0.
+    """
     floor = FLOOR * float(np.median(values))
     smallest = max(floor, np.finfo(float).tiny)
     return np.asarray(np.log(np.maximum(values, smallest)))

@@ -56,7 +56,7 @@ class CoarseSolves:
 class Block(NamedTuple):
     """Rows that one process computes at a time."""
 
-    first: int  # number of the first row
+    first: int  # number of the first row, as the scene counts its rows
     end: int  # number of the last row plus 1
     # Delta of each row, or the length that replaces it under pressures (`by_pressure`) [um]
     deltas: tuple[float, ...]
@@ -68,7 +68,7 @@ class SharedSettings(NamedTuple):
     scene: Scene
     folder: Path  # folder of the database
     blocks: int  # blocks per side of the coarse solve
-    pressed: bool  # True if features are by pressure, False if they are by Delta
+    pressed: bool  # True if features are those under a pressure, False if under a Delta
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +185,7 @@ class Cache:
             suffix += "-by-pressure"
         path = part.path.with_name(f"{part.path.name}.pressed{suffix}.npz")
         columns = ",".join(HYBRID)
-        # The keys in existing files were computed from this text.
+        # Any change of this text changes the keys, so that existing files are no longer used.
         text = f"{VERSION} {blocks} {LOOSE} {columns} {PHYSICS} {scene.fingerprint()}"
         if pressed:
             text += " by pressure"
@@ -197,7 +197,7 @@ class Cache:
         return cls(path=path, key=key, inputs=inputs, values=values)
 
     def save(self) -> str:
-        """Write the file; return "", or a warning if the file cannot be written."""
+        """Write the file; return "", or a warning for the user if it cannot be written."""
         try:
             with atomic(self.path, "arrays") as file:
                 np.savez(file, key=self.key, inputs=self.inputs, values=self.values)
@@ -291,18 +291,19 @@ class Regeneration:
 
         A block begins and ends with a missing row; it may have complete rows in between.
         """
-        per_surface = self.part.scene.samples_per_surface
-        length = max(1, BLOCK_ROWS // per_surface) * per_surface
-        positions = np.flatnonzero(self.missing)
-        numbers = (self.first + positions) // length
+        rows_per_surface = self.part.scene.samples_per_surface
+        surfaces_per_block = max(1, BLOCK_ROWS // rows_per_surface)
+        rows_per_block = surfaces_per_block * rows_per_surface
+        positions = np.flatnonzero(self.missing)  # in the database
+        block_of_row = (self.first + positions) // rows_per_block
         blocks = []
-        for number in np.unique(numbers):
-            inside = positions[numbers == number]
-            first = int(inside[0])
+        for number in np.unique(block_of_row):
+            inside = positions[block_of_row == number]
+            start = int(inside[0])
             end = int(inside[-1]) + 1
-            deltas = tuple(self.cache.inputs[first:end, 0].tolist())
+            deltas = tuple(self.cache.inputs[start:end, 0].tolist())
             blocks.append(
-                Block(first=self.first + first, end=self.first + end, deltas=deltas)
+                Block(first=self.first + start, end=self.first + end, deltas=deltas)
             )
         return blocks
 
@@ -313,7 +314,7 @@ class Regeneration:
         """
         inside = slice(block.first - self.first, block.end - self.first)
         missing = self.missing[inside]
-        # The absolute tolerance is for statistics that are 0 but for rounding.
+        # Statistics that are 0 apart from rounding need an absolute tolerance.
         agrees = np.isclose(
             self.cache.inputs[inside],
             features.inputs,
@@ -330,11 +331,11 @@ class Regeneration:
 
 
 def compute_block(shared: SharedSettings, block: Block) -> BlockFeatures:
-    """Compute the features of the rows of a block, on any process.
+    """Generate the surfaces of a block's rows again, and compute the features.
 
-    If the scene draws displacements and features are by Delta, the Deltas are drawn again.
-    Otherwise they are those of the block: Deltas that the solver of the database computed from
-    pressures or forces, or the lengths that replace Delta under pressures.
+    Any process can do this. If the scene draws displacements and features are by Delta, the Deltas
+    are drawn again. Otherwise they are those of the block: Deltas that the solver of the database
+    computed from pressures or forces, or the lengths that replace Delta under pressures.
 
     Parameters
     ----------
@@ -346,8 +347,8 @@ def compute_block(shared: SharedSettings, block: Block) -> BlockFeatures:
     Returns
     -------
     BlockFeatures
-        Inputs and features. They are NaN if the surface cannot be generated; features are also NaN
-        if a statistic is undefined or the coarse solve fails.
+        Inputs and features. Statistics and features of a row are NaN if its surface cannot be
+        generated. Features are also NaN if a statistic is undefined or the coarse solve fails.
 
     Raises
     ------
@@ -356,6 +357,7 @@ def compute_block(shared: SharedSettings, block: Block) -> BlockFeatures:
     """
     scene = shared.scene
     contact = scene.contact
+    # `coarse_solves` has verified the maps.
     scene.surface.make_ready(shared.folder, verify=False)
     plan = parameters(scene, block.first, block.end)
     deltas = np.array(block.deltas)
@@ -375,7 +377,7 @@ def compute_block(shared: SharedSettings, block: Block) -> BlockFeatures:
         is_first_of_surface = row == 0 or plan.surface[row] != plan.surface[row - 1]
         if is_first_of_surface:
             surface = _surface(scene, plan, row, f"row {block.first + row}")
-        if surface is None:  # the row failed in the database, too, and is not used
+        if surface is None:  # The row failed in the database, too. Its features stay NaN.
             continue
         inputs[row, 1 : 1 + len(STATISTICS)] = _statistics(surface)
         hardness = plan.hardness_of(row)
@@ -394,7 +396,7 @@ def _surface(scene: Scene, plan: Plan, row: int, name: str) -> SurfaceFeatures |
     """
     try:
         heights = surface_of(scene, plan, row)
-    except SourceError:  # an InputError that concerns all rows
+    except SourceError:  # It concerns all rows, unlike other InputErrors.
         raise
     except (ArithmeticError, InputError):
         return None
@@ -420,12 +422,14 @@ def _values(
 ) -> Values:
     """Return the columns of `HYBRID` for a surface and, under pressures, the Delta of the solve.
 
-    They are (18,) or (19,), and NaN if a statistic is undefined or the coarse solve fails. The load
-    is Delta or, under pressures, the length of `by_pressure` [um]; `ratio` is the hardness over E*,
-    None for elastic bodies.
+    They are (18,) or (19,). They are NaN if the load is not above 0, a statistic is undefined or
+    the coarse solve fails. Under pressures there are two solves: if only the second one fails, the
+    Delta of the first one is kept. The load is Delta or, under pressures, the length of
+    `by_pressure` [um]; `ratio` is the hardness over E*, None for elastic bodies.
     """
     values = np.full(_width(pressed=shared.pressed), np.nan)
     try:
+        # Loads of 0 or less make no contact. `reason` says why a statistic is undefined.
         if load > 0 and not surface.description.reason:
             if shared.pressed:
                 delta = surface.reached(load, ratio, shared.blocks)

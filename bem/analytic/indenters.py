@@ -249,7 +249,7 @@ class FlatPunch:
     radius : float
         Radius a of the cylinder [um].
     depth : float
-        Depth of the surface around the cylinder below its end [um].
+        Distance of the surface around the cylinder below the cylinder's flat end [um].
     """
 
     radius: float
@@ -303,7 +303,9 @@ class FlatPunch:
         return 2 * modulus * self.contact_radius(delta) * delta
 
     def pressure(self, radii: Field, delta: float, modulus: float = 1.0) -> Field:
-        """Return the pressure p = E* Delta / (pi sqrt(a^2 - r^2)), infinite at the rim [MPa].
+        """Return the pressure p = E* Delta / (pi sqrt(a^2 - r^2)) [MPa].
+
+        It is infinite at the rim, and zero outside and without indentation.
 
         Parameters
         ----------
@@ -321,10 +323,11 @@ class FlatPunch:
         """
         if delta <= 0:
             return np.zeros_like(radii, dtype=np.float64)
-        inside = self.radius**2 - radii**2
+        squared_half_chord = self.radius**2 - radii**2  # negative outside the punch
         with np.errstate(divide="ignore", invalid="ignore"):
-            values = modulus * delta / (np.pi * np.sqrt(np.abs(inside)))
-        return np.asanyarray(values * (inside >= 0))
+            root = np.sqrt(np.abs(squared_half_chord))
+            values = modulus * delta / (np.pi * root)
+        return np.asanyarray(values * (squared_half_chord >= 0))
 
 
 def distances_to_centre(

@@ -78,8 +78,8 @@ class PerssonInterface:
     spectrum : ndarray, shape (m,)
         Isotropic power spectrum C(q). The integral of 2 pi q C is the mean square height [um^4].
     gamma : float
-        Share of the elastic energy of full contact in a small contact, per area: 1 in Persson
-        (2007), 0.45 by the computed contacts of Yang and Persson (2008) [1].
+        Elastic energy per area of contact where the contact is small, over that in full contact: 1
+        in Persson (2007), 0.45 by the computed contacts of Yang and Persson (2008) [1].
 
     Raises
     ------
@@ -92,7 +92,10 @@ class PerssonInterface:
     gamma: float = 0.45
 
     def __post_init__(self) -> None:
-        """Replace wavenumbers and spectrum by copies, because the caller may change them."""
+        """Replace wavenumbers and spectrum by copies, because the caller may change them.
+
+        Raises ValueError if either is masked in places.
+        """
         for name in ("wavenumbers", "spectrum"):
             values = getattr(self, name)
             if np.ma.is_masked(values):
@@ -140,7 +143,9 @@ class PerssonInterface:
         return self._sum_over_waves(_work(ratios, self.gamma))
 
     def stiffness(self, pressure: Values, modulus: float = 1.0) -> Values:
-        """Compute the stiffness dp/dDelta = -dp/d(mean gap), p / `light_load_length` at light load.
+        """Compute the stiffness dp/dDelta = -dp/d(mean gap).
+
+        At light load it is p / `light_load_length`.
 
         Parameters
         ----------
@@ -181,7 +186,10 @@ class PerssonInterface:
         return np.concatenate([[0.0], np.cumsum(steps)])
 
     def _scatter(self) -> Values:
-        """Return the values of h'(q) / sqrt(2) for the quadrature, from 0, (STEPS + 1,) [1]."""
+        """Return the values of h'(q) / sqrt(2) at which the quadrature is taken, (STEPS + 1,) [1].
+
+        They rise from 0 to the value of all waves.
+        """
         largest = math.sqrt(self._squared_scatter()[-1])
         return np.asanyarray(largest * np.linspace(0, 1, STEPS + 1) ** 2)
 
@@ -195,9 +203,9 @@ class PerssonInterface:
         return ratios
 
     def _sum_over_waves(self, values: Values) -> Values:
-        """Integrate 2 / sqrt(pi) values / q over h'(q) / sqrt(2).
+        """Integrate 2 / sqrt(pi) values / q over h'(q) / sqrt(2) [um].
 
-        The last axis of `values` has the length STEPS + 1, and is summed over.
+        The last axis of `values` has one value for each entry of `_scatter`, and is summed over.
         """
         scatter = self._scatter()
         wavenumbers = np.interp(scatter**2, self._squared_scatter(), self.wavenumbers)
@@ -206,19 +214,19 @@ class PerssonInterface:
 
 
 def _energy_rate(ratios: Values, gamma: float) -> Values:
-    """Compute sqrt(pi) / 2 dW/dx at `ratios` x, for the share W of the energy with P = erf(x)."""
+    """Compute sqrt(pi) / 2 dW/dx at `ratios` x, with W(x) of `PerssonInterface` for P = erf(x)."""
     shape = gamma + 3 * (1 - gamma) * erf(ratios) ** 2
     return np.asanyarray(shape * np.exp(-(ratios**2)))
 
 
 def _work(ratios: Values, gamma: float) -> Values:
-    """Integrate `_energy_rate` / x from each of the ratios to infinity.
+    """Integrate `_energy_rate`(x) / x over x, from each of the ratios to infinity.
 
     The first term of the integrand gives an exponential integral. The second one has no pole, and
-    is integrated by quadrature.
+    is integrated by quadrature. The result has the shape of the ratios.
     """
     total = np.zeros(ratios.shape)
-    near = np.minimum(ratios, FAR)
+    near = np.minimum(ratios, FAR)  # beyond it the second term is below rounding
     nodes, weights = QUADRATURE
     # Integrate from each ratio to `FAR` beyond it.
     for node, weight in zip(nodes, weights, strict=True):

@@ -80,13 +80,14 @@ class _Levels:
     members : ndarray of int, shape (m,)
         Cells, each once for itself and once for every level that joins it to another pocket.
     pockets : ndarray of int, shape (m,)
-        Widest cell of the pocket that each of these is joined to.
+        For each entry of `members`, the widest cell of the pocket that the cell is joined to.
     widest : ndarray of int, shape of the gap
         Widest cell of the region of open gap that holds each cell; the cell itself where the gap is
         closed.
-    lift : ndarray, shape (k, shape of the gap)
-        Pressure to begin with for each of k drives. It is uniform over each pocket that does not
-        connect opposite sides [dP].
+    lift : ndarray, shape (k, nx, ny)
+        Initial pressure of each cell for a flow driven along each of k axes: x and y on a patch
+        that repeats itself, else x alone. Each pocket that does not connect opposite sides has one
+        initial pressure; in every period that the pocket enters it is one dP higher [dP].
     flowing : ndarray of bool, shape of the gap
         Cells that belong to a region which connects opposite sides.
     """
@@ -107,10 +108,10 @@ class _Unknowns:
     basis : csr_matrix, shape (cells + 1, unknowns)
         1 where an unknown is part of a cell's pressure. The last row, of the reservoirs, is empty.
     lone : int
-        Number of unknowns, the last ones, of which each belongs to one cell alone. These cells have
-        one colour of a chessboard, so that no two of them are neighbours.
+        Number of unknowns that each belong to one cell alone; they are the last ones. Their cells
+        have one colour of a chessboard, so that no two of them are neighbours.
     lift : ndarray, shape (cells + 1, k)
-        Pressure of each cell to begin with [dP].
+        Initial pressure of each cell for each of k drives, see `_Levels` [dP].
     flowing : ndarray of bool, shape (cells + 1,)
         Cells that belong to a region which connects opposite sides, and the reservoirs if any do.
     """
@@ -128,17 +129,18 @@ class _Faces:
     Attributes
     ----------
     first : ndarray of int, shape (f,)
-        Cell on one side. Both reservoirs have the number of all cells.
+        Number of the cell on one side. The number of a reservoir is the count of all cells.
     second : ndarray of int, shape (f,)
-        Cell on the other side, further along x or y.
+        Number of the cell on the other side, further along x or y.
     crossed_along_x : int
         Number of faces that a flow along x crosses. They come first; the remaining faces are
         crossed by a flow along y.
     root : ndarray, shape (f,)
-        Square root of the conductance [reduced].
+        Square root of the conductance, which is the mean of g^3 over both sides times width over
+        distance. Gaps g are relative to the widest one [1].
     drop : ndarray, shape (f, k)
         Drop of pressure that each of k drives imposes between the two cells, in addition to the
-        difference of their pressures [dP].
+        difference of their pressures: 1 or 0 [dP].
     """
 
     first: Nodes
@@ -198,7 +200,11 @@ def flows_through(
 
 
 def _flows(gap: Field, spacing: tuple[float, float], *, periodic: bool) -> list[Flow]:
-    """Compute the flow along x, and for a patch that repeats itself also the flow along y."""
+    """Compute the flow along x, and for a patch that repeats itself also the flow along y.
+
+    Return one `Flow` for each of these axes. Gaps below `CLOSED` of the widest one are closed.
+    Raises OutOfRange and ArithmeticError as `flows_through`.
+    """
     drives = 2 if periodic else 1
     no_flow = Flow(factor=0.0, aperture=0.0, flux=np.zeros((2, *gap.shape)))
     nothing = [no_flow] * drives
@@ -219,25 +225,35 @@ def _flows(gap: Field, spacing: tuple[float, float], *, periodic: bool) -> list[
     if not unknowns.flowing.any():
         return nothing
     faces = _faces(reduced, cells, spacing, unknowns.flowing, periodic=periodic)
-    drops = _solve_drops(faces, unknowns)
+    weighted_drops = _solve_drops(faces, unknowns)
     return [
-        _flow(gap, spacing, axis, faces=faces, drop=drops[:, axis])
+        _flow(gap, spacing, axis, faces=faces, weighted_drop=weighted_drops[:, axis])
         for axis in range(drives)
     ]
 
 
 def _flow(
-    gap: Field, spacing: tuple[float, float], axis: int, *, faces: _Faces, drop: Values
+    gap: Field,
+    spacing: tuple[float, float],
+    axis: int,
+    *,
+    faces: _Faces,
+    weighted_drop: Values,
 ) -> Flow:
-    """Return the flow along an axis from the (f,) drops that `_solve_drops` returns for it."""
+    """Return the flow along an axis from the drop of pressure at each of the f faces.
+
+    `weighted_drop`, (f,), is the drop [dP] times the square root of the face's conductance. The sum
+    of its squares is the conductance of the patch.
+    """
     largest = float(gap.max())
     sides = gap.shape[0] * spacing[0], gap.shape[1] * spacing[1]
     length = sides[axis]
     width = sides[1 - axis]
-    aperture_cubed = float(drop @ drop) * largest**3 * length / width
+    conductance = float(weighted_drop @ weighted_drop)
+    aperture_cubed = conductance * largest**3 * length / width
     # Half of the flow through a face belongs to the node on either side.
-    through = faces.root * drop * (largest**3 * length / 2)
-    flux = np.zeros((2, gap.size + 1))
+    through = faces.root * weighted_drop * (largest**3 * length / 2)
+    flux = np.zeros((2, gap.size + 1))  # the last column, of the reservoirs, is dropped
     along_x = slice(0, faces.crossed_along_x)
     along_y = slice(faces.crossed_along_x, None)
     for component, crossed in enumerate((along_x, along_y)):
@@ -255,8 +271,9 @@ def _flow(
 def _unknowns(gap: Field, cells: Nodes, *, periodic: bool) -> _Unknowns:
     """Choose the unknown pressures of a gap.
 
-    `gap` is relative to the widest one, and infinite in the rows of the reservoirs. `cells` has the
-    number of each cell; in the rows of the reservoirs it is the number of all cells.
+    `gap` is relative to the widest one. `cells` has the number of each cell. Unless `periodic`,
+    both have a first and a last row for the reservoirs, in which the gap is infinite and the number
+    is the count of all cells.
     """
     number = gap.size if periodic else int(cells[0, 0])
     levels = _levels(gap, cells, periodic=periodic)
@@ -271,10 +288,11 @@ def _unknowns(gap: Field, cells: Nodes, *, periodic: bool) -> _Unknowns:
     kept = flowing[levels.members] & (region[levels.pockets] != levels.pockets)
     members = levels.members[kept]
     pockets = levels.pockets[kept]
+    # An unknown is named by the widest cell of its pocket; a lone one has a pocket of one entry.
     size = np.bincount(pockets, minlength=number)  # entries of each pocket
     red = (size == 1) & _red_cells(number, gap.shape[1], periodic=periodic)
     unknowns = _ordered_unknowns((size > 0) & ~red, red, columns=gap.shape[1])
-    place = np.empty(number, dtype=np.intp)
+    place = np.empty(number, dtype=np.intp)  # column of each unknown in the basis
     place[unknowns] = np.arange(unknowns.size)
     by_member = np.argsort(members, kind="stable")
     row_sizes = np.bincount(members, minlength=number + 1)
@@ -287,7 +305,10 @@ def _unknowns(gap: Field, cells: Nodes, *, periodic: bool) -> _Unknowns:
 
 
 def _levels(gap: Field, cells: Nodes, *, periodic: bool) -> _Levels:
-    """Join cells to pockets, from the widest gaps to the narrowest; arguments as `_unknowns`."""
+    """Join cells to pockets, level by level from the widest gaps to the narrowest.
+
+    The arguments have the forms of those of `_unknowns`.
+    """
     drives = 2 if periodic else 1
     narrow_to_wide = np.argsort(gap, axis=None)
     cells_to_wide = cells.reshape(-1)[narrow_to_wide]
@@ -302,9 +323,10 @@ def _levels(gap: Field, cells: Nodes, *, periodic: bool) -> _Levels:
         inside = gap > 0 if is_last else gap >= threshold
         level = regions(inside, periodic=periodic)
         crosses = level.crosses.T[:drives, level.labels]
-        # A pressure of one for each patch, or for the pocket of the first reservoir.
+        # One dP for each period, or for the pocket that holds the first reservoir.
         at_first = (level.labels == level.labels[0, 0])[np.newaxis]
         level_lift = level.offsets if periodic else at_first
+        # In a region that connects opposite sides, the smaller pockets keep their lift.
         lift = np.where(inside & ~crosses, level_lift, lift)
         widest_of_region = np.zeros(len(level.crosses), dtype=np.intp)
         # The widest cell of a region is assigned last, and so is the one that is kept.
@@ -328,10 +350,10 @@ def _levels(gap: Field, cells: Nodes, *, periodic: bool) -> _Levels:
 
 
 def _red_cells(number: int, columns: int, *, periodic: bool) -> Mask:
-    """Return the red cells of a chessboard, (number,), of which no two are neighbours.
+    """Return whether each of `number` cells is red, (number,), so that no red ones are neighbours.
 
-    On a patch that repeats itself the first row and column have none, because they are neighbours
-    of the last ones.
+    Red is one colour of a chessboard. On a patch that repeats itself the first row and column have
+    no red cells, because they are neighbours of the last row and column.
     """
     x, y = np.divmod(np.arange(number), columns)
     red: Mask = (x + y) % 2 == 1
@@ -341,9 +363,10 @@ def _red_cells(number: int, columns: int, *, periodic: bool) -> Mask:
 
 
 def _ordered_unknowns(black: Mask, red: Mask, *, columns: int) -> Nodes:
-    """Return the cells that carry unknowns: first `black` from the rim inward, then `red`.
+    """Return the numbers of the cells that carry unknowns, in the order of the unknowns.
 
-    In this order the factor of the equations has fewer entries.
+    The cells of the mask `black` come first, from the rim of the patch inward, then those of the
+    mask `red`. In this order the factor of the equations has fewer entries.
     """
     x, y = np.divmod(np.arange(red.size), columns)
     to_rim = np.minimum(np.minimum(x, x[-1] - x), np.minimum(y, y[-1] - y))
@@ -360,78 +383,100 @@ def _faces(
     *,
     periodic: bool,
 ) -> _Faces:
-    """Return the faces between cells where something flows; arguments as `_unknowns`."""
+    """Return the faces between two open cells of regions that connect opposite sides.
+
+    `gap` and `cells` have the forms of the arguments of `_unknowns`; `flowing` is that of
+    `_Unknowns`. Faces that a flow along x crosses come before those that a flow along y crosses.
+    """
     columns = gap.shape[1]
-    if periodic:  # the first row and column follow the last ones
-        cells_across = np.concatenate([cells, cells[:, :1]], axis=1)
-        gap_across = np.concatenate([gap, gap[:, :1]], axis=1)
-        cells_along = np.concatenate([cells, cells[:1]])
-        gap_along = np.concatenate([gap, gap[:1]])
-    else:  # nothing flows inside the reservoirs
-        cells_across = cells[1:-1]
-        gap_across = gap[1:-1]
-        cells_along = cells
-        gap_along = gap
-    first = _joined(cells_along[:-1], cells_across[:, :-1])
-    second = _joined(cells_along[1:], cells_across[:, 1:])
-    first_gap = _joined(gap_along[:-1], gap_across[:, :-1])
-    second_gap = _joined(gap_along[1:], gap_across[:, 1:])
-    place = np.arange(first.size)
-    along_x = place < cells_along.size - columns
-    if periodic:  # the gradient is a step where one patch follows another
-        last_row = along_x & (place >= cells_along.size - 2 * columns)
-        last_column = ~along_x & ((place + 1) % columns == 0)
-        driven = np.stack([last_row, last_column], axis=1)
-    else:  # the first reservoir has the higher pressure
-        driven = (place < columns)[:, np.newaxis]
+    # Neighbours along x are in successive rows of `cells_x`, neighbours along y in successive
+    # columns of `cells_y`.
+    if periodic:  # the last row and column are followed by the first ones
+        cells_x = np.concatenate([cells, cells[:1]])
+        gap_x = np.concatenate([gap, gap[:1]])
+        cells_y = np.concatenate([cells, cells[:, :1]], axis=1)
+        gap_y = np.concatenate([gap, gap[:, :1]], axis=1)
+    else:  # the reservoirs' rows have no flow along y
+        cells_x = cells
+        gap_x = gap
+        cells_y = cells[1:-1]
+        gap_y = gap[1:-1]
+    first = _flat_faces(cells_x[:-1], cells_y[:, :-1])
+    second = _flat_faces(cells_x[1:], cells_y[:, 1:])
+    first_gap = _flat_faces(gap_x[:-1], gap_y[:, :-1])
+    second_gap = _flat_faces(gap_x[1:], gap_y[:, 1:])
+    number_along_x = cells_x.size - columns
+    index = np.arange(first.size)
+    crossed_along_x = index < number_along_x
+    if periodic:  # each period begins with a drop of one
+        into_next_row = crossed_along_x & (index >= number_along_x - columns)
+        into_next_column = ~crossed_along_x & ((index + 1) % columns == 0)
+        has_drop = np.stack([into_next_row, into_next_column], axis=1)
+    else:  # the drop between the first reservoir and the first row
+        has_drop = (index < columns)[:, np.newaxis]
     low = np.minimum(first_gap, second_gap)
     high = np.maximum(first_gap, second_gap)
     kept = (low > 0) & flowing[first] & flowing[second]
-    along_x = along_x[kept]
+    crossed_along_x = crossed_along_x[kept]
+    aspect = spacing[1] / spacing[0]
     return _Faces(
         first=first[kept],
         second=second[kept],
-        crossed_along_x=int(along_x.sum()),
-        root=_conductance_roots(low[kept], high[kept], along_x, spacing[1] / spacing[0]),
-        drop=driven[kept].astype(float),
+        crossed_along_x=int(crossed_along_x.sum()),
+        root=_conductance_roots(low[kept], high[kept], crossed_along_x, aspect),
+        drop=has_drop[kept].astype(float),
     )
 
 
-def _joined(along: NDArray[Any], across: NDArray[Any]) -> NDArray[Any]:
-    """Return the flat values of the faces crossed along x, then those of the other faces."""
-    return np.concatenate([along.reshape(-1), across.reshape(-1)])
+def _flat_faces(along_x: NDArray[Any], along_y: NDArray[Any]) -> NDArray[Any]:
+    """Return the values of all faces as a flat array.
 
-
-def _conductance_roots(low: Values, high: Values, along_x: Mask, aspect: float) -> Values:
-    """Return the root of each face's conductance, from the harmonic mean of the cubed gaps.
-
-    `low` and `high` are the gaps on both sides. The cubes are never formed: they could underflow.
+    `along_x` has those of the faces that a flow along x crosses, which come first; `along_y` those
+    that a flow along y crosses.
     """
-    share = low / high
-    shape = np.where(along_x, aspect, 1 / aspect)
-    roots: Values = low * np.sqrt(2 * low * shape / (1 + share * share * share))
+    return np.concatenate([along_x.reshape(-1), along_y.reshape(-1)])
+
+
+def _conductance_roots(
+    low: Values, high: Values, crossed_along_x: Mask, aspect: float
+) -> Values:
+    """Return the square root of each face's conductance, from the harmonic mean of the cubed gaps.
+
+    `low` and `high`, (f,), are the narrower and the wider gap on both sides of a face. The cubes of
+    gaps are never formed, because they could underflow. `aspect` is a cell's length along y over
+    its length along x.
+    """
+    ratio = low / high
+    width_over_distance = np.where(crossed_along_x, aspect, 1 / aspect)
+    roots: Values = low * np.sqrt(
+        2 * low * width_over_distance / (1 + ratio * ratio * ratio)
+    )
     return roots
 
 
 def _solve_drops(faces: _Faces, unknowns: _Unknowns) -> Field:
-    """Solve for the pressures; return drops at faces times the roots of conductances, (f, k).
+    """Solve for the pressures; return each face's drop times the root of its conductance, (f, k).
 
-    The sum of the squared results is the flow, and the pressures minimise it. Raises
-    ArithmeticError if the last solution still changes the flow by more than `RTOL`.
+    The pressures minimise the sum of the squared results, which is the flow. The method is linear
+    least squares by the normal equations A^T A x = A^T d: A are the rises of the faces for each
+    unknown, d the drops. The lone unknowns are eliminated, the Schur complement of the others is
+    factorised, and `SOLUTIONS` solves refine the result. Raises ArithmeticError if the last solve
+    still changes a flow by more than `RTOL`.
     """
-    root = faces.root
     lift = unknowns.lift
-    rise = lift[faces.second] - lift[faces.first]
-    drop: Field = root[:, np.newaxis] * (faces.drop - rise)
-    if not unknowns.basis.shape[1]:  # the pressures to begin with are the solution
-        return drop
+    initial_rise = lift[faces.second] - lift[faces.first]
+    weighted_drop: Field = faces.root[:, np.newaxis] * (faces.drop - initial_rise)
+    count = unknowns.basis.shape[1]
+    if not count:  # the initial pressures are the solution
+        return weighted_drop
     rises = _rises(faces, unknowns.basis)
-    columns = rises.T.tocsr()
-    kept = unknowns.basis.shape[1] - unknowns.lone
-    products = columns @ rises[:, :kept]
-    across = products[kept:]
-    # The lone unknowns are eliminated; their own products with themselves are 1.
-    schur_complement = products[:kept] - across.T.tocsr() @ across
+    transposed = rises.T.tocsr()
+    joined = count - unknowns.lone  # number of the unknowns that are not lone
+    normal_columns = transposed @ rises[:, :joined]
+    lone_by_joined = normal_columns[joined:]
+    # The block of the lone unknowns is the identity: no two have a face in common, and the columns
+    # of A have length one.
+    schur_complement = normal_columns[:joined] - lone_by_joined.T.tocsr() @ lone_by_joined
     factor = splu(
         schur_complement.tocsc(),
         permc_spec="MMD_AT_PLUS_A",
@@ -441,21 +486,23 @@ def _solve_drops(faces: _Faces, unknowns: _Unknowns) -> Field:
         options={"SymmetricMode": True},
     )
     for _ in range(SOLUTIONS):
-        flow_before = (drop**2).sum(axis=0)
-        kept_side, lone_side = np.split(columns @ drop, [kept])
-        pressures = factor.solve(kept_side - across.T @ lone_side)
-        lone_pressures = lone_side - across @ pressures
-        drop = drop - rises @ np.concatenate([pressures, lone_pressures])
-    change = abs(flow_before - (drop**2).sum(axis=0))
-    if not np.all(change <= RTOL * flow_before):
+        flow_before = (weighted_drop**2).sum(axis=0)
+        joined_side, lone_side = np.split(transposed @ weighted_drop, [joined])
+        joined_solution = factor.solve(joined_side - lone_by_joined.T @ lone_side)
+        lone_solution = lone_side - lone_by_joined @ joined_solution
+        solution = np.concatenate([joined_solution, lone_solution])
+        weighted_drop = weighted_drop - rises @ solution
+    change = abs(flow_before - (weighted_drop**2).sum(axis=0))
+    if not np.all(change <= RTOL * flow_before):  # also where it is nan
         raise ArithmeticError(f"flow through the gap: not solved to {RTOL:g}")
-    return drop
+    return weighted_drop
 
 
 def _rises(faces: _Faces, basis: csr_matrix) -> csr_matrix:
-    """Return the rise at each face by each unknown, (f, unknowns), with columns of length one.
+    """Return the rise of pressure at each face by each unknown, (f, unknowns).
 
-    A rise is multiplied by the root of the face's conductance.
+    A rise is multiplied by the root of the face's conductance. Each column is then scaled to length
+    one, so that the unknowns are multiples of pressures.
     """
     count = faces.root.size
     ends = np.stack([faces.second, faces.first], axis=1)

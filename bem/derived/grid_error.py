@@ -310,9 +310,8 @@ def _judged(contact: Contact, coarse: Contact, *, order: float, spare: float) ->
     if area == 0 < contact.force:
         reason = "no spot of contact is as large as a cell of the grid"
         return _Verdict(resolved=False, reason=reason, coarse=coarse)
-    change = float(
-        coarse_area > 0
-    )  # without contact, an area of the coarser grid is 100 % more
+    # Without contact, any area of the coarser grid is taken as 100 % more.
+    change = float(coarse_area > 0)
     if area:
         change = coarse_area / area - 1
     comparison = _in_words(change)

@@ -31,11 +31,11 @@ class Spots:
     areas : ndarray, shape (k,)
         Area of each spot, the largest first; of a mirrored spot the part inside the patch [um2].
     contact_connects : tuple of bool
-        Whether one spot connects opposite sides of the patch, along the first and the second axis.
-        A patch that repeats itself has no sides; here it is whether a spot continues without end.
+        Whether any spot connects opposite sides of the patch, along the first and the second axis.
+        On a patch that repeats itself, which has no sides, it is whether a spot continues without
+        end.
     gap_connects : tuple of bool
-        Whether one region of the gap connects opposite sides in this sense, which means that the
-        contact leaks.
+        Whether any region of the gap does so, which means that the contact leaks along the axis.
     open_gap : ndarray of bool, shape (nx, ny)
         Nodes of the gap that belong to a region which connects opposite sides.
     """
@@ -61,7 +61,7 @@ class Spots:
 
 @dataclass(frozen=True, eq=False)
 class Regions:
-    """The connected regions of a mask.
+    """The k connected regions of a mask.
 
     Attributes
     ----------
@@ -71,8 +71,9 @@ class Regions:
         Whether each of the k regions connects opposite sides, along the first and the second axis.
         The row of a region has its number; the first row, for the nodes of no region, is False.
     offsets : ndarray of int, shape (2, nx, ny)
-        Number of patches along either axis by which each node is moved where its region is put
-        together as a whole, up to a constant of the region. All are 0 if nothing repeats.
+        On a patch that repeats itself, the period, along either axis, to which each node has to be
+        moved for its region to be in one piece. Adding a constant to a region's offsets changes
+        nothing. All are 0 if the patch does not repeat itself.
     """
 
     labels: Labels
@@ -184,7 +185,8 @@ def regions(mask: Mask, *, periodic: bool) -> Regions:
     number = label(mask, output=labels)
     if periodic:
         return _joined_across_borders(labels, number)
-    at_side = np.zeros((2, number + 1, 2), dtype=bool)  # which side, label, axis
+    # Whether a label is at the first or the last side of an axis: side, label, axis.
+    at_side = np.zeros((2, number + 1, 2), dtype=bool)
     for side, end in enumerate((0, -1)):
         at_side[side, labels[end], 0] = True
         at_side[side, labels[:, end], 1] = True
@@ -218,7 +220,7 @@ def _joined_across_borders(labels: Labels, number: int) -> Regions:
 
 
 def _links(labels: Labels) -> Iterator[_Link]:
-    """Yield the labels that meet across the borders of a patch that repeats itself."""
+    """Yield a link for each two labels that meet across a border of a patch that repeats itself."""
     borders = (
         (labels[-1], labels[0], (1, 0)),
         (labels[:, -1], labels[:, 0], (0, 1)),
@@ -231,7 +233,10 @@ def _links(labels: Labels) -> Iterator[_Link]:
 
 
 def _neighbours(links: Iterable[_Link]) -> dict[int, list[_Link]]:
-    """Return the links that leave each label, by the label; each link also leads back."""
+    """Return the links that leave each label, by the label.
+
+    Each of `links` is included twice: from its label, and back from the label that follows.
+    """
     neighbours: dict[int, list[_Link]] = {}
     for link in links:
         along, across = link.step

@@ -18,12 +18,12 @@ from bem.iterate import Effort, Iterate
 from bem.operators.patch import Patch
 from bem.problem import Problem, boxed
 
-# Largest departure of the punch's displacement from one that is accepted [1]. The relative error of
-# the stiffness is about its square.
+# Largest accepted departure of the punch's displacement from one [1]. The relative error of the
+# stiffness is about the square of this departure.
 PUNCH_RTOL = 1e-6
 
-# Largest number of steps of conjugate gradients: ten times as many as the hardest sets of the tests
-# need.
+# Largest number of steps of conjugate gradients: ten times the number that the hardest sets of the
+# tests need.
 MAX_ITERATIONS = 2000
 
 
@@ -63,7 +63,8 @@ def punch_of(problem: Problem, nodes: Nodes) -> Punch:
     Returns
     -------
     Punch
-        Stiffness and pressure of the punch; a stiffness of 0 for no nodes.
+        The punch. Its stiffness is 0 for no nodes, and stiffness and pressure are infinite for all
+        nodes of a patch without edges.
 
     Raises
     ------
@@ -73,7 +74,7 @@ def punch_of(problem: Problem, nodes: Nodes) -> Punch:
     is_edgeless = problem.boundary != "free"
     if not nodes.size:
         return Punch(stiffness=0.0, pressure=np.zeros(0), residual=0.0, effort=Effort())
-    if is_edgeless and nodes.size == problem.heights.size:
+    if is_edgeless and nodes.size == problem.heights.size:  # full contact
         pressure = np.full(nodes.size, np.inf)
         return Punch(stiffness=np.inf, pressure=pressure, residual=0.0, effort=Effort())
     marked = np.zeros(problem.heights.shape, dtype=bool)
@@ -95,7 +96,8 @@ def punch_of(problem: Problem, nodes: Nodes) -> Punch:
             f"stiffness of {nodes.size} nodes in contact: residual {residual:.1e} after"
             f" {iterate.iterations} iterations, asked for {PUNCH_RTOL:g}"
         )
-    # The error of the pressure p is proportional to the residual r, that of p (1 + r) to r^2.
+    # The error of the sum of p is proportional to the residual r, and that of the sum of p (1 + r)
+    # to r^2.
     pressure = iterate.pressure[marked]
     force = float((pressure * (1 + iterate.residual[marked].astype(np.float64))).sum())
     return Punch(
@@ -107,7 +109,7 @@ def punch_of(problem: Problem, nodes: Nodes) -> Punch:
 
 
 def patch_stiffness(problem: Problem) -> float:
-    """Compute the stiffness of a punch that fills a free patch.
+    """Compute the stiffness of the flat punch that fills a free patch.
 
     Parameters
     ----------
@@ -122,7 +124,7 @@ def patch_stiffness(problem: Problem) -> float:
     Raises
     ------
     ArithmeticError
-        If the punch's iteration does not converge.
+        As `bem.far_field.flat_punch`.
     """
     reduced = _flat_punch_force(problem.heights.shape, problem.kernel, problem.aspect)
     return reduced * problem.modulus * problem.spacing[1]
@@ -147,7 +149,7 @@ def without_patch(stiffness: float, patch: float) -> float:
     if not stiffness > 0:  # without contact
         return stiffness
     share_of_interface = 1 - stiffness / patch  # share of the contact's compliance
-    if not share_of_interface > PUNCH_RTOL**2:
+    if not share_of_interface > PUNCH_RTOL**2:  # within the error of the stiffness
         return np.inf
     return stiffness / share_of_interface
 

@@ -49,7 +49,7 @@ KEPT_LARGEST = 4
 # Number of filters that each thread keeps whatever their memory is.
 FEWEST_KEPT = 4
 
-# The kind of filter that a function makes, and the arguments of this function.
+# For `kept`: the type of the filter that a function makes, and the types of its arguments.
 Kind = TypeVar("Kind", bound="FieldFilter")
 Arguments = TypeVarTuple("Arguments")
 
@@ -113,7 +113,7 @@ def spectral_filter(
     shape : tuple of int
         Shape (nx, ny) of the fields.
     spectrum : ndarray, shape (px // 2 + 1, py // 2 + 1)
-        Transform of a kernel that is even along both axes, up to half of either period.
+        Transform of a kernel that is even along both axes, from 0 to half of either period.
     dtype : str
         Precision: "float64", or "float32", which takes less time and rounds to 1e-7.
     periods : tuple of int
@@ -124,6 +124,7 @@ def spectral_filter(
     Filter or LargeFilter
         The filter, with new buffers.
     """
+    # FFTW's transforms there and back multiply by the number of entries of a period.
     factors = (spectrum.T / math.prod(periods)).astype(dtype, copy=False)
     kind = LargeFilter if shape[0] * periods[1] >= LARGE else Filter
     return kind(shape, factors, periods, float(spectrum.max()))
@@ -191,10 +192,11 @@ class Filter:
         self.field: Real = _aligned((shape[0], periods[1]), factors.dtype)
         length = period + GAP_BYTES // waves.itemsize
         self._waves = _aligned((columns, length), waves)[:, :period]
+        # Beyond the field's rows is padding, which stays 0 between calls.
         in_rows = self._waves[:, : shape[0]]
         self._rows_forward = _plan(self.field, in_rows.T)
         self._rows_backward = _plan(in_rows.T, self.field, backward=True)
-        fitting = max(BATCH_BYTES // self._waves[:1].nbytes, 1)
+        fitting = max(BATCH_BYTES // self._waves[:1].nbytes, 1)  # columns in the cache
         batches = max(round(columns / fitting), 1)
         batch_columns = -(-columns // batches)
         buffer: Any = _aligned((batch_columns, period), waves)
@@ -222,7 +224,10 @@ class Filter:
         return Filter(self.shape, factors, self.periods, self.largest)
 
     def transform(self) -> None:
-        """Filter the field in place; the columns beyond it are undefined afterwards."""
+        """Filter the field in place; the columns beyond it are undefined afterwards.
+
+        Any error passes through, and leaves the field undefined.
+        """
         try:
             self._rows_forward.execute()
             for forward, buffer, factors, backward, padding in self._batches:
@@ -232,8 +237,8 @@ class Filter:
                 padding.fill(0)
             self._rows_backward.execute()
         except BaseException:
-            # The filter may be used again, for example after Ctrl-C. Leave the padding zero, as
-            # the next call expects; the field is undefined.
+            # The filter may be used again, for example after Ctrl-C. Leave the padding of the
+            # waves zero, as the next call expects.
             self._waves.fill(0)
             raise
 
@@ -275,12 +280,15 @@ class LargeFilter:
 
         The two must not be used at the same time, because their buffers share memory.
         """
-        single = copy(self)
+        single = copy(self)  # a shallow copy: both have one `_memory`
         single._make_buffers(self.factors.astype(np.float32))
         return single
 
     def _make_buffers(self, factors: Real) -> None:
-        """Set factors, buffers and the first lane from factors up to half of a period."""
+        """Set the factors, buffers, the first lane and `bytes`.
+
+        `factors` are those of the constructor.
+        """
         rows = self.shape[0]
         columns = len(factors)
         if factors.dtype == np.float32:
@@ -301,7 +309,8 @@ class LargeFilter:
     def _buffer(self, name: str, shape: tuple[int, int], dtype: Any) -> Real:
         """Return a buffer in the memory of this name, which both precisions share.
 
-        Double precision comes first, so that the memory suffices for both.
+        The first call for a name allocates the memory. It is for double precision, so that the
+        memory suffices for both.
         """
         if name not in self._memory:
             self._memory[name] = _aligned((math.prod(shape),), dtype)
@@ -402,7 +411,7 @@ class _Lane:
         forward.execute()
 
     def filter_columns(self, part: slice) -> None:
-        """Transform a part of the columns of waves, multiply by the factors, and transform back."""
+        """Filter a part of the columns of waves: transform, multiply by the factors, go back."""
         waves = self._waves[:, part]
         factors = self._factors[part]
         rows, columns = waves.shape
@@ -413,7 +422,7 @@ class _Lane:
         if factors.dtype == np.float32:  # real and imaginary parts have a factor each
             values = values.view(np.float32)
             repeats = 2
-        half = factors.shape[1]
+        half = factors.shape[1]  # length of the factors up to half of a period
         values[:, :half] *= factors
         values[:, half:] *= _mirrored_half(factors, self._filtered.shape[1], repeats)
         self._backward.execute()
@@ -430,9 +439,9 @@ class _Lane:
 
 
 class CosineFilter:
-    """A spectrum that is applied to a field continued by its mirror images, by cosine transforms.
+    """A spectrum that is applied by cosine transforms to a field and its mirror images.
 
-    The field is continued evenly about its borders, half a cell beyond the outer nodes. Cosine
+    The mirrors are half a cell beyond the outer nodes. Cosine
     transforms of types II and III diagonalise every even convolution of such a field (Martucci
     1994, IEEE Transactions on Signal Processing 42), without padding. scipy's transforms are faster
     than those of FFTW, which has no vector instructions for them.
@@ -474,9 +483,10 @@ def _wave_type(factors: Real) -> np.dtype[Any]:
 
 
 def _mirrored_half(factors: Real, period: int, repeats: int = 1) -> Real:
-    """Return the factors beyond half a period, which mirror those before it.
+    """Return the factors beyond half a period, which mirror the factors before it.
 
-    Each row of `factors` has the factors up to half a period, each one `repeats` times.
+    Each row of `factors` has the factors from 0 to half a period, each one `repeats` times. The
+    result is a view of `factors`.
     """
     missing = repeats * period - factors.shape[1]
     return factors[:, repeats : repeats + missing][:, ::-1]
@@ -501,7 +511,10 @@ class Plan(Protocol):
 
 
 def _plan(source: Any, target: Any, *, backward: bool = False) -> Plan:
-    """Plan transforms along the second axis; a backward one may destroy its source."""
+    """Plan transforms from one array to another along the second axis.
+
+    A backward transform may destroy its source.
+    """
     direction = "FFTW_FORWARD"
     flags: tuple[str, ...] = ("FFTW_ESTIMATE",)
     if backward:
@@ -518,12 +531,12 @@ def _aligned(shape: tuple[int, ...], dtype: Any) -> Real:
 
 
 class _Kept(threading.local):
-    """The filters that this thread keeps.
+    """The filters that this thread keeps; each thread sees attributes of its own.
 
     Attributes
     ----------
     memory : _Memory
-        Their memory.
+        Count of the bytes of these filters, which all threads can read.
     filters : OrderedDict
         Filters by the function that made them and its arguments, in the order of their last use.
     """
@@ -536,7 +549,7 @@ class _Kept(threading.local):
 
 
 class _Memory:
-    """The memory of the filters that one thread keeps; the object ends with the thread."""
+    """Count of the bytes of the filters that one thread keeps; it is freed with the thread."""
 
     bytes = 0  # memory of all these filters [bytes]
 
@@ -550,8 +563,9 @@ _KEPT = _Kept()
 def kept(make: Callable[[*Arguments], Kind]) -> Callable[[*Arguments], Kind]:
     """Let each thread keep the filters that a function makes, for later calls.
 
-    Filters have buffers, so that no two threads can share one. If the filters of all threads exceed
-    their memory, the thread that makes another one forgets the filters that it used least recently.
+    Filters have buffers, so that no two threads can share one. If the filters of all threads take
+    more memory than `KEPT_BYTES` and `KEPT_LARGEST` allow, the thread that makes another filter
+    forgets the filters that it used least recently.
 
     Parameters
     ----------
@@ -573,7 +587,8 @@ def kept(make: Callable[[*Arguments], Kind]) -> Callable[[*Arguments], Kind]:
             filters.move_to_end(key)
             earlier: Kind = filters[key]
             return earlier
-        # A fork meanwhile would copy the locks under which plans and transforms are made.
+        # No other thread may fork now: the child would get copies of the locks that are held while
+        # plans are made.
         with unforked():
             new = make(*arguments)
             filters[key] = new
@@ -585,9 +600,11 @@ def kept(make: Callable[[*Arguments], Kind]) -> Callable[[*Arguments], Kind]:
 
 
 def _forget_oldest() -> None:
-    """Forget filters of this thread until the filters of all threads are within their memory.
+    """Forget filters of this thread until the filters of all threads are within the bounds.
 
-    The least recently used filters go first. The `FEWEST_KEPT` latest ones stay in any case.
+    The bound is the larger one of `KEPT_BYTES` and `KEPT_LARGEST` times this thread's largest
+    filter. The least recently used filters go first, and the `FEWEST_KEPT` latest ones stay in any
+    case.
     """
     filters = _KEPT.filters
     largest = max(kept_filter.bytes for kept_filter in filters.values())

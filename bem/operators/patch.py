@@ -182,9 +182,10 @@ class Patch:
         return displacement
 
     def _put(self, values: Real, buffer: Real) -> Real:
-        """Write a field, or values of `in_contact`, into a buffer, and zeros everywhere else.
+        """Write values into the nodes of the grid in a buffer, and zeros everywhere else.
 
-        Return the (nx, ny) part of the buffer that the grid occupies, as a view.
+        The values are a field, (nx, ny), or those of a small contact set, (n,). Return a view of
+        the (nx, ny) part of the buffer that the grid occupies.
         """
         rows, columns = self.shape
         buffer[rows:] = 0
@@ -199,6 +200,8 @@ class Patch:
 
     def take_contact(self, nodes: Mask) -> None:
         """Set the contact set for `in_contact`, `add_to` and `correct`.
+
+        Set the attributes `contact`, `count` and `singular`, and `within` for a large set.
 
         Parameters
         ----------
@@ -216,7 +219,7 @@ class Patch:
             self._blocks = rows // BLOCK * means.shape[1] + columns // BLOCK
             self._sum_listed(None)
         else:
-            if not self._outside.size:
+            if not self._outside.size:  # the first large set: 1 also in the padding
                 self._outside = np.ones(self._inverse.field.shape, np.float32)
             np.logical_not(nodes, out=self._outside[: self.shape[0], : self.shape[1]])
             self.within = nodes.astype(np.float32) if nodes.size < LARGE else nodes
@@ -227,9 +230,9 @@ class Patch:
         self._weights = 1 / (means.field + VACANT)
 
     def _sum_listed(self, values: Real | None) -> None:
-        """Sum values of the listed nodes over blocks, into the buffer of the means.
+        """Write the sum of the listed nodes' values in each block into the buffer of the means.
 
-        Without values, count the nodes.
+        Without values, write the number of listed nodes in each block.
         """
         size = self._means.field.size
         sums = np.bincount(self._blocks, values, minlength=size)
@@ -268,6 +271,21 @@ class Patch:
         else:
             field[self._listed] += values
 
+    def add_constant(self, values: Real, constant: np.float32) -> None:
+        """Add a constant to the values of the contact set in place, and nothing outside the set.
+
+        Parameters
+        ----------
+        values : ndarray of float32, shape (n,) or (nx, ny)
+            Values as `in_contact` returns them; overwritten.
+        constant : numpy.float32
+            Number to add [unit of the values].
+        """
+        if self._listed is None:
+            values += constant * self.within
+        else:
+            values += constant
+
     def correct(self, residual: Real) -> Real:
         """Apply the approximate inverse, M = E^T C^-1 E, to a residual in contact.
 
@@ -287,12 +305,17 @@ class Patch:
         return self._correct_listed(residual, self._listed)
 
     def _correct_field(self, residual: Real) -> Real:
-        """Apply the approximate inverse on a large set; as `correct`."""
+        """Apply the approximate inverse on a large set; as `correct`.
+
+        All arrays are buffers of the filters: `blocks` and `inside` are views of `field`, the
+        buffer of C^-1, so that writing into either changes `field`.
+        """
         field = self._inverse.field
         means = self._means
         width = field.shape[1]
         blocks = field.reshape(-1, BLOCK, width)
-        inside = self._put(residual, field)
+        inside = self._put(residual, field)  # the nodes of the grid, without the padding
+        # Extend the residual outside the set by the means of its values nearby.
         means.field[:] = _block_sums(field)
         means.transform()
         means.field[:] *= self._weights
@@ -301,7 +324,7 @@ class Patch:
         for first in range(0, len(blocks), BAND):
             band = slice(first, first + BAND)
             blocks[band] += outside[band] * extension[band]
-        self._inverse.transform()
+        self._inverse.transform()  # `field` is the pressure now
         # The transpose of the extension adds means of the outside to the set.
         means.field[:] = self._weights * _block_sums(field, self._outside)
         means.transform()
@@ -310,7 +333,11 @@ class Patch:
         return inside
 
     def _correct_listed(self, residual: Real, listed: tuple[Nodes, Nodes]) -> Real:
-        """Apply the approximate inverse on a small set, given by rows and columns; as `correct`."""
+        """Apply the approximate inverse on a small set; as `correct`.
+
+        `listed` has the rows and the columns of the nodes. `blocks` is a view of `field`, the
+        buffer of C^-1. The result is a new array.
+        """
         field = self._inverse.field
         means = self._means
         blocks = field.reshape(-1, BLOCK, field.shape[1])
@@ -361,8 +388,8 @@ class Patch:
             (H + c)^-1 of a patch without edges. All patches of this shape on this thread share it.
             For a free patch, the result is None instead of the pair.
         penalty : float
-            c, a share of the geometric mean of the largest and the least compliance of a wave
-            [1 / E*].
+            c, `PENALTY` times the geometric mean of the largest and the least compliance of a wave
+            [first side of a cell / E*].
         """
         if self.boundary == "free":
             return None
@@ -390,9 +417,10 @@ class Patch:
         return self._edgeless_entries(nodes, dtype)
 
     def _edgeless_entries(self, nodes: Nodes, dtype: str) -> Real:
-        """Return the entries of a patch without edges, as `entries`.
+        """Return the lower triangle for a patch without edges, as `entries`.
 
-        On a mirrored patch, each node has three images in the period.
+        On a mirrored patch each node has three mirror images in the period, and an entry is the sum
+        of the displacements by all four.
         """
         nx, ny = self.shape
         rows, columns = np.divmod(nodes, ny)
@@ -408,8 +436,10 @@ class Patch:
             images = [(rows, columns)]
         table = _edgeless_coefficients(periods, self._aspect, dtype)
         width = 2 * periods[1]  # columns of the table
-        # Offsets may be negative: the offset (0, 0) is one period into the table of two.
-        places = rows * width + columns + (periods[0] * width + periods[1])
+        # Offsets may be negative: the table has two periods, and the offset (0, 0) is one period
+        # from its beginning along both axes.
+        centre = periods[0] * width + periods[1]
+        places = rows * width + columns + centre
         count = len(nodes)
         matrix = np.zeros((count, count), dtype)
         for first in range(0, count, ROWS):
@@ -495,6 +525,7 @@ def displacement_filter(
         inverse = False
         return edgeless_filter(shape, boundary, aspect, dtype, inverse)
     if dtype == "float32":
+        # Large filters of both precisions share memory.
         exact: Any = displacement_filter(shape, "free", kernel, aspect, "float64")
         rough: FieldFilter = exact.in_single_precision()
         return rough
@@ -509,9 +540,10 @@ def displacement_filter(
 
 
 def _even_spectrum(quarter: Field) -> Field:
-    """Transform a table that is even along both axes, and given up to half of its periods.
+    """Transform a table that is even along both axes.
 
-    The result has the shape of `quarter`, the given part, which is overwritten.
+    `quarter` has the table's entries from 0 to half of a period along both axes. It is overwritten.
+    The result has its shape.
     """
     spectrum: Field = fft.dctn(quarter, type=1, overwrite_x=True, workers=threads_here())
     return spectrum
@@ -558,7 +590,10 @@ def _compliances(shape: tuple[int, int], boundary: Boundary, aspect: float) -> F
 
 
 def _penalty(shape: tuple[int, int], boundary: Boundary, aspect: float) -> float:
-    """Return the penalty of `Patch.splitting`, 1 on a single node, which has no waves [1 / E*]."""
+    """Return the penalty of `Patch.splitting` [first side of a cell / E*].
+
+    On a single node, which has no waves, return 1.
+    """
     compliances = _compliances(shape, boundary, aspect)
     of_waves = compliances[compliances > 0]
     if not of_waves.size:
@@ -570,7 +605,7 @@ def _penalty(shape: tuple[int, int], boundary: Boundary, aspect: float) -> float
 def _splitting_filter(
     shape: tuple[int, int], boundary: Boundary, aspect: float
 ) -> FieldFilter:
-    """Return the filter by 1 / (2 / |q| + c) of `Patch.splitting`."""
+    """Return the filter (H + c)^-1 of `Patch.splitting`, by the spectrum 1 / (2 / |q| + c)."""
     compliances = _compliances(shape, boundary, aspect)
     penalised = compliances + _penalty(shape, boundary, aspect)
     return _even_filter(shape, boundary, 1 / penalised, "float64")
@@ -579,10 +614,14 @@ def _splitting_filter(
 def _even_filter(
     shape: tuple[int, int], boundary: Boundary, spectrum: Field, dtype: str
 ) -> FieldFilter:
-    """Return the filter of a patch without edges with a spectrum in the order of `wave_numbers`."""
+    """Return the filter of a patch without edges by an even spectrum.
+
+    `spectrum` has the shape and order of `wave_numbers`.
+    """
     if boundary == "mirror":
         return CosineFilter(spectrum, dtype)
-    return spectral_filter(shape, spectrum[: shape[0] // 2 + 1], dtype, shape)
+    up_to_half_period = spectrum[: shape[0] // 2 + 1]
+    return spectral_filter(shape, up_to_half_period, dtype, periods=shape)
 
 
 @kept
@@ -592,8 +631,8 @@ def _inverse_filter(
     """Return the inverse of a matrix C near H as a filter in single precision.
 
     For a free patch C is the circulant nearest to H in the Frobenius norm (T. Chan 1988). Its grid
-    is little wider than the patch, a quarter of the grid that H needs. Without edges C is H of the
-    smallest patch of whole blocks with room for the nodes.
+    is little wider than the patch, a quarter of the grid that H needs. For a patch without edges C
+    is the matrix H of the smallest patch of whole blocks that holds all nodes.
     """
     rows = _whole_blocks(shape[0])
     columns = _whole_blocks(shape[1])
@@ -605,9 +644,10 @@ def _inverse_filter(
     for period in periods:
         # c_k = ((m - k) t_k + k t_(m - k)) / m along an axis of period m, the mean over a diagonal
         # of the matrix and the diagonal that continues it when the axis is wrapped.
-        half = period // 2 + 1
-        share = (np.arange(half) / period)[:, np.newaxis]
+        half = period // 2 + 1  # entries from 0 to half of the period
+        share = (np.arange(half) / period)[:, np.newaxis]  # k / m
         folded = (1 - share) * table[:half]
+        # From the end of the table: t_(m - k) for k = 1, 2, ...
         folded[1:] += share[1:] * table[: period - half : -1]
         table = folded.T  # the second axis comes next, and the order is restored after it
     return spectral_filter(
@@ -619,9 +659,10 @@ def _inverse_filter(
 def _means_filter(
     shape: tuple[int, int], boundary: Boundary, aspect: float
 ) -> FieldFilter:
-    """Return the filter that takes sums of blocks to weighted means over the blocks nearby.
+    """Return the filter from sums over blocks to weighted means over the blocks nearby.
 
-    Its fields have one value for each block of the approximate inverse.
+    Its fields have one value for each block of `BLOCK` x `BLOCK` nodes of the approximate inverse.
+    It is in single precision.
     """
     rows = _whole_blocks(shape[0]) // BLOCK
     columns = _whole_blocks(shape[1]) // BLOCK
@@ -630,7 +671,7 @@ def _means_filter(
         spectrum = _block_means(periods, aspect)[: periods[0] // 2 + 1]
         return spectral_filter((rows, periods[1]), spectrum, "float32", periods)
     spectrum = _block_means((rows, columns), aspect)
-    if boundary == "mirror":
+    if boundary == "mirror":  # one period holds the patch and its images
         spectrum = _block_means((2 * rows, 2 * columns), aspect)[:rows, :columns]
     return _even_filter((rows, columns), boundary, spectrum, "float32")
 
@@ -638,17 +679,17 @@ def _means_filter(
 def _block_means(blocks: tuple[int, int], aspect: float) -> Field:
     """Compute the spectrum of weighted means over (rows, columns) blocks that repeat themselves.
 
-    The weights are normalised so that means of a uniform field equal it. The spectrum has the shape
-    (rows, columns // 2 + 1).
+    The means are per node: they are taken from sums over blocks of a field, and where the field is
+    uniform they equal it. The spectrum has the shape (rows, columns // 2 + 1).
     """
     along, across = (
         np.minimum(np.arange(count), -np.arange(count) % count) for count in blocks
     )
     distance = np.hypot(along[:, np.newaxis], aspect * across)
-    distance[0, 0] = 1
+    distance[0, 0] = 1  # any number above 0: the weight is replaced below
     weights = distance**-DECAY
     weights[0, 0] = OWN_BLOCK * min(aspect, 1.0) ** -DECAY
-    weights /= weights.sum() * BLOCK**2
+    weights /= weights.sum() * BLOCK**2  # a block's sum has BLOCK**2 nodes
     spectrum: Field = fft.rfft2(weights).real
     return spectrum
 
@@ -661,8 +702,8 @@ def _whole_blocks(nodes: int) -> int:
 def _fast_length(nodes: int) -> int:
     """Return a length of at least `nodes` along an axis that transforms are fast for.
 
-    It is a multiple of 16. Above 256 it is 1, 5 or 25 times a power of two: a factor of 3 would be
-    shorter, but save FFTW no time.
+    The length is a multiple of 16. Above 256 it is 1, 5 or 25 times a power of two: lengths with a
+    factor of 3 can be shorter, but save FFTW no time.
     """
     if nodes <= 256:
         sixteens = -(-nodes // 16)
@@ -672,10 +713,10 @@ def _fast_length(nodes: int) -> int:
 
 
 def _block_sums(field: Real, factors: Real | None = None) -> Real:
-    """Sum a field over blocks, times factors of the field's shape if they are given.
+    """Sum a field, or its product with factors of its shape, over each block.
 
-    The field is a buffer of whole blocks. Sums of whole rows, then of whole columns, are faster
-    than sums along the short axes of the blocks.
+    The field consists of whole blocks; the result has one value for each of them. Sums of whole
+    rows, then of whole columns, are faster than sums along the short axes of the blocks.
     """
     blocks = field.reshape(-1, BLOCK, field.shape[1])
     if factors is None:
@@ -690,10 +731,10 @@ def _block_sums(field: Real, factors: Real | None = None) -> Real:
 
 @lru_cache(maxsize=4)
 def _edgeless_coefficients(periods: tuple[int, int], aspect: float, dtype: str) -> Real:
-    """Return the displacement by a unit pressure on one node of each period [1 / E*].
+    """Return the displacement by a unit pressure on one node of each period.
 
-    The table is flat and read-only. It has two periods along each axis, for offsets of either sign.
-    Its mean is zero.
+    The table is flat and read-only. It has two periods along each axis, so that offsets of either
+    sign can be looked up. Its mean is zero [first side of a cell / E*].
     """
     stiffnesses = wave_numbers(periods, "periodic", aspect) / 2
     stiffnesses[0, 0] = math.inf

@@ -31,9 +31,9 @@ from learn.metrics import Scores
 from learn.models import MODELS
 
 BELONG = 0.15
-"""The paper's nMSE and R2 of a model give the variance of the test areas over their mean. If this
-ratio differs by more than this relative distance from `paper.SPREAD`, the median over the models,
-both scores cannot be of the same test areas [1]."""
+"""Largest relative distance at which the paper's nMSE and R2 of a model may belong to one test set
+[1]. The two scores give the variance of the test areas over their mean. Its distance is taken from
+`paper.SPREAD`, the median over the models."""
 
 MANY = 20
 """Number of values of a hyperparameter above which not all of them are listed."""
@@ -105,7 +105,10 @@ def _of_kind(folder: Folder, kind: str) -> dict[str, ScoredResult]:
 
 
 def _searched(folder: Folder) -> dict[str, ScoredResult]:
-    """Return the results of searches that judged enough candidates to name a winner, by model."""
+    """Return the results of searches, by model.
+
+    Searches that judged too few candidates to name a winner are left out.
+    """
     return {
         model: scored
         for model, scored in _of_kind(folder, "tuned").items()
@@ -150,7 +153,7 @@ def table_2(comparison: Path | None = None) -> Report:
     InputError
         If the folder is refused by `area_folder`.
     """
-    searched: dict[str, ScoredResult] = {}
+    searched: dict[str, ScoredResult] = {}  # by the model
     if comparison is not None:
         searched = _searched(area_folder(comparison))
     rows: list[Row] = []
@@ -173,7 +176,7 @@ def table_2(comparison: Path | None = None) -> Report:
 
 
 def _baseline_won(winner: ScoredResult) -> bool:
-    """Say whether no candidate of a search was better than the settings of the baseline."""
+    """Return whether no candidate of a search was better than the settings of the baseline."""
     search = winner.result.search
     return search is not None and search.winner == "baseline"
 
@@ -208,7 +211,7 @@ def _compared(winner: ScoredResult | None, ours: str, theirs: str) -> str:
 
 
 def _list_in_words(values: Sequence[Any]) -> str:
-    """Write the values of a hyperparameter: all, or the first five and last two of over `MANY`."""
+    """Write the values of a hyperparameter; of more than `MANY`, the first five and last two."""
     texts = [_in_words(value) for value in values]
     if len(texts) > MANY:
         texts = [*texts[:5], "...", *texts[-2:]]
@@ -216,7 +219,7 @@ def _list_in_words(values: Sequence[Any]) -> str:
 
 
 def _in_words(value: Any) -> str:
-    """Write the value of a hyperparameter as a text."""
+    """Write the value of a hyperparameter as a text: numbers of a list are joined by hyphens."""
     # The sizes of a network's layers are a list in results, and a tuple in search spaces.
     if isinstance(value, tuple | list):
         return "-".join(map(str, value))
@@ -267,7 +270,10 @@ def table_3(comparison: Path) -> Report:
 
 
 def _reason_for_time(searched: ScoredResult) -> str:
-    """Say why the time of a search differs from the paper's; the result is one of `_searched`."""
+    """Return the reason why the time of a search differs from the paper's.
+
+    The result is one of `_searched`.
+    """
     search = searched.result.search
     assert search is not None  # all results of `_searched` have a search
     reason = why("search", done=search.fits, nominal=search.fits_nominal)
@@ -346,9 +352,10 @@ def _short(seconds: float | None) -> str:
 def _reason_for_scores(
     search: SearchReport | None, theirs: Scores, our_spread: float
 ) -> str:
-    """Say why the scores of a model differ from the paper's, `theirs`.
+    """Return the reasons why the scores of a model differ from the paper's scores `theirs`.
 
-    `search` is None for a baseline. `our_spread` is from `spread` [%].
+    The reasons are separated by semicolons. `search` is None for a baseline. `our_spread` is from
+    `spread` [%].
     """
     reasons = []
     if search is not None and tables.winner_of(search) == NOT_SEARCHED:
@@ -394,7 +401,7 @@ def predictions(comparison: Path) -> Report:
 
 
 def _predicted_rows(folder: Folder, kind: str, models: list[str]) -> list[Row]:
-    """Return rows of predictions: a model, and the solved and predicted area of a test row [%]."""
+    """Return a row for each model and test row, with the solved and the predicted area [%]."""
     rows: list[Row] = []
     for model in models:
         for pair in zip(*folder.prediction(kind, model), strict=True):
@@ -404,9 +411,10 @@ def _predicted_rows(folder: Folder, kind: str, models: list[str]) -> list[Row]:
 
 
 def _draw_predictions(folder: Folder, kind: str, models: list[str]) -> Any:
-    """Draw a panel for each model, three beside each other.
+    """Return a figure with a panel for each model, three beside each other.
 
-    The panel of a tuned model has the predictions of its baseline, too.
+    The panel of a tuned model has the predictions of its baseline, too, if there are any. Raises
+    InputError if this baseline has no scores.
     """
     columns = min(3, len(models))
     lines = math.ceil(len(models) / columns)
@@ -496,7 +504,10 @@ class Pair:
 
 
 def _panels_of_bars(shown: dict[str, ScoredResult]) -> dict[str, list[Pair]]:
-    """Return the pairs of all baselines by the label of their panel: scores [%] and times [s]."""
+    """Return the pairs of all baselines, by the label of their panel: scores [%] and times [s].
+
+    The pairs of a panel are in the order of `shown`.
+    """
     theirs = paper.TEST["baseline"]
     panels: dict[str, list[Pair]] = {}
     for name, title in tables.SCORES.items():
@@ -689,10 +700,10 @@ def _number(
     reason: str,
     form: str = "{:.4g}",
 ) -> Row:
-    """Return a row of `numbers` that compares ours with theirs, the paper's number.
+    """Return a row of `numbers` that compares our number with the paper's, `theirs`.
 
-    `form` is the format of both. If both texts are equal, the deviation is "none" and the reason is
-    left out.
+    `section` is a section or table of the paper. `form` is the format of both numbers. If both
+    texts are equal, the deviation is "none", and the explanation "" instead of `reason`.
     """
     paper_text = form.format(theirs)
     our_text = form.format(ours)

@@ -32,10 +32,11 @@ Sides = NDArray[np.intp]
 """State of each node: -1 without pressure, 0 in elastic contact, 1 yielded."""
 
 ROUNDING = 1e-11
-"""Pressures and gaps in reduced units below this count as zero [largest interference]."""
+"""Size of pressures and gaps in reduced units below which they are taken as zero [largest
+interference]."""
 
 PATIENCE = 4
-"""Number of exchanges of all wrong nodes that `solve` makes without finding fewer wrong nodes."""
+"""Largest number of successive exchanges of all wrong nodes that do not leave fewer wrong ones."""
 
 EXCHANGES = 10_000
 """Number of exchanges after which `solve` gives up; only rounding can make it need more."""
@@ -98,7 +99,7 @@ def influence_matrix(
     Returns
     -------
     ndarray, shape (m, m)
-        Influence matrix: the displacement of a node in each row [first side of a cell / E*].
+        Influence matrix: each row has the displacements of one node [first side of a cell / E*].
     """
     if nodes is None:
         nodes = np.arange(shape[0] * shape[1])
@@ -135,12 +136,13 @@ def solve(
     start: Sides | None = None,
     hardness: float = np.inf,
 ) -> Field:
-    """Find the pressure 0 <= p <= H with gap w = A p - u >= 0 where p = 0 and <= 0 where p = H.
+    """Find the pressure 0 <= p <= H of a contact by block principal pivoting.
 
-    A node is wrong if its pressure or gap has the wrong sign for its side. All wrong nodes change
-    sides at once, as long as their number falls within `PATIENCE` exchanges. Then only the last
-    wrong node changes sides, until fewer are wrong. This ends for any positive definite matrix
-    (Judice and Pires 1994; Murty 1974).
+    The gap w = A p - u is at least 0 where p = 0, at most 0 where p = H, and 0 elsewhere. A node is
+    wrong if its pressure or gap has the wrong sign for its side. All wrong nodes change sides at
+    once, as long as their number falls within `PATIENCE` exchanges. Then only the last wrong node
+    changes sides, until fewer nodes are wrong. This ends for any positive definite matrix (Judice
+    and Pires 1994; Murty 1974).
 
     Parameters
     ----------

@@ -29,9 +29,8 @@ class AxisModes:
     """The waves of the cells along one axis."""
 
     wave_numbers: Field  # shape (n,) [rad/um]
-    modes: (
-        Field  # shape (n, n), orthonormal: the values of a mode at the nodes in each row
-    )
+    # Shape (n, n): values of a mode at the nodes in each row. The rows are orthonormal.
+    modes: Field
 
 
 def axis_modes(nodes: int, side: float, boundary: Boundary) -> AxisModes:
@@ -88,7 +87,7 @@ class Patch:
     Attributes
     ----------
     below : ndarray, shape (m,)
-        Heights over that of the highest node, at most 0 [um].
+        Heights less that of the highest node, at most 0 [um].
     modes : ndarray, shape (m, m)
         Modes of the patch, one in each row, orthonormal; the first one is constant.
     compliances : ndarray, shape (m,)
@@ -122,7 +121,7 @@ class Patch:
 
     @cached_property
     def sprung(self) -> Field:
-        """Displacement of each node, with that of the spring, by unit pressure on each node.
+        """Displacement of each node by unit pressure on each node, that of the spring included.
 
         It has the shape (m, m) [um/MPa].
         """
@@ -145,7 +144,7 @@ class Patch:
     @cached_property
     def full_contact_load(self) -> float:
         """Smallest sum of the nodes' pressures at which elastic contact is full [MPa]."""
-        # Of the pressure of zero mean that flattens the surface.
+        # Amplitudes of the modes of the pressure of zero mean that flattens the surface.
         amplitudes: Field = self.modes @ self.below / self.compliances
         amplitudes[0] = 0
         pressure: Field = amplitudes @ self.modes
@@ -179,7 +178,7 @@ class Patch:
             """Return the sum of pressures less the load [MPa]."""
             return float(solve(sprung).sum()) - load
 
-        # Without the spring, no load displaces the patch by more than the range of its heights.
+        # Without the spring, no load has to move the patch by more than the range of its heights.
         span = -float(self.below.min())
         largest = 1.001 * (self.spring * load + span)
         sprung = float(brentq(excess, 0.0, largest, xtol=CLOSE * largest, rtol=CLOSE))

@@ -27,7 +27,7 @@ FLAT_PUNCH_RTOL = 1e-13
 def influence_coefficients(
     shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0
 ) -> Field:
-    """Compute the displacement at the centre of a cell by unit pressure on the cell (i, j) away.
+    """Compute the displacement at a cell's centre by unit pressure on a cell i and j cells away.
 
     Calls with equal arguments return one array.
 

@@ -48,7 +48,7 @@ COARSEST = 32
 
 
 def fast_grid(nodes: int) -> int:
-    """Return the smallest sufficient number of nodes that has no prime factors above 5.
+    """Return the smallest number of nodes from `nodes` that has no prime factors above 5.
 
     FFTs of this number of nodes are fast.
 
@@ -71,11 +71,11 @@ def primal_gradients(
     control: Control = "displacement",
     boundary: Boundary = "free",
 ) -> Press:
-    """Set up ContactMechanics' default, Polonsky and Keer's conjugate gradients.
+    """Set up ContactMechanics' default, the conjugate gradients of Polonsky and Keer.
 
-    The tolerance bounds the largest penetration over Delta, and the last change of the force over
-    the force. It bounds neither the tension that each step sets to 0 nor pressures above the
-    hardness.
+    The tolerance of the returned function bounds two relative numbers: the largest penetration over
+    Delta, and the last change of the force over the force. It bounds neither the tension that each
+    step sets to 0 nor pressures above the hardness.
 
     Parameters
     ----------
@@ -105,12 +105,12 @@ def primal_gradients(
             load = {"external_force": force}
         result = system_of(case).minimize_proxy(
             **load,
-            pentol=tolerance * case.delta,
-            thermotol=tolerance,
-            forcetol=np.inf,
+            pentol=tolerance * case.delta,  # largest penetration [um]
+            thermotol=tolerance,  # largest relative change of the force
+            forcetol=np.inf,  # no bound of the tension
             maxiter=MAX_ITERATIONS,
         )
-        pressure = result.jac / spacing**2
+        pressure = result.jac / spacing**2  # forces on nodes [uN] over the area of a cell
         return _cm_answer(result, pressure, convolutions=int(result.nfev))
 
     return press
@@ -119,8 +119,8 @@ def primal_gradients(
 def dual_gradients(nodes: int, spacing: float, boundary: Boundary = "free") -> Press:
     """Set up ContactMechanics' gradients in pressures, after Bugnicourt and others (2018).
 
-    The tolerance bounds the largest residual gap over Delta. The solver starts from the overlap as
-    a pressure, which is faster than starting from zero.
+    The tolerance bounds the largest residual gap over Delta. The first pressure is proportional to
+    the overlap, which is faster than starting from zero.
 
     Parameters
     ----------
@@ -258,7 +258,7 @@ def levels(nodes: int) -> int:
 
 
 def nested_grid(nodes: int) -> int:
-    """Return the smallest sufficient number of nodes that can be halved `levels(nodes)` times.
+    """Return the smallest number of nodes from `nodes` that can be halved `levels(nodes)` times.
 
     Parameters
     ----------

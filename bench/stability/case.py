@@ -32,7 +32,9 @@ class Finding:
         The share is the number over the largest allowed one, or the number itself if only zero is
         allowed. It is infinite if the number is NaN.
         """
-        share = self.error / (self.allowed or 1.0)
+        share = self.error
+        if self.allowed:
+            share /= self.allowed
         if math.isnan(share):
             share = math.inf
         return not self.passed, share
@@ -88,8 +90,8 @@ class Refusal:
 class Answer:
     """The answer to a case, and the findings that judge it.
 
-    The function of a case makes it. `run_case` adds the input if the answer has none, the findings
-    about a refusal, and a finding for each warning.
+    `Case.examine` makes it. `run_case` then adds the input of the case if the answer has none,
+    findings about a refusal, and a failed finding for each warning.
     """
 
     out: str  # the answer in words, or the message of the error
@@ -123,8 +125,8 @@ class Case:
     family: str  # kind of the extreme, as "size"
     name: str  # name of the case within its family
     input: str  # the input in words; empty if the answer describes it
-    # Solves or computes, and judges. It returns an `Answer`; any other result means that there was
-    # an answer, about which there are no findings.
+    # Runs the case. It returns an `Answer` with findings; any other result is an answer without
+    # findings, and an error that it raises is one, too.
     examine: Callable[[], object]
     # How the input has to be refused; None if it has an answer.
     refusal: Refusal | None = None
@@ -142,8 +144,8 @@ def run_case(case: Case) -> Answer:
     Returns
     -------
     Answer
-        The answer with all findings: about the refusal, by the case itself, and a failed one for
-        each warning with another text.
+        The answer with all findings: those about the refusal, those of the case itself, and a
+        failed one for each distinct text of a warning.
 
     Raises
     ------
@@ -160,7 +162,10 @@ def run_case(case: Case) -> Answer:
 
 
 def _examined(case: Case) -> Answer:
-    """Return the answer of a case; an error becomes the field `raised` of an answer."""
+    """Return the answer of a case; if the case raises an error, an answer that has it as `raised`.
+
+    ModuleNotFoundError passes through.
+    """
     try:
         answer = case.examine()
     except ModuleNotFoundError:  # an extra is missing: this says nothing about the case
@@ -173,9 +178,9 @@ def _examined(case: Case) -> Answer:
 
 
 def _refusal_findings(case: Case, answer: Answer) -> list[Finding]:
-    """Return the findings about the error of an answer.
+    """Return findings on whether a case was refused as it has to be.
 
-    There are none if the case has to have an answer, and has one.
+    The list is empty if the case must not be refused, and was not.
     """
     if case.refusal is not None:
         return list(case.refusal.judge(answer.raised))
@@ -186,7 +191,7 @@ def _refusal_findings(case: Case, answer: Answer) -> list[Finding]:
 
 
 def one_line(message: object) -> str:
-    """Return the words of an error or a warning in one line.
+    """Return the text of an error or a warning in one line.
 
     Parameters
     ----------
@@ -307,7 +312,7 @@ def report(full: bool, of: Sequence[str]) -> Report:
     full : bool
         Whether the slow cases are run too.
     of : sequence of str
-        Names of the tables in `TABLES`, as the option --of; empty for all of them.
+        Names of the tables in `TABLES`, from the option --of; empty for all tables.
 
     Returns
     -------
@@ -340,7 +345,11 @@ def _run_table(table: str, *, full: bool) -> list[tuple[Case, Answer]]:
 
 
 def _summary(table: str, answers: Sequence[tuple[Case, Answer]]) -> list[str]:
-    """Return the lines of text about a table: one with the counts, and one for each failed case."""
+    """Return the lines of text about the cases of a table.
+
+    `table` is a key of `TABLES`. The first line has the numbers of all and of failed cases. One
+    line for each failed case follows, with the reason.
+    """
     failed = [(case, answer) for case, answer in answers if not answer.passed]
     counts = f"{TABLES[table].title}: {len(answers)} cases, {len(failed)} failed"
     names = [f"  {case.family}, {case.name}: {answer.failed}" for case, answer in failed]

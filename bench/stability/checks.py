@@ -2,8 +2,8 @@
 
 The problem of elastic contact is strictly convex. Its solution is the only pressure that is not
 negative, whose gap is not negative, and which is zero where the gap is positive. `complementarity`
-proves this of every answer, with influence coefficients and a convolution that share no code with
-the solver. The other checks compare the numbers that an answer states.
+verifies this for every answer, with influence coefficients and a convolution that share no code
+with the solver. The other checks compare the numbers that an answer states.
 
 A check is called with the problem and its contact. `functools.partial` supplies the arguments that
 some checks take before these two.
@@ -31,10 +31,10 @@ SUM_ROUNDING = 1e-12
 """Largest difference of two sums over a grid through rounding: of forces [1], of shares [%]."""
 
 ONE_ROUNDING = 1e-15
-"""Relative difference of two numbers that at most a few roundings tell apart [1]."""
+"""Largest relative difference of two numbers that a few roundings make [1]."""
 
 FOUR_ULP = 4 * float(np.finfo(np.float64).eps)
-"""Relative error that a handful of roundings may add up to [1]."""
+"""Largest relative error through a handful of roundings [1]."""
 
 MOST_TIMES_ORDINARY = 3.0
 """Largest number of iterations over that of the ordinary contact, unless a case allows more [1]."""
@@ -43,7 +43,8 @@ Check = Callable[[Setup, bem.Contact], Iterable[Finding]]
 """A function that takes a problem and its contact, and returns findings about the contact."""
 
 Displace = Callable[[Field, Kernel, float], Field]
-"""A function that returns the displacement under a pressure, as `half_space.displacement` does."""
+"""A function that takes a pressure, (nx, ny), the kernel, and the second side of a cell over its
+first; it returns the displacement, (nx, ny), as `half_space.displacement` does."""
 
 
 def complementarity(problem: Setup, contact: bem.Contact) -> Iterator[Finding]:
@@ -127,7 +128,7 @@ def honesty(
 def says_what_yields(
     problem: Setup, contact: bem.Contact, displace: Displace = displacement
 ) -> Iterator[Finding]:
-    """Recompute from its pressure what a contact states about yielded nodes, and compare.
+    """Recompute from a contact's pressure the numbers about yielded nodes that it states; compare.
 
     Parameters
     ----------
@@ -388,7 +389,8 @@ def is_bearing_area(problem: Setup, contact: bem.Contact) -> Iterator[Finding]:
     Yields
     ------
     Finding
-        Number of nodes at which the pressure differs from this: the hardness, or 0 elsewhere.
+        Number of nodes at which the pressure is not the hardness where the surfaces overlap, or not
+        0 elsewhere.
     """
     overlaps = problem.surface - problem.surface.max() + problem.delta > 0
     expected = np.where(overlaps, problem.hardness or 0.0, 0.0)
@@ -410,7 +412,7 @@ def deviation(value: float, expected: float) -> float:
     Returns
     -------
     float
-        Relative deviation, at least 0 [1]. It is infinite if zero was expected of another value.
+        Relative deviation, at least 0 [1]. It is infinite if `expected` is 0 and `value` is not.
     """
     if value == expected:
         return 0.0
@@ -447,9 +449,9 @@ def contact_case(
     checks : sequence of Check
         Checks besides complementarity and honesty, which every contact has to pass.
     largest_ratio : float
-        Largest number of iterations over that of the ordinary contact on the grid [1].
+        Largest number of iterations that passes, over that of the ordinary contact on the grid [1].
     refusal : Refusal, optional
-        How the input has to be refused.
+        How the input has to be refused; None if it has an answer.
     slow : bool
         Whether only the full table has the case.
     **arguments

@@ -144,7 +144,7 @@ def ordinary(features: str = "paper") -> Dataset:
 def altered(
     part: str, where: Any, to: float | None = None, factor: float = 1.0
 ) -> Change:
-    """Return a change that sets some numbers of the rows to a value, or multiplies them.
+    """Return a function that sets some numbers of rows to a value, or multiplies them.
 
     Parameters
     ----------
@@ -254,7 +254,7 @@ class FittedModel:
         truth = self.train.target
         predicted = self.predicted(self.train)
         # Errors over the range of the target, so that their squares do not overflow.
-        target_range = float(np.ptp(truth)) or np.nan
+        target_range = float(np.ptp(truth)) or np.nan  # NaN makes the score NaN
         error = (truth - predicted) / target_range
         spread = (truth - truth.mean()) / target_range
         return 1 - float(error @ error) / float(spread @ spread)
@@ -262,8 +262,8 @@ class FittedModel:
     def worse_than_constant(self) -> bool:
         """Return whether constants fit the training rows better than the model.
 
-        This is so if the mean of the target has smaller squared errors, and the median of the
-        target has smaller absolute errors, by more than 1 %.
+        The mean of the target has to have smaller squared errors than the model, and the median
+        smaller absolute errors by more than 1 %.
         """
         truth = self.train.target
         predicted = self.predicted(self.train)
@@ -290,10 +290,10 @@ def fitted(
     rows : Dataset
         The rows.
     settings : mapping, optional
-        Settings that replace some of these, by their names.
+        Settings that replace some of the above, by their names.
     seen : int
-        Number of the first rows, which train. Half of the other rows, but at most `CALIBRATING`,
-        calibrate, and the last rows test.
+        Number of rows that train; they come first. Half of the other rows, but at most
+        `CALIBRATING`, calibrate, and the remaining rows test.
 
     Returns
     -------
@@ -349,7 +349,7 @@ def _card(features: FeatureSet) -> dict[str, Any]:
 
 
 def sound(model: FittedModel) -> Iterator[Finding]:
-    """Check that predictions are finite, and that there is a warning if a constant is better.
+    """Check that predictions are finite, and that a model worse than a constant has a warning.
 
     Parameters
     ----------
@@ -359,7 +359,8 @@ def sound(model: FittedModel) -> Iterator[Finding]:
     Yields
     ------
     Finding
-        Number of predictions that are not finite, and 1 if the warning is missing or else 0.
+        Number of predictions for training and test rows that are not finite; then 1 if the warning
+        is missing, else 0.
     """
     not_finite = 0
     for rows in (model.test, model.train):
@@ -516,15 +517,15 @@ def unchanged(rows: Dataset) -> Dataset:
 
 @dataclass(frozen=True)
 class Spoilt:
-    """A family of cases: rows that are spoilt in one way, with a case for each of some models."""
+    """A family of cases: rows with one fault, and a case for each of `models`."""
 
-    family: str  # fault of the rows, the name of the family
+    family: str  # name of the family, which is the fault
     input: str  # the input in words
     change: Change = unchanged  # makes the rows from ordinary ones
     # Checks besides `sound` and `solves_its_equations`, which every fit has to pass.
     checks: tuple[Check, ...] = ()
     features: str = "paper"  # name of the set of features, "paper" or "dimensionless"
-    # Settings that replace some of the models' own, by their names.
+    # Settings that replace some of each model's settings, by their names.
     settings: Mapping[str, Any] = field(default_factory=dict)
     models: tuple[str, ...] = tuple(MODELS)  # names of the models
     seen: int = SEEN  # number of the first rows, which train
@@ -558,7 +559,10 @@ class Spoilt:
 
 
 def _in_words(model: FittedModel) -> str:
-    """Return R2 on the training rows as a text, with the first 150 letters of warnings, if any."""
+    """Return a text with R2 on the training rows, and the first 150 letters of all warnings.
+
+    If the target is constant, "constant target" replaces R2.
+    """
     score = model.score()
     text = f"R2 {100 * score:.4g} % of seen rows"
     if np.isnan(score):

@@ -50,7 +50,7 @@ BLOCK = 100
 """Number of contacts in a case; the quick table has the first block only."""
 
 SECONDS = 60.0
-"""Wall-clock time after which a solve is ended, and counts as one without an answer [s]."""
+"""Largest wall-clock time of a solve [s]. A longer one is ended, and has no answer."""
 
 Problem = Callable[[int], Setup]
 """A function that takes a seed, and returns the problem that it draws by this seed."""
@@ -97,7 +97,7 @@ def _draw_surface(
     kinds = list(surfaces.SURFACES.values())
     kind = random.integers(len(kinds))
     heights = kinds[kind](random, (int(rows), int(columns)))
-    height_range = np.ptp(heights) or 1.0
+    height_range = np.ptp(heights) or 1.0  # a flat surface is not scaled
     aspect = 1.0
     if random.random() < 0.5:
         exponent = random.uniform(-1, 1)
@@ -108,7 +108,7 @@ def _draw_surface(
 def examine(seeds: range, draw: Problem, compare: Comparison) -> Answer:
     """Solve the problems of some seeds, judge them, and keep the worst finding of each name.
 
-    A solve that raises an error or takes longer than `SECONDS` counts as one without an answer.
+    A solve that raises an error or takes longer than `SECONDS` has no answer, and is not judged.
 
     Parameters
     ----------
@@ -122,8 +122,9 @@ def examine(seeds: range, draw: Problem, compare: Comparison) -> Answer:
     Returns
     -------
     Answer
-        The numbers of solves and iterations in words. The findings are the number of solves without
-        an answer, named with the first three errors, and the worst finding of each name.
+        The number of solves, and the median and largest number of iterations, in words. The first
+        finding is the number of solves without an answer; its name has the first three errors. The
+        worst finding of each name follows.
     """
     iterations: list[int] = []
     unanswered: list[str] = []
@@ -149,9 +150,10 @@ def examine(seeds: range, draw: Problem, compare: Comparison) -> Answer:
 
 
 def _most_nodes(seed: int, *, rare: int, seldom: int, usual: int) -> int:
-    """Return the largest number of nodes a side with which a seed may draw.
+    """Return the largest number of nodes a side that may be drawn by a seed.
 
-    It is `rare` for every 50th seed, `seldom` for every other 10th seed, and `usual` for the rest.
+    It is `rare` if the seed is a multiple of 50, else `seldom` if it is a multiple of 10, and
+    `usual` for the other seeds.
     """
     if seed % 50 == 0:
         return rare
@@ -173,7 +175,8 @@ LIMITS = {
     "residual off": RTOL + ROUNDING,
     "yielded depth off": RTOL + ROUNDING,
 }
-"""Largest numbers that pass, where they are smaller than in the check, by the finding [Delta]."""
+"""Largest numbers that pass, by the name of the finding; they replace larger ones of the check
+[Delta]."""
 
 
 def yielding() -> Iterator[Case]:
@@ -432,7 +435,11 @@ def edgeless_problem(seed: int, most: int | None = None) -> Setup:
 
 
 def _mean_pressure(random: Random, problem: Setup, reference: Patch) -> float:
-    """Draw a mean pressure over the patch [MPa], log-uniform up to twice that of full contact."""
+    """Draw a mean pressure over the patch [MPa].
+
+    It is log-uniform from a thousandth of that of full elastic contact to twice it. On a flat
+    surface, a sum of the nodes' pressures of 1 MPa for E* = 1 MPa replaces that of full contact.
+    """
     # Loads are sums of the nodes' pressures for E* = 1 MPa.
     full_contact = reference.full_contact_load
     if full_contact <= ROUNDING:  # a flat surface
@@ -442,7 +449,11 @@ def _mean_pressure(random: Random, problem: Setup, reference: Patch) -> float:
 
 
 def _displacement(random: Random, problem: Setup, reference: Patch) -> float:
-    """Draw a displacement [um]; it is 0 for a flat surface."""
+    """Draw a displacement [um]; it is 0 for a flat surface.
+
+    Half of the time it is log-uniform up to that of full elastic contact, and half of the time its
+    distance from that is. On bodies that yield it is then enlarged by up to `LARGEST_DELTA`.
+    """
     share = float(10 ** random.uniform(-5, 0))
     if random.random() >= 0.5:
         share = 1 - share
@@ -453,7 +464,10 @@ def _displacement(random: Random, problem: Setup, reference: Patch) -> float:
 
 
 def _compared_problem(boundary: Boundary, seed: int) -> Setup:
-    """Draw a problem whose patch is compared with its mirror images or shifted."""
+    """Draw a problem by a seed as `edgeless_problem`, but with this boundary.
+
+    It has at most `MOST_MIRRORED` nodes a side, and a tolerance of 1e-12.
+    """
     problem = edgeless_problem(seed, MOST_MIRRORED)
     return replace(problem, boundary=boundary, rtol=1e-12)
 
@@ -544,14 +558,14 @@ def judge_edgeless(problem: Setup, contact: bem.Contact) -> Iterator[Finding]:
     # If all nodes have yielded, the pressure is the hardness, which is checked above.
     if pressure.min() < reference.hardness:
         compared = reference.press(float(pressure.sum()))
-        # A gap changes the pressure by at most this, in the 2-norm, over the largest gap.
-        stiffness = float(1 / reference.compliances.min())
-        stiffest = stiffness * pressure.size**0.5
+        # Largest change of the pressure, in the 2-norm, by a gap that is nowhere above 1 um.
+        largest_stiffness = float(1 / reference.compliances.min())
+        change_by_gap = largest_stiffness * pressure.size**0.5
         error = float(np.linalg.norm(pressure - compared))
         yield Finding(
             name="pressure off the reference",
             error=error,
-            allowed=stiffest * 2 * allowed,
+            allowed=change_by_gap * 2 * allowed,  # both pressures may leave a gap
         )
 
 

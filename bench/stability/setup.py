@@ -41,8 +41,8 @@ def paper(
 ) -> Field:
     """Generate the surface of the first row of the paper preset.
 
-    Grids of other sizes show the same surface: nodes at equal places have equal heights, but for a
-    constant. Calls with equal arguments return one array.
+    Grids of other sizes show one surface: the heights of two grids at equal places differ by a
+    constant only. Calls with equal arguments return one array.
 
     Parameters
     ----------
@@ -85,14 +85,13 @@ def cropped_paper(shape: tuple[int, int]) -> Field:
     """
     rows, columns = shape
     steps = max(rows - 1, columns - 1, 2)
-    k = (
-        steps - 1
-    ).bit_length()  # 2^k is the smallest power of two that is at least `steps`
+    # 2^k is the smallest power of two that is at least `steps`.
+    k = (steps - 1).bit_length()
     return paper(2**k + 1)[:rows, :columns]
 
 
 def terraces(nodes: int = NODES) -> Field:
-    """Round the paper's surface to steps of 10 um, so that neighbours are exactly equally high.
+    """Round the paper's surface to steps of 10 um, so that many neighbours are exactly as high.
 
     Parameters
     ----------
@@ -292,8 +291,8 @@ class Setup:
     def describe(self) -> str:
         """Return the input in one line.
 
-        These are the grid, the range of heights [um], Delta [um], and all further fields that do
-        not have their defaults.
+        The line has the grid, the range of heights [um], Delta [um], and all further fields whose
+        values differ from their defaults.
         """
         heights = np.asarray(self.heights)
         parts = [" x ".join(str(nodes) for nodes in heights.shape)]

@@ -210,8 +210,8 @@ def _grids() -> Iterator[Case]:
 
 
 def _cells(sides: tuple[float, float]) -> str:
-    """Return a name as "cells of 1:64", with the ratio of the sides of the patch."""
-    first, second = (side / 1000 for side in sides)
+    """Return a name as "cells of 1:64", with the ratio of the sides of the patch [um]."""
+    first, second = (side / SIDE for side in sides)
     return f"cells of {first:g}:{second:g}"
 
 
@@ -233,7 +233,7 @@ def _roughness() -> Iterator[Case]:
 
 
 def _single_nodes() -> Iterator[Case]:
-    """Yield surfaces with one node above or below all others, most by far."""
+    """Yield surfaces with one node above or below all other nodes, in most of them far."""
     case = partial(contact_case, "feature")
     spike = with_middle_at(10.0, flat())
     check = _one_cell(delta=5, spacing=CELL)
@@ -316,16 +316,15 @@ def _bodies() -> Iterator[Case]:
         if form.nodes % 2 == 0:  # the tip is in the middle of four nodes
             off_tip = SIDE / (form.nodes - 1) * np.sqrt(0.5)
         below_tip = -float(form.body.heights(np.array(off_tip)))
-        force = form.body.force(
-            form.delta + below_tip
-        )  # displacement from the tip's touch
+        from_touch_of_tip = form.delta + below_tip
+        force = form.body.force(from_touch_of_tip)
         check = partial(has_force, form.name, force, form.allowed)
         surface = partial(indenter, form.body, form.nodes)
         yield contact_case("closed form", form.case, surface, form.delta, checks=(check,))
 
 
 def _concentrated_forces() -> Iterator[Case]:
-    """Yield contacts with concentrated forces; if large, their matrix is nearly singular."""
+    """Yield contacts with concentrated forces. The matrix of large contacts is nearly singular."""
     case = partial(slow_case, "concentrated force", kernel="concentrated-force")
     for delta in (25.0, 80.0, 150.0, 500.0, 5000.0):
         yield case(f"Δ = {delta:g}", paper, delta)
@@ -337,7 +336,10 @@ def _concentrated_forces() -> Iterator[Case]:
 
 
 def _compliant_far_fields() -> Iterator[Case]:
-    """Yield displacements near Delta*, at and above which compliant far fields have no solution."""
+    """Yield contacts on a compliant far field at displacements near Delta*.
+
+    At Delta* or above there is no solution, and the input has to be refused.
+    """
     case = partial(contact_case, "compliant far field", far_field="compliant")
     refusal = Refusal(BeyondCriticalDelta, ("delta = ", "must stay below Delta* = "))
     shares = (0.9, 0.99, 0.999, 1 + 1e-9, 2.0)
@@ -359,7 +361,8 @@ def _of_critical(share: float, kernel: Kernel, heights: Field) -> float:
 
 
 CAPS = (1e-9, 1e-6, 1e-4, 1e-3, 5e-3, 2e-2, 5e-2, 0.1, 0.3, 1.0, 1e3)
-"""Hardnesses for E* = 1 MPa; from the lowest to the highest, nearly all to no nodes yield [MPa]."""
+"""Hardnesses for E* = 1 MPa [MPa]. At the lowest nearly all nodes in contact yield, at the highest
+none."""
 
 capped = partial(slow_case, "hardness")
 """Makes a case of bodies that yield."""
@@ -373,10 +376,11 @@ def _hardnesses() -> Iterator[Case]:
 
 
 def _limits() -> Iterator[Case]:
-    """Yield extreme and wrong hardnesses.
+    """Yield cases of the paper's surface with extreme hardnesses, and with refused ones.
 
-    They are near the largest elastic pressure or far above it, so small that the contact is the
-    bearing area, or not above 0.
+    Near the largest elastic pressure and far above it, the contact has to be nearly elastic. At
+    hardnesses close to 0 it has to be the bearing area. Hardnesses that are not above 0 or NaN have
+    to raise ValueError.
     """
     largest = float(Setup(paper()).solve().pressure.max())
     nearly_elastic = {
@@ -431,7 +435,7 @@ def _yielding_surfaces() -> Iterator[Case]:
 
 
 def _loads() -> Iterator[Case]:
-    """Yield mean pressures below the hardness, and impossible ones at the hardness or above it."""
+    """Yield mean pressures below the hardness, and refused ones at the hardness or above it."""
     for hardness, share in product(
         (1e-3, 0.1), (1e-3, 0.5, 0.9, 0.99, 1 - 1e-6, 1.0, 2.0)
     ):

@@ -31,15 +31,15 @@ STEP = 1 / 1024
 """Steps of heights, a power of two, so that offsets are added to them without rounding [um]."""
 
 EXACT = 1e-12
-"""Relative error of a statistic that a few hundred roundings may add up to [1]."""
+"""Largest relative error of a statistic through a few hundred roundings [1]."""
 
 ROUNDING = 1e-14
-"""Error of heights that roundings at all levels of a grid may add up to [range of heights]."""
+"""Largest error of heights through roundings at all levels of a grid [range of heights]."""
 
-LENGTHS = {name for name in NAMES if name.split("_")[-1] in {"mean", "rms", "max"}}
+WITH_UNIT = {name for name in NAMES if name.split("_")[-1] in {"mean", "rms", "max"}}
 """Names of the statistics with a unit: heights [um] and curvatures [um-1]."""
 
-CURVATURES = {name for name in LENGTHS if "curvature" in name}
+CURVATURES = {name for name in WITH_UNIT if "curvature" in name}
 """Names of the statistics with the unit um-1."""
 
 SHAPES = {name for name in NAMES if "kurtosis" in name or "skewness" in name}
@@ -165,8 +165,8 @@ def _scaled(generator: str, sigma0: float, allowed: float) -> Answer:
 def _nested(generator: str, nodes: int, hurst: float = 0.65) -> Answer:
     """Check that one seed always gives one surface, also on another grid.
 
-    A second call has to give equal heights. The next coarser grid has to have equal heights at its
-    nodes, but for a constant. The lowest height has to be 0.
+    A second call has to give equal heights. Heights on the next coarser grid may differ from those
+    at the same places by a constant only. The lowest height has to be 0.
     """
     heights = _surface(generator, nodes, hurst)
     repeated = _surface(generator, nodes, hurst)
@@ -205,7 +205,7 @@ def described(
     -------
     Answer
         The description in words. The findings are the largest error of a statistic [1], and the
-        number of statistics that are defined here but not there, or the reverse.
+        number of statistics that only one of the two leaves undefined.
     """
     surface = np.asanyarray(heights)
     expected = exact.statistics(np.array(surface, dtype=np.float64), spacing)
@@ -242,7 +242,7 @@ def _error(name: str, value: float, exact_values: dict[str, float]) -> float:
         return abs(value - expected) / max(1.0, abs(expected))
     if expected:
         return abs(value / expected - 1)
-    same_unit = CURVATURES if name in CURVATURES else LENGTHS - CURVATURES
+    same_unit = CURVATURES if name in CURVATURES else WITH_UNIT - CURVATURES
     sizes = [abs(exact_values[statistic]) for statistic in same_unit]
     largest = max((size for size in sizes if not math.isnan(size)), default=0.0)
     if not largest:  # all are exactly 0, so that any other value is wrong
@@ -407,7 +407,7 @@ def _offsets() -> Iterator[Case]:
 
 
 def _cancellation() -> Iterator[Case]:
-    """Yield surfaces of which some variance is a small difference of large numbers."""
+    """Yield surfaces with a statistic whose variance is a small difference of large numbers."""
     case = partial(_case, "cancellation")
     for spread in (1e-3, 1e-6, 1e-9, 1e-11):
         text = f"high nodes of a checkerboard differ by {spread:g} of their height"
@@ -501,9 +501,8 @@ def _bodies() -> Iterator[Case]:
     case = partial(_case, "feature")
     x = np.arange(NODES) - NODES // 2
     squares = x**2
-    bowl = (
-        squares[:, None] + squares
-    ) / 64  # of whole numbers and a power of two, hence exact
+    # Whole numbers over a power of two, so that no height is rounded.
+    bowl = (squares[:, None] + squares) / 64
     plane = 3.0 * x[:, None] - 2.0 * x
     level = np.full((NODES, NODES), 3.3)
     far_up = np.full((9, 9), 1e308)

@@ -119,7 +119,7 @@ class BuildTimes:
 
 
 def break_even(build: float, solver: float, query: float) -> float:
-    """Compute the number of queries from which a surrogate is cheaper than a solver.
+    """Compute the number of queries at which a surrogate has saved the time that it took to build.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ def seconds_of(call: Callable[[], object]) -> float:
 
 
 def median_seconds(call: Callable[[], object]) -> float:
-    """Measure the median time of a call that does the same whenever it is repeated.
+    """Measure the median time of a call whose repetitions do equal work.
 
     Parameters
     ----------
@@ -203,7 +203,8 @@ def measure_solver(queries: list[Query]) -> SolverTimes:
     Parameters
     ----------
     queries : list of Query
-        Contacts on different surfaces of `SCENE`. As many rows and surfaces are computed, too.
+        Contacts on the first surfaces of `SCENE`, from `_queries`. The rows and surfaces of the
+        same numbers are computed, too.
 
     Returns
     -------
@@ -222,10 +223,12 @@ def measure_solver(queries: list[Query]) -> SolverTimes:
     ]
 
     def climb(heights: Heights) -> None:
+        """Solve the contacts of one surface at all displacements, and drop them."""
         for _ in bem.ladder(heights, SIDE, deltas):
             pass
 
     def areas(solves: list[partial[bem.Contact]]) -> list[float]:
+        """Solve contacts, and return their areas [%]."""
         return [solve().area_percent for solve in solves]
 
     return SolverTimes(
@@ -258,13 +261,16 @@ def measure_surrogate(fitted: Fitted, features: str, queries: list[Query]) -> An
     feature_set = chosen(features, roots=True)
 
     def described(heights: Heights) -> SurfaceFeatures:
+        """Return the features of a surface, of which none is computed yet."""
         step = SIDE / (len(heights) - 1)
         return SurfaceFeatures(heights, (SIDE, SIDE), (step, step))
 
     def features_of(surface: SurfaceFeatures, deltas: Values) -> Values:
+        """Return the features of a surface at k displacements [um], (k, features)."""
         return feature_set.of(surface.rows(feature_set, deltas))
 
     def of_new_surface(query: Query) -> Values:
+        """Return the features of a contact, computed from its heights alone, (1, features)."""
         return features_of(described(query.heights), np.array([query.delta]))
 
     new_surface_seconds = mean_seconds(
@@ -372,7 +378,7 @@ def cost(
         raise InputError(
             f"--rows {rows}: give {FEWEST_ROWS} or more, the paper has {PAPER_ROWS}"
         )
-    search = math.nan
+    search = math.nan  # time of the comparison's search [s]; NaN without one
     if comparison is not None:
         search = tuning_seconds(comparison)
     path = databases.of_the_paper(database, folder / "databases", rows)
@@ -417,7 +423,10 @@ def _queries(surfaces: int) -> list[Query]:
 
 
 def _rows_of_times(subject: str, values: dict[str, float]) -> list[Row]:
-    """Return a row for each of the values (by their names) of the solver or of a feature set."""
+    """Return rows of the table `times`: one for each field of `SolverTimes` or `AnswerTimes`.
+
+    `subject` is "solver" or names a feature set. `values` has the fields by their names.
+    """
     return [{"of": subject, "what": name, "value": values[name]} for name in values]
 
 
@@ -466,7 +475,7 @@ def question(
     situation : Situation
         The question, the solver and the features.
     rows : int
-        Number of rows of the database.
+        Number of rows of the surrogate's database.
     build : BuildTimes
         Times before the first answer [s].
     solve : float
@@ -529,7 +538,7 @@ def build_times(studied: Studied, fitted: Fitted, rows: float) -> BuildTimes:
     Parameters
     ----------
     studied : Studied
-        The feature set, and the times of the solver.
+        The feature set, and the times of solver and features.
     fitted : Fitted
         The fit, to all training rows or to some of them.
     rows : float
@@ -625,8 +634,9 @@ def sizes(rows: int) -> list[int]:
 def _learning_curve(studied: Studied) -> Iterator[Row]:
     """Yield the points of a feature set's learning curve, as rows of the table `learning`.
 
-    All points are judged by the same test rows. A point pays for test rows and unusable rows, too,
-    in proportion to its training rows.
+    All points are judged by the same test rows. The build time of a point contains test rows and
+    unusable rows, too, in proportion to its training rows. Scores and build time are medians over
+    the fits of `_fits_of_size`.
     """
     all_training_rows = studied.parts.train.size
     on_new_surface = studied.answer.surface + studied.answer.batched
@@ -649,10 +659,10 @@ def _learning_curve(studied: Studied) -> Iterator[Row]:
 
 
 def _fits_of_size(studied: Studied, size: int) -> list[Fitted]:
-    """Fit the surrogate to disjoint blocks of `size` training rows, at most `DRAWS` of them.
+    """Fit the surrogate to each of at most `DRAWS` disjoint blocks of `size` training rows.
 
-    If the block has all training rows, the fit that was made before is returned. The rows are in
-    random order, and each has a surface of its own, so that any folds will do.
+    If a block has all training rows, no fit is made, and the list has `studied.fitted` alone. The
+    rows are in random order, and each has another surface, so that any folds will do.
     """
     train = studied.parts.train
     if size == train.size:
@@ -669,15 +679,15 @@ def _fits_of_size(studied: Studied, size: int) -> list[Fitted]:
 def _totals(questions: list[Row]) -> Iterator[Row]:
     """Yield rows of the table `totals`: costs [s] over the number of queries on new surfaces.
 
-    There is a curve for each solver, and beside it one for each feature set. The queries go up to
-    thirty times the largest finite break-even of these surrogates.
+    For each solver there is its own curve and one for each feature set. A curve has 40 points, up
+    to thirty times the largest finite break-even of these feature sets.
     """
     for solver in (PAPERS, OURS):
         rows = [
             row for row in questions if row["asked"] == NEW and row["solver"] == solver
         ]
         finite = [row["break_even"] for row in rows if math.isfinite(row["break_even"])]
-        largest = max(finite, default=1e5)
+        largest = max(finite, default=1e5)  # some number, if no surrogate ever pays
         curves = {"the solver": _CostLine(build=0.0, query=rows[0]["solve"])}
         for row in rows:
             build = row["database"] + row["tuning"] + row["fit"]

@@ -46,11 +46,11 @@ LEVEL = 0.9
 """Level of the intervals, 0 to 1."""
 
 REQUIRED = 0.86
-"""Smallest coverage of unflagged rows that meets the promise, 0 to 1. It may be missed by one
-standard error."""
+"""Smallest coverage of unflagged rows that meets the promise, 0 to 1. A coverage that is lower by
+up to one standard error meets it "within its error"."""
 
 ENOUGH = 30
-"""Smallest number of unflagged rows for which there is a verdict."""
+"""Smallest number of unflagged rows whose coverage is judged as met or not."""
 
 FEWEST = 300
 """Smallest accepted number of rows of the preset."""
@@ -77,16 +77,16 @@ STORE = "[store]\nmean_gap = true\n"
 """Table (TOML) that is added to every scene, because the mean gap is a target."""
 
 SCENES = read_toml("surrogates/scenes")["coverage"]
-"""Texts (TOML) of the scenes of this study: `others` and `kinds` have scenes by their names,
-`function` and `load` have parts of scenes."""
+"""Texts (TOML) of the scenes of this study. `others` and `kinds` are tables of scenes by their
+names; `function` and `load` are parts of scenes."""
 
 KIND = "kinds"
 """Value of `tested_on` for cases that are tested on kinds of surfaces which train no surrogate. In
 rows about one kind it is "kinds: NAME"."""
 
 FOREIGN = (*SCENES["kinds"], *kinds.NAMES)
-"""Names of these kinds, and of their databases. The last four were made after the features had been
-chosen, so that they test the features independently."""
+"""Names of the kinds of surfaces that train no surrogate, and of their databases. The last four
+were made after the features had been chosen, so that they test the features independently."""
 
 SHARES = {FINE[257]: 6, FINE[513]: 15, "broad-fine": 6, **dict.fromkeys(FOREIGN, 6)}
 """Number of rows of the preset over that of a database, for databases that have fewer rows."""
@@ -179,13 +179,13 @@ def cases(pool: tuple[str, ...], rows: Dataset, seed: int) -> Iterator[Case]:
     Case
         Rows that train and rows that judge.
     """
-    if {*FOREIGN} <= {*pool}:  # with the preset or the broad scenes
+    if {*FOREIGN} <= {*pool}:  # all of them, with the preset or the broad scenes
         yield _case_of_kinds(pool, rows)
     elif pool == (PAPER,):
         yield from _cases_of_preset(pool, rows)
     elif pool == (YIELDING,):
         yield _case_of_hardness(pool, rows)
-    elif pool[0] == PAPER:
+    elif pool[0] == PAPER:  # the preset and one other database
         yield from _cases_beside_preset(pool, rows, seed)
     else:
         yield from _cases_of_broad_scenes(pool, rows)
@@ -231,9 +231,9 @@ def _cases_of_preset(pool: tuple[str, ...], rows: Dataset) -> Iterator[Case]:
 
 
 def _case_of_hardness(pool: tuple[str, ...], rows: Dataset) -> Case:
-    """Return the case that is judged by bodies harder or softer than the bodies that train.
+    """Return the case of `YIELDING` whose judging rows are harder or softer than its training rows.
 
-    All rows that judge are taken as flagged: they are outside the range of the training.
+    All rows that judge are taken as flagged, because they are outside the range of the training.
     """
     smallest, largest = HARDNESS
     hardness = column(rows, "hardness")  # over E*, which is 1 MPa
@@ -342,10 +342,10 @@ def pools() -> Sequence[tuple[str, ...]]:
 
 
 def coverage(folder: Path, rows: int, seeds: int) -> Report:
-    """Count the rows inside their intervals, for all cases, targets and seeds.
+    """Measure the coverage of intervals for all cases, targets and seeds.
 
-    Progress is printed on standard error. Python functions of scenes are trusted from then on, see
-    `databases`.
+    Progress is printed on standard error. Python functions of scenes are trusted for the rest of
+    the process, see `databases`.
 
     Parameters
     ----------
@@ -448,7 +448,8 @@ def _judged(case: Case, rows: Dataset, row_limit: int, seed: int) -> list[Row]:
 def _parts(case: Case, rows: Dataset, row_limit: int, seed: int) -> Parts:
     """Draw `row_limit` rows of `case.train`, or all if there are fewer, and split them.
 
-    `case.added` are added to the training rows, at random places.
+    `case.added` are added to the training rows, at random places, and have folds in turn. One seed
+    draws the rows, the split and the places.
     """
     chosen = np.sort(np.random.default_rng(seed).permutation(case.train)[:row_limit])
     drawn = split.draw(rows.at(chosen), seed)
@@ -465,16 +466,22 @@ def _parts(case: Case, rows: Dataset, row_limit: int, seed: int) -> Parts:
 
 
 def _scores(fitted: Fitted, judged: Dataset, always: NDArray[np.bool_]) -> Row:
-    """Return the scores of a surrogate on rows that judge, as columns of the table.
+    """Return the scores of a fitted surrogate on the rows `judged`, as columns of the table.
 
-    Shares of flagged, covered, and covered unflagged rows are 0 to 1; the last is NaN if all rows
-    are flagged. `nmae` [%] is the error of all rows. `width` [%] is the mean width of the intervals
-    of unflagged rows over their mean target, NaN if all are flagged. `empty` is the number of
-    unflagged rows whose interval has no width. `always` marks rows that are taken as flagged even
-    if the surrogate does not flag them.
+    `always`, (n,), marks rows that are taken as flagged even if the surrogate does not flag them.
+    The columns are:
+
+    - `judged`: number of rows.
+    - `nmae`: normalised mean absolute error on all rows [%].
+    - `flagged`, `covered`: shares of all rows that are flagged, and whose target is in the interval
+      [1].
+    - `unflagged`: number of rows that are not flagged. The columns below are about these rows.
+    - `covered_unflagged`: share whose target is in the interval, NaN if all rows are flagged [1].
+    - `width`: mean width of the intervals over the mean target, NaN if all rows are flagged [%].
+    - `empty`: number of intervals without width.
     """
     low, high = fitted.interval(judged, LEVEL)
-    truth = judged.target * judged.scale
+    truth = judged.target * judged.scale  # in the unit of the intervals
     covered = (low <= truth) & (truth <= high)
     flagged = fitted.flags(judged) | always
     kept = ~flagged
@@ -560,9 +567,14 @@ def by_kind(table: Sequence[Row]) -> list[Row]:
 
 
 def _pooled(rows: Sequence[Row]) -> Row:
-    """Return the row for all seeds of a case and target, from one row for each seed."""
+    """Return the row for all seeds of a case and target, from one row for each seed.
+
+    Counts of unflagged and empty rows are summed, scores are averaged. The numbers of training and
+    judging rows are those of the first seed.
+    """
 
     def values(name: str) -> Values:
+        """Return a column: its value for each seed."""
         return np.array([row[name] for row in rows])
 
     first = rows[0]
@@ -611,8 +623,8 @@ class _Coverage:
             return cls(share=float("nan"), error=float("nan"), width=float("nan"))
         weights = unflagged[has_rows]
         share = float(np.average(shares[has_rows], weights=weights))
-        # All seeds judge similar rows, so that only as many rows as those of one seed, on average,
-        # are taken to be independent.
+        # All seeds judge similar rows. The number of independent rows is therefore taken as the
+        # mean number of unflagged rows of a seed.
         error = float(np.sqrt(share * (1 - share) / weights.mean()))
         width = float(np.average(widths[has_rows], weights=weights))
         return cls(share=share, error=error, width=width)

@@ -94,7 +94,10 @@ def _scaled(heights: Heights) -> Heights:
 
 
 def _sized(heights: Heights, rng: np.random.Generator) -> Heights:
-    """Shift heights to a mean of 0, and scale them to an rms height of 2 to 12 um, log-uniform."""
+    """Shift heights to a mean of 0, and scale them to a drawn rms height.
+
+    It is log-uniform from 2 to 12 um.
+    """
     rms_height = np.exp(rng.uniform(np.log(2.0), np.log(12.0)))
     return np.asarray(_scaled(heights) * rms_height)
 
@@ -127,6 +130,7 @@ def _made(
     return _sized(surface(made_map), rng)
 
 
+# These names are the generators that scenes name; their functions take the remaining arguments.
 turned = partial(_made, "turned")
 ground = partial(_made, "ground")
 honed = partial(_made, "honed")

@@ -18,7 +18,7 @@ from learn.features.columns import HEIGHTS, STATISTICS
 # Positions in `STATISTICS` of the statistics that are heights.
 HEIGHT_PLACES = [STATISTICS.index(name) for name in HEIGHTS]
 
-Remark = TypeVar("Remark")  # a note or a grid
+Remark = TypeVar("Remark")  # type of the remarks on rows: a note (str) or a `Grid`
 
 
 class Grid(NamedTuple):
@@ -52,7 +52,7 @@ class Rows:
     grids: tuple[Grid, ...] = ()
 
     def under(self, pressure: Values, e_star: float) -> "Rows":
-        """Return the rows with Delta replaced by a length for pressures; see `by_pressure`.
+        """Return the rows with Delta replaced by the length p L / E* of pressures (`by_pressure`).
 
         Parameters
         ----------
@@ -90,10 +90,10 @@ class Rows:
         columns += [self.statistics[:, place] for place in HEIGHT_PLACES]
         heights = np.column_stack(columns)
         with np.errstate(invalid="ignore"):
-            _, exponent = np.frexp(np.max(np.abs(heights), axis=1))
-            scaled = np.ldexp(heights, -exponent[:, None])
+            _, exponents = np.frexp(np.max(np.abs(heights), axis=1))
+            scaled = np.ldexp(heights, -exponents[:, None])  # the largest is 0.5 to 1
             roots = np.sqrt(np.einsum("ij,ij->i", scaled, scaled))
-            return np.asarray(np.ldexp(roots, exponent))
+            return np.asarray(np.ldexp(roots, exponents))
 
     @property
     def nodes_per_side(self) -> Values:
@@ -115,10 +115,11 @@ class Rows:
     def capped(self) -> "Rows":
         """Return the rows with hardnesses limited to a ceiling that no elastic contact reaches.
 
-        The ceiling is E* Delta n / L with n nodes along a side: pressures on all nodes push a node
-        down, so its own pressure is at most its interference over its own influence coefficient,
-        p <= E* Delta / (1.12 spacing) in square cells. Harder bodies stay elastic. With the ceiling
-        their hardness makes no difference to the features, as it makes none to the contact.
+        The ceiling is E* Delta n / L with n nodes along a side. The pressures of the other nodes
+        displace a node downwards, too. Its own pressure is therefore at most its interference over
+        its own influence coefficient: p <= E* Delta / (1.12 spacing) in square cells, which is
+        below the ceiling. Bodies of a hardness above the ceiling stay elastic. Limited to it, their
+        hardness makes no difference to the features, as it makes none to the contact.
         """
         ceiling = self.delta * self.nodes_per_side / self.length
         ratios = np.minimum(self.hardness_ratios, ceiling)
@@ -201,9 +202,10 @@ def _joined_scene_numbers(parts: Sequence[Rows]) -> dict[str, Values]:
 def _joined_numbers(
     numbers: Sequence[Values | float | None], sizes: Sequence[int]
 ) -> Values | None:
-    """Join one entry for each part: one number for all its rows, or an array of its rows.
+    """Return one number for each row of all parts; None if the entry of any part is None.
 
-    Returns one number for each row of all parts; None if the entry of a part is None.
+    The entry of a part is one number for all its rows, or one for each row; `sizes` are the numbers
+    of rows of the parts.
     """
     arrays = []
     for number, size in zip(numbers, sizes, strict=True):
@@ -216,9 +218,10 @@ def _joined_numbers(
 def _repeated(
     remarks: Sequence[tuple[Remark, ...]], sizes: Sequence[int]
 ) -> tuple[Remark, ...]:
-    """Join one tuple for each part: one remark for all its rows, or one for each of its rows.
+    """Return one remark for each row of all parts.
 
-    Takes the number of rows of each part; returns one remark for each row of all parts.
+    The tuple of a part has one remark for all its rows, or one for each row; `sizes` are the
+    numbers of rows of the parts.
     """
     joint: list[Remark] = []
     for of_part, size in zip(remarks, sizes, strict=True):

@@ -24,8 +24,9 @@ SCENE = "scene"
 # Smallest ratio of the largest to the smallest value of a number whose feature is its logarithm.
 SPAN = 3.0
 
-# Units of the loads by name. Every database has the first three. The relative ones are over the rms
-# height, or over E* times the rms slope; a database has one only if its scene draws it.
+# Units of the loads by name. Every database has the first three. The two relative loads are Delta
+# over the rms height, and pressure over E* times the rms slope. A database has a relative load only
+# if its scene draws it.
 LOADS: Mapping[str, str] = {
     "delta": "um",
     "pressure": "MPa",
@@ -33,7 +34,7 @@ LOADS: Mapping[str, str] = {
     "relative_delta": "1",
     "relative_pressure": "1",
 }
-# Names of the relative loads here, by their names in the `quantity` of scenes.
+# Names of the relative loads in `LOADS`, by their names in `Scene.quantity`.
 RELATIVE: Mapping[str, str] = {
     "delta/height_rms": "relative_delta",
     "pressure/(E* slope_rms)": "relative_pressure",
@@ -61,18 +62,19 @@ class Limits:
 
 
 def load_of(scene: Scene) -> str:
-    """Return the name of the load that a scene draws, as it is in `LOADS`.
+    """Return the name of the load that a scene draws.
 
     Parameters
     ----------
     scene : Scene
-        The scene, in which relative loads have the names in `RELATIVE`.
+        The scene. Its own names of relative loads are the keys of `RELATIVE`.
 
     Returns
     -------
     str
         One of `LOADS`.
     """
+    # Loads that are not relative have one name in scenes and in `LOADS`.
     return RELATIVE.get(scene.quantity, scene.quantity)
 
 
@@ -137,7 +139,8 @@ def numbers_of_rows(scene: Scene, column: Callable[[str], Values]) -> dict[str, 
         Numbers by name: the parameters that the scene draws, Delta [um], force [uN], pressure
         [MPa], the load that the scene draws and, for bodies that yield, both `HARDNESSES`.
     """
-    patch = float(np.prod(scene.grid.shape) * np.prod(scene.grid.spacing))  # area [um2]
+    # Each node has a whole cell, also at the border of the patch.
+    nominal_area = float(np.prod(scene.grid.shape) * np.prod(scene.grid.spacing))  # [um2]
     numbers = {}
     for name, stored_name in parameter_columns(scene).items():
         numbers[name] = column(stored_name)
@@ -145,15 +148,17 @@ def numbers_of_rows(scene: Scene, column: Callable[[str], Values]) -> dict[str, 
     if contact.hardness_limits is not None:
         if contact.draws_hardness:
             hardness = column("hardness")
-        else:
+        else:  # Both limits are the constant hardness of the scene.
             hardness = np.full_like(column("delta"), contact.hardness_limits[0])
         numbers["hardness"] = hardness
         numbers["hardness_ratio"] = hardness / contact.e_star
     force = column("force")
     numbers["delta"] = column("delta")
     numbers["force"] = force
-    numbers["pressure"] = force / patch
+    numbers["pressure"] = force / nominal_area
     if scene.quantity != "delta":
+        # A force or pressure that was drawn replaces that of the solver, which differs by its
+        # tolerance. A relative load is a further number.
         numbers[load_of(scene)] = column("load")
     return numbers
 
@@ -161,7 +166,7 @@ def numbers_of_rows(scene: Scene, column: Callable[[str], Values]) -> dict[str, 
 def checked_numbers(
     columns: Sequence[str], numbers: Mapping[str, ArrayLike]
 ) -> dict[str, Values]:
-    """Check a user's numbers for features, and return copies of one length.
+    """Check a user's numbers for features, and return arrays of one length.
 
     Parameters
     ----------
@@ -173,7 +178,7 @@ def checked_numbers(
     Returns
     -------
     dict of str to ndarray, shape (n,)
-        Numbers by name, in the order of the features.
+        Numbers by name, in the order of the features. A single number is repeated n times.
 
     Raises
     ------
@@ -185,17 +190,17 @@ def checked_numbers(
     names = tuple(map(plain, columns))
     _require_names(names, numbers)
     with input_errors():
-        copies = {name: np.atleast_1d(real_array(name, numbers[name])) for name in names}
-    for name, values in copies.items():
+        given = {name: np.atleast_1d(real_array(name, numbers[name])) for name in names}
+    for name, values in given.items():
         if values.ndim != 1:
             raise InputError(
                 f"{', '.join(names)}: give numbers or arrays of one dimension, not {name} of"
                 f" shape {values.shape}"
             )
     try:
-        arrays = np.broadcast_arrays(*copies.values())
+        arrays = np.broadcast_arrays(*given.values())
     except ValueError:
-        lengths = ", ".join(f"{name} {values.size}" for name, values in copies.items())
+        lengths = ", ".join(f"{name} {values.size}" for name, values in given.items())
         raise InputError(
             f"arrays of unequal lengths: {lengths}; give one length"
         ) from None
@@ -205,9 +210,9 @@ def checked_numbers(
 
 
 def _require_names(names: Sequence[str], numbers: Mapping[str, ArrayLike]) -> None:
-    """Refuse numbers whose names are not exactly those of a surrogate.
+    """Refuse numbers unless their names are exactly `names`, those that a surrogate asks for.
 
-    The message lists missing names; if none is missing, it lists unknown ones.
+    The message of the InputError lists missing names; if none is missing, it lists unknown ones.
     """
     missing = set(names) - set(numbers)
     unknown = set(numbers) - set(names)
@@ -225,7 +230,10 @@ def _require_names(names: Sequence[str], numbers: Mapping[str, ArrayLike]) -> No
 
 
 def _require_finite(column: str, values: Values) -> None:
-    """Refuse numbers, (n,), that are not finite, or not above 0 if the feature is a logarithm."""
+    """Refuse numbers, (n,), that are not finite, or not above 0 if the feature is a logarithm.
+
+    `column` is the name of the feature. The message of the InputError quotes the first such number.
+    """
     wrong = ~np.isfinite(values)
     advice = "give finite numbers"
     if _is_logarithm(column):
@@ -236,7 +244,7 @@ def _require_finite(column: str, values: Values) -> None:
 
 
 def columns_of(scenes: Sequence[Scene], load: str) -> tuple[str, ...]:
-    """Choose the features of scenes: the numbers that vary over all rows, and then the load.
+    """Choose the features of scenes: the numbers that are not constant, and then the load.
 
     Parameters
     ----------
@@ -248,7 +256,7 @@ def columns_of(scenes: Sequence[Scene], load: str) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        Names of the features.
+        Names of the features: those of the parameters, of a hardness, and of the load.
 
     Raises
     ------
@@ -258,31 +266,35 @@ def columns_of(scenes: Sequence[Scene], load: str) -> tuple[str, ...]:
     """
     columns = []
     for name in _numbers_of(scenes):
-        ends = _joint_limits(scenes, name)
-        in_some = any(_limits(scene, name) is not None for scene in scenes)
-        if ends is None and in_some:
-            raise InputError(
-                f"--features {SCENE}: {name} is a number of some of the databases only: they cannot"
-                " be learnt together"
-            )
+        joint_limits = _joint_limits(scenes, name)
+        if joint_limits is None:
+            # Not all scenes define the number. No scene defines the hardness of elastic bodies.
+            if any(_limits(scene, name) is not None for scene in scenes):
+                raise InputError(
+                    f"--features {SCENE}: {name} is a number of some of the databases only: they"
+                    " cannot be learnt together"
+                )
         # A constant number tells a model nothing.
-        if ends is not None and ends.low < ends.high:
-            columns.append(_column(name, ends))
+        elif joint_limits.low < joint_limits.high:
+            columns.append(_column(name, joint_limits))
     load = load or load_of(scenes[0])
     if load in RELATIVE.values() and any(load_of(scene) != load for scene in scenes):
         raise InputError(
             f"--load {load}: not all databases draw it: give --load pressure"
         )
-    # A load that is a result has no limits. It spans decades: the limits that take their place make
-    # its feature the logarithm.
-    ends_of_load = _joint_limits(scenes, load) or Limits(low=1.0, high=SPAN)
-    return (*columns, _column(load, ends_of_load))
+    limits_of_load = _joint_limits(scenes, load)
+    if limits_of_load is None:
+        # The load is a result in one scene or more, and has no limits there. It spans decades:
+        # limits with the ratio `SPAN` make its feature the logarithm.
+        limits_of_load = Limits(low=1.0, high=SPAN)
+    return (*columns, _column(load, limits_of_load))
 
 
 def _numbers_of(scenes: Sequence[Scene]) -> list[str]:
-    """Return the names of the parameters that any scene draws, and then that of the hardness.
+    """Return the names of the parameters that any scene draws, and then the name of the hardness.
 
-    The hardness is "hardness" if a scene gives it in MPa, otherwise "hardness_ratio".
+    The name of the hardness is "hardness" if a scene gives it in MPa, otherwise "hardness_ratio",
+    also for elastic bodies, which have none.
     """
     names: list[str] = []
     for scene in scenes:
@@ -292,50 +304,56 @@ def _numbers_of(scenes: Sequence[Scene]) -> list[str]:
     return [*names, "hardness"]
 
 
-def _column(name: str, ends: Limits) -> str:
-    """Return the column of a number between two limits.
+def _column(name: str, limits_of_number: Limits) -> str:
+    """Return the name of the feature of a number: "log(NAME)" or "NAME".
 
-    It is the logarithm if the limits are above 0 and their ratio is at least `SPAN`, otherwise the
-    number itself.
+    The feature is the logarithm if the limits of the number are above 0 and their ratio is at least
+    `SPAN`, otherwise the number itself.
     """
-    if ends.low > 0 and ends.high >= SPAN * ends.low:
+    low = limits_of_number.low
+    if low > 0 and limits_of_number.high >= SPAN * low:
         return f"log({name})"
     return name
 
 
 def _joint_limits(scenes: Sequence[Scene], name: str) -> Limits | None:
-    """Return the limits of a number over all scenes; None if one scene does not define them."""
-    ends = []
+    """Return the limits of a number over all scenes; None if any scene does not define them."""
+    lows = []
+    highs = []
     for scene in scenes:
         of_scene = _limits(scene, name)
         if of_scene is None:
             return None
-        ends.append(of_scene)
-    return Limits(min(end.low for end in ends), max(end.high for end in ends))
+        lows.append(of_scene.low)
+        highs.append(of_scene.high)
+    return Limits(low=min(lows), high=max(highs))
 
 
 def _limits(scene: Scene, name: str) -> Limits | None:
-    """Return the limits of a parameter, hardness or load in a scene.
+    """Return the limits of a parameter, hardness or load in a scene, by its name here.
 
-    They are None if the scene does not draw this parameter or load. Those of a hardness are None if
-    the bodies are elastic.
+    Returns None if the scene does not draw the parameter or load, or, for a hardness, if the bodies
+    are elastic.
     """
     if name in scene.drawn_parameters:
-        return Limits(*limits(scene.drawn_parameters[name]))
+        low, high = limits(scene.drawn_parameters[name])
+        return Limits(low=low, high=high)
     contact = scene.contact
     if name in HARDNESSES:
         if contact.hardness_limits is None:
             return None
         low, high = contact.hardness_limits
         if name == "hardness":
-            return Limits(low, high)
-        return Limits(low / contact.e_star, high / contact.e_star)
+            return Limits(low=low, high=high)
+        return Limits(low=low / contact.e_star, high=high / contact.e_star)
     if name != load_of(scene):
         return None
-    pieces = [Limits(*limits(piece.range)) for piece in scene.pieces]
-    lowest = min(piece.low for piece in pieces)
-    highest = max(piece.high for piece in pieces)
-    return Limits(lowest, highest)
+    # The range of the load may be drawn from several pieces.
+    ends_of_pieces = [limits(piece.range) for piece in scene.pieces]
+    return Limits(
+        low=min(low for low, _ in ends_of_pieces),
+        high=max(high for _, high in ends_of_pieces),
+    )
 
 
 def inputs(columns: Sequence[str], numbers: Mapping[str, Values]) -> Values:
@@ -407,9 +425,11 @@ def training_ranges(
     high = seen.max(axis=0)
     for place, column in enumerate(columns):
         name = plain(column)
-        ends = _joint_limits(scenes, name)
-        if ends is not None:
-            limits_of_feature = inputs([column], {name: np.array([ends.low, ends.high])})
-            low[place] = limits_of_feature[0, 0]
-            high[place] = limits_of_feature[1, 0]
-    return Ranges(low, high)
+        joint_limits = _joint_limits(scenes, name)
+        if joint_limits is not None:
+            # Compute the features of two rows: one has the lower limit, the other the upper one.
+            numbers = {name: np.array([joint_limits.low, joint_limits.high])}
+            ends = inputs([column], numbers)[:, 0]
+            low[place] = ends[0]
+            high[place] = ends[1]
+    return Ranges(low=low, high=high)

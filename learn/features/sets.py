@@ -56,7 +56,7 @@ from learn.features.columns import (
 from learn.features.rows import Rows
 from learn.features.scene import SCENE
 
-# Function of n rows, which returns one feature of them, (n,).
+# Type of a function that takes n rows and returns one feature of them, (n,).
 Formula = Callable[[Rows], Values]
 
 
@@ -234,8 +234,9 @@ class FeatureSet(ABC):
     def scale(self, powers: Powers | None, rows: Rows, modulus: float) -> Values:
         """Return the numbers by which a target is divided before it is learnt.
 
-        The quotient has no unit. A target that is proportional to E* vanishes with the load: its
-        power of heights is taken of Delta. That of other targets is taken of h, as in the features.
+        The quotient has no unit. For a target that is proportional to E*, the height in the divisor
+        is Delta, because the target vanishes with Delta. For other targets the height is h, as in
+        the features.
 
         Parameters
         ----------
@@ -256,7 +257,7 @@ class FeatureSet(ABC):
         if not self.scaled or powers is None:
             return ones
         heights = rows.delta if powers.modulus else rows.height_unit
-        length = np.asarray(rows.length, dtype=np.float64)
+        length = np.asarray(rows.length, dtype=np.float64)  # one number, or (n,)
         scale = modulus**powers.modulus * length ** float(powers.lengths)
         scale = scale * heights ** float(powers.heights) * ones
         return np.asarray(scale, dtype=np.float64)
@@ -274,7 +275,10 @@ class OfSurface(FeatureSet):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the features: their columns, with "pressure.L/E*" if it replaces Delta."""
+        """Names of the features: `columns`, with "pressure.L/E*" if this length replaces Delta.
+
+        It does so under pressures, unless a coarse solve gives the Delta of the pressure.
+        """
         if self.needs_surface or not self.by_pressure:
             return self.columns
         return tuple(
@@ -288,18 +292,19 @@ class OfSurface(FeatureSet):
 
     def of(self, rows: Rows) -> Values:
         """Compute the features of n rows, (n, d); undefined features are NaN or infinite."""
-        capped = rows
+        finite_hardness = rows
         if self.elastic:
-            capped = rows.capped()
+            # Elastic bodies have an infinite hardness, which is no number for a model.
+            finite_hardness = rows.capped()
         features = []
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             for column in self.columns:
                 formula = FORMULAS[column]
                 if column == PLASTIC:
-                    # It is 0 for elastic bodies; with a ceiling of the hardness it would not be.
+                    # It is 0 for elastic bodies, as their hardness is infinite.
                     features.append(formula(rows))
                 else:
-                    features.append(formula(capped))
+                    features.append(formula(finite_hardness))
         return np.column_stack(features)
 
     def shown(self, features: Values) -> Values:
@@ -308,7 +313,7 @@ class OfSurface(FeatureSet):
 
     def ranges(self, scenes: Sequence[Scene], inputs: Values) -> scenic.Ranges:
         """Return the smallest and the largest features of the rows."""
-        return scenic.Ranges(inputs.min(axis=0), inputs.max(axis=0))
+        return scenic.Ranges(low=inputs.min(axis=0), high=inputs.max(axis=0))
 
 
 class OfScene(FeatureSet):
@@ -356,11 +361,12 @@ class OfScene(FeatureSet):
 class Scaling:
     """A change of scale of the target: models learn (target - mean) / deviation.
 
-    If `root` is set, the square root of the target takes its place. For features without units, and
-    for Gaussian processes of surrogates, mean and deviation are those of the training rows. For
-    other features they are 0 and 1, as in the paper, unless the target is far larger or smaller
-    than an area in percent: then the deviation is a power of two, because splits of trees, tubes of
-    support vectors and steps of perceptrons have absolute thresholds.
+    If `root` is set, the square root of the target takes its place. `learn.models.scaling_of` makes
+    scalings. For features without units, mean and deviation are those of the training rows, as they
+    are for some surrogates of other features. Otherwise they are 0 and 1, as in the paper, with two
+    exceptions. A mean that is far larger than the deviation is subtracted. A target that is far
+    larger or smaller than an area in percent is divided by a power of two, because splits of trees,
+    tubes of support vectors and steps of perceptrons have absolute thresholds.
     """
 
     mean: float = 0.0  # in the unit of the target, or of its root
@@ -544,8 +550,9 @@ def _root_columns(features: FeatureSet, *, roots: bool) -> list[str]:
 def _hardness_columns(features: FeatureSet, scenes: Sequence[Scene]) -> list[str]:
     """Return the columns of the hardness that a set needs for some scenes.
 
-    There are none if all bodies are elastic, and none for a set with units if the hardness is
-    constant. If some bodies are elastic, hybrid features have the plastic area in addition.
+    The list is empty if all bodies are elastic, and for a set with units if the hardness of the
+    bodies that yield is constant. If only some bodies are elastic, hybrid features have `PLASTIC`
+    in addition.
     """
     limits = limits_of(scenes)
     if limits is None:

@@ -68,7 +68,9 @@ class Blocks:
 
     heights: Values  # (nx, ny) [um]
     steps: Sides  # spacing of the nodes along x and y [um]
-    limit: int  # largest number of blocks per side; if a side has fewer nodes, each is a block
+    limit: (
+        int  # largest number of blocks per side; with fewer nodes, each node is a block
+    )
 
     @cached_property
     def means(self) -> Values:
@@ -139,10 +141,12 @@ class Blocks:
         from scipy.special import erf
 
         pressed = pressure > 0
-        with np.errstate(divide="ignore", over="ignore"):  # slopes of 0 have a share of 1
+        with np.errstate(
+            divide="ignore", over="ignore"
+        ):  # A slope of 0 gives erf(inf) = 1.
             shares = erf(factor * PERSSON * pressure[pressed] / self.slopes[pressed])
-        touching = (self._sizes[pressed] * shares).sum()
-        return float(touching) / self.heights.size
+        nodes_in_contact = (self._sizes[pressed] * shares).sum()
+        return float(nodes_in_contact) / self.heights.size
 
     @cached_property
     def _unresolved(self) -> Values:
@@ -174,8 +178,8 @@ class Blocks:
 
     @cached_property
     def _weights(self) -> list[Values]:
-        """Weights of the interpolation to the nodes, (nx, bx) and (ny, by)."""
-        return [along.weights() for along in self._edges]
+        """Weights of the interpolation to the nodes along x, (nx, bx), and along y, (ny, by)."""
+        return [along_axis.weights() for along_axis in self._edges]
 
 
 def _squared_slopes(heights: Values, step: float) -> Values:
@@ -196,11 +200,11 @@ class Undefined(InputError):
 
 
 class CoarseMeans(NamedTuple):
-    """Means over the patch of a coarse contact."""
+    """Means over the patch of a coarse contact solve."""
 
-    # mean displacement over F / (E* L), 0 for a patch without edges [1]
+    # mean displacement over F / (E* L); 0 for a patch without edges [1]
     compliance: float
-    # mean depth by which blocks have yielded, 0 for elastic bodies [um]
+    # mean depth by which blocks have yielded; 0 for elastic bodies [um]
     yielded_depth: float
 
 
@@ -213,7 +217,7 @@ class SurfaceFeatures:
     spacing: Sides  # distances of neighbouring nodes along x and y [um]
     name: str = "the surface"  # name in messages
     boundary: Boundary = "free"  # of the patch; the coarse solve has it, too
-    # Blocks of the surface by their number per side, kept for further calls.
+    # The surface in blocks, by the number of blocks per side; `_blocks` fills it.
     _in_blocks: dict[int, Blocks] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
@@ -259,7 +263,7 @@ class SurfaceFeatures:
         Undefined
             If any of the 22 statistics is undefined for the surface.
         InputError
-            If a load is not finite and above 0, or a coarse solve fails.
+            If a load is not finite or not above 0, or a coarse solve fails.
         """
         # Delta, or the length p L / E* that replaces it under pressures.
         lengths = loads
@@ -303,12 +307,12 @@ class SurfaceFeatures:
         lengths, (k,) [um], are the Deltas or the lengths that replace the pressures; a pressure
         whose length overflows or underflows is refused, too.
         """
-        usable = (lengths > 0) & (lengths < np.inf)
-        wrong = loads[~usable]
-        if wrong.size:
-            load = f"Delta {wrong[0]:g} um"
+        usable = (lengths > 0) & (lengths < np.inf)  # False for NaN, too
+        refused = loads[~usable]
+        if refused.size:
+            load = f"Delta {refused[0]:g} um"
             if are_pressures:
-                load = f"pressure {wrong[0]:g} MPa"
+                load = f"pressure {refused[0]:g} MPa"
             raise InputError(f"{self.name}: {load}: give finite numbers above 0")
         if self.description.reason:
             raise Undefined(
@@ -316,16 +320,16 @@ class SurfaceFeatures:
             )
 
     def _notes_on_full_contact(self, deltas: Values) -> tuple[str, ...]:
-        """Return a note for each Delta, (k,) [um], of elastic bodies without edges.
+        """Return for each Delta, (k,) [um], a note if the contact of elastic bodies is full.
 
-        The note says that the contact is full; it is "" below full contact. For a patch with edges
-        the tuple is empty.
+        The note is "" below full contact. For a patch with edges the tuple is empty, because its
+        contact has an equilibrium at any Delta.
         """
         if self.boundary == "free":
             return ()
-        limit = float((self.heights.max() - self.heights).mean())
-        full = f"no equilibrium: the contact is full at delta = {limit:.6g} um"
-        return tuple(np.where(deltas >= limit, full, "").tolist())
+        delta_of_full_contact = float((self.heights.max() - self.heights).mean())
+        note = f"no equilibrium: the contact is full at delta = {delta_of_full_contact:.6g} um"
+        return tuple(np.where(deltas >= delta_of_full_contact, note, "").tolist())
 
     def _reached_deltas(
         self, lengths: Values, ratios: list[float | None], features: FeatureSet
@@ -413,23 +417,22 @@ class SurfaceFeatures:
         coarse = self._blocks(blocks)
         depth = self._depth(coarse, delta)
         if depth <= 0:
-            # Delta does not reach the mean of any block: all results of the coarse solve are 0, and
-            # nodes are above its displacement as they are above that of the rigid plane.
-            area = force = mean_displacement = perimeter = 0.0
+            # Delta does not reach the mean of any block: all results of the coarse solve are 0.
+            # With a displacement of 0, the refined features are those of the rigid plane.
             return (
                 *bearing,
-                area,
-                force,
-                mean_displacement,
-                *bearing,
-                *(0.0 for _ in FACTORS),
+                0.0,  # area
+                0.0,  # force
+                0.0,  # mean displacement
+                *bearing,  # the refined features
+                *[0.0] * len(FACTORS),  # local areas
                 *_above_shifted(interference, delta, coarse.roughness),
-                perimeter,
+                0.0,  # perimeter
                 coarse.skewness,
             )
-        contact = self._pressed(coarse, depth, hardness_ratio)
+        contact = self._pressed(coarse, depth=depth, hardness_ratio=hardness_ratio)
         displacement = coarse.interpolated(contact.displacement)
-        # The residual of the solve is subtracted: nodes within it are in contact, not above.
+        # The residual of the solve is subtracted: nodes within it are not above the displacement.
         above = interference - displacement - LOOSE * delta
         return (
             *bearing,
@@ -450,10 +453,12 @@ class SurfaceFeatures:
         hardness_ratio: float | None,
         pressure: float | None = None,
     ) -> bem.Contact:
-        """Solve the contact of the blocks with E* = 1 MPa; raises InputError if that fails.
+        """Solve the contact of the blocks with E* = 1 MPa; raise InputError if that fails.
 
         The load is a depth below the highest block [um] or, with depth None, a nominal pressure
-        [MPa]. Elastic bodies without edges are not pressed beyond `NEARLY_FULL`.
+        over E*. A depth of elastic bodies without edges is reduced to `NEARLY_FULL` times that of
+        full contact of the blocks. `hardness_ratio` is the hardness over E*, None for elastic
+        bodies.
         """
         means = coarse.means
         step_x, step_y = self.spacing
@@ -503,15 +508,17 @@ class SurfaceFeatures:
             If the coarse solve fails.
         """
         if self.boundary != "free" and hardness_ratio is None:
-            return CoarseMeans(0.0, 0.0)
+            return CoarseMeans(compliance=0.0, yielded_depth=0.0)
         coarse = self._blocks(BLOCKS)
         # A Delta that reaches no block has the means of a very light contact.
         depth = max(self._depth(coarse, delta), SMALLEST_DEPTH * delta)
-        contact = self._pressed(coarse, depth, hardness_ratio)
+        contact = self._pressed(coarse, depth=depth, hardness_ratio=hardness_ratio)
+        # The coarse solve has E* = 1 MPa, so that F / (E* L) is its force over L.
         compliance = self._mean_displacement(contact) * self.length / contact.force
-        if hardness_ratio is None:
-            return CoarseMeans(compliance, 0.0)
-        return CoarseMeans(compliance, float(contact.yielded_depth.mean()))
+        yielded_depth = 0.0
+        if hardness_ratio is not None:
+            yielded_depth = float(contact.yielded_depth.mean())
+        return CoarseMeans(compliance=compliance, yielded_depth=yielded_depth)
 
     def _mean_displacement(self, contact: bem.Contact) -> float:
         """Return the mean displacement of a coarse contact [um]; 0 for a patch without edges."""
@@ -520,20 +527,20 @@ class SurfaceFeatures:
         return float(contact.displacement.mean())
 
     def _depth(self, coarse: Blocks, delta: float) -> float:
-        """Return the depth of the rigid plane below the highest block [um].
+        """Return the depth of the rigid plane below the mean height of the highest block [um].
 
-        It is negative if Delta, measured from the highest node, reaches no block.
+        It is negative if Delta, measured from the highest node, does not reach this height.
         """
         return delta - self._height_above_blocks(coarse)
 
     def _height_above_blocks(self, coarse: Blocks) -> float:
-        """Return the height of the highest node above the highest block [um]."""
+        """Return the height of the highest node above the mean of the highest block [um]."""
         return float(self.heights.max()) - float(coarse.means.max())
 
     def _blocks(self, number: int) -> Blocks:
-        """Return the surface in blocks; with `number` blocks per side, or one less without edges.
+        """Return the surface in `number` blocks per side, or one less if the patch has no edges.
 
-        The blocks are kept for further calls.
+        The blocks are kept in `_in_blocks`, and returned by further calls with this number.
         """
         if number not in self._in_blocks:
             limit = number
@@ -544,9 +551,10 @@ class SurfaceFeatures:
 
 
 def _above(interference: Values, delta: float) -> tuple[float, float]:
-    """Return the share of the nodes above 0, and the mean of the positive part over Delta.
+    """Return the share of the nodes with a positive interference, and its mean over Delta.
 
-    The interference, (nx, ny), and Delta are in um.
+    The mean is over all nodes, with 0 for a negative interference. The interference, (nx, ny), and
+    Delta are in um.
     """
     above = np.maximum(interference, 0.0)
     share = np.count_nonzero(above) / above.size
@@ -556,18 +564,19 @@ def _above(interference: Values, delta: float) -> tuple[float, float]:
 def _above_shifted(
     interference: Values, delta: float, roughness: float
 ) -> tuple[float, ...]:
-    """Return the share of nodes above each of `SHIFTS`, and norms of the positive part over Delta.
+    """Return the shares of nodes whose interference exceeds `SHIFTS`, and norms over Delta.
 
-    The interference, (nx, ny) [um], is that of the nodes with the displacement. The shifts are
-    multiples of the roughness, the rms of the unresolved heights [um]; the norms are of `POWERS`.
+    The interference, (nx, ny) [um], is the height of the nodes above the displacement. The shifts
+    are multiples of the roughness, the rms of the unresolved heights [um]. There is one norm for
+    each of `POWERS`: (mean of interference^p)^(1/p) with 0 for a negative interference.
     """
     shares = []
     for shift in SHIFTS:
         number = np.count_nonzero(interference > shift * roughness)
         shares.append(number / interference.size)
-    above = np.maximum(interference, 0.0) / delta
+    positive = np.maximum(interference, 0.0) / delta
     norms = []
     for power in POWERS:
-        moment = float((above**power).mean())
+        moment = float((positive**power).mean())
         norms.append(moment ** (1 / power))
     return (*shares, *norms)

@@ -30,14 +30,10 @@ from learn.surrogate.interval import USUAL_LEVEL, calibrated_by
 from learn.surrogate.learnt import COMPARISON, Fit, Learnt
 from learn.surrogate.training import hardness_range_text
 
-LEVELS = (
-    0.5,
-    0.9,
-    0.95,
-)  # levels of intervals whose coverage is measured on the test rows
-MIDDLE = (
-    1  # place in `LEVELS` of the level whose coverage is also measured on each database
-)
+# Levels of the intervals whose coverage is measured on the test rows.
+LEVELS = (0.5, 0.9, 0.95)
+# Index in `LEVELS` of the level, 90 %, whose coverage is also measured on each database.
+MIDDLE = 1
 # Line on the coverage that `bench coverage` has measured, for kernel ridge with hybrid features.
 MEASURED = (
     "          measured on 27 kinds of surfaces that were not trained on (bench coverage): 94 % of"
@@ -141,6 +137,7 @@ def _unusual(rows: Dataset, databases: list[dict[str, Any]]) -> dict[str, Any]:
     """
     features = rows.features
     unusual: dict[str, Any] = {}
+    # The defaults are those of elastic bodies with free boundaries in one database, by Delta.
     if features.rooted:
         unusual["roots"] = features.rooted
     if features.blocks:
@@ -175,9 +172,10 @@ def judge(fitted: Fit, rows: Dataset, test: Indices) -> dict[str, Any]:
     Returns
     -------
     dict of str to object
-        The target's entry of the card. "scores" and "nmae" are in percent, "fit_seconds" in
-        seconds; "range", "mae" and "mean_width" are in the target's unit, and "coverage" is a share
-        of 1.
+        The target's entry of the card. "scores" and "nmae" are in percent, "fit_seconds" is in
+        seconds of processor time; "range", "mae" and "mean_width" are in the target's unit, and
+        "coverage" is a share between 0 and 1. "databases" has one entry for each database, if there
+        are several; "comparison" is the folder that the settings come from, if they do.
 
     Raises
     ------
@@ -219,28 +217,31 @@ def judge(fitted: Fit, rows: Dataset, test: Indices) -> dict[str, Any]:
 class _JudgedIntervals:
     """The intervals of one level on the test rows."""
 
-    inside: NDArray[np.bool_]  # (k,), True for rows whose interval holds the truth
-    # for the card: "level", "coverage" as a share of 1, "mean_width" in the target's unit
+    inside: NDArray[np.bool_]  # (k,), True for rows whose interval contains the truth
+    # entry of the card: "level" and "coverage", between 0 and 1, and "mean_width" in the target's
+    # unit
     entry: dict[str, float]
 
 
 def _judge_intervals(
     learnt: Learnt, tested: Dataset, raw: Values, level: float
 ) -> _JudgedIntervals:
-    """Measure coverage and mean width of the intervals of a level on the test rows.
+    """Measure coverage and mean width of the intervals of a level, 0 to 1, on the k test rows.
 
     `raw` are the predictions of the test rows over the target's scale, (k,).
     """
+    # `low`, `high` and `tested.target` are over the target's scale.
     low, high = learnt.calibration.ends(raw, level, tested.inputs)
-    # The truth is within the bounds, so that clipping the ends to them would change no coverage.
+    # The truth is within the target's bounds: clipping the ends to them would not change `inside`.
     inside = (low <= tested.target) & (tested.target <= high)
-    # The intervals of predictions are in the target's unit, within its bounds.
-    low_end = np.clip(low * tested.scale, *learnt.bounds)
-    high_end = np.clip(high * tested.scale, *learnt.bounds)
+    # Widths are those of the intervals that users see: in the target's unit, within its bounds.
+    low_for_users = np.clip(low * tested.scale, *learnt.bounds)
+    high_for_users = np.clip(high * tested.scale, *learnt.bounds)
+    widths = high_for_users - low_for_users
     entry = {
         "level": level,
         "coverage": float(inside.mean()),
-        "mean_width": float((high_end - low_end).mean()),
+        "mean_width": float(widths.mean()),
     }
     return _JudgedIntervals(inside=inside, entry=entry)
 
@@ -274,11 +275,12 @@ def scores_of(learnt: Learnt, rows: Dataset, raw: Values) -> dict[str, float]:
 def _scores_by_database(
     learnt: Learnt, tested: Dataset, raw: Values, inside: NDArray[np.bool_]
 ) -> list[dict[str, Any]]:
-    """Return for each database the number of its test rows, nMAE, mean error and coverage.
+    """Return the entry of each database: its number of test rows, and scores on these.
 
-    The last three are NaN for a database without test rows; the nMAE is NaN, too, if the target is
-    0 in all of them. `raw` are the predictions of the test rows over the target's scale, (k,), and
-    `inside` is True for rows whose interval holds the truth, (k,).
+    The entries are "rows", "nmae" [%], "mae" in the target's unit, and "coverage", a share between
+    0 and 1. The last three are NaN for a database without test rows; "nmae" is also NaN if the
+    target is 0 in all of them. `raw` are the predictions of the k test rows over the target's
+    scale, (k,), and `inside` is True for rows whose interval contains the truth, (k,).
     """
     truth = tested.target * tested.scale
     errors = np.abs(np.clip(raw * tested.scale, *learnt.bounds) - truth)
@@ -301,25 +303,28 @@ def _scores_by_database(
 
 
 def show(card: Mapping[str, Any], low: Values, high: Values) -> None:
-    """Print a card with its tables to stdout.
+    """Print the lines of a card, then its tables, to stdout.
 
     Parameters
     ----------
     card : mapping of str to object
         The card.
     low, high : ndarray, shape (d,)
-        Smallest and largest value of each feature in the training.
+        Smallest and largest value of each of the d features in the training.
 
     Raises
     ------
     InputError
         If an entry of the card is missing or malformed. Nothing is printed then.
     """
+    # All texts and tables are made before the first one is printed, because any may be malformed.
     try:
         texts = list(lines(card))
-        tables = [_scores(card), _ranges(card, low, high)]
-        if "databases" in card:
-            tables.insert(0, _databases(card))
+        tables: list[Table] = []
+        if "databases" in card:  # only cards of several databases have this entry
+            tables.append(_table_of_databases(card))
+        tables.append(_table_of_scores(card))
+        tables.append(_table_of_ranges(card, low, high))
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         fault = printable(f"{type(error).__name__}: {error}")
         raise InputError(
@@ -330,7 +335,8 @@ def show(card: Mapping[str, Any], low: Values, high: Values) -> None:
     for table in tables:
         echo("")
         echo(table.title)
-        print_columns(table.rows, [*table.names, *table.numbers], right=table.numbers)
+        headings = [*table.names, *table.numbers]
+        print_columns(table.rows, headings, right=table.numbers)
 
 
 def lines(card: Mapping[str, Any]) -> Iterator[str]:
@@ -382,7 +388,7 @@ def lines(card: Mapping[str, Any]) -> Iterator[str]:
 def _target_lines(name: str, target: Mapping[str, Any]) -> Iterator[str]:
     """Yield the lines on a target: its settings, scores of left out rows, and warnings.
 
-    `target` is the entry of the card for the target with this name.
+    `name` is the short name of the target, and `target` its entry of the card.
     """
     settings = ", ".join(f"{key}={value}" for key, value in target["settings"].items())
     yield f"{name:9} {settings} ({target['settings_from']})"
@@ -407,23 +413,29 @@ def _growth_line(grown: Mapping[str, Any]) -> str:
 
 
 def _interval_lines(card: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the lines on the calibration of intervals, and on their largest level."""
+    """Yield the lines on the calibration of intervals, and on their largest level.
+
+    Cards of earlier versions may lack the calibration: no line is yielded then. For cards of 1.0.0
+    whose intervals hold for the maps or databases of the training only (scheme "each"), there is no
+    line on the largest level.
+    """
     entry = card.get("calibration")
-    if entry is None:  # Not every card of an earlier version has this entry.
+    if entry is None:
         return
     kinds = f"{entry['kind']}s"
-    how = ", each predicted without it"
-    if entry["database"]:  # Another database calibrates.
-        how = f" of {entry['database']}"
-    holding = f"other {kinds} like these"
+    origin = ", each predicted without it"  # training rows calibrate
+    if entry["database"]:  # another database calibrates
+        origin = f" of {entry['database']}"
+    valid_for = f"other {kinds} like these"
     if entry["scheme"] == "each":
-        holding = (
+        valid_for = (
             f"further surfaces of these {kinds}; for others, {FEWEST} or more are needed"
         )
-    yield f"intervals calibrated by {calibrated_by(card)}{how}: hold for {holding}"
+    yield f"intervals calibrated by {calibrated_by(card)}{origin}: hold for {valid_for}"
     largest = entry.get("largest_level")
     if largest is None and entry["scheme"] != "each":
-        # Cards of 1.0.0 do not state the largest level, which follows from the number of groups.
+        # Cards of 1.0.0 do not state the largest level. K groups reach K / (K + 1), which is
+        # rounded down to three digits.
         groups = entry["groups"]
         largest = math.floor(1000 * groups / (groups + 1)) / 1000
     if largest is not None:
@@ -441,8 +453,8 @@ def level_line(largest: float) -> str:
     Returns
     -------
     str
-        The line. It is a warning if this level is below `USUAL_LEVEL`, so that it is the default of
-        answers.
+        The line. It is a warning if the largest level is below `USUAL_LEVEL`: answers then have
+        intervals of the largest level by default.
     """
     if largest >= USUAL_LEVEL:
         return f"intervals hold up to a level of {100 * largest:g} %"
@@ -482,8 +494,8 @@ def _patch_text(entry: Mapping[str, Any]) -> str:
     return f"{nx:g} x {ny:g} nodes, sides {x:g} x {y:g} um"
 
 
-def _scores(card: Mapping[str, Any]) -> Table:
-    """Return the table of scores and coverages on the test rows."""
+def _table_of_scores(card: Mapping[str, Any]) -> Table:
+    """Return the table of scores and coverages on the test rows, one row for each target."""
     rows = []
     for name, target in card["targets"].items():
         target_scores = target["scores"]
@@ -496,39 +508,46 @@ def _scores(card: Mapping[str, Any]) -> Table:
         row += [f"{target_scores[score]:.3f}" for score in ("nmae", "nmaxe", "r2")]
         row += [f"{100 * entry['coverage']:.1f}" for entry in target["intervals"]]
         rows.append(row)
-    inside = [f"in {100 * level:g} %" for level in LEVELS]
+    headings_of_coverages = [f"in {100 * level:g} %" for level in LEVELS]
     return Table(
         title="Scores on the test rows [%], and shares of these inside their intervals [%]",
         names=["Target", "Unit"],
-        numbers=["from", "to", "nMSE", "nMAE", "nMaxE", "R2", *inside],
+        numbers=["from", "to", "nMSE", "nMAE", "nMaxE", "R2", *headings_of_coverages],
         rows=rows,
     )
 
 
-def _databases(card: Mapping[str, Any]) -> Table:
-    """Return the table of the databases, with scores on the test rows of each."""
-    numbers = ["rows", "tested"]
+def _table_of_databases(card: Mapping[str, Any]) -> Table:
+    """Return the table of the databases, with the scores of all targets on their test rows.
+
+    The card has a list "databases", and so has the entry of each target. All these lists have the
+    databases in one order.
+    """
+    headings = ["rows", "tested"]
     for name, target in card["targets"].items():
         error = "mean error"
-        if target["unit"] != "1":  # the unit of pure numbers
+        if target["unit"] != "1":  # Pure numbers have the unit "1".
             error = f"mean error [{target['unit']}]"
-        numbers += [
+        headings += [
             f"{name}: nMAE [%]",
             f"{name}: {error}",
             f"{name}: in {100 * LEVELS[MIDDLE]:g} %",
         ]
     rows = []
     for place, database in enumerate(card["databases"]):
-        # Every target has its scores on this database at the same place, for equal test rows.
-        entries = [target["databases"][place] for target in card["targets"].values()]
+        scores_of_targets = [
+            target["databases"][place] for target in card["targets"].values()
+        ]
+        # All targets have equal test rows, so that the first one states their number.
+        number_tested = scores_of_targets[0]["rows"]
         row = [
             str(database["database"]),
             str(database["generator"]),
             f"{database['nodes'][0]:g} x {database['nodes'][1]:g}",
             str(database["rows"]),
-            str(entries[0]["rows"]),
+            str(number_tested),
         ]
-        for entry in entries:
+        for entry in scores_of_targets:
             nmae = "-"
             if np.isfinite(entry["nmae"]):
                 nmae = f"{entry['nmae']:.3f}"
@@ -537,15 +556,16 @@ def _databases(card: Mapping[str, Any]) -> Table:
     return Table(
         title="Databases, and scores on their test rows",
         names=["Database", "Generator", "Nodes"],
-        numbers=numbers,
+        numbers=headings,
         rows=rows,
     )
 
 
-def _ranges(card: Mapping[str, Any], low: Values, high: Values) -> Table:
-    """Return the table of the inputs with their training ranges, `low` to `high`, (d,) each.
+def _table_of_ranges(card: Mapping[str, Any], low: Values, high: Values) -> Table:
+    """Return the table of the inputs with their training ranges.
 
-    Features of a scene that are logarithms are shown as the numbers themselves.
+    `low` and `high` are the smallest and largest value of each feature, (d,). Features of a scene
+    that are logarithms are shown as the numbers themselves.
     """
     names = [name for name, _ in card["columns"]]
     units = [unit for _, unit in card["columns"]]

@@ -21,7 +21,8 @@ from gen.arrays import Indices, Values
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import command_to_type
 from learn import dataset, split
-from learn.comparison.folder import Folder, Settings, targets
+from learn.comparison.folder import Folder, Settings
+from learn.comparison.folder import targets as target_folders
 from learn.comparison.paper import OPTIMA
 from learn.database_rows import Dataset
 from learn.dataset import TARGETS, Request, results, short_name
@@ -53,10 +54,10 @@ from learn.surrogate.learnt import Clip, Fit, Learnt, clip_of
 from learn.surrogate.model import Surrogate
 from learn.surrogate.scale import NO_POWERS, keeps_its_scale, scale_ranges
 
-SEARCH_ROWS = 3000  # largest number of training rows of the built-in searches
-LIKELIHOOD_ROWS = (
-    800  # largest number of rows by which the kernel of a Gaussian process is chosen
-)
+# Largest number of rows to which a built-in search fits its candidates.
+SEARCH_ROWS = 3000
+# Largest number of rows by which the kernel of a Gaussian process is chosen.
+LIKELIHOOD_ROWS = 800
 # Lengths of standardised inputs from which searches for the most likely length of all inputs start.
 LENGTHS = (0.1, 1.0, 10.0, 100.0)
 # Length from which a search for the most likely length of each input starts, besides the best
@@ -99,11 +100,11 @@ UNCALIBRATED = Calibration(
 def choose(request: Request, train: Dataset, target: Values, folds: Folds) -> Settings:
     """Choose the settings of a fit.
 
-    If the request names the folder of a comparison, its winner's are taken. Otherwise the kernel of
-    a Gaussian process is the most likely one. Kernel ridge and the SVM are searched for the
-    candidate with the smallest error on the first fold. The other models have fixed settings, from
-    `BUILT_IN` or the paper's optimum. With the paper's features and rows of unit length, all models
-    but the Gaussian process have the paper's optimum.
+    If the request names the folder of a comparison, the settings are those of its winner.
+    Otherwise, a Gaussian process has the most likely kernel. With the paper's features and rows of
+    unit length, all other models have the paper's optimum. With other features, kernel ridge and
+    the SVM have the candidate with the smallest error on the first fold, and the remaining models
+    have fixed settings, from `BUILT_IN` or the paper's optimum.
 
     Parameters
     ----------
@@ -131,7 +132,8 @@ def choose(request: Request, train: Dataset, target: Values, folds: Folds) -> Se
     if request.source is not None:
         return _tuned(Folder(request.source / short_name(train.target_name)), name)
     if name == "gaussian-process":
-        return _most_likely(request, train.inputs, target)
+        return _with_most_likely_kernel(request, train.inputs, target)
+    # The paper's optimum holds for its own features, in rows of unit length.
     as_published = request.features == "paper" and request.normalisation == "l2"
     if name in BUILT_IN and not as_published:
         return Settings(values=dict(BUILT_IN[name]), tuned=False, origin="built in")
@@ -143,20 +145,21 @@ def choose(request: Request, train: Dataset, target: Values, folds: Folds) -> Se
 
 
 def _search(request: Request, inputs: Values, target: Values, folds: Folds) -> Settings:
-    """Return the best of the model's `CANDIDATES`: its mean squared error is the smallest.
+    """Return the settings of the model's `CANDIDATES` with the smallest mean squared error.
 
-    Candidates are fitted to rows outside the first fold, `SEARCH_ROWS` at most, and judged on the
-    rows of the first fold. InputError is raised if all errors are NaN or infinite.
+    Takes the features, (n, d), the scaled targets, (n,), and the fold of each row, (n,). Candidates
+    are fitted to rows outside the first fold, `SEARCH_ROWS` at most, and judged on the rows of the
+    first fold. InputError is raised if all errors are NaN or infinite.
     """
     (name,) = request.models
-    # The first fold is 0, unless a few large groups have filled the first folds together.
+    # Folds are numbered from 0, but fold 0 may be empty if there are a few large groups.
     validating = folds == folds.min()
     fitted = np.flatnonzero(~validating)[:SEARCH_ROWS]
     smallest = np.inf
     best: dict[str, Any] | None = None
     for values in CANDIDATES[name]:
-        # A small alpha may make the matrix singular. The warnings of such a fit are dropped, as its
-        # error is large.
+        # A small alpha may make the matrix singular. The warnings of this fit are dropped, because
+        # its error is large, so that it is not chosen.
         candidate = _fit_pipeline(
             request,
             Settings(values=values, tuned=False, origin=""),
@@ -182,8 +185,9 @@ def _tuned(folder: Folder, model: str) -> Settings:
     winner = folder.winner(model)
     if winner is not None:
         return winner
+    comparison = folder.path.parent
     other_targets = [
-        other.path.name for other in targets(folder.path.parent) if other.winner(model)
+        other.path.name for other in target_folders(comparison) if other.winner(model)
     ]
     advice = ""
     if other_targets:
@@ -228,8 +232,9 @@ def with_conditions(request: Request, choice: Any) -> Request:
         "load": request.load,
         **folders[0].record().conditions.content(),
     }
+    # Refuse targets without a winner now; `choose` takes the settings later.
     for folder in folders:
-        _tuned(folder, request.models[0])  # Only the refusal matters here.
+        _tuned(folder, request.models[0])
     names = ("features", "load", "normalisation", "area_max", "seed")
     for name in names:
         # Options that the user did not give are None or "".
@@ -241,13 +246,16 @@ def with_conditions(request: Request, choice: Any) -> Request:
     return replace(request, source=source, **{name: conditions[name] for name in names})
 
 
-def _most_likely(request: Request, inputs: Values, target: Values) -> Settings:
-    """Return settings with the most likely kernel on the first `LIKELIHOOD_ROWS` rows.
+def _with_most_likely_kernel(
+    request: Request, inputs: Values, target: Values
+) -> Settings:
+    """Return settings of a Gaussian process with the kernel that is most likely for some rows.
 
-    The kernel is an amplitude times a radial basis function, plus noise. The likelihood has several
-    maxima, and is flat where lengths are far too short. Kernels with one length for all inputs are
-    therefore fitted first, quickly, from the `LENGTHS`. Kernels with a length for each input are
-    then fitted from the best of these lengths, and from `USUAL_LENGTH`.
+    Takes the features, (n, d), and the scaled targets, (n,); the first `LIKELIHOOD_ROWS` rows are
+    used. The kernel is an amplitude times a radial basis function, plus noise. The likelihood has
+    several maxima, and is flat where lengths are far too short. Kernels with one length for all
+    inputs are therefore fitted first, quickly, with a search from each of `LENGTHS`. Kernels with a
+    length for each input are then fitted from the best of these lengths, and from `USUAL_LENGTH`.
     """
     inputs = inputs[:LIKELIHOOD_ROWS]
     target = target[:LIKELIHOOD_ROWS]
@@ -256,8 +264,9 @@ def _most_likely(request: Request, inputs: Values, target: Values) -> Settings:
         _fit_process(request, inputs, target, np.array([length])) for length in LENGTHS
     ]
     best = max(with_one_length, key=likelihood)
-    # The kernel is the sum of k1, which is the product of amplitude k1 and function k2, and noise.
-    best_length = float(best.kernel_.k1.k2.length_scale)
+    product = best.kernel_.k1  # The kernel is a sum: k1 is the product, k2 the noise.
+    radial_function = product.k2  # The product has the amplitude as k1.
+    best_length = float(radial_function.length_scale)
     starts = sorted({best_length, USUAL_LENGTH})
     with_lengths = [
         _fit_process(request, inputs, target, np.full(inputs.shape[1], length))
@@ -283,8 +292,9 @@ def _fit_process(
     """
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
-    # Each part has a start and its bounds. The length of an input without effect ends at the upper
-    # bound; the warning of this is dropped.
+    # Each part of the kernel has the value at which its search starts, and the bounds of the
+    # search. The length of an input without effect ends at the upper bound; scikit-learn's warning
+    # of this is dropped.
     amplitude = ConstantKernel(10.0, (1e-2, 1e5))
     noise = WhiteKernel(1e-3, (1e-9, 1.0))
     kernel = amplitude * RBF(lengths, (1e-2, 1e4)) + noise
@@ -325,7 +335,8 @@ def fit(
         calibrates needs other features than the training; if the settings of the model cannot be
         chosen (see `choose`); or if a target is predicted no better than by a constant.
     """
-    # `common`: only rows that are usable for all targets. The list is empty if `stopping` ends it.
+    # With `common`, only rows that are usable for all targets are read. The list is empty if
+    # `stopping` ended the reading.
     by_target = dataset.read(request, executor, stopping, common=True)
     if not by_target:
         return None
@@ -444,10 +455,12 @@ def fit_parts(
 
 @dataclass(frozen=True, eq=False)
 class _FittedTargets:
-    """The fitted models of all targets, by the short names of the targets."""
+    """The fitted models of all targets, with their entries of the card."""
 
-    learnt: dict[str, Learnt]  # models
-    entries: dict[str, dict[str, Any]]  # entries of the card, from `card.judge`
+    learnt: dict[str, Learnt]  # models by the short names of the targets
+    # entries of the card by the short names of the targets, from `card.judge`, with "left_out"
+    # added if there are scores of left out rows
+    entries: dict[str, dict[str, Any]]
 
 
 def _fit_targets(
@@ -460,21 +473,22 @@ def _fit_targets(
 ) -> _FittedTargets:
     """Fit the model of each target, score it on the test rows, and report it by `say`.
 
-    `plan` says which rows calibrate; see `fit_parts` for the other parameters.
+    `plan` has the rows that calibrate; see `fit_parts` for the other parameters.
     """
     learnt: dict[str, Learnt] = {}
     entries: dict[str, dict[str, Any]] = {}
     for number, target in enumerate(request.targets):
-        train = by_target[number].at(parts.train)
+        rows = by_target[number]
+        train = rows.at(parts.train)
         other = None
         if calibrating is not None:
             other = calibrating[number]
         fitted = fit_target(request, train, plan, parts.folds, other=other)
-        entry = card.judge(fitted, by_target[number], parts.test)
-        # With several groups, scores of left out rows tell how well a new group is predicted.
-        if plan.remark and fitted.left_out is not None:
+        entry = card.judge(fitted, rows, parts.test)
+        # Scores of left out rows tell how well a new map, database or surface is predicted.
+        if plan.groups.are_several and fitted.left_out is not None:
             entry["left_out"] = card.scores_of(fitted.learnt, train, fitted.left_out)
-        for line in _lines_on_target(target, by_target[number], fitted, entry):
+        for line in _lines_on_target(target, rows, fitted, entry):
             say(line)
         learnt[target] = fitted.learnt
         entries[target] = entry
@@ -490,8 +504,8 @@ def _lines_on_rows(
 ) -> list[str]:
     """Return the lines for the user on the rows that train, calibrate and test.
 
-    `other` are the rows of another database that calibrates. `sizes` are the numbers of "train",
-    "calibration" and "test" rows.
+    `rows` are all usable rows. `other` are the rows of another database that calibrates, or None.
+    `sizes` are the numbers of "train", "calibration" and "test" rows.
     """
     remarks_on_rows = list(dataset.remarks(rows, request.normalisation))
     if other is not None:
@@ -602,17 +616,26 @@ def fit_target(
 
 
 def _scaling_for(request: Request, train: Dataset) -> Scaling:
-    """Return the scaling of a target, by its values in all training rows."""
+    """Return the scaling of a target, by its values in all training rows.
+
+    The target is standardised in two cases: for a scene's own features, unless the model is the
+    mean of a population; and for a Gaussian process with a built-in search. In other cases
+    `scaling_of` decides.
+    """
     (name,) = request.models
+    # The mean of a population divides the target by a power law of its own.
     of_scene = request.features == SCENE and name != POPULATION.name
-    # Kernels with an amplitude and noise are searched for standardised targets. Settings of a
+    # The bounds of the search (`_fit_process`) are for standardised targets. Settings of a
     # comparison were tuned for targets as comparisons scale them.
     of_process = name == "gaussian-process" and request.source is None
     return scaling_of(train, np.arange(train.size), standard=of_scene or of_process)
 
 
 def _learnt_of(train: Dataset, fitted: Any, scaling: Scaling, clip: Clip) -> Learnt:
-    """Return the model of a target without calibration, from its fitted pipeline."""
+    """Return the model of a target without calibration, from its fitted pipeline of scikit-learn.
+
+    Column, unit, bounds and powers are those of the target of `train`.
+    """
     columns = results(train.origins[0].scene, train.features.load)
     column = columns[train.target_name]
     return Learnt(
@@ -671,7 +694,7 @@ def _predict_left_out(
     learnt: Learnt,
     plan: Plan,
 ) -> Values:
-    """Predict the n training rows, each by a model that has not seen the part that it is in, (n,).
+    """Predict the n training rows, each by a model that has not seen the row's part, (n,).
 
     `target` are the targets of the rows, (n,), on the scale that models are trained on. The
     predictions are over the target's scale, as from `Learnt.raw`; NaN for rows in no part of
@@ -679,14 +702,16 @@ def _predict_left_out(
     """
     (name,) = request.models
     if name == POPULATION.name and plan.groups.are_surfaces:
-        # The fit has predicted each surface by all others.
+        # `Population.fit` has predicted the rows of each part of the surfaces without this part.
         model = learnt.pipeline.named_steps[STEP]
         return learnt.scaling.restored(model.left_out_)
     if name in CLOSED and name != POPULATION.name:
         try:
             return _left_out_by_one_fit(target, learnt, plan)
         except np.linalg.LinAlgError:
-            pass  # The kernel's matrix is singular. Fits for each part can deal with that.
+            # The kernel's matrix of all rows is singular. The matrices of fits without a part may
+            # be regular.
+            pass
     return _left_out_by_further_fits(request, settings, train, target, learnt, plan)
 
 

@@ -101,7 +101,7 @@ class LawSettings:
 
     order: Order
     bodies: Bodies  # E* and hardness [MPa]
-    level: float  # coverage of the intervals of one surface, between 0 and 1
+    interval_level: float  # coverage of the intervals of one surface, between 0 and 1
 
 
 def law_of_surfaces(surrogate: Surrogate, order: Order) -> Law:
@@ -144,20 +144,22 @@ def law_of_surfaces(surrogate: Surrogate, order: Order) -> Law:
     law_surfaces = _without_undefined(law_surfaces, surfaces)
     remarks = list(defined.remarks)
     if len(surfaces) == 1:
-        level = level_of(surrogate, order.level)
-        remarks += _level_remarks(surrogate, order, level)
-        order = replace(order, level=level)
+        # The band is the surrogate's interval, whose largest level may be below the usual one.
+        interval_level = level_of(surrogate, order.level)
+        remarks += _level_remarks(surrogate, order, interval_level)
+        order = replace(order, level=interval_level)
     else:
-        # The band is the scatter between surfaces and may have any level. The intervals of the
-        # surfaces are not used, and get a level that holds.
-        level = min(order.coverage, surrogate.largest_level)
+        # The band is the scatter between surfaces, which may have any coverage. Intervals of single
+        # surfaces are not in the law; they are computed at a level that the calibration reaches.
+        interval_level = min(order.coverage, surrogate.largest_level)
         remarks.append(PREDICTED_BAND)
     bodies = _bodies(surrogate, order, law_surfaces)
-    settings = LawSettings(order=order, bodies=bodies, level=level)
+    settings = LawSettings(order=order, bodies=bodies, interval_level=interval_level)
     if kind == "pressure":
         pressures = loads.get("pressure")
         if pressures is None:
             pressures = _trained_pressures(surrogate, bodies)
+        # An order may give the pressure 0. A surrogate predicts loads above 0 only.
         tables = _tables_by_pressure(surfaces, pressures[pressures > 0], settings)
     else:
         deltas = loads.get("delta")
@@ -166,7 +168,9 @@ def law_of_surfaces(surrogate: Surrogate, order: Order) -> Law:
             deltas = np.unique(np.linspace(float(low), float(high), STEPS))
         tables = _tables_by_delta(surfaces, deltas, loads.get("pressure"), settings)
     tables = replace(tables, remarks=[*remarks, *tables.remarks])
-    making = _making(surrogate, f"{100 * order.coverage:g} % conformal interval")
+    # A law of a population does not use this description of the band.
+    band_of_one_surface = f"{100 * order.coverage:g} % conformal interval"
+    making = _making(surrogate, band_of_one_surface)
     return law_of(order, law_surfaces, bodies, tables, making)
 
 
@@ -202,22 +206,32 @@ def law_of_parameters(
     scene = Scene.from_text(str(surrogate.card["scene"]))
     patch = _patch_of_scene(surrogate, scene, numbers)
     learns_force = surrogate.features.load == "force"
-    # A surrogate that has learnt forces is asked for the pressures of the law times the area.
-    per_load = patch.nominal if learns_force else 1.0
-    at = loads.get(kind)
-    if at is None:
-        ends = np.linspace(surrogate.low, surrogate.high, STEPS)
-        at = shown(surrogate.features.columns, ends)[:, -1] / per_load
-    at = at[at > 0]
-    level = level_of(surrogate, order.level)
-    level_remarks = _level_remarks(surrogate, order, level)
-    order = replace(order, level=level)
-    rows = surrogate.of_numbers({**numbers, surrogate.features.load: at * per_load})
-    answer = surrogate.predict_rows(rows, level=level)
-    bodies = Bodies(surrogate.modulus, _hardness(surrogate, numbers), has_modulus=True)
-    loaded = LoadedPatch(patch=patch, bodies=bodies, kind=kind, loads=at)
+    # Loads of the law are pressures for a surrogate that has learnt forces: the learnt load is the
+    # load of the law times the nominal area [um2]. Other surrogates have learnt the load itself.
+    learnt_per_load = patch.nominal if learns_force else 1.0
+    law_loads = loads.get(kind)
+    if law_loads is None:
+        # Steps from the smallest to the largest features of the training, of which the load is the
+        # last one. Steps of a logarithm are at equal ratios.
+        steps = np.linspace(surrogate.low, surrogate.high, STEPS)
+        learnt_loads = shown(surrogate.features.columns, steps)[:, -1]
+        law_loads = learnt_loads / learnt_per_load
+    # An order may give the pressure 0. A surrogate predicts loads above 0 only.
+    law_loads = law_loads[law_loads > 0]
+    interval_level = level_of(surrogate, order.level)
+    level_remarks = _level_remarks(surrogate, order, interval_level)
+    order = replace(order, level=interval_level)
+    load_name = surrogate.features.load
+    rows = surrogate.of_numbers({**numbers, load_name: law_loads * learnt_per_load})
+    answer = surrogate.predict_rows(rows, level=interval_level)
+    bodies = Bodies(
+        e_star=surrogate.modulus,
+        hardness=_hardness(surrogate, numbers),
+        has_modulus=True,  # The scene fixes E*.
+    )
+    loaded = LoadedPatch(patch=patch, bodies=bodies, kind=kind, loads=law_loads)
     points = points_of(loaded, answer, order.also)
-    settings = LawSettings(order=order, bodies=bodies, level=level)
+    settings = LawSettings(order=order, bodies=bodies, interval_level=interval_level)
     tables = _tables_over_learnt_loads([patch], [points], kind, settings)
     tables = replace(tables, remarks=[*level_remarks, *tables.remarks])
     about = LawInput(f"{order.inputs[0]}: {patch.name}", scene)
@@ -226,17 +240,22 @@ def law_of_parameters(
 
 
 def _making(surrogate: Surrogate, band: str) -> Making:
-    """Say that a surrogate predicted a law. `band` describes the band of one surface."""
+    """Return the texts of a law on its method and on its band.
+
+    The method is "predicted by" and the title of the surrogate. `band` describes the band of one
+    surface, as "90 % conformal interval".
+    """
     return Making(method=f"predicted by {surrogate.card['title']}", band=band)
 
 
 def _learnt_load(
     surrogate: Surrogate, order: Order, loads: Mapping[Load, Values]
 ) -> Load:
-    """Return the kind of the loads of a law: "delta", or "pressure" also for learnt forces.
+    """Return the kind of the law's loads for which the surrogate predicts: "delta" or "pressure".
 
-    `loads` are the loads of the order by kind. Raises InputError if the surrogate has not learnt
-    the load or a target of the law, or if the order gives loads that it cannot answer for.
+    It is "pressure" for a surrogate that has learnt forces, too. `loads` are the loads of the order
+    by kind. Raises InputError if the surrogate has not learnt a load or a target that the law
+    needs, or if the order gives loads that the surrogate cannot answer for.
     """
     load = surrogate.features.load
     kind: Load = "delta" if load == "delta" else "pressure"
@@ -304,8 +323,8 @@ def _without_undefined(
 ) -> LawSurfaces:
     """Return the surfaces of a law and their sources without the surfaces that are left out.
 
-    `surfaces` are those that are kept. Sources of scenes are kept too: they have no name of a
-    surface.
+    `surfaces` are the surfaces to keep. A source is dropped if it has the name of a surface that is
+    left out. Sources that are scenes are never dropped, because they have no name of a surface.
     """
     kept = [surface.patch for surface in surfaces]
     names_left_out = {patch.name for patch in law_surfaces.surfaces}
@@ -317,7 +336,10 @@ def _without_undefined(
 
 
 def _level_remarks(surrogate: Surrogate, order: Order, level: float) -> list[str]:
-    """Explain a level of intervals that is below the usual one; nothing if the user gave it."""
+    """Return a list of one note on a level of intervals that is below the usual one.
+
+    The list is empty if the order names the level, or if `level` is not below the usual one.
+    """
     note = level_note(surrogate, level, order.level)
     return [note] if note else []
 
@@ -339,7 +361,7 @@ def _bodies(surrogate: Surrogate, order: Order, law_surfaces: LawSurfaces) -> Bo
 
 def _trained_pressures(surrogate: Surrogate, bodies: Bodies) -> Values:
     """Return `STEPS` pressures [MPa] over the range of the training, at equal ratios."""
-    # In cards of surrogates by pressure, "delta" has the ends of p L / E* [um].
+    # In cards of surrogates by pressure, "delta" has the smallest and largest p L / E* [um].
     low, high = surrogate.card["delta"]
     length = math.sqrt(math.prod(surrogate.card["side"]))
     return np.geomspace(low, high, STEPS) * (bodies.e_star / length)
@@ -348,9 +370,10 @@ def _trained_pressures(surrogate: Surrogate, bodies: Bodies) -> Values:
 def _patch_of_scene(
     surrogate: Surrogate, scene: Scene, numbers: Mapping[str, float]
 ) -> LawSurface:
-    """Return a flat patch with the grid of a scene; its name states the parameters.
+    """Return a flat patch with the grid of a scene, named after the parameters in `numbers`.
 
-    The law takes only lengths, boundary and compliance from it.
+    The flat heights take the place of a rough surface: the law only needs lengths, boundary and
+    compliance of the patch.
     """
     name = ", ".join(f"{name} {value:g}" for name, value in numbers.items())
     contact = scene.contact
@@ -367,13 +390,16 @@ def _patch_of_scene(
 def _hardness(surrogate: Surrogate, numbers: Mapping[str, float]) -> float | None:
     """Return the hardness of a scene's contacts [MPa]; None for elastic bodies.
 
-    The numbers give it, or its ratio to E*; otherwise it is the smallest one of the training.
+    `numbers` have it as "hardness" [MPa] or "hardness_ratio" (over E*) if it is a feature.
+    Otherwise it is the smallest hardness of the training, usually its only one.
     """
-    hardness = numbers.get("hardness")
-    limits = surrogate.hardness_limits
-    if hardness is not None or limits is None:
-        return hardness
-    return numbers.get("hardness_ratio", limits[0]) * surrogate.modulus
+    if "hardness" in numbers:
+        return numbers["hardness"]
+    limits = surrogate.hardness_limits  # over E*
+    if limits is None:
+        return None
+    ratio = numbers.get("hardness_ratio", limits[0])
+    return ratio * surrogate.modulus
 
 
 def _tables_by_pressure(
@@ -393,9 +419,10 @@ def _tables_over_learnt_loads(
     kind: Load,
     settings: LawSettings,
 ) -> Tables:
-    """Tabulate points at learnt loads, and the same contacts against the other quantity.
+    """Tabulate contacts over the loads that the surrogate has learnt, and over the other loads.
 
-    `points` has the points of each patch, and `kind` is the kind of their loads.
+    `points` has the points of each patch under the learnt loads, and `kind` is the kind of the
+    learnt loads. Raises InputError if a stiffness is needed of bodies that yield, and not learnt.
     """
     smoothed = [monotone(of_surface) for of_surface in points]
     parts = [
@@ -464,7 +491,8 @@ def _table_over_other(
     for part in parts:
         without_intervals = replace(part, low={}, high={})
         places = risen(part.values[argument])
-        rising.append(without_intervals.chosen(places).from_rest(at_rest))
+        rising_points = without_intervals.chosen(places)
+        rising.append(rising_points.from_rest(at_rest))
     arguments = rising[0].values[argument]
     if len(rising) > 1:
         shared_end = min(part.values[argument][-1] for part in rising)
@@ -482,12 +510,17 @@ def _predicted(
     """
     bodies = settings.bodies
     answer = surface.on_surface.predict(
-        loads, e_star=bodies.e_star, hardness=bodies.hardness, level=settings.level
+        loads,
+        e_star=bodies.e_star,
+        hardness=bodies.hardness,
+        level=settings.interval_level,
     )
     for name, predictions in answer.values.items():
         is_finite = np.isfinite(predictions)
         if not is_finite.all():
-            load = loads[np.argmin(is_finite)]
+            load = loads[
+                np.argmin(is_finite)
+            ]  # the first load without a finite prediction
             where = f"Delta = {load:.4g} um" if kind == "delta" else f"{load:.4g} MPa"
             raise InputError(
                 f"{surface.patch.name}: the surrogate has no finite {name} at {where}:"
@@ -522,7 +555,9 @@ def _tables_by_delta(
     """Predict all surfaces at learnt Deltas, and tabulate them over both loads.
 
     `deltas` are ascending and above 0, (k,) [um]. `pressures` are ascending, (m,) [MPa]; None for
-    those that the surfaces have at the Deltas.
+    the mean pressures at the Deltas (`_shared_pressures`). Shows progress on standard error. Raises
+    InputError if a coarse solve fails, a prediction is not finite, a stiffness that the order needs
+    cannot be given, the law has no force, or a pressure is not reached.
     """
     coverage = settings.order.coverage
     laws: list[SurfaceLaw] = []
@@ -628,10 +663,10 @@ def _gap_warnings(surrogate: Surrogate, bodies: Bodies) -> list[str]:
 
 
 def _monotony_warnings(table: Curves, smoothed: Sequence[Monotone]) -> list[str]:
-    """Warn of each curve of a table that was far from monotone before it was made monotone.
+    """Return a warning for each curve of a table that was far from monotone before its correction.
 
-    `smoothed` are the monotone points of each surface; their mean correction over the surfaces
-    decides.
+    `smoothed` are the monotone points of each surface, with their corrections. A curve has a
+    warning if its mean correction over the surfaces exceeds `CORRECTED` somewhere.
     """
     warnings: list[str] = []
     # The conductance and a stiffness from a slope are not corrected.
@@ -639,6 +674,7 @@ def _monotony_warnings(table: Curves, smoothed: Sequence[Monotone]) -> list[str]
         corrections = [of_surface.corrections[name] for of_surface in smoothed]
         change = np.abs(np.mean(corrections, axis=0)).max()
         largest = np.nanmax(np.abs(table.curves[name].value), initial=0.0)
+        # A curve that is 0 everywhere has no size to compare with; 1 takes its place.
         if change > CORRECTED * (largest or 1.0):
             warnings.append(_monotony_warning(name))
     return sorted(warnings)
@@ -662,34 +698,36 @@ class SharedPressures:
 
 
 def _shared_pressures(over_delta: Curves, extended: Sequence[Points]) -> SharedPressures:
-    """Return the mean pressures at the Deltas of a table, as far as all surfaces reach them.
+    """Return the mean pressures at the Deltas of a table, up to the largest shared pressure.
 
-    They are closely spaced where the Deltas are. `extended` are the points of each surface. Raises
-    InputError if the law has no force.
+    This is the largest pressure that all surfaces reach; it is the last one if the mean pressures
+    exceed it. `extended` are the points of each surface. Raises InputError if the law has no force.
     """
     mean = np.unique(_mean_pressures(over_delta))
-    reach = _reach(extended)
-    if mean[-1] <= reach:
+    largest = _largest_shared_pressure(extended)
+    if mean[-1] <= largest:
         return SharedPressures(pressures=mean, remarks=[])
     remark = (
-        f"the table against pressure ends at {reach:.4g} MPa: not all surfaces reach more"
+        f"the table against pressure ends at {largest:.4g} MPa: not all surfaces reach"
+        " more"
     )
-    pressures = np.append(mean[mean < reach], reach)
+    pressures = np.append(mean[mean < largest], largest)
     return SharedPressures(pressures=pressures, remarks=[remark])
 
 
 def _require_reached(
     pressures: Values, over_delta: Curves, extended: Sequence[Points]
 ) -> None:
-    """Refuse ascending pressures, (m,) [MPa], that the mean or a surface does not reach.
+    """Refuse ascending pressures, (m,) [MPa], if the last one is not reached.
 
-    The mean is that of the table over Delta, and `extended` are the points of each surface. A law
-    without a force is refused too.
+    Both the mean pressure of the table over Delta and the pressure of each surface have to reach
+    it. `extended` are the points of each surface. A law without a force is refused too.
     """
-    end = min(_mean_pressures(over_delta)[-1], _reach(extended))
-    if pressures[-1] > end:
+    last_mean = _mean_pressures(over_delta)[-1]
+    largest = min(last_mean, _largest_shared_pressure(extended))
+    if pressures[-1] > largest:
         raise InputError(
-            f"--pressure {pressures[-1]:.6g}: not all surfaces reach more than {end:.6g}"
+            f"--pressure {pressures[-1]:.6g}: not all surfaces reach more than {largest:.6g}"
             f" MPa near Delta = {over_delta.at[-1]:.4g} um: give a larger --delta, or"
             " smaller pressures"
         )
@@ -701,13 +739,13 @@ def _mean_pressures(over_delta: Curves) -> Values:
     Raises InputError if the last pressure is not above 0: the law has no force.
     """
     mean = over_delta.curves[PRESSURE.in_laws].value
-    if not mean[-1] > 0:
+    if not mean[-1] > 0:  # True for NaN, too
         raise InputError(
             "the law has no force at all: nothing to tabulate against pressure"
         )
     return mean
 
 
-def _reach(extended: Sequence[Points]) -> float:
-    """Return the largest pressure that all surfaces reach [MPa]."""
+def _largest_shared_pressure(extended: Sequence[Points]) -> float:
+    """Return the largest pressure that all surfaces reach [MPa], by the points of each surface."""
     return min(float(points.values[PRESSURE.in_laws].max()) for points in extended)

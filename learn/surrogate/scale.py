@@ -25,12 +25,11 @@ from learn.surrogate.training import Training
 if TYPE_CHECKING:
     from learn.database_rows import Dataset
 
-RMS_HEIGHT = STATISTICS.index(
-    "height_rms"
-)  # place of the rms height among the statistics
+# Place of the rms height among the statistics.
+RMS_HEIGHT = STATISTICS.index("height_rms")
 # Relative distance outside a training range up to which a number is not flagged: room for rounding.
 TOLERANCE = 1e-6
-# What the user is told, after the name of the target.
+# Text for the user on a target without known powers; it follows the name of the target.
 NO_POWERS = (
     "has no known powers of heights, lengths and E*: it holds at those of the training alone, and"
     " everything else is flagged"
@@ -99,7 +98,7 @@ def _ends(values: Values | Sequence[float]) -> list[float]:
 def scale_notes(
     training: Training, targets: Sequence[str], rows: Rows, e_star: float | None
 ) -> list[str]:
-    """Say for each row how its scale differs from the training's, if targets depend on that.
+    """Return a note for each row whose heights, lengths or E* are outside the training.
 
     Parameters
     ----------
@@ -115,8 +114,8 @@ def scale_notes(
     Returns
     -------
     list of str
-        One text for each row, of notes with "; " between them; "" for a row inside the training's
-        scale, and for all rows if `targets` is empty.
+        One text for each row, with "; " between the notes on several numbers. It is "" for a row
+        with all numbers inside their training ranges, and for all rows if `targets` is empty.
     """
     number = len(rows.delta)
     if not targets:
@@ -124,8 +123,9 @@ def scale_notes(
     notes: list[list[str]] = [[] for _ in range(number)]
     for name, values in _scale_of(rows, training, e_star).items():
         low, high = _trained_range(training, name)
-        inside = (values >= low * (1 - TOLERANCE)) & (values <= high * (1 + TOLERANCE))
-        for row in np.flatnonzero(~inside):
+        above_low = values >= low * (1 - TOLERANCE)
+        below_high = values <= high * (1 + TOLERANCE)
+        for row in np.flatnonzero(~(above_low & below_high)):
             notes[row].append(
                 f"{name} {values[row]:.4g} {UNITS[name]} outside {low:.4g} to {high:.4g}, the only"
                 f" scale of {', '.join(targets)}"
@@ -136,10 +136,11 @@ def scale_notes(
 def _scale_of(
     rows: Rows, training: Training, e_star: float | None
 ) -> Mapping[str, Values]:
-    """Return the numbers of the scale of n rows that have to be compared, (n,) each, by name.
+    """Return the numbers of n rows that have to be inside training ranges, (n,) each, by name.
 
-    E* [MPa] is always compared. Rms heights and scan lengths [um] are compared for features without
-    units only: features with units include the heights, and `Training.grid_note` compares the side.
+    E* [MPa] is always one of these numbers. Rms heights and scan lengths [um] are for features
+    without units only: features with units include the heights, and `Training.grid_note` compares
+    the side.
     `e_star` is that of the prediction [MPa]; None for that of the training.
     """
     number = len(rows.delta)
@@ -154,10 +155,10 @@ def _scale_of(
 
 
 def _trained_range(training: Training, name: str) -> tuple[float, float]:
-    """Return the training range of one number of the scale, by its name, in its unit.
+    """Return the smallest and largest value in the training of one number of the scale.
 
-    Cards of files of format 9 and before do not keep the ranges, which then follow from the other
-    entries of the card.
+    `name` is `HEIGHT` [um], `LENGTH` [um] or `MODULUS` [MPa]. Cards of files of format 9 and before
+    do not keep these ranges, which then follow from the other entries of the card.
     """
     card = training.card
     if "own_scale" in card:
@@ -167,6 +168,7 @@ def _trained_range(training: Training, name: str) -> tuple[float, float]:
         return _range_of_heights(training)
     if name == MODULUS:
         return training.modulus, training.modulus
+    # `name` is `LENGTH`. The card of a single database has the entries of this database itself.
     sides = [entry["side"] for entry in card.get("databases", [card])]
     lengths = [float(np.sqrt(np.prod(side))) for side in sides]
     return min(lengths), max(lengths)
@@ -175,8 +177,9 @@ def _trained_range(training: Training, name: str) -> tuple[float, float]:
 def _range_of_heights(training: Training) -> tuple[float, float]:
     """Return a range [um] that includes the rms heights of the training.
 
-    It follows from the ranges of Delta and of the features `delta/h` and `height_rms/h`: the rms
-    height is Delta times the ratio of the second feature to the first one.
+    It may be wider than their range. It follows from the ranges of Delta and of the features
+    `delta/h` and `height_rms/h`, because the rms height is Delta times `height_rms/h` over
+    `delta/h`.
     """
     columns = training.features.columns
     delta = columns.index("delta/h")

@@ -50,10 +50,11 @@ def test_the_evidence_has_the_slopes_of_its_differences():
     )
     at, step = np.log([1.0, 2.0, 0.5]), 1e-5 * np.eye(3)
     ends = [
-        [rows.evidence(at + sign * each, X[:20])[0] for sign in (1, -1)] for each in step
+        [rows.minus_log_evidence(at + sign * each, X[:20])[0] for sign in (1, -1)]
+        for each in step
     ]
     slopes = (np.array(ends) @ [1, -1]) / 2e-5
-    assert rows.evidence(at, X[:20])[1] == pytest.approx(slopes, rel=1e-5)
+    assert rows.minus_log_evidence(at, X[:20])[1] == pytest.approx(slopes, rel=1e-5)
 
 
 @pytest.mark.few(1)
