@@ -489,9 +489,8 @@ class SceneFunction(Function):
             stiffness = contact.loading_stiffness  # dF / dDelta [uN / um]
         load = float(surface.loads[0])
         if surface.kind == "pressure":
-            patch = (
-                math.prod(contact.problem.spacing) * contact.pressure.size
-            )  # area [um2]
+            # area of the patch [um2]
+            patch = math.prod(contact.problem.spacing) * contact.pressure.size
             load *= patch  # the force [uN] of this pressure
         # Derivative of Delta [um] or of the force [uN] by the load of the call.
         per_input = load / float(point.numbers[self.inputs.load_name][0])

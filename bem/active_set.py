@@ -12,9 +12,12 @@ is small.
 
 A given load fixes the sum of all corrections, and s follows from the balance of the free nodes
 (projected conjugate gradients: Gould, Hribar and Nocedal 2001). At a given displacement corrections
-are kept conjugate to the pressure (deflation: Nicolaides 1987). Rounds that no longer come nearer
-are damped by the energy p H p / 2 - p u, which is least for the solution. Where damping is not
-enough, projected gradients lower the energy for certain (Bertsekas 1976), so that every solve ends.
+are kept conjugate to the pressure (deflation: Nicolaides 1987).
+
+The solution has the least energy: p H p / 2 - p u under a given load, p H p / 2 - p (u + s) at a
+given displacement. Where rounds no longer come nearer to equilibrium, a round that would raise the
+energy is shortened. Where this is not enough, projected gradients lower the energy for certain
+(Bertsekas 1976), so that every solve ends.
 
 Each constant says how far it moves the counts of the ledger when it is halved or doubled, with the
 command that shows it. It "matters little" if no count moves by more than 5 %, and "matters in rare
@@ -53,26 +56,28 @@ ADVANCE = 0.5
 # (`python -m tests.ledger --halved bem.active_set.AIM`).
 AIM = 0.9
 
-# Share of the rounds' aim at which conjugate gradients end [1]. Solves take up to 9 % more
+# Share of the violation that a round aims at, at which its conjugate gradients end [1]. Solves take
+# up to 9 % more
 # iterations if it is halved, and up to three times the convolutions if it is doubled
 # (`python -m tests.ledger --doubled bem.active_set.REACHED`).
 REACHED = 0.8
 
-# Number of steps of conjugate gradients without a smaller residual after which a stage ends,
-# because single precision allows no smaller one: otherwise a step gains a factor of about 2. This
-# number matters in rare cases.
+# Number of steps of conjugate gradients without a smaller residual after which a stage ends: single
+# precision then allows no smaller one, because a step usually halves the residual. This number
+# matters in rare cases.
 STAGNANT = 30
 
-# Largest violation, over the displacement, at which a round ends with an exact residual instead of
-# one in single precision, if the exact one is needed next anyway [1]. This number matters little.
+# Largest violation before a round, in the unit of displacement, at which the round ends with an
+# exact residual instead of one in single precision, if the exact one is needed next anyway. This
+# number matters little.
 POLISHED = 0.02
 
-# Largest share of the contact that may leave in one round where a displacement barely fixes the
-# load [1]. This number matters in rare cases.
+# Largest share of the contact nodes that may leave in one round where a displacement barely fixes
+# the load [1]. This number matters in rare cases.
 MOST_LEAVING = 0.4
 
-# Number of steps of projected gradients that are taken when rounds no longer come nearer. This
-# number matters in rare cases.
+# Largest number of steps of projected gradients between two rounds, where rounds no longer come
+# nearer to equilibrium. This number matters in rare cases.
 SAFE_STEPS = 4
 
 # Least gap of yielded nodes that are freed, as a share of the largest gap of yielded nodes [1].
@@ -81,12 +86,12 @@ SAFE_STEPS = 4
 # (`python -m tests.ledger --halved bem.active_set.FREED`).
 FREED = 0.1
 
-# `FREED` while rounds gain too little [1]. This number matters in rare cases.
+# `FREED` while rounds come nearer to equilibrium too slowly [1]. This number matters in rare cases.
 FREED_SLOWLY = 0.7
 
-# Largest share of the contact under tension at which yielded nodes are freed although the free
-# nodes are further from equilibrium [1]. More tension means too much load, under which gaps open
-# everywhere. This number matters little.
+# Largest share of the contact nodes under tension in the last round at which yielded nodes are
+# freed although the free nodes are further from equilibrium [1]. More tension means too much load,
+# under which gaps open everywhere. This number matters little.
 LITTLE_TENSION = 0.1
 
 # Largest factor on the free pressures, which makes up for the load that capping takes off the
@@ -94,7 +99,7 @@ LITTLE_TENSION = 0.1
 LARGEST_SCALE = 2.0
 
 # Largest number of passes that scale the free pressures after capping: each pass caps more nodes,
-# and a few passes come near enough. This number matters little.
+# and a few passes come near enough to the load. This number matters little.
 CAPPINGS = 4
 
 # Number of open nodes, with the smallest gaps, that are factorised together with a contact set,
@@ -106,9 +111,9 @@ SPARE = 0.08
 # matters little.
 RENEWALS = 5
 
-# Share of the largest set worth factorising up to which the factor is in double precision [1],
-# which saves a convolution at the end (`pytest bench -k few_in_contact`). This number matters
-# little.
+# Largest set of nodes with a factor in double precision, over the largest set worth factorising
+# [1]. Double precision saves a convolution at the end (`pytest bench -k few_in_contact`). This
+# number matters little.
 DOUBLE_SHARE = 0.5
 
 # Factor by which `solve_on` reduces the residual between two checks of single precision [1]. This
@@ -124,30 +129,33 @@ LINEAR_RENEWALS = 8
 # -m tests.ledger --halved bem.active_set.FEW_FREE`).
 FEW_FREE = 0.4
 
-# Share of the new waves that splitting mixes with the pressure between the bounds [1]. It is an
-# over-relaxation: the share of the pressure is negative. This number matters in rare cases.
+# Over-relaxation of splitting: weight of its unbounded pressure in the mean with its pressure
+# between the bounds, whose weight is 1 less this one, and so negative [1]. This number matters in
+# rare cases.
 OVER = 1.6
 
 # Number of passes of splitting between two exact residuals. This number matters in rare cases.
 CHECKED = 10
 
-# Largest number of passes of splitting for each iteration that a problem allows. A pass takes about
-# a quarter of a step of conjugate gradients with its preconditioner. This number matters in rare
-# cases.
+# Largest number of passes of splitting, over the bound on iterations [1]. A pass takes about a
+# quarter of the time of a step of conjugate gradients with its preconditioner. This number matters
+# in rare cases.
 PASSES = 4
 
 
 class Solved(NamedTuple):
-    """Result of solving the equations of the free nodes.
+    """Result of solving the equations of the free nodes, beside the iterate's new pressure.
 
     Attributes
     ----------
     in_residual : ndarray, shape (nx, ny)
-        Pressure whose displacement the residual contains [reduced].
+        Pressure to which the iterate's residual belongs [reduced]. After dense algebra it is the
+        pressure before, because dense algebra does not update the residual. Otherwise it is the
+        iterate's pressure.
     remaining : float
         Largest residual of the free nodes; inf if it was not computed [unit of displacement].
     dense : bool
-        Whether the equations were solved by dense algebra, which leaves the residual as it is.
+        Whether the equations were solved by dense algebra.
     """
 
     in_residual: Field
@@ -156,14 +164,14 @@ class Solved(NamedTuple):
 
 
 class Goals(NamedTuple):
-    """Residuals at which a stage of conjugate gradients checks its sets, and at which it ends.
+    """Goals of a stage of conjugate gradients: when it checks its sets, and when it ends.
 
     Attributes
     ----------
     reduction : float
         Factor by which the residual falls between two checks of the sets [1].
     floor : float
-        Largest residual at which the stage ends [unit of displacement].
+        Residual at or below which the stage ends [unit of displacement].
     """
 
     reduction: float
@@ -174,19 +182,22 @@ class Goals(NamedTuple):
 class Constraint:
     """Condition on corrections of the pressure: keep the load, or be conjugate to the pressure.
 
-    Arrays are values in contact, see `Patch.in_contact`.
+    Without load and stiffness, there is no condition. Arrays are values in contact, see
+    `Patch.in_contact`.
 
     Attributes
     ----------
     base : ndarray of float32
-        Pressure on the free nodes [reduced].
+        Pressure on the free nodes at the start of the stage [reduced]. If the load is given and
+        this pressure is zero everywhere, 1 on each of these nodes.
     carried : float
-        Load that `base` carries if the load is given; 0 at a given displacement [reduced].
+        Sum of `base` if the load is given; 0 at a given displacement [reduced].
     image : ndarray of float32
         Displacement by `base` [unit of displacement]. It is used only if `stiffness` is above 0;
         otherwise any array may be here.
     stiffness : float
-        Product of `base` and `image`; 0 if the load is given, or the displacement is not known.
+        Inner product of `base` and `image`; 0 if the load is given, or the displacement is not
+        known.
     """
 
     base: Real
@@ -194,8 +205,13 @@ class Constraint:
     image: Real
     stiffness: float
 
+    @property
+    def keeps_load(self) -> bool:
+        """Whether the load is given, so that corrections have to carry no load in all."""
+        return self.carried != 0
+
     def mean(self, residual: Real) -> float:
-        """Compute the mean of a residual, weighted by the pressure.
+        """Compute the mean of a residual, weighted by `base`.
 
         Parameters
         ----------
@@ -207,7 +223,7 @@ class Constraint:
         float
             Mean under a given load, 0 at a given displacement [unit of displacement].
         """
-        if not self.carried:
+        if not self.keeps_load:
             return 0.0
         return inner(self.base, residual) / self.carried
 
@@ -219,15 +235,16 @@ class Constraint:
         correction : ndarray of float32
             Correction in contact; overwritten [reduced].
         residual : ndarray of float32
-            Residual in contact that it corrects [unit of displacement].
+            Residual in contact that the correction was made for [unit of displacement].
 
         Returns
         -------
         ndarray of float32
-            `correction`: it carries no load in all if the load is given, else it is conjugate to
-            the pressure if the displacement by the pressure is known.
+            `correction`. If the load is given, it now carries no load in all. At a given
+            displacement it now removes the component of the residual along `base`, and is otherwise
+            conjugate to `base`. Where the displacement by `base` is not known, it is unchanged.
         """
-        if self.carried:
+        if self.keeps_load:
             excess = correction.sum(dtype=np.float64) / self.carried
             correction -= np.float32(excess) * self.base
         elif self.stiffness:
@@ -265,9 +282,10 @@ class _Directions:
         return pressure
 
     def turn(self, correction: Real, residual: Real) -> None:
-        """Make a residual's correction conjugate to all earlier directions, and search along it.
+        """Replace the direction by a residual's correction, made conjugate to earlier directions.
 
-        `correction` is the preconditioned residual, to which the constraint is applied in place.
+        `residual` belongs to the free nodes. `correction` is the preconditioned residual, to which
+        the constraint is applied in place.
         """
         correction = self.constraint.applied(correction, residual)
         product = inner(residual, correction)
@@ -276,11 +294,12 @@ class _Directions:
         self.product = product
 
     def length(self, displaced: Real) -> np.float32 | None:
-        """Return the length of the next step, over the direction; set `shortened`.
+        """Return the length of the next step, in units of the direction; set `shortened`.
 
-        It is the length of the least energy, cut off at `longest`. None is returned where the
-        product or the curvature is not above 0, so that only rounding is left. `displaced` is the
-        displacement by the direction, on the free nodes.
+        It is the length of the least energy, cut off so that no node changes by more than
+        `longest`. Return None, and leave `shortened` as it is, where the product or the curvature
+        is not above 0, so that only rounding is left. `displaced` is the displacement by the
+        direction, on the free nodes.
         """
         curvature = inner(self.direction, displaced)
         if not (self.product > 0 and curvature > 0):  # also where one is nan
@@ -289,13 +308,13 @@ class _Directions:
         length = np.float32(full)
         if self.longest < math.inf:
             length = min(length, np.float32(self.longest / np.abs(self.direction).max()))
-        # The factor 0.999: rounding to single precision is no cut.
+        # By the factor 0.999, rounding to single precision is not taken for a cut.
         self.shortened = bool(length < full * 0.999)
         return length
 
 
 def _largest(values: Real) -> float:
-    """Return the largest absolute value of an array, 0 of an empty one; nan if one is nan."""
+    """Return the largest absolute value of an array: 0 if it is empty, nan if it holds a nan."""
     if not values.size:
         return 0.0
     return max(float(values.max()), -float(values.min()))
@@ -305,16 +324,20 @@ class _Watch:
     """Decides by the residual when a stage ends, and when its sets are checked."""
 
     def __init__(self, goals: Goals, iterations: int) -> None:
-        """Begin a stage; `iterations` is the number of iterations of the solve before it."""
+        """Begin a stage; `iterations` is the solve's number of iterations before it."""
         self._goals = goals
-        self._next_check: float | None = None  # residual at which sets are checked
+        # Residual at which sets are checked next; None before the first residual.
+        self._next_check: float | None = None
         self._least = math.inf  # smallest residual of the stage
-        self._least_at = iterations  # iterations at which it was reached
+        self._least_at = (
+            iterations  # the solve's number of iterations when it was reached
+        )
 
     def has_ended(self, largest: float, iterations: int) -> bool:
-        """Return whether a largest residual is small or nan, or no longer falls.
+        """Note the largest residual of the free nodes, and return whether the stage has ended.
 
-        `iterations` is the number of iterations of the solve so far.
+        It ends where this residual is at most the floor, is nan, or has not become smaller for
+        `STAGNANT` iterations. `iterations` is the solve's number of iterations so far.
         """
         if largest < self._least:
             self._least = largest
@@ -323,7 +346,10 @@ class _Watch:
         return not above or iterations - self._least_at >= STAGNANT
 
     def is_due(self, largest: float) -> bool:
-        """Return whether sets are to be checked at a largest residual, and set the next goal."""
+        """Return whether sets have to be checked now that the largest residual is `largest`.
+
+        If so, set the residual of the next check. The first residual of a stage only sets it.
+        """
         if self._next_check is None:
             self._next_check = self._goals.reduction * largest
         if largest > self._next_check:
@@ -340,14 +366,14 @@ class ActiveSet:
     Parameters
     ----------
     iterate : Iterate
-        The pressure to begin with. Solves change it, and leave the result in it.
+        The pressure to begin with. Solves change this object, and leave the result in it.
 
     Attributes
     ----------
     iterate : Iterate
         The present pressure.
     stalled : bool
-        Whether rounding leaves no step that would come nearer to equilibrium.
+        Whether `run` ended because rounding leaves no step that would come nearer to equilibrium.
     """
 
     def __init__(self, iterate: Iterate) -> None:
@@ -359,14 +385,15 @@ class ActiveSet:
     # Dense algebra
 
     def settle_few(self) -> bool:
-        """Solve by dense algebra if few nodes are in contact.
+        """Solve by dense algebra if few nodes are in contact and bodies have not yielded.
 
         Returns
         -------
         bool
             Whether the tolerance is met and no pressure exceeds the hardness. If the tolerance is
             not met, the iterate holds either the pressure before or the last one that was tried,
-            whichever is nearer to equilibrium.
+            whichever is nearer to equilibrium. If it is met, but a pressure exceeds the hardness,
+            the iterate holds this elastic solution. False also if nothing was tried.
         """
         iterate = self.iterate
         if iterate.yields or iterate.iterations >= iterate.max_iterations:
@@ -386,10 +413,12 @@ class ActiveSet:
         return settled and not iterate.pressure.max() > iterate.hardness
 
     def _candidates(self) -> Nodes | None:
-        """Return the flat indices of nodes that may be in contact, None if these are too many.
+        """Return the (n,) flat indices of nodes that may be in contact; None if too many or none.
 
         They are the nodes that touch, followed by open nodes with the smallest gaps, whose number
-        is set by `SPARE`.
+        is set by `SPARE`. If all of these are too many to factorise, nodes that penetrate without
+        any pressure are not taken for nodes that touch. At a given displacement, the result is None
+        if the nodes that touch are too many even without the open ones.
         """
         iterate = self.iterate
         few = self._patch.few
@@ -411,9 +440,11 @@ class ActiveSet:
         return np.concatenate([nodes, spare])
 
     def _settle(self, nodes: Nodes) -> bool:
-        """Solve on the candidate set, then check all nodes; return whether the tolerance is met.
+        """Solve on a set of nodes, then check all nodes; return whether the tolerance is met.
 
-        If nodes outside penetrate, enlarge the set and factorise again; otherwise correct rounding.
+        If nodes outside the set penetrate, factorise again on all nodes that touch. Otherwise
+        correct the rounding. The iterate then holds the last pressure that was tried. LinAlgError
+        and FloatingPointError pass through.
         """
         iterate = self.iterate
         interference = (iterate.below + iterate.given_shift).reshape(-1)
@@ -440,12 +471,16 @@ class ActiveSet:
         return False
 
     def _may_factorise(self, nodes: Nodes) -> bool:
-        """Return whether nodes are worth factorising, and the bound on iterations allows it."""
+        """Return whether `nodes` are few enough to factorise, and an iteration is left."""
         few_enough = nodes.size <= self._patch.few
         return few_enough and self.iterate.iterations < self.iterate.max_iterations
 
     def _factor(self, nodes: Nodes) -> ContactFactor:
-        """Factorise the matrix of some nodes, ordered by their pressure, then by penetration."""
+        """Factorise the matrix of some nodes, in double precision if they are few.
+
+        The nodes are ordered by falling pressure, then by falling penetration. Raise LinAlgError if
+        the matrix is not positive definite in its precision.
+        """
         iterate = self.iterate
         order = np.lexsort((-iterate.residual.flat[nodes], -iterate.pressure.flat[nodes]))
         precision = "float32"
@@ -456,11 +491,12 @@ class ActiveSet:
     def _solved_densely(
         self, factor: ContactFactor, interference: Values
     ) -> Values | None:
-        """Return the pressure on the nodes that a factor has left; None if its sets do not settle.
+        """Return the pressure on the nodes of a factor; None if its contact sets do not settle.
 
-        The nodes are `factor.nodes` after the call. Each set that was tried is an iteration. The
-        solution's shift is not needed, because `Iterate.renew` balances anew. LinAlgError passes
-        through.
+        The factor may lose nodes: the pressure belongs to `factor.nodes` after the call.
+        `interference` is flat, of the whole grid. Each set that was tried is counted as an
+        iteration. The solution's shift is not needed, because `Iterate.renew` balances anew.
+        LinAlgError passes through.
         """
         iterate = self.iterate
         sets = min(MOST_SETS, iterate.max_iterations - iterate.iterations)
@@ -471,7 +507,10 @@ class ActiveSet:
         return solution.pressure
 
     def _corrected_densely(self, factor: ContactFactor) -> Values:
-        """Return the pressure on the nodes of a factor, corrected by the present residual."""
+        """Return the present pressure on the nodes of a factor, with its residual removed.
+
+        LinAlgError passes through.
+        """
         iterate = self.iterate
         pressure = iterate.pressure.reshape(-1)[factor.nodes]
         residual = iterate.residual.reshape(-1)
@@ -488,7 +527,7 @@ class ActiveSet:
         -------
         bool
             Whether the tolerance is met. If not, there are three possible reasons: rounding allows
-            no smaller violation (then `stalled` is set), the bound on iterations is reached, or
+            no smaller violation (then `stalled` is True), the bound on iterations is reached, or
             numbers are nan.
         """
         iterate = self.iterate
@@ -530,40 +569,47 @@ class ActiveSet:
         return bool(iterate.pressure.max() > iterate.hardness)
 
     def _take_round(self, progress: Progress, floor: float) -> None:
-        """Take one round, after safe steps if rounds no longer come nearer; note its results.
+        """Take one round, and note its results in `progress`.
 
-        `floor` is the largest violation that the round has to reach [unit of displacement].
+        If rounds no longer come nearer to equilibrium, splitting or, on a free patch, projected
+        gradients come first. `floor` is the largest violation that the round aims at
+        [unit of displacement].
         """
         iterate = self.iterate
         if progress.impatient:
             if not self._split():
                 self._descend()
             progress.restore_patience()
-            progress.following = False
+            progress.next_set_taken = False
         yielded = self._take_sets(progress, floor)
+        # Single precision may not show that the tolerance is met.
         exact_is_next = progress.resolved > iterate.tolerance / 2
-        following = self._solve_round(
+        next_set_taken = self._solve_round(
             yielded,
             Goals(reduction=progress.reduction, floor=REACHED * floor),
             damped=iterate.soft or progress.to_be_damped,
             polishing=exact_is_next and progress.largest <= POLISHED,
         )
-        energy = iterate.energy()
         progress.note_round(
-            iterate.violation(), energy=energy, exact=iterate.exact, following=following
+            iterate.violation(),
+            energy=iterate.energy(),
+            exact=iterate.exact,
+            next_set_taken=next_set_taken,
         )
 
     def _take_sets(self, progress: Progress, floor: float) -> Mask | None:
         """Set the free nodes as the patch's contact set, and return the mask of the yielded nodes.
 
-        The mask is None for elastic bodies. After a step ahead on a set, no other nodes join it, so
-        that sets do not flicker. Unless nodes have yielded, the pressure is rescaled for a new set
-        (`Iterate.rescale`).
+        The mask is None for elastic bodies. Elastic bodies under a given load keep the set that the
+        last round has already taken, if it has. The free nodes of yielding bodies are then only
+        nodes of that set and nodes under pressure, so that sets do not flicker. Unless nodes have
+        yielded, the pressure is rescaled for a new set (`Iterate.rescale`).
         """
         iterate = self.iterate
         patch = self._patch
         if not iterate.yields:
-            if not (progress.following and iterate.load is not None):
+            keeps_set = progress.next_set_taken and iterate.load is not None
+            if not keeps_set:
                 patch.take_contact(iterate.touching())
                 iterate.rescale()
             return None
@@ -571,11 +617,11 @@ class ActiveSet:
         yielded: Mask = iterate.pressure >= iterate.hardness
         opens_most = violation.opening >= max(violation.penetration, violation.gap)
         may_free = opens_most or self._tension <= LITTLE_TENSION
-        if violation.opening > floor and may_free:  # nodes with the widest gaps
+        if violation.opening > floor and may_free:  # free the nodes with the widest gaps
             share = FREED_SLOWLY if progress.slow else FREED
             yielded &= iterate.residual >= -np.float32(share * violation.opening)
         free = iterate.touching() & ~yielded
-        if progress.following:
+        if progress.next_set_taken:
             free &= patch.contact | (iterate.pressure > 0)
         patch.take_contact(free)
         if not yielded.any():
@@ -587,9 +633,11 @@ class ActiveSet:
     ) -> bool:
         """Solve loosely on the free nodes, and bring their pressure back between the bounds.
 
-        Where the free nodes meet the tolerance, the round is likely to be the last, so that its
-        residual is computed in double precision at once. With `polishing`, it is also computed in
-        double precision. Return whether a step ahead was taken on the next set.
+        Return whether a pressure was out of bounds. Then the patch's contact set already is the set
+        of the next round, else it is still the set of this one. The new residual is in single
+        precision. It is in double precision instead, if bodies are elastic and a pressure was out
+        of bounds, with `polishing` and also where the round is likely to be the last. With
+        `damped`, the step is shortened if it raises the energy.
         """
         iterate = self.iterate
         before = None  # unless damped, nothing is kept, to save memory
@@ -599,46 +647,48 @@ class ActiveSet:
             energy = iterate.energy()
         iterate.exact = False
         solved = self._solve_equations(yielded, goals, before)
-        ahead = self._between_bounds(yielded, onwards=not solved.dense)
-        changed = ahead is not None
-        if ahead is None:
-            if not solved.dense:
+        bounded = self._between_bounds(yielded, advances=not solved.dense)
+        next_set_taken = bounded is not None
+        if bounded is None:
+            if not solved.dense:  # neither pressure nor residual have to change
                 return False
-            ahead = iterate.pressure
-        iterate.pressure = ahead
+            bounded = iterate.pressure
+        iterate.pressure = bounded
+        # The free nodes meet the tolerance; a damped step may yet be shortened.
         is_last = solved.remaining <= iterate.tolerance and not damped
         if (polishing or is_last) and not iterate.yields:
             iterate.renew()
-            return True
+            return next_set_taken
         self._update_residual(solved, free_memory=not (damped or solved.dense))
         if before is not None and iterate.energy() > energy:
-            self._shorten(before, ahead if solved.dense else solved.in_residual)
+            self._shorten(before, bounded if solved.dense else solved.in_residual)
         if iterate.load is not None:
             iterate.balance(iterate.residual)
-        return changed
+        return next_set_taken
 
     def _solve_equations(
         self, yielded: Mask | None, goals: Goals, before: State | None
     ) -> Solved:
-        """Solve the equations of the free nodes, whatever the bounds.
+        """Solve the equations of the free nodes, whatever the bounds; change the pressure.
 
         Few free nodes of bodies that yield are solved by dense algebra, all others loosely by
-        conjugate gradients. Where the displacement barely fixes the load, go back towards the state
-        before if much of the contact would leave.
+        conjugate gradients. Where the displacement barely fixes the load, and `before` is given, go
+        back towards the state `before` if much of the contact would leave.
         """
         iterate = self.iterate
-        in_residual = iterate.pressure
+        pressure_before = iterate.pressure
         if iterate.yields and self._solve_few_free():
-            return Solved(in_residual=in_residual, remaining=math.inf, dense=True)
+            return Solved(in_residual=pressure_before, remaining=math.inf, dense=True)
         remaining = self._solve_free(yielded, goals)
         if iterate.soft and before is not None:
             self._hold_back(before)
         return Solved(in_residual=iterate.pressure, remaining=remaining, dense=False)
 
     def _update_residual(self, solved: Solved, *, free_memory: bool) -> None:
-        """Update the residual to the present pressure, by one convolution.
+        """Update the residual from the pressure `solved.in_residual` to the present pressure.
 
-        With `free_memory`, the solved pressure is overwritten to save memory.
+        This takes one convolution. With `free_memory`, `solved.in_residual` is overwritten to save
+        memory. Where the displacement barely fixes the load, the pressure is rescaled too.
         """
         iterate = self.iterate
         buffer = None
@@ -650,7 +700,7 @@ class ActiveSet:
             iterate.rescale()
 
     def _copied_state(self) -> State:
-        """Return the present state, whose arrays the iterate no longer shares."""
+        """Return the present state, and give the iterate copies of its arrays to change."""
         iterate = self.iterate
         state = State(
             pressure=iterate.pressure,
@@ -661,10 +711,10 @@ class ActiveSet:
         return state
 
     def _hold_back(self, before: State) -> None:
-        """Go back towards an earlier state until no more than `MOST_LEAVING` of the contact leaves.
+        """Go back towards an earlier state until at most `MOST_LEAVING` of the contact leaves.
 
-        Where a displacement barely fixes the load, equations on a set that is too large let all of
-        it go.
+        Where a displacement barely fixes the load, the equations of a contact set that is too large
+        may put all of it under tension. Pressure and residual are replaced.
         """
         iterate = self.iterate
         leaving = iterate.pressure < 0
@@ -679,12 +729,13 @@ class ActiveSet:
             iterate.residual - before.residual
         )
 
-    def _shorten(self, before: State, solved: Field) -> None:
-        """Take a shorter step from an earlier state towards `solved`, the equations' pressure.
+    def _shorten(self, before: State, target: Field) -> None:
+        """Replace the present pressure by a shorter step from an earlier state towards `target`.
 
-        The length is the one with the least energy on the line from the earlier to the present
-        pressure. The step itself goes towards `solved` and is cut off at the bounds, so that nodes
-        leave the contact.
+        The share of the step is that of the least energy on the line from the earlier to the
+        present pressure. After conjugate gradients, `target` is their pressure, which may be out of
+        bounds: the step is cut off at the bounds, so that nodes leave the contact. After dense
+        algebra, `target` is between the bounds. Residual and shift are updated, by one convolution.
         """
         iterate = self.iterate
         change = iterate.pressure - before.pressure
@@ -696,8 +747,8 @@ class ActiveSet:
         step = 1.0
         if curvature > 0:
             step = min(max(slope / curvature, 0.0), 1.0)
-        towards = before.pressure + step * (solved - before.pressure)
-        iterate.pressure = np.clip(towards, 0, iterate.limit)
+        shortened = before.pressure + step * (target - before.pressure)
+        iterate.pressure = np.clip(shortened, 0, iterate.limit)
         iterate.admit(iterate.pressure)
         iterate.shift = before.shift
         iterate.residual = before.residual - self._patch.displace(
@@ -711,7 +762,8 @@ class ActiveSet:
     def solve_on(self, nodes: Mask, atol: float) -> float:
         """Solve the equations of some nodes alone, whatever the bounds.
 
-        The iterate then holds the pressure and its exact residual.
+        The iterate then holds the pressure and its exact residual. The nodes become the patch's
+        contact set.
 
         Parameters
         ----------
@@ -731,7 +783,7 @@ class ActiveSet:
         self._patch.take_contact(nodes)
         remaining = math.inf
         for _ in range(LINEAR_RENEWALS):
-            self._solve_free(None, goals, checked=False)
+            self._solve_free(None, goals, checks_sets=False)
             self.iterate.renew()
             remaining = float(np.abs(self.iterate.residual[nodes]).max())
             if not remaining > atol:  # also where it is nan
@@ -739,18 +791,22 @@ class ActiveSet:
         return remaining
 
     def _solve_free(
-        self, yielded: Mask | None, goals: Goals, *, checked: bool = True
+        self, yielded: Mask | None, goals: Goals, *, checks_sets: bool = True
     ) -> float:
-        """Run conjugate gradients on the free nodes until their set has to change.
+        """Run conjugate gradients on the free nodes, and change the iterate's pressure.
 
-        Sets are checked, if `checked`, whenever the residual has fallen by the goals' reduction.
-        The residual of all nodes is updated, because the convolution yields it at no extra cost. On
-        all nodes of a patch without edges a uniform pressure displaces nothing. Unless the load
-        fixes the mean pressure, steps may then go far, and are cut off at the hardness. Return the
-        largest residual of the free nodes, inf if no iteration is left [unit of displacement].
+        They end by the goals, where only rounding is left, or when no iteration is left. With
+        `checks_sets`, they also end where the sets have to change, which is checked whenever the
+        residual has fallen by the goals' reduction. The residual of all nodes is updated, because
+        the convolution yields it at no extra cost; under a given load the shift is updated too.
+
+        Return the last residual of the free nodes that was measured, by its largest absolute value;
+        inf if no iteration was left at the start [unit of displacement].
         """
         iterate = self.iterate
         constraint = self._constraint(yielded)
+        # On all nodes of a patch without edges a uniform pressure displaces nothing. Unless the
+        # load fixes the mean pressure, steps may go far, and are cut off at the hardness.
         singular = iterate.load is None and self._patch.singular
         longest = iterate.hardness if singular and iterate.yields else math.inf
         directions = _Directions(constraint, singular=singular, longest=longest)
@@ -762,13 +818,13 @@ class ActiveSet:
             if watch.has_ended(largest, iterate.iterations):
                 break
             is_due = watch.is_due(largest)
-            if checked and is_due:
+            if checks_sets and is_due:
                 pressure = directions.pressure
                 if self._has_to_change(pressure, yielded, goals.floor, largest, mean):
                     break
             if not self._step(directions, free):
                 break
-        if constraint.carried:
+        if constraint.keeps_load:  # balance the free nodes
             mean = constraint.mean(self._patch.in_contact(iterate.residual))
             iterate.residual -= np.float32(mean)
             iterate.shift -= mean
@@ -776,10 +832,11 @@ class ActiveSet:
         return largest
 
     def _step(self, directions: _Directions, free: Real) -> bool:
-        """Take one step of conjugate gradients from the residual of the free nodes.
+        """Take one step of conjugate gradients from the residual `free` of the free nodes.
 
-        Return whether the stage goes on. It does not where rounding leaves no step, nor where the
-        matrix is singular and the step was cut off or has put nodes under tension.
+        The step changes the iterate's residual and `directions.change`, and is an iteration. Return
+        whether the stage goes on. It ends where rounding leaves no step. Where the matrix is
+        singular, it also ends after a step that was cut off or has put nodes under tension.
         """
         iterate = self.iterate
         patch = self._patch
@@ -797,36 +854,39 @@ class ActiveSet:
         return not (directions.shortened or directions.pressure.min() < 0)
 
     def _free_residual(self, constraint: Constraint) -> tuple[Real, float]:
-        """Return the residual of the free nodes, and the mean subtracted from it under a load."""
+        """Return the residual of the free nodes less its mean, and this mean.
+
+        The residual has the form of `Patch.in_contact`, and the mean is weighted by the pressure
+        [unit of displacement]. At a given displacement nothing is subtracted: the mean is 0.
+        """
         free = self._patch.in_contact(self.iterate.residual)
         mean = constraint.mean(free)
-        if constraint.carried and free.ndim == 1:
-            free -= np.float32(mean)
-        elif constraint.carried:
-            free -= np.float32(mean) * self._patch.within
+        if constraint.keeps_load:
+            self._patch.add_constant(free, -np.float32(mean))
         return free, mean
 
     def _constraint(self, yielded: Mask | None) -> Constraint:
         """Return the constraint that corrections of the free pressures have to keep.
 
         At a given displacement, rounding puts errors along the pressure back into the residual.
-        Every correction removes them again (A-DEF2 of Tang, Nabben, Vuik and Erlangga 2009), unless
-        nodes have yielded, whose displacement is not known apart.
+        Every correction removes them again (A-DEF2 of Tang, Nabben, Vuik and Erlangga 2009). If
+        nodes have yielded there is no constraint, because the displacement by the free nodes alone
+        is not known.
         """
         iterate = self.iterate
         patch = self._patch
         base = patch.in_contact(iterate.pressure)
+        # Without a stiffness the image is not used, and `base` fills its place.
         if iterate.load is not None:
             if not base.any():
                 base = patch.in_contact(np.ones_like(iterate.residual))
             carried = float(base.sum(dtype=np.float64))
-            # Without a stiffness the image is not used, and `base` fills its place.
             return Constraint(base=base, carried=carried, image=base, stiffness=0.0)
         if yielded is not None and yielded.any():
             return Constraint(base=base, carried=0.0, image=base, stiffness=0.0)
+        # H p is u + s less the residual.
         image = patch.in_contact(iterate.below) - patch.in_contact(iterate.residual)
-        shift = np.float32(iterate.shift)
-        image += shift if image.ndim == 1 else shift * patch.within
+        patch.add_constant(image, np.float32(iterate.shift))
         stiffness = inner(base, image)
         if not stiffness > 0:
             stiffness = 0.0
@@ -843,14 +903,16 @@ class ActiveSet:
         """Return whether the sets have to change during a stage.
 
         They have to if a free node is under tension or beyond the hardness, if an open node
-        penetrates, or if a yielded node opens by more than the largest residual of the free nodes.
+        penetrates by more than `floor`, or if a yielded node opens by more than `floor` and than
+        `largest`.
 
-        `pressure` belongs to the free nodes, `floor` is the largest penetration or opening that is
-        tolerated, `largest` the largest residual of the free nodes, and the residual of all nodes
-        exceeds its true value by `mean` [unit of displacement].
+        `pressure` belongs to the free nodes; `largest` is the largest residual of these nodes. The
+        iterate's residual still contains `mean`, by which it exceeds the residual in balance. All
+        three are in the unit of displacement.
         """
         if pressure.min() < 0:
             return True
+        # Zero on the free nodes.
         outside = self.iterate.residual * ~self._patch.contact
         if yielded is None:
             return bool(outside.max() > floor + mean)
@@ -863,8 +925,8 @@ class ActiveSet:
     def _solve_few_free(self) -> bool:
         """Solve the equations of the free nodes by dense algebra if these nodes are few.
 
-        Return whether they were solved. If so, the iterate's pressure is a new array, and its
-        residual still belongs to the old one.
+        Return whether they were solved, which is an iteration. If so, the iterate's pressure is a
+        new array, and the iterate's residual still belongs to the old one.
         """
         iterate = self.iterate
         if not 0 < self._patch.count <= FEW_FREE * self._patch.few:
@@ -888,50 +950,52 @@ class ActiveSet:
 
     # Bounds
 
-    def _between_bounds(self, yielded: Mask | None, *, onwards: bool) -> Field | None:
-        """Cut off tension, cap pressures at the hardness, and take the next set.
+    def _between_bounds(self, yielded: Mask | None, *, advances: bool) -> Field | None:
+        """Return the present pressure brought between the bounds, as a new array.
 
-        With `onwards`, also step ahead on the next set by a share of its preconditioned residual.
-        Return a new pressure that carries the load, or None where no pressure is out of bounds. The
-        next set becomes the patch's contact set, and `_tension` is set in any case.
+        Return None where no pressure is out of bounds. Otherwise tension is cut off, pressures are
+        capped at the hardness, and the next set becomes the patch's contact set. With `advances`,
+        a share of the preconditioned residual on the next set is added (`ADVANCE`). The result
+        carries the load if one is given. The iterate's pressure is not changed. `_tension` is set
+        in any case.
         """
         iterate = self.iterate
         patch = self._patch
         pressure = iterate.pressure
         tension = pressure < 0
         excess = iterate.yields and bool((pressure > iterate.hardness).any())
-        pulled = np.count_nonzero(tension)
-        self._tension = pulled / max(patch.count, 1)
-        if not (pulled or excess):
+        number_under_tension = np.count_nonzero(tension)
+        self._tension = number_under_tension / max(patch.count, 1)
+        if not (number_under_tension or excess):
             return None
-        ahead = np.maximum(pressure, 0)
+        bounded = np.maximum(pressure, 0)
         if excess and yielded is not None:
-            ahead = self._capped(ahead, yielded)
-        following = ((ahead > 0) | (iterate.residual > 0)) & ~tension
+            bounded = self._capped(bounded, yielded)
+        next_set = ((bounded > 0) | (iterate.residual > 0)) & ~tension
         if iterate.yields:
-            following &= ahead < iterate.hardness
-        patch.take_contact(following)
-        if onwards:
+            next_set &= bounded < iterate.hardness
+        patch.take_contact(next_set)
+        if advances:
             correction = patch.correct(patch.in_contact(iterate.residual))
-            patch.add_to(ahead, np.float32(ADVANCE) * correction)
-            np.maximum(ahead, 0, out=ahead)
-        if iterate.yields:  # a step ahead makes no further node yield
+            patch.add_to(bounded, np.float32(ADVANCE) * correction)
+            np.maximum(bounded, 0, out=bounded)
+        if iterate.yields:  # the added share makes no further node yield
             highest = np.maximum(pressure, BELOW_HARDNESS * iterate.hardness)
-            np.minimum(ahead, highest, out=ahead)
-        iterate.admit(ahead)
-        return ahead
+            np.minimum(bounded, highest, out=bounded)
+        iterate.admit(bounded)
+        return bounded
 
-    def _capped(self, ahead: Field, yielded: Mask) -> Field:
-        """Return a pressure that is nowhere negative, capped at the hardness.
+    def _capped(self, pressure: Field, yielded: Mask) -> Field:
+        """Return a pressure, which is nowhere negative, capped at the hardness.
 
-        Load that capping takes off is moved to the free nodes, as far as scaling their pressures by
-        at most `LARGEST_SCALE` allows.
+        The nodes of the mask `yielded` get the hardness. Load that capping takes off is moved to
+        the free nodes, as far as scaling their pressures by at most `LARGEST_SCALE` allows.
         """
         iterate = self.iterate
         hardness = iterate.hardness
-        free = ahead
+        free = pressure
         if yielded.any():
-            free = np.where(yielded, 0.0, ahead)
+            free = np.where(yielded, 0.0, pressure)
         load = float(iterate.pressure.sum()) - hardness * np.count_nonzero(yielded)
         factor = 1.0
         for _ in range(CAPPINGS):
@@ -949,27 +1013,28 @@ class ActiveSet:
     # Safe steps
 
     def _descend(self) -> None:
-        """Take a few steps of projected gradients, each of which lowers the energy for certain.
+        """Take `SAFE_STEPS` steps of projected gradients, each of which lowers the energy.
 
-        They end early where rounding leaves no step.
+        They end early where rounding leaves no step. Pressure, residual and shift are updated.
         """
         iterate = self.iterate
         iterate.exact = False
         for _ in range(SAFE_STEPS):
-            ahead = self._projected(
+            # A step over the largest eigenvalue of H cannot go too far.
+            projected = self._projected(
                 iterate.pressure + iterate.residual / self._patch.norm
             )
-            change = ahead - iterate.pressure
+            change = projected - iterate.pressure
             image = self._patch.displace(change)
             if not (inner(iterate.residual, change) > 0 and inner(change, image) > 0):
                 return
             iterate.residual -= image
-            iterate.pressure = ahead
+            iterate.pressure = projected
             if iterate.load is not None:
                 iterate.balance(iterate.residual)
 
     def _projected(self, pressure: Field) -> Field:
-        """Return the nearest pressure between the bounds that carries the load."""
+        """Return the nearest pressure between the bounds, which carries the load if it is given."""
         iterate = self.iterate
         if iterate.load is None:
             return np.clip(pressure, 0, iterate.limit)
@@ -978,13 +1043,14 @@ class ActiveSet:
         return projected
 
     def _split(self) -> bool:
-        """Solve by waves and bounds in turn on a patch without edges; return False on a free one.
+        """Solve a patch without edges by splitting; do nothing and return False on a free patch.
 
-        The alternating direction method of multipliers has no sets that could cycle. It minimises
-        the same energy in turn over all pressures, by one Fourier transform each way, and over the
-        pressures between the bounds. It converges from any start because the energy is
-        convex (Boyd, Parikh, Chu, Peleato and Eckstein 2011, Foundations and Trends in Machine
-        Learning 3, sections 3.2 and 3.4.3). It ends at the tolerance, or at a bound on the passes.
+        Splitting is the alternating direction method of multipliers, which has no sets that could
+        cycle. It minimises the energy in turn over all pressures, by one Fourier transform each
+        way, and over the pressures between the bounds. It converges from any start because the
+        energy is convex (Boyd, Parikh, Chu, Peleato and Eckstein 2011, Foundations and Trends in
+        Machine Learning 3, sections 3.2 and 3.4.3). It ends at the tolerance, or at a bound on the
+        passes. The iterate then holds the pressure of the last check, with its exact residual.
         """
         splitting = self._patch.splitting()
         if splitting is None:
@@ -993,13 +1059,14 @@ class ActiveSet:
         iterate = self.iterate
         interference = iterate.below + iterate.given_shift
         within = iterate.pressure  # between the bounds
-        # Scaled multiplier of the equality free = within.
+        # Scaled multiplier of the equality unbounded = within.
         price = iterate.residual / penalty
         for number in range(1, PASSES * iterate.max_iterations + 1):
-            free = filtered(inverse, interference + penalty * (within - price))
+            unbounded = filtered(inverse, interference + penalty * (within - price))
             if iterate.load is not None:
-                free = free + (iterate.load / free.size - free.mean())
-            mixed = OVER * free + (1 - OVER) * within
+                missing = iterate.load / unbounded.size - unbounded.mean()
+                unbounded = unbounded + missing
+            mixed = OVER * unbounded + (1 - OVER) * within
             within = np.clip(mixed + price, 0, iterate.limit)
             price = price + mixed - within
             if number % CHECKED == 0 and within.any() and self._is_solved_by(within):
@@ -1007,9 +1074,10 @@ class ActiveSet:
         return True
 
     def _is_solved_by(self, within: Field) -> bool:
-        """Take a pressure of splitting with its exact residual; return whether it is near enough.
+        """Give the iterate a pressure of splitting and its exact residual.
 
-        The passes since the last call are counted as convolutions.
+        Return whether it meets the tolerance. The passes since the last call are counted as
+        convolutions.
         """
         iterate = self.iterate
         self._patch.convolutions += CHECKED

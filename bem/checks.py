@@ -143,8 +143,8 @@ def shown(value: Any) -> str:
     Returns
     -------
     str
-        Its representation. A long one loses its middle, and keeps at most about `LONGEST`
-        characters.
+        Its representation. If it is longer than `LONGEST` characters, its middle is replaced by
+        "...", so that it has fewer. A whole number of thousands of digits is described in words.
     """
     try:
         text = " ".join(repr(value).split())
@@ -152,4 +152,5 @@ def shown(value: Any) -> str:
         return "a whole number of thousands of digits"
     if len(text) <= LONGEST:
         return text
-    return f"{text[: LONGEST // 2]}...{text[-LONGEST // 4 :]}"
+    from_end = LONGEST // 4
+    return f"{text[: LONGEST // 2]}...{text[-from_end:]}"

@@ -57,7 +57,7 @@ class DenseSolution(NamedTuple):
 
 
 class _Backward(NamedTuple):
-    """Result of solving by a factor for one interference.
+    """Pressure of a factor's nodes under one interference, with the fixed nodes held at theirs.
 
     Attributes
     ----------
@@ -184,7 +184,7 @@ class ContactFactor:
 
     @NO_WARNING
     def correct(self, residual: Values, load: float | None) -> Values:
-        """Compute the change of the free nodes' pressure that removes a residual.
+        """Compute the change of the free nodes' pressure that removes a residual from these nodes.
 
         Parameters
         ----------
@@ -197,6 +197,11 @@ class ContactFactor:
         -------
         ndarray, shape (n,)
             Change of pressure, zero on fixed nodes [reduced].
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If no displacement makes the change carry no load, or rounding leaves none.
         """
         remaining = residual[self.nodes]
         remaining[self._fixed] = 0  # rounding would carry an open gap into the contact
@@ -273,9 +278,10 @@ class ContactFactor:
         self._gram = None
 
     def _by(self, routine: Callable[..., Any], *matrices: Real, **options: int) -> Real:
-        """Return the result of one of LAPACK's routines, whose first matrix is a lower triangle.
+        """Call one of LAPACK's routines, and return the matrix that it computes.
 
-        Raise LinAlgError if the routine reports a failure.
+        The first of the matrices is a lower triangle. Raise LinAlgError if the routine reports a
+        failure.
         """
         computed, failure = routine(*matrices, lower=1, **options)
         if failure:

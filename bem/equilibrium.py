@@ -36,19 +36,19 @@ FEW_NODES = 250
 # (`python -m tests.ledger --doubled bem.equilibrium.NESTED`).
 NESTED = 500
 
-# `NESTED` where little comes into contact [nodes]: a coarser grid then saves work on larger grids
+# `NESTED` where few nodes come into contact [nodes]: a coarser grid then saves work on larger grids
 # only. This number matters little.
 NESTED_FAINT = 1000
 
-# Tolerance of the loose solve [displacement]. This number matters little.
+# Tolerance of the loose solve, over the displacement [1]. This number matters little.
 NESTED_RTOL = 6e-2
 
-# Mean pressure, over E* times the rms slope, below which little comes into contact [1]. This and
+# Mean pressure, over E* times the rms slope, below which few nodes come into contact [1]. This and
 # `FAINT_DELTA` were measured on diamond-square surfaces of 512 and 513 nodes a side. This number
 # matters in rare cases.
 FAINT_PRESSURE = 4e-3
 
-# Delta, over the mean depth of the surface, below which little comes into contact [1]. Solves of
+# Delta, over the mean depth of the surface, below which few nodes come into contact [1]. Solves of
 # large grids take up to 25 % more iterations if it is doubled
 # (`python -m tests.ledger --doubled bem.equilibrium.FAINT_DELTA`).
 FAINT_DELTA = 0.6
@@ -94,8 +94,7 @@ SAMPLED = 16
 LEAST_OVERLAPPING = 6.0
 
 # Share of the nodes that are solved first under a light load, over the mean pressure divided by E*
-# times the rms slope [1]. Ladders
-# take up to 16 % more convolutions if it is halved
+# times the rms slope [1]. Ladders take up to 16 % more convolutions if it is halved
 # (`python -m tests.ledger --halved bem.equilibrium.OVERLAPPING`).
 OVERLAPPING = 20.0
 
@@ -115,19 +114,19 @@ REACH = 1e3
 # under a load is not above zero [1]. This number matters in rare cases.
 LEAST = 1e-3
 
-# Delta, over that of full contact, above which full contact is the better start [1]. This number
-# matters in rare cases.
+# Delta, over Delta of full contact, at or above which a start from full contact is better than a
+# start without any pressure [1]. This number matters in rare cases.
 NEARLY_FULL = 0.9
 
-# Largest number of trials of the constant that is added to the pressure of full contact. This
-# number matters in rare cases.
+# Largest number of constants that are tried in `_begun_nearly_full`. This number matters in rare
+# cases.
 CONSTANTS = 4
 
 # Least mean gap that these trials aim at, over Delta of full contact [1]. This number matters in
 # rare cases.
 LEAST_GAP = 1e-6
 
-# Largest residual of a start that is better than no pressure [Delta]. This number matters in rare
+# Largest violation of a start that is better than no pressure [Delta]. This number matters in rare
 # cases.
 FARTHEST = 10.0
 
@@ -248,7 +247,7 @@ def _is_loaded(problem: Problem) -> bool:
 
 
 def _on_many_nodes(problem: Problem, near: Start | None, give: float) -> Equilibrium:
-    """Solve by one active set, from a start near the solution or from one on a coarser grid.
+    """Solve by one active set, from a given start, one from a coarser grid, or a first guess.
 
     `give` is how far the far field gives way under a unit load [reduced].
     """
@@ -259,7 +258,10 @@ def _on_many_nodes(problem: Problem, near: Start | None, give: float) -> Equilib
 
 
 def _start_of(problem: Problem, near: Start | None) -> Start | None:
-    """Return the given start, else one on a coarser grid if the grid is large, else None."""
+    """Return the given start, else one from a coarser grid if the grid is large, else None.
+
+    None is also returned where a coarser grid would not help, see `_on_coarser_grid`.
+    """
     if near is None and min(problem.heights.shape) >= NESTED:
         return _on_coarser_grid(problem)
     return near
@@ -327,9 +329,9 @@ def _on_few_nodes(problem: Problem, give: float) -> Equilibrium | None:
 
 
 def _depth_of_few(heights: Field) -> float:
-    """Return the depth of the highest node that `FEW_NODES` nodes are above [um].
+    """Return the depth of the node with the rank `FEW_NODES` + 1 from the top [um].
 
-    On smaller grids it is the depth of the lowest node.
+    It counts from the highest node. On smaller grids it is the depth of the lowest node.
     """
     flat = heights.reshape(-1)
     rank = min(FEW_NODES + 1, flat.size)
@@ -342,15 +344,15 @@ def _solve_densely(
 ) -> Equilibrium | None:
     """Solve by dense algebra on all nodes that may touch.
 
-    `touching` holds these nodes; `length` is its unit [um]. `give` is how far the far field gives
-    way under a unit load [reduced]. Return None if the load needs more nodes, or no solution meets
-    the tolerance.
+    `touching` is the box of these nodes. `length` is the unit of its heights, and the depth down to
+    which nodes may touch [um]. `give` is how far the far field gives way under a unit load
+    [reduced]. Return None if the load needs more nodes, or no solution meets the tolerance.
     """
     hardness = problem.reduced_hardness(length)
     matrix = InfluenceMatrix(touching.below.shape, problem.kernel, problem.aspect)
     below = touching.below.reshape(-1)
     nodes = np.flatnonzero(below > -1)
-    nodes = nodes[np.argsort(-below[nodes], kind="stable")]
+    nodes = nodes[np.argsort(-below[nodes], kind="stable")]  # highest first
     shift = (problem.delta or 0.0) / length
     solution = _dense_solution(problem, matrix, nodes, below + shift, length, give)
     if solution is None:
@@ -365,6 +367,8 @@ def _solve_densely(
     pressure = values[nodes]
     entries = matrix.between(nodes, nodes)
     residual = below[nodes] + approach - np.einsum("ij,j->i", entries, pressure)
+    # Departures from equilibrium: gap or penetration in contact, penetration of nodes without
+    # pressure, and the gap of yielded nodes.
     departures = np.where(pressure > 0, np.abs(residual), residual)
     yielded = pressure >= hardness
     departures[yielded] = -residual[yielded]
@@ -395,8 +399,10 @@ def _dense_solution(
 ) -> DenseSolution | None:
     """Solve densely for elastic bodies, and again for yielding ones if the hardness is exceeded.
 
-    `nodes` are flat indices of the box, highest first; `interference` is flat, of the whole box
-    [length]. Return None if a matrix is not positive definite, or numbers overflow.
+    `nodes` are flat indices of the box, highest first. `interference` is flat, of the whole box
+    [length]; it contains the displacement if that is given. `length` is in um, `give` reduced. The
+    solution may not have settled. Return None if a matrix is not positive definite, or numbers
+    overflow.
     """
     load = None
     if problem.delta is None:
@@ -421,7 +427,9 @@ def _dense_solution(
 def _at_displacement(problem: Problem, near: Start | None, give: float) -> Equilibrium:
     """Solve at a given displacement, from a start if there is one.
 
-    `give` is how far a compliant far field gives way under a unit load, 0 if it is rigid [reduced].
+    Delta is the unit of displacement. Without a start, or with a poor one, begin from full contact
+    if Delta is near it, else from no pressure. `give` is how far a compliant far field gives way
+    under a unit load, 0 if it is rigid [reduced].
     """
     delta = problem.delta
     assert delta is not None
@@ -433,7 +441,7 @@ def _at_displacement(problem: Problem, near: Start | None, give: float) -> Equil
         reached = math.inf
     touching = overlap(problem, reached, delta)
     iterate = _new(problem, touching, delta, give=give)
-    # A start that overflows is worthless.
+    # A start may overflow: it is then found to be poor.
     with np.errstate(over="ignore", invalid="ignore"):
         if near is not None:
             _begin_from(iterate, problem, near, touching, delta)
@@ -456,24 +464,31 @@ def _at_displacement(problem: Problem, near: Start | None, give: float) -> Equil
 
 
 def _begun_nearly_full(iterate: Iterate) -> bool:
-    """Begin from the pressure of full contact plus a constant, cut off below zero.
+    """Begin at a given Delta from the pressure of full contact plus a constant, cut off below zero.
 
-    The mean gap falls nearly exponentially with the load (Persson 2007); trials tell how fast.
-    Return whether this is a useful start: it is if the displacement is not too far from that of
-    full contact.
+    The patch has no edges, and the iterate's unit of displacement is Delta. The mean gap falls
+    nearly exponentially with the constant (Persson 2007); trials tell how fast. Return whether the
+    iterate now has a useful start. If Delta is not below that of full contact, or below the share
+    `NEARLY_FULL` of it, return False and leave the iterate as it is.
     """
     below = iterate.below
-    depth = -float(below.mean())
-    if depth < 1 or 1 / depth < NEARLY_FULL:
+    full_delta = -float(below.mean())  # Delta of full contact, over Delta
+    if full_delta < 1 or 1 / full_delta < NEARLY_FULL:
         return False
     full = iterate.patch.zero_mean_pressure(below)
-    scale = float(full.std()) / 2
+    # Gaps are means, as a share of Delta of full contact: a pressure in balance at a displacement s
+    # leaves 1 - s / full_delta, because it does not move the mean of the surface.
+    wanted_gap = max(1 - 1 / full_delta, LEAST_GAP)
+    scale = float(full.std()) / 2  # gap = exp(-constant / scale), a first guess
     for _ in range(CONSTANTS):
-        constant = -scale * math.log(max(1 - 1 / depth, LEAST_GAP))
+        constant = -scale * math.log(wanted_gap)
         pressure = np.maximum(full + constant, 0)
         iterate.begin(pressure)
         penetration = float(iterate.residual.mean(where=pressure > 0))
-        gap = 1 - (1 - penetration) / depth
+        # Less the mean penetration, Delta is the displacement at which the pressure is in balance.
+        gap = 1 - (1 - penetration) / full_delta
+        # Nodes that penetrate have too little pressure, which is safe to begin from. Of a gap out
+        # of range there is no logarithm for the next trial.
         if penetration > 0 or not 0 < gap < 1:
             break
         scale = constant / -math.log(gap)
@@ -520,10 +535,10 @@ def _new(
     load: float | None = None,
     give: float = 0.0,
 ) -> Iterate:
-    """Return an iterate without any pressure for the part of a problem that may touch.
+    """Return an iterate without any pressure for the part `touching` of a problem.
 
-    `length` is the unit of length [um]. Without `load` [reduced], the displacement is given and is
-    the unit of length.
+    `length` is the unit of length [um]. If `load` is None, the displacement is given and is the
+    unit of length. `load` and `give` are reduced.
     """
     shape = touching.below.shape[0], touching.below.shape[1]
     patch = Patch(shape, problem.boundary, problem.kernel, problem.aspect, give)
@@ -542,9 +557,10 @@ def _new(
 def _solved(
     problem: Problem, iterate: Iterate, touching: Overlap, length: float, spent: int
 ) -> Equilibrium:
-    """Take an iterate to equilibrium, and put the result on the whole grid.
+    """Take an iterate to equilibrium, or as near as it comes, and put the result on the whole grid.
 
-    `length` is the unit of length [um]; `spent` are convolutions that the start took.
+    `touching` is the part of the grid that is solved, `length` the unit of length [um], and `spent`
+    the number of convolutions that the start took.
     """
     active_set = ActiveSet(iterate)
     if not active_set.settle_few():
@@ -553,7 +569,7 @@ def _solved(
         iterate.renew()
     assert iterate.displacement is not None
     unit = 1.0
-    if iterate.load is not None:
+    if iterate.load is not None:  # as `Iterate.tolerance`
         unit = LEAST
         if iterate.shift > 0:
             unit = iterate.shift
@@ -716,9 +732,9 @@ def _pressure_on_summits(
 ) -> Field:
     """Guess a pressure on the highest nodes that carries the load [reduced].
 
-    These nodes are pressed as deep as a plane at their foot would press them, and a constant is
-    subtracted from their pressure so that it carries the load. `relative_load` (see
-    `_relative_load`) sets their number. The patch's contact set is changed.
+    These nodes are pressed as deep as a plane at the lowest of them would press them. A constant is
+    then subtracted from their pressure so that it carries the load. `relative_load` (see
+    `_relative_load`) sets the number of these nodes, which become the patch's contact set.
     """
     patch = iterate.patch
     below = iterate.below
@@ -783,7 +799,9 @@ def _full_contact(problem: Problem, pressure: Field, length: float) -> Equilibri
 def _on_coarser_grid(problem: Problem) -> Start | None:
     """Return a start from a loose solve on a grid with twice the spacing.
 
-    Return None where it would save no work, or the coarser grid has no equilibrium.
+    Its pressure is interpolated to the nodes of the problem. Return None where it would save no
+    work, or the coarser grid has no equilibrium. ArithmeticError passes through, see
+    `equilibrium_of`.
     """
     coarse = None
     if _gains_by_nesting(problem):
@@ -812,8 +830,9 @@ def _on_coarser_grid(problem: Problem) -> Start | None:
 def _gains_by_nesting(problem: Problem) -> bool:
     """Return whether a start on a coarser grid saves work.
 
-    It saves none where little comes into contact, nor near full contact without edges. Without
-    edges, it cannot be made if a side has an odd number of nodes.
+    It saves none where few nodes come into contact, unless the grid is large, nor under a load near
+    full contact without edges. Without edges, it cannot be made if a side has an odd number of
+    nodes.
     """
     rows, columns = problem.heights.shape
     if min(rows, columns) < NESTED_FAINT and _is_faint(problem):
@@ -859,16 +878,17 @@ def _coarse_problem(problem: Problem) -> Problem | None:
 
 
 def _is_faint(problem: Problem) -> bool:
-    """Return whether a load or a displacement is likely to bring little into contact."""
+    """Return whether the load or the displacement is likely to bring few nodes into contact."""
     if problem.delta is None:
         return _relative_load(problem) < FAINT_PRESSURE
     return problem.delta < FAINT_DELTA * _mean_depth(problem.heights)
 
 
 def _between(values: Field, axis: int, nodes: int) -> Field:
-    """Insert the means of neighbours along an axis, which then has `nodes` nodes.
+    """Insert the means of neighbours along an axis, so that it has `nodes` nodes.
 
-    The last value is repeated if the last node has no neighbour beyond it.
+    `values` has (nodes + 1) // 2 nodes along the axis. If `nodes` is even, the last of them has no
+    neighbour beyond it, and its value is repeated.
     """
     coarse = np.moveaxis(values, axis, 0)
     filled = np.empty((nodes, *coarse.shape[1:]))

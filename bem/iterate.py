@@ -1,8 +1,9 @@
 """A pressure on its way to equilibrium: its residual, its violations, its bounds, first steps.
 
 The gap is w = H p - u - s, with the influence matrix H, the pressure p, the interference u and the
-displacement s of the far field. The residual is -w. `bem.active_set` takes an `Iterate` to
-equilibrium; it uses the energies, balances and bounds in this file.
+displacement s of the far field. The residual is -w: penetration where it is positive. An `Iterate`
+holds a pressure with its residual. It brings pressures to bounds and load, balances the far field,
+and takes the first steps. `bem.active_set` takes it to equilibrium.
 
 Constants say how far they move the counts of the ledger, see `bem.active_set`.
 """
@@ -16,8 +17,9 @@ import numpy as np
 from bem.arrays import Field, Mask, Nodes, Real, Values
 from bem.operators.patch import Patch
 
-# Largest pressure that a step ahead gives to a node that has not yielded, over the hardness [1].
-# Steps ahead overestimate pressures, so that conjugate gradients decide which nodes yield. Solves
+# Largest pressure that adding a preconditioned residual, or scaling to a load, gives to a node that
+# has not yielded, over the hardness [1]. Both overestimate pressures; conjugate gradients decide
+# which nodes yield. Solves
 # with a hardness take up to 14 % more iterations if it is halved or doubled
 # (`python -m tests.ledger --halved bem.iterate.BELOW_HARDNESS`).
 BELOW_HARDNESS = 0.9999
@@ -32,21 +34,22 @@ MOSTLY_CAPPED = 0.9
 # iterations if it is doubled (`python -m tests.ledger --doubled bem.iterate.LEAST_SCALE`).
 LEAST_SCALE = 0.8
 
-# Share of a first pressure's load above the hardness up to which bodies are taken for elastic [1].
-# This number matters little.
+# Share of the first step's load that exceeds the hardness, up to which bodies are taken for elastic
+# [1]. This number matters little.
 MOSTLY_ELASTIC = 0.02
 
 # Largest violation, over the displacement s, at which a pressure above the hardness is certain to
 # stay there [1]. Bodies that were taken for elastic then yield. This number matters little.
 CERTAIN = 1e-2
 
-# Violation, over the displacement s, below which no further first step is taken [1]. Ladders take
-# up to 8 % fewer iterations if it is halved, and up to 11 % more if it is doubled
+# Violation, over the displacement s, at or below which `Iterate.approach` ends [1]. Ladders take up
+# to 8 % fewer iterations if it is halved, and up to 11 % more if it is doubled
 # (`python -m tests.ledger --halved bem.iterate.NEAR`).
 NEAR = 5e-3
 
-# Share of the last violation below which another first step follows [1]. Each costs a convolution,
-# a stage of conjugate gradients about twice as much. Solves under a load take up to 43 % more
+# Share of the violation before a step of `Iterate.approach`, below which the violation after it has
+# to be for another step [1]. Each step costs a convolution, and a stage of conjugate gradients
+# about twice as much. Solves under a load take up to 43 % more
 # iterations if it is halved, and up to 15 % more convolutions if it is doubled
 # (`python -m tests.ledger --halved bem.iterate.NEARER`).
 NEARER = 0.8
@@ -66,7 +69,8 @@ INTERPOLATED_STEPS = 3
 # it is doubled (`python -m tests.ledger --halved bem.iterate.APPROACH_FREE`).
 APPROACH_FREE = 0.55
 
-# `APPROACH_FREE` for a patch without edges with a small contact [1]. Solves under a load take up to
+# `APPROACH_FREE` for a patch without edges, in the limit of a small contact [1]; larger contacts
+# interpolate between this and `APPROACH_FULL`. Solves under a load take up to
 # 8 % more iterations if it is halved, and up to 36 % more if it is doubled (`python -m tests.ledger
 # --halved bem.iterate.APPROACH_SMALL`).
 APPROACH_SMALL = 0.6
@@ -76,20 +80,21 @@ APPROACH_SMALL = 0.6
 # (`python -m tests.ledger --halved bem.iterate.APPROACH_FULL`).
 APPROACH_FULL = 0.8
 
-# Distance from zero or the hardness, over the hardness, at which a pressure of a start or of a
-# splitting is taken to be at this bound [1]. This number matters in rare cases.
+# Distance from the hardness, over the hardness, within which a pressure of a start or of splitting
+# is taken to be at the hardness [1]. Pressures of splitting this near zero are taken to be zero.
+# This number matters in rare cases.
 CLOSE = 1e-9
 
-# Share of a load, or of the hardness, below which a difference is taken for rounding [1]. This
-# number matters little.
+# Share of a load, or of the hardness, below which a difference from it is taken for rounding [1].
+# This number matters little.
 LOST = 1e-11
 
 # Largest number of passes that scale the free pressures to a load: each pass takes more nodes to
-# their limit. This number matters little.
+# the limit `BELOW_HARDNESS`. This number matters little.
 SCALINGS = 6
 
-# Largest number of bisections for the constant that `cut_to_load` subtracts: they resolve all
-# digits of double precision. This number matters in rare cases.
+# Largest number of bisections for the constant that `cut_to_load` subtracts: enough for all digits
+# of double precision. This number matters in rare cases.
 BISECTIONS = 60
 
 
@@ -187,17 +192,16 @@ class Iterate:
     Attributes
     ----------
     pressure : ndarray, shape (nx, ny)
-        Pressure, between the bounds whenever a method returns [reduced].
+        Pressure, between the bounds whenever a method of this class returns [reduced].
     residual : ndarray of float32, shape (nx, ny)
         u + s - H p: zero in contact, negative where a gap is open [unit of displacement].
     shift : float
         Displacement s of the far field [unit of displacement].
     yields : bool
-        Whether bodies may yield. They are elastic until it is certain that pressures exceed the
-        hardness.
+        Whether bodies may yield. Until this is set they are taken for elastic, and pressures may
+        exceed the hardness.
     limit : float
-        Largest pressure that is allowed now: the hardness once bodies may yield, else inf
-        [reduced].
+        Upper bound of the pressure now: the hardness if `yields`, else inf [reduced].
     displacement : ndarray, shape (nx, ny), or None
         H p of the last exact residual, to be read only while `exact` [unit of displacement]. It is
         a view into the buffer of the patch's filter: the next exact displacement by this patch, or
@@ -207,7 +211,8 @@ class Iterate:
     exact : bool
         Whether the residual was computed in double precision from this pressure.
     soft : bool
-        Whether the displacement may barely fix the load, so that elastic steps have to be damped.
+        Whether the displacement may barely fix the load, so that steps have to be damped. False
+        under a given load, and once bodies may yield.
     """
 
     def __init__(
@@ -242,7 +247,10 @@ class Iterate:
         self.exact = False
 
     def expect_yielding(self) -> None:
-        """Let bodies yield from now on, whatever their pressures are."""
+        """Let bodies yield from now on: set `yields` and `limit`, unset `soft`.
+
+        The pressure is not cut off.
+        """
         self.yields = True
         self.limit = self.hardness
         self.soft = False
@@ -251,7 +259,10 @@ class Iterate:
 
     @property
     def tolerance(self) -> float:
-        """Largest violation that is accepted [unit of displacement]."""
+        """Largest violation that is accepted [unit of displacement].
+
+        It is relative to s, or to `least_displacement` as long as s is not above zero.
+        """
         if self.shift > 0:
             return self.rtol * self.shift
         return self.rtol * self.least_displacement
@@ -278,7 +289,7 @@ class Iterate:
         Returns
         -------
         Violation
-            The largest departures of each kind; nan may appear where the residual is nan.
+            The largest departure of each kind; a nan of the residual may make any of them nan.
         """
         if residual is None:
             residual = self.residual
@@ -312,8 +323,8 @@ class Iterate:
             True if the pressure does no work on the interference, violates equilibrium by more than
             `farthest`, or is not finite.
         """
-        near_enough = self._work() > 0 and self.violation().largest <= farthest
-        return not near_enough
+        is_useful = self._work() > 0 and self.violation().largest <= farthest
+        return not is_useful  # nan is not useful
 
     def touching(self) -> Mask:
         """Return the (nx, ny) mask of nodes that are under pressure or would penetrate."""
@@ -321,12 +332,18 @@ class Iterate:
         return touching
 
     def energy(self) -> float:
-        """Compute p H p / 2 - p u, which is least for the solution [reduced]."""
-        carried = float(self.pressure.sum())
+        """Compute the energy, which is least for the solution [reduced].
+
+        It is p H p / 2 - p u under a given load, and p H p / 2 - p (u + s) at a given displacement.
+        """
+        # With the residual r = u + s - H p, the energy is -(p u + p r + p s) / 2 at a given
+        # displacement. Under a given load the energy lacks - p s, so that the sign of p s changes;
+        # p s is then the load times s.
+        far_field_work = self.shift * float(self.pressure.sum())
         if self.load is not None:
-            carried = -self.load
+            far_field_work = -self.shift * self.load
         work = inner(self.pressure, self.below) + inner(self.pressure, self.residual)
-        return -(work + self.shift * carried) / 2
+        return -(work + far_field_work) / 2
 
     def state(self) -> State:
         """Return the pressure, its residual and the shift, as references to the present arrays."""
@@ -340,12 +357,15 @@ class Iterate:
         self.exact = False
 
     def _work(self) -> float:
-        """Return the work p (u + s) of the pressure on the interference [reduced]."""
+        """Return p (u + s), the work of the pressure on the interference [reduced]."""
         work = inner(self.pressure, self.below)
         return work + self.shift * float(self.pressure.sum())
 
     def _excess(self, pressure: Real) -> float:
-        """Return the share of a pressure's load that exceeds the hardness [1]."""
+        """Return the share of a pressure's load above the hardness [1].
+
+        It is 0 if there is no hardness, or no load above 0.
+        """
         if self.hardness == math.inf:
             return 0.0
         carried = float(pressure.sum())
@@ -358,8 +378,8 @@ class Iterate:
     def begin(self, pressure: Field, displacement: Field | None = None) -> None:
         """Start from a pressure: bring it to the bounds and to the load, and compute its residual.
 
-        Bodies may yield from now on if the pressure reaches the hardness somewhere, or exceeds it
-        with more than a small share of its load.
+        Bodies may yield from now on if the pressure reaches the hardness somewhere. Under a given
+        load, the shift follows from the balance of the free nodes.
 
         Parameters
         ----------
@@ -367,11 +387,10 @@ class Iterate:
             Pressure, nowhere negative; it is copied [reduced].
         displacement : ndarray, shape (nx, ny), optional
             Displacement H p by this pressure, which saves a convolution if all of it is finite and
-            bodies do not yield. Under a given load, the pressure may then not be zero everywhere
-            [unit of displacement].
+            bodies do not yield. If it is passed under a given load, the pressure must be above
+            zero somewhere [unit of displacement].
         """
-        at_hardness = float(pressure.max()) >= self.hardness * (1 - CLOSE)
-        if at_hardness or self._excess(pressure) > MOSTLY_ELASTIC:
+        if float(pressure.max()) >= self.hardness * (1 - CLOSE):
             self.expect_yielding()
         self.exact = False
         self.pressure = np.minimum(pressure, self.limit)
@@ -392,7 +411,9 @@ class Iterate:
     def renew(self) -> None:
         """Bring the pressure to the load, and compute its residual in double precision.
 
-        This sets `displacement` and `exact`, and overwrites the displacement of earlier calls.
+        The pressure is changed in place; it has to be between the bounds. Under a given load, the
+        shift follows from the balance of the free nodes. `displacement` and `exact` are set, and
+        the displacement of earlier calls is overwritten.
         """
         self.admit(self.pressure)
         self.displacement = self.patch.displace(self.pressure, exactly=True)
@@ -406,7 +427,11 @@ class Iterate:
         self.exact = True
 
     def let_yield(self) -> None:
-        """Let bodies yield from now on: cut pressures off at the hardness, update the residual."""
+        """Let bodies yield from now on: cut the pressure off, and bring it to the load.
+
+        The residual is updated by one convolution, the shift if the load is given; `exact` is
+        unset.
+        """
         self.expect_yielding()
         before = self.pressure
         self.pressure = np.minimum(self.pressure, self.hardness)
@@ -419,11 +444,11 @@ class Iterate:
     def balance(self, residual: Real) -> None:
         """Shift the far field under a given load so that the free nodes are in balance.
 
-        The residual is changed in place, and `shift` by the same amount: both lose the residual's
-        mean, weighted by the pressure of the free nodes. Where all nodes in contact have yielded,
-        more than one displacement is in balance. Then the least displacement without a gap in
-        contact is taken, unless nodes outside would penetrate at it. In this case yielded nodes
-        have to give load to nodes outside, and the displacement halfway is taken.
+        The mean of the residual, weighted by the pressure of the free nodes, is subtracted from the
+        residual, in place, and from `shift`. Where all nodes in contact have yielded, more than one
+        displacement is in balance. Then the least displacement without a gap in contact is taken.
+        If nodes outside penetrated at this displacement, yielded nodes have to give load to them.
+        Then the displacement is halfway to the one at which no node outside penetrates.
 
         Parameters
         ----------
@@ -438,20 +463,21 @@ class Iterate:
             mean = inner(weights, residual) / carried
         else:  # all nodes in contact have yielded
             loaded = self.pressure > 0
-            inside = float(residual.min(where=loaded, initial=math.inf))
-            outside = float(residual.max(where=~loaded, initial=-math.inf))
-            mean = inside
-            if outside > inside:
-                mean = (inside + outside) / 2
+            least_inside = float(residual.min(where=loaded, initial=math.inf))
+            largest_outside = float(residual.max(where=~loaded, initial=-math.inf))
+            mean = least_inside
+            if largest_outside > least_inside:
+                mean = (least_inside + largest_outside) / 2
         residual -= residual.dtype.type(mean)
         self.shift -= mean
 
     # Pressures between the bounds that carry the load
 
     def admit(self, pressure: Field) -> None:
-        """Bring a pressure to the load, and nodes within rounding of a bound to this bound.
+        """Bring a pressure to the load if one is given, in place.
 
-        The pressure is changed in place. If it is zero everywhere, the load is spread evenly.
+        If the pressure is zero everywhere, the load is spread evenly. If bodies may yield,
+        pressures within rounding of zero or the hardness are set to this bound.
 
         Parameters
         ----------
@@ -470,7 +496,7 @@ class Iterate:
             self.snap(pressure, LOST)
 
     def snap(self, pressure: Field, share: float) -> None:
-        """Set pressures just above zero to zero, and pressures just below the hardness to it.
+        """Set pressures near zero or below to zero, and others near the hardness or above to it.
 
         The pressure is changed in place.
 
@@ -479,7 +505,7 @@ class Iterate:
         pressure : ndarray, shape (nx, ny)
             Pressure [reduced].
         share : float
-            Distance from either bound within which pressures are set to it, over the hardness [1].
+            Distance that is near, over the hardness [1].
         """
         pressure[pressure < share * self.hardness] = 0
         pressure[pressure > (1 - share) * self.hardness] = self.hardness
@@ -488,7 +514,7 @@ class Iterate:
         """Bring a pressure to a load by scaling its free nodes, in place.
 
         Yielded nodes stay at the hardness, unless they carry too much alone. Load that the free
-        nodes cannot take goes on the nodes next to touch.
+        nodes cannot take is added where gaps are smallest.
         """
         flat = pressure.reshape(-1)
         loaded = np.flatnonzero(flat)
@@ -499,12 +525,16 @@ class Iterate:
             self._add_next(flat, missing)
 
     def _scaled(self, values: Values, nodes: Nodes, load: float) -> Values:
-        """Scale the pressures of free nodes to a load, as far as the hardness allows, in place.
+        """Scale the pressures of free nodes so that all values carry a load, in place.
+
+        Scaling takes a free node at most to `BELOW_HARDNESS`. Yielded nodes stay at the hardness;
+        where they carry too much alone, load is taken off all values instead, at the widest gaps
+        first.
 
         Parameters
         ----------
         values : ndarray, shape (n,)
-            Pressures, all above zero; overwritten [reduced].
+            Pressures of free and yielded nodes, all above zero; overwritten [reduced].
         nodes : ndarray, shape (n,)
             Flat indices of their nodes.
         load : float
@@ -513,56 +543,63 @@ class Iterate:
         Returns
         -------
         ndarray, shape (n,)
-            `values`, whose sum is below the load if all free nodes are at their limit.
+            `values`. Their sum is below the load if the free nodes cannot take all of it.
         """
         limit = BELOW_HARDNESS * self.hardness
         for _ in range(SCALINGS):
             yielded = values >= self.hardness
-            fixed = self.hardness * np.count_nonzero(yielded)
-            before = values[~yielded]
-            free = float(before.sum())
-            remaining = load - fixed
+            load_of_yielded = self.hardness * np.count_nonzero(yielded)
+            free = values[~yielded]
+            load_of_free = float(free.sum())
+            remaining = load - load_of_yielded
             if remaining < 0:  # the yielded nodes alone carry too much
-                self._take_off(values, nodes, fixed + free - load)
+                self._take_off(values, nodes, load_of_yielded + load_of_free - load)
                 break
-            if not free > 0:
+            if not load_of_free > 0:  # no node is free
                 break
-            scaled = before * (remaining / free)
-            highest = np.maximum(before, limit)
+            scaled = free * (remaining / load_of_free)
+            highest = np.maximum(free, limit)
             values[~yielded] = np.minimum(scaled, highest)
-            if not (scaled > highest).any():
+            if not (scaled > highest).any():  # the load is reached
                 break
         return values
 
     def _take_off(self, values: Values, nodes: Nodes, excess: float) -> None:
-        """Take a load off the (n,) pressures of some nodes, in place, widest gaps first."""
+        """Take the load `excess` off the (n,) pressures of some nodes, in place.
+
+        Nodes with the widest gaps lose all of their pressure before the next ones lose any.
+        `nodes` are flat indices.
+        """
         order = np.argsort(self.residual.reshape(-1)[nodes], kind="stable")
         ordered = values[order]
         taken_before = np.cumsum(ordered) - ordered
         values[order] -= np.minimum(ordered, np.maximum(excess - taken_before, 0))
 
     def _add_next(self, flat: Values, missing: float) -> None:
-        """Add a load to a flat pressure, in place, on the nodes below the hardness next to touch.
+        """Add the load `missing` to a flat pressure, in place, on nodes below the hardness.
 
-        Each node takes as much as the hardness allows before the next one takes any.
+        Nodes with the smallest gaps are loaded up to the hardness before the next ones take any.
         """
-        below = np.flatnonzero(flat < self.hardness)
-        gaps = -self.residual.reshape(-1)[below]
-        enough = math.ceil(missing / self.hardness) + int(np.count_nonzero(flat[below]))
-        if enough < below.size:  # do not sort all nodes of the grid
-            below = below[np.argpartition(gaps, enough)[: enough + 1]]
-            gaps = -self.residual.reshape(-1)[below]
-        order = below[np.argsort(gaps, kind="stable")]
+        not_yielded = np.flatnonzero(flat < self.hardness)
+        gaps = -self.residual.reshape(-1)[not_yielded]
+        # Nodes without pressure take the whole hardness; nodes under pressure may take little.
+        number_loaded = int(np.count_nonzero(flat[not_yielded]))
+        enough = math.ceil(missing / self.hardness) + number_loaded
+        if enough < not_yielded.size:  # do not sort all nodes of the grid
+            not_yielded = not_yielded[np.argpartition(gaps, enough)[: enough + 1]]
+            gaps = -self.residual.reshape(-1)[not_yielded]
+        order = not_yielded[np.argsort(gaps, kind="stable")]
         room = self.hardness - flat[order]
         room_before = np.cumsum(room) - room
         flat[order] += np.minimum(room, np.maximum(missing - room_before, 0))
 
     def rescale(self) -> None:
-        """Scale an elastic pressure at a given displacement to the least energy.
+        """Scale an elastic pressure at a given displacement to the least energy, and its residual.
 
         Cutting off tension leaves too much load, which shifts the residual of the whole contact.
-        The displacement by the pressure is known, so that the scaled residual costs no convolution.
-        Nothing changes under a given load, or where no positive factor lowers the energy.
+        The displacement by the pressure follows from the residual, so that this costs no
+        convolution. Both arrays are changed in place. Nothing changes under a given load, or where
+        no positive factor has the least energy.
         """
         if self.load is not None:
             return
@@ -584,8 +621,8 @@ class Iterate:
         """Take preconditioned steps between the bounds, from no pressure at a given displacement.
 
         Each step costs one convolution. Together they take most nodes that will not touch out of
-        contact. Bodies may yield from now on if the first step exceeds the hardness with more than
-        a small share of its load.
+        contact. Bodies may yield from now on if more than the share `MOSTLY_ELASTIC` of the first
+        step's load exceeds the hardness.
 
         Parameters
         ----------
@@ -597,51 +634,54 @@ class Iterate:
             touching = self.touching()
             if np.count_nonzero(touching) <= enough:
                 return
-            ahead = self._ahead(touching)
-            if step == 0 and self._excess(ahead) > MOSTLY_ELASTIC:
+            target = self._corrected(touching)
+            if step == 0 and self._excess(target) > MOSTLY_ELASTIC:
                 self.expect_yielding()
-            np.minimum(ahead, self.limit, out=ahead)
+            np.minimum(target, self.limit, out=target)
             is_last = step == FIRST_STEPS - 1
-            if not self._take_first_step(ahead, interference, is_last=is_last):
+            if not self._take_first_step(target, interference, is_last=is_last):
                 return
         if self.yields:
             self._cap()
 
-    def _ahead(self, touching: Mask) -> Field:
-        """Return the pressure after a step on the touching nodes that have not yielded.
+    def _corrected(self, touching: Mask) -> Field:
+        """Return the present pressure plus the preconditioned residual, without tension.
 
-        It is nowhere negative, and may exceed the hardness.
+        The residual is corrected on the touching nodes that have not yielded, which become the
+        patch's contact set. The result is a new array, and may exceed the hardness.
         """
         self.patch.take_contact(touching & (self.pressure < self.limit))
         correction = self.patch.correct(self.patch.in_contact(self.residual))
-        ahead = self.pressure.copy()
-        self.patch.add_to(ahead, correction)
-        return np.maximum(ahead, 0, out=ahead)
+        corrected = self.pressure.copy()
+        self.patch.add_to(corrected, correction)
+        return np.maximum(corrected, 0, out=corrected)
 
     def _take_first_step(
-        self, ahead: Field, interference: Real, *, is_last: bool
+        self, target: Field, interference: Real, *, is_last: bool
     ) -> bool:
-        """Step to the pressure `ahead`, scaled or damped to the least energy.
+        """Step to the pressure `target`, scaled or damped to the least energy.
 
-        Return whether there is such a step; else nothing changes. If most of the load is on nodes
-        at the hardness, the step is damped, otherwise `ahead` is scaled.
+        If most of the load of `target` is on nodes at the hardness, the step from the present
+        pressure is damped, otherwise `target` is scaled. `interference` is the residual of no
+        pressure. Return whether there is a step that lowers the energy; else nothing changes.
         """
-        capped = 0.0
+        load_at_hardness = 0.0
         if self.yields:
-            capped = float(ahead.sum(where=ahead >= self.limit))
-        if capped > MOSTLY_CAPPED * float(ahead.sum()):
-            return self._step_towards(ahead)
+            load_at_hardness = float(target.sum(where=target >= self.limit))
+        if load_at_hardness > MOSTLY_CAPPED * float(target.sum()):
+            return self._step_towards(target)
         least_scale = None
-        if capped:  # after the last step, capped nodes stay at the hardness
+        if load_at_hardness:  # in the last step, nodes at the hardness stay there
             least_scale = 1.0 if is_last else LEAST_SCALE
-        return self._scale_to(ahead, interference, least_scale)
+        return self._scale_to(target, interference, least_scale)
 
-    def _step_towards(self, ahead: Field) -> bool:
+    def _step_towards(self, target: Field) -> bool:
         """Go to the least energy between the present pressure and another one.
 
-        Return whether there is a step; else nothing changes.
+        Pressure and residual are replaced. Return False, and change nothing, where rounding leaves
+        no step.
         """
-        change = ahead - self.pressure
+        change = target - self.pressure
         image = self.patch.displace(change)
         stiffness = inner(change, image)
         work = inner(self.residual, change)
@@ -652,44 +692,53 @@ class Iterate:
         self.pressure = self.pressure + scale * change
         return True
 
-    def _scale_to(self, ahead: Field, interference: Real, smallest: float | None) -> bool:
-        """Replace the pressure by a multiple of another one: the one of the least energy.
+    def _scale_to(
+        self, target: Field, interference: Real, least_scale: float | None
+    ) -> bool:
+        """Replace the pressure by the multiple of `target` with the least energy.
 
-        With `smallest`, the factor is kept between it and 1. Return whether a positive factor
-        exists; else nothing changes.
+        The residual follows from `interference`, the residual of no pressure. If `least_scale` is
+        not None, the factor is kept between it and 1. Return False, and change nothing, if no
+        positive factor has the least energy.
         """
-        image = self.patch.displace(ahead)
-        stiffness = inner(ahead, image)
-        work = inner(interference, ahead)
+        image = self.patch.displace(target)
+        stiffness = inner(target, image)
+        work = inner(interference, target)
         if not (stiffness > 0 and work > 0):
             return False
         scale = work / stiffness
-        if smallest is not None:
-            scale = min(max(scale, smallest), 1.0)
+        if least_scale is not None:
+            scale = min(max(scale, least_scale), 1.0)
         self.residual = interference - np.float32(scale) * image
-        self.pressure = scale * ahead
+        self.pressure = scale * target
         return True
 
     def _cap(self) -> None:
-        """Set pressures above the hardness, or below it by rounding, to it; update the residual."""
+        """Cut the pressure off at the hardness, in place, and update the residual.
+
+        Pressures that rounding has put below the hardness are set to it. This is too small a change
+        for the residual, so that no convolution is needed unless a pressure has been cut off.
+        """
         before = self.pressure.copy()
-        self.pressure[self.pressure > self.hardness * (1 - LOST)] = self.hardness
+        at_hardness = self.pressure > self.hardness * (1 - LOST)
+        self.pressure[at_hardness] = self.hardness
         if (self.pressure < before).any():
             self.residual -= self.patch.displace(self.pressure - before)
 
     def approach(self, enough: float = 0.0, *, interpolated: bool = False) -> None:
         """Take preconditioned steps between the bounds from the pressure that `begin` was given.
 
-        Steps end when the violation is small, or no longer falls fast.
+        Steps end when the violation is small, or no longer falls fast. Each step costs one
+        convolution, and keeps the load if it is given.
 
         Parameters
         ----------
         enough : float
             Number of nodes in contact up to which no further step is taken.
         interpolated : bool
-            Whether the pressure was interpolated from a coarser grid and is above zero on too many
-            nodes. Steps are then taken on the nodes under pressure alone, and continue where
-            violations rise, as they may at first.
+            Whether the pressure was interpolated from a coarser grid, so that it is above zero on
+            too many nodes. Steps are then taken on the nodes under pressure alone. They continue
+            where violations rise, because at first they may.
         """
         largest = self.violation().largest
         steps = INTERPOLATED_STEPS if interpolated else FIRST_STEPS
@@ -698,13 +747,17 @@ class Iterate:
             if largest <= NEAR * self.shift or np.count_nonzero(touching) <= enough:
                 return
             self._approach_on(touching)
-            last = largest
+            largest_before = largest
             largest = self.violation().largest
-            if not (interpolated or largest < NEARER * last):
+            falls_fast = largest < NEARER * largest_before
+            if not (interpolated or falls_fast):
                 return
 
     def _approach_on(self, touching: Mask) -> None:
-        """Take one preconditioned step on the nodes of an (nx, ny) mask that have not yielded."""
+        """Take one preconditioned step on the nodes of an (nx, ny) mask that have not yielded.
+
+        These nodes become the patch's contact set. Pressure, residual and shift are updated.
+        """
         patch = self.patch
         before = self.pressure
         patch.take_contact(touching & (before < self.limit))
@@ -713,12 +766,13 @@ class Iterate:
             share = np.interp(
                 patch.count, (0, before.size), (APPROACH_SMALL, APPROACH_FULL)
             )
-        ahead = before.copy()
+        after = before.copy()
         correction = patch.correct(patch.in_contact(self.residual))
-        patch.add_to(ahead, np.float32(share) * correction)
-        self.pressure = np.clip(ahead, 0, self.limit, out=ahead)
-        self.admit(ahead)
-        self.residual -= patch.displace(np.subtract(ahead, before, out=before))
+        patch.add_to(after, np.float32(share) * correction)
+        self.pressure = np.clip(after, 0, self.limit, out=after)
+        self.admit(after)
+        change = np.subtract(after, before, out=before)
+        self.residual -= patch.displace(change)
         if self.load is not None:
             self.balance(self.residual)
         elif not self.yields:
@@ -726,7 +780,7 @@ class Iterate:
 
 
 def cut_to_load(pressure: Field, load: float, hardness: float = math.inf) -> Field:
-    """Subtract a constant from a pressure and cut it off at the bounds, so that it carries a load.
+    """Return a pressure less a constant, cut off at the bounds, so that it carries a load.
 
     Without a hardness, the constant is computed for all nodes, then for the nodes that it leaves
     above zero, and so on until no node drops out (Michelot 1986, Journal of Optimization Theory and
@@ -759,7 +813,10 @@ def cut_to_load(pressure: Field, load: float, hardness: float = math.inf) -> Fie
 
 
 def _bisected(pressure: Field, load: float, hardness: float, high: float) -> float:
-    """Return the constant at which `cut_to_load` leaves the load, at most `high` [reduced]."""
+    """Return the constant with which the result of `cut_to_load` carries the load [reduced].
+
+    `high` is an upper bound: the constant without a hardness.
+    """
     low = float(pressure.min()) - hardness
     for _ in range(BISECTIONS):
         middle = (low + high) / 2

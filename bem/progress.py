@@ -11,22 +11,23 @@ from dataclasses import dataclass, field
 
 from bem.iterate import Violation
 
-# Factor by which conjugate gradients reduce the residual before the sets are checked [1]. From 0.3
-# to 0.55 it takes nearly the same convolutions on the paper's distribution
-# (`pytest bench -k solve_paper`). Solves take up to 30 % more iterations if it is halved, and up to
-# 7 % fewer if it is doubled (`python -m tests.ledger --halved bem.progress.REDUCTION`).
+# Factor by which conjugate gradients reduce the residual before the sets are checked [1]. With
+# factors from 0.3 to 0.55, solves of the paper's distribution take nearly equal numbers of
+# convolutions (`pytest bench -k solve_paper`). Solves take up to 30 % more iterations if it is
+# halved, and up to 7 % fewer if it is doubled
+# (`python -m tests.ledger --halved bem.progress.REDUCTION`).
 REDUCTION = 0.4
 
-# Factor on the reduction whenever a round has raised the energy [1]: conjugate gradients then left
-# the earlier sets too early. This number matters in rare cases.
+# Factor on the reduction whenever a round has raised the energy [1]: its conjugate gradients ended
+# too early. This number matters in rare cases.
 TIGHTENING = 0.5
 
 # Least violation, over the last exact one, for which a residual that was updated in single
 # precision is trusted [1]: single precision carries about seven digits. This number matters little.
 ROUNDING = 1e-6
 
-# Number of exact residuals in a row, none below half of the smallest one before, after which only
-# rounding is left. This number matters in rare cases.
+# Number of exact residuals in a row, none below half of the smallest one before it, after which
+# only rounding is left. This number matters in rare cases.
 IDLE = 5
 
 # Number of rounds without a smaller violation after which the energy damps further rounds. This
@@ -44,7 +45,7 @@ ROUNDS = 40
 
 @dataclass(eq=False)
 class Progress:
-    """State of the rounds so far: their violations, and for how long none has become smaller.
+    """State of the rounds so far: the last violation, and for how long none has become smaller.
 
     Attributes
     ----------
@@ -57,25 +58,28 @@ class Progress:
         Energy after the last round, inf before the first one [reduced].
     reduction : float
         Factor by which conjugate gradients reduce the residual before the sets are checked [1].
-    following : bool
-        Whether the last round took a step ahead on the next set.
+    next_set_taken : bool
+        Whether the last round has already made the next round's set the patch's contact set.
     smallest : float
-        Smallest largest violation since the patience was last restored [unit of displacement].
+        Smallest value of `largest` after rounds since the patience was last restored; inf if there
+        was none [unit of displacement].
     patience : int
-        Rounds without a smaller violation that are still allowed.
+        Number of rounds without a smaller violation that are still allowed.
     smallest_renewed : float
-        Smallest largest violation of all exact residuals [unit of displacement].
+        Smallest value of `largest` of all exact residuals between rounds; inf before the first one
+        [unit of displacement].
     idle : int
-        Exact residuals in a row, none below half of the smallest one.
+        Number of exact residuals in a row, none below half of the smallest one before it.
     rounds : int
-        Rounds so far, plus exact residuals computed between them.
+        Number of rounds so far, plus exact residuals computed between them. `ActiveSet.run` counts
+        them.
     """
 
     violation: Violation
     renewed: float = 1.0
     energy: float = math.inf
     reduction: float = field(default_factory=lambda: REDUCTION)
-    following: bool = False
+    next_set_taken: bool = False
     smallest: float = math.inf
     patience: int = field(default_factory=lambda: PATIENCE)
     smallest_renewed: float = math.inf
@@ -84,7 +88,7 @@ class Progress:
 
     @property
     def largest(self) -> float:
-        """Largest violation after the last round [unit of displacement]."""
+        """Largest departure of `violation` [unit of displacement]."""
         return self.violation.largest
 
     @property
@@ -99,7 +103,7 @@ class Progress:
 
     @property
     def slow(self) -> bool:
-        """Whether rounds have gained too little for half of the patience."""
+        """Whether half of the patience is used up, so that yielded nodes are freed more slowly."""
         return self.patience <= PATIENCE // 2
 
     @property
@@ -109,18 +113,20 @@ class Progress:
 
     @property
     def stalled(self) -> bool:
-        """Whether exact residuals no longer fall, so that only rounding is left."""
+        """Whether the last `IDLE` exact residuals did not fall, so that only rounding is left."""
         return self.idle >= IDLE
 
     def restore_patience(self) -> None:
-        """Count rounds without a smaller violation anew."""
+        """Begin to count rounds without a smaller violation anew."""
         self.smallest = math.inf
         self.patience = PATIENCE
 
     def note_round(
-        self, violation: Violation, *, energy: float, exact: bool, following: bool
+        self, violation: Violation, *, energy: float, exact: bool, next_set_taken: bool
     ) -> None:
-        """Take in the results of a round, and tighten the reduction if the energy has risen.
+        """Take in the results of a round, and update the patience.
+
+        If the energy has risen, the reduction is tightened.
 
         Parameters
         ----------
@@ -130,14 +136,14 @@ class Progress:
             Energy after the round [reduced].
         exact : bool
             Whether the round ended with an exact residual.
-        following : bool
-            Whether the round took a step ahead on the next set.
+        next_set_taken : bool
+            Whether the round has already made the next round's set the patch's contact set.
         """
         if energy > self.energy:
             self.reduction *= TIGHTENING
         self.energy = energy
         self.violation = violation
-        self.following = following
+        self.next_set_taken = next_set_taken
         largest = self.largest
         if exact:
             self.renewed = largest
@@ -149,6 +155,8 @@ class Progress:
 
     def note_renewal(self, violation: Violation) -> None:
         """Take in the violation of an exact residual between rounds, and restore the patience.
+
+        `idle` counts it if it is not below half of the smallest one before.
 
         Parameters
         ----------
@@ -165,7 +173,9 @@ class Progress:
         self.restore_patience()
 
     def note_yielding(self, violation: Violation) -> None:
-        """Begin anew with bodies that yield; the reduction and the exact residuals stay counted.
+        """Begin anew with bodies that yield.
+
+        `reduction`, `smallest_renewed`, `idle` and `rounds` keep their values.
 
         Parameters
         ----------
@@ -176,5 +186,5 @@ class Progress:
         self.violation = violation
         self.renewed = 1.0
         self.energy = math.inf
-        self.following = False
+        self.next_set_taken = False
         self.restore_patience()

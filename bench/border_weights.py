@@ -26,7 +26,7 @@ SEED = 11
 # Amplitude of a single wave [first side of the patch]. Each of two crossed waves has half of it.
 AMPLITUDE = 0.01
 
-# Nodes a wave of the grid that gives the area of crossed waves in the continuum.
+# Nodes a wave of the grid on which the exact area of crossed waves is computed.
 FINE_NODES = 128
 
 # Phases of the waves on the fine grid [rad]: any values for which the crests are between nodes.
@@ -40,7 +40,7 @@ MOST_NODES = 260
 # Names of the terms of an edge; each has a column of `WEIGHTS`.
 TERMS = ("one", "f", "pressure ratio", "gap ratio")
 
-# Share of the waves that are along an axis or the diagonal [1]. Random angles rarely are.
+# Share of the waves that are set along an axis or the diagonal [1]. Random angles rarely are there.
 ON_THE_GRID = 0.2
 
 # Number of waves between two remarks on the progress.
@@ -209,7 +209,10 @@ def border_weights(waves: int, aspect: float, length: float) -> Report:
 def _samples(
     waves: int, aspect: float, length: float, random: np.random.Generator
 ) -> Iterator[Sample]:
-    """Yield `waves` samples of random waves; contacts without a border are not among them."""
+    """Yield `waves` samples of random waves, and remark on the progress.
+
+    Waves without a grid, and contacts without a border, are replaced by further draws.
+    """
     done = 0
     while done < waves:
         wave = _draw_wave(aspect, length, random)
@@ -228,8 +231,10 @@ def _samples(
 def _draw_wave(aspect: float, length: float, random: np.random.Generator) -> Wave | None:
     """Draw a wave on a patch of the sides 1 and `length`, with cells of about this aspect.
 
-    The result is None if the grid has too many nodes or too few. Another order of the draws below
-    would change the fitted weights, by about their standard deviations.
+    The state of `random` moves.
+
+    Return None if the grid has too many nodes or too few. Another order of the draws below would
+    change the fitted weights, by about their standard deviations.
     """
     crossed = bool(random.random() < 0.5) and length == 1
     size = random.uniform(2, 12)  # periods a side

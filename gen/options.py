@@ -537,8 +537,12 @@ def _require_importable(path: Path) -> None:
 
 
 def _outputs(files: LawOutputs) -> Iterator[Output]:
-    """Yield all files that a law is written to: picture, formats, and the sides of its band."""
-    yield Output(files.picture, "--plot", "picture")
+    """Yield all files that a law is written to: picture, formats, and the sides of its band.
+
+    A file that is not written, because its option is left out, is not yielded.
+    """
+    if files.picture is not None:
+        yield Output(files.picture, "--plot", kind="picture")
     for field, law_format in LAW_FORMATS.items():
         path = getattr(files, field)
         if path is None:

@@ -426,10 +426,11 @@ class Selection:
         )
 
     def _usable(self, part: Stored, number: int, powers: Powers | None) -> UsableRows:
-        """Return the usable rows of a database for a target, by its position in `Stored.targets`.
+        """Return the usable rows of a database for one target.
 
-        The target is divided by the scale that belongs to its powers; see `FeatureSet.scale`. The
-        `quantities` of the returned `part` are still those of all rows.
+        `number` is the target's position in `Stored.targets`, and `powers` are its powers of
+        heights, lengths and E*. The target is divided by its scale (`FeatureSet.scale`), which is 1
+        if `powers` is None. The `quantities` of the returned `part` are still those of all rows.
         """
         targets = [
             np.asarray(part.columns[column.name], np.float64) for column in part.targets

@@ -68,7 +68,8 @@ TOGETHER = 200
 # Smallest share of the scatter that is independent for each row. It keeps correlations invertible
 # where rows repeat earlier ones.
 SMALLEST_SEPARATE = 1e-4
-# The three settings of the correlation (see `_sized`) at which the search for them starts.
+# The three settings of the correlation at which the search for them starts. They are
+# described in `_with_likeliest_size`.
 FIRST_CORRELATION = (
     -2.0,  # logit of the independent share, which is 12 %
     1.0,  # logarithm of the length, which is 2.7 deviations of an input
@@ -192,10 +193,11 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         return self
 
     def _fit_trend(self, X: Values, y: Values, surfaces: Indices) -> TrendDistances:
-        """Fit power law, scatter, mean and deviation; return the distances of the ratio, (n,) each.
+        """Fit the power law, the scatter, and mean and deviation of the ratio; return distances.
 
         Takes inputs, (n, d), targets, (n,), and the number of the surface of each row, (n,). The
-        ratio is the target over its power law. If a target is 0 or less, the power law is 1. Sets
+        ratio is the target over its power law. If a target is 0 or less, the power law is 1. The
+        distances are those of the ratio from its mean and from its cubic polynomial. Sets
         `trend_`, `sizes_`, `ends_`, `mean_` and `deviation_`.
         """
         weights = np.ones(len(y))
@@ -243,14 +245,14 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
             X, log_magnitudes, equal_weights, degree=2, most_terms=most_terms
         )
         log_sizes = _terms(X, degree=2) @ self.sizes_
-        low, high = np.quantile(log_sizes, SCATTER_QUANTILES)
+        log_low, log_high = np.quantile(log_sizes, SCATTER_QUANTILES)
         # A mean of logarithms is below the logarithm of the root mean square: raise the sizes.
-        sizes = np.exp(np.clip(log_sizes, low, high))
+        sizes = np.exp(np.clip(log_sizes, log_low, log_high))
         root_mean_square = np.sqrt(np.mean((magnitudes / sizes) ** 2))
         shift = np.log(root_mean_square)
         self.sizes_[0] += shift  # the constant of the quadratic polynomial
-        smallest = np.log(SMALLEST_SCATTER * ratio.std())
-        self.ends_ = np.maximum([low + shift, high + shift], smallest)
+        log_smallest = np.log(SMALLEST_SCATTER * ratio.std())
+        self.ends_ = np.maximum([log_low + shift, log_high + shift], log_smallest)
         return np.asarray(distances)
 
     def _solve(
@@ -723,8 +725,9 @@ def _error_factor(equations: Equations, first_half: NDArray[np.bool_]) -> float:
     def minus_log_probability(log_square: float) -> float:
         """Return minus the logarithm of the probability of a factor.
 
-        Takes the logarithm of the square of the factor. The probability is up to a constant.
+        Takes the logarithm of the square of the factor. A constant is left out.
         """
+        # The prior of this logarithm is normal, with mean 0 and deviation `DOUBT`.
         variance = 1 + np.exp(log_square) * shares
         terms = np.log(variance) + squares / variance
         return float(terms.sum() + (log_square / DOUBT) ** 2) / 2
@@ -787,8 +790,8 @@ def _most_likely_correlation(
     """
 
     def minus_log_likelihood(settings: Values) -> float:
-        """Return minus the logarithm of the likelihood of three settings; see `_sized`."""
-        return _sized(settings, X, scatter, blocks).minus_log_likelihood
+        """Return minus the logarithm of the likelihood of three settings, (3,)."""
+        return _with_likeliest_size(settings, X, scatter, blocks).minus_log_likelihood
 
     search = minimize(
         minus_log_likelihood,
@@ -796,16 +799,18 @@ def _most_likely_correlation(
         method="Nelder-Mead",
         options={"maxiter": 100, "xatol": 0.05},
     )
-    return _sized(search.x, X, scatter, blocks).correlation
+    return _with_likeliest_size(search.x, X, scatter, blocks).correlation
 
 
-def _sized(
+def _with_likeliest_size(
     settings: Values, X: Values, scatter: Values, blocks: list[Indices]
 ) -> LikelyCorrelation:
-    """Return the correlation of three settings, with the size of a scatter, (n,), that fits best.
+    """Return the correlation of three settings, with the most likely size of a scatter, (n,).
 
-    The settings are numbers without bounds, as a minimiser needs them: the logit of the share that
-    is independent for each row, the logarithm of the length, and the logit of the power less 1.
+    Takes the inputs of the rows, (n, d), and the positions of the rows of each surface, from
+    `_blocks`. The settings, (3,), are numbers without bounds, as a minimiser needs them: the logit
+    of the share that is independent for each row, the logarithm of the length, and the logit of the
+    power less 1.
     """
     logit_separate, log_length, logit_power = settings
     above_smallest = (1 - SMALLEST_SEPARATE) * float(expit(logit_separate))
@@ -910,7 +915,7 @@ def _polynomial(
     fitted_degree = degree
     while fitted_degree > 1 and _number_of_terms(inputs, fitted_degree) > most_terms:
         fitted_degree -= 1
-    # The terms are in order of their degrees, so that those of the lower degree come first.
+    # Terms are in the order of their degrees: the terms of the lower degree come first.
     fitted = slice(_number_of_terms(inputs, fitted_degree))
     weighted = terms[:, fitted] * weights[:, None]
     matrix = weighted.T @ terms[:, fitted]
@@ -920,14 +925,15 @@ def _polynomial(
 
 
 def _number_of_terms(inputs: int, degree: int) -> int:
-    """Return the number of terms of a polynomial of some inputs up to a degree."""
+    """Return the number of terms of a polynomial, from the number of inputs and the degree."""
     return comb(inputs + degree, degree)
 
 
 def _floored_logarithm(values: Values) -> Values:
     """Return the logarithms of values, (n,), that are 0 or more.
 
-    Values below `FLOOR` times the median are raised to that first.
+    Values below `FLOOR` times the median are first raised to this bound. The bound is above 0 even
+    if the median is 0.
     """
     floor = FLOOR * float(np.median(values))
     smallest = max(floor, np.finfo(float).tiny)

@@ -185,7 +185,7 @@ class Cache:
             suffix += "-by-pressure"
         path = part.path.with_name(f"{part.path.name}.pressed{suffix}.npz")
         columns = ",".join(HYBRID)
-        # A change of this text would change the keys, so that no existing file were used.
+        # Any change of this text changes the keys, so that existing files are no longer used.
         text = f"{VERSION} {blocks} {LOOSE} {columns} {PHYSICS} {scene.fingerprint()}"
         if pressed:
             text += " by pressure"
@@ -314,7 +314,7 @@ class Regeneration:
         """
         inside = slice(block.first - self.first, block.end - self.first)
         missing = self.missing[inside]
-        # The absolute tolerance is for statistics that are 0 but for rounding.
+        # Statistics that are 0 apart from rounding need an absolute tolerance.
         agrees = np.isclose(
             self.cache.inputs[inside],
             features.inputs,
@@ -347,8 +347,8 @@ def compute_block(shared: SharedSettings, block: Block) -> BlockFeatures:
     Returns
     -------
     BlockFeatures
-        Inputs and features. They are NaN if the surface cannot be generated; features are also NaN
-        if a statistic is undefined or the coarse solve fails.
+        Inputs and features. Statistics and features of a row are NaN if its surface cannot be
+        generated. Features are also NaN if a statistic is undefined or the coarse solve fails.
 
     Raises
     ------
@@ -423,12 +423,13 @@ def _values(
     """Return the columns of `HYBRID` for a surface and, under pressures, the Delta of the solve.
 
     They are (18,) or (19,). They are NaN if the load is not above 0, a statistic is undefined or
-    the coarse solve fails. The load is Delta or, under pressures, the length of `by_pressure` [um];
-    `ratio` is the hardness over E*, None for elastic bodies.
+    the coarse solve fails. Under pressures there are two solves: if only the second one fails, the
+    Delta of the first one is kept. The load is Delta or, under pressures, the length of
+    `by_pressure` [um]; `ratio` is the hardness over E*, None for elastic bodies.
     """
     values = np.full(_width(pressed=shared.pressed), np.nan)
     try:
-        # The surface is touched above a load of 0, and all statistics are defined.
+        # Loads of 0 or less make no contact. `reason` says why a statistic is undefined.
         if load > 0 and not surface.description.reason:
             if shared.pressed:
                 delta = surface.reached(load, ratio, shared.blocks)

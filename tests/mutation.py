@@ -127,7 +127,7 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     "gen/surface.py": (("2.0 ** (-hurst / 2.0)", "2.0 ** (-hurst)"),),
     "gen/self_affine.py": (("(-1 - self.hurst)", "(-0.5 - self.hurst)"),),
     "gen/maps/prepare.py": (
-        ("<= high / apart + ROUNDING", "<= high / apart - 1 + ROUNDING"),
+        ("<= high / spacing + ROUNDING", "<= high / spacing - 1 + ROUNDING"),
         (
             "(heights < below) | (heights > above)",
             "(heights < below) & (heights > above)",

@@ -106,9 +106,8 @@ def serve(
     finally:
         workers.close()
     if ctrl_c.presses > 1:
-        raise typer.Exit(
-            128 + signal.SIGINT
-        )  # the exit code of a program that Ctrl-C ends
+        # the exit code of a program that Ctrl-C ends
+        raise typer.Exit(128 + signal.SIGINT)
 
 
 def _own_names(host: str) -> tuple[str, ...]:

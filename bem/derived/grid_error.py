@@ -430,7 +430,7 @@ def area_within(contact: Contact, spacing: tuple[float, float] | None = None) ->
     return max(area, 0.0)
 
 
-def slope_order(heights: Field, boundary: Boundary) -> float:
+def slope_order(heights: Field, boundary: Boundary, lines: int | None = None) -> float:
     """Return the order in the spacing of a surface's mean square slope.
 
     It compares the slopes between nodes that are one, two and four spacings apart.
@@ -441,6 +441,9 @@ def slope_order(heights: Field, boundary: Boundary) -> float:
         Heights of the surface [um].
     boundary : str
         "free", "periodic" or "mirror", see `bem.solve`.
+    lines : int, optional
+        Number of lines along each axis, about, on which slopes are measured; by default all of
+        them.
 
     Returns
     -------
@@ -449,11 +452,14 @@ def slope_order(heights: Field, boundary: Boundary) -> float:
         than `FEWEST` nodes along them [1].
     """
     orders = []
-    for lines in (heights, heights.T):
-        if len(lines) < FEWEST:
+    for all_lines in (heights, heights.T):
+        if len(all_lines) < FEWEST:
             continue
+        sampled = all_lines
+        if lines is not None:
+            sampled = all_lines[:, :: max(1, all_lines.shape[1] // lines)]
         slopes = [
-            _mean_square_slope(lines, distance, periodic=boundary == "periodic")
+            _mean_square_slope(sampled, distance, periodic=boundary == "periodic")
             for distance in FIRST_PLACE
         ]
         near = abs(slopes[0] - slopes[1])

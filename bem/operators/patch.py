@@ -271,6 +271,21 @@ class Patch:
         else:
             field[self._listed] += values
 
+    def add_constant(self, values: Real, constant: np.float32) -> None:
+        """Add a constant to the values of the contact set in place, and nothing outside the set.
+
+        Parameters
+        ----------
+        values : ndarray of float32, shape (n,) or (nx, ny)
+            Values as `in_contact` returns them; overwritten.
+        constant : numpy.float32
+            Number to add [unit of the values].
+        """
+        if self._listed is None:
+            values += constant * self.within
+        else:
+            values += constant
+
     def correct(self, residual: Real) -> Real:
         """Apply the approximate inverse, M = E^T C^-1 E, to a residual in contact.
 

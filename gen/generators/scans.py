@@ -336,7 +336,7 @@ class ScanSurface(GeneratedSurface):
         `home` is the folder in which the prepared maps are kept.
         """
         paths = library.map_files(self.files, Path.cwd())
-        sha256s = library.digests(paths)
+        sha256s = library.hashes_of_maps(paths)
         maps = library.prepared_maps(paths, sha256s, self._recipe(), home)
         recorded_maps = tuple(
             RecordedMap(file=str(path), sha256=sha256, nodes=shape)

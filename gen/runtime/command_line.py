@@ -36,7 +36,7 @@ It is taken from a subclass, because releases of Typer have moved it to another 
 """
 
 LONGEST_LINE = 1200
-"""Largest number of letters of a printed message; the middle of a longer one is left out."""
+"""Largest number of letters of a printed message, but for " ... " in place of a left-out middle."""
 
 MOST_DETAILS = 40
 """Largest number of lines of a list below a message; further lines are only counted."""
@@ -463,9 +463,9 @@ def _refusal(error: BaseException, name: str) -> str:
 
 
 def _shortage(error: BaseException) -> str:
-    """Return the message of an error by which memory has run out.
+    """Return the message for the user after an error of running out of memory.
 
-    It has the last line of the error's own message.
+    It contains the last line of the error's own text, and the memory that is allowed.
     """
     lines = str(error).splitlines()
     reason = lines[-1] if lines else "the system gives no more"
@@ -497,9 +497,10 @@ def _complain(message: str, details: Sequence[str] = ()) -> None:
 
 
 def _one_line(text: str) -> str:
-    """Return a text as one line; the middle of a text longer than `LONGEST_LINE` is left out.
+    """Return a text as one line, with single blanks between its words.
 
-    Only a generated name or number makes a message so long, so that its middle can go.
+    If it is longer than `LONGEST_LINE`, its middle is left out: only a long name or number of the
+    user's input makes a message as long as that.
     """
     line = " ".join(text.split())
     if len(line) <= LONGEST_LINE:

@@ -253,9 +253,9 @@ def without_mpi() -> World:
     Returns
     -------
     World
-        A world of one process. If a launcher has started several processes, each gets a world of
-        one with its own rank, from the environment. Rank 0 runs the command, and the other ranks,
-        which are no masters, do nothing.
+        A world of size 1 without a communicator. Its rank is the one that a launcher has set in the
+        environment (`RANKS`), or 0. If a launcher has started several processes, the process of
+        rank 0 therefore runs the command as its master, and the other processes do nothing.
     """
     for name in RANKS:
         rank = os.environ.get(name, "")

@@ -18,7 +18,7 @@ from gen.distribution import (
     limits,
 )
 from gen.doubts import material_doubts
-from gen.generators.function import FUNCTION_WORDS, Function, Hash, named
+from gen.generators.function import FUNCTION_WORDS, Function, Hash, checked_names
 from gen.material import Bodies
 from gen.quantities import stored_quantities
 
@@ -255,7 +255,8 @@ class Store(StoredQuantities):
     # Without this key a run takes the outputs that the function returns for the first contact, and
     # records them in the database.
     outputs: (
-        Annotated[dict[str, Unit], Field(min_length=1), AfterValidator(named)] | None
+        Annotated[dict[str, Unit], Field(min_length=1), AfterValidator(checked_names)]
+        | None
     ) = Field(
         default=None,
         description="a table of the function's outputs, { name = 'unit' }, of 1 to 20 letters",

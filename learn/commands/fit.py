@@ -204,7 +204,8 @@ def request_of(
     values = options._asdict()
     blocks = values.get("blocks")
     load = values.get("load", "")
-    feature_set = chosen(features, roots=True, blocks=blocks, load=load)
+    # This raises for unknown features, and for a load or blocks that they do not take.
+    feature_set = chosen(features, blocks=blocks, load=load)
     if not load and features == SCENE:
         load = load_drawn(files[0])
     return Request(

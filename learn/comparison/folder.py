@@ -87,9 +87,8 @@ class Comparison(Document):
     database: str = ""  # name of the database's file
     # True if rows of one surface are in one part, False if rows were split one by one
     split_by_surface: bool = True
-    split_by_tile: bool = (
-        False  # True if the surfaces are windows, split by tiles of their maps
-    )
+    # True if the surfaces are windows, split by tiles of their maps
+    split_by_tile: bool = False
     unit: str  # unit of the target
     threads: Count  # number of threads of each fit
 
@@ -119,9 +118,8 @@ class SearchReport(Document):
     grid: str = grids.TABLE_2  # name of the grid
     rows: Count  # number of training rows, by the folds of which the search decided
     candidates: Count  # number of candidates of the grid
-    candidates_differing: (
-        Count  # number of candidates that lead to different computations
-    )
+    # number of candidates that lead to different computations
+    candidates_differing: Count
     candidates_scored: Count  # number of differing candidates with a score on all folds
     fits_nominal: Count  # number of fits if each served one candidate only
     fits: Count  # number of finished fits to all rows
@@ -131,9 +129,8 @@ class SearchReport(Document):
     ends: list[str] = Field(default_factory=list)
     r2_folds: list[Score]  # R2 of the winner
     grid_r2_folds: list[Score] = Field(default_factory=list)  # R2 of the best candidate
-    optimum_r2_folds: list[Score] = Field(
-        default_factory=list
-    )  # R2 of the paper's optimum
+    # R2 of the optimum: the paper's, or the default point of a grid for features without units
+    optimum_r2_folds: list[Score] = Field(default_factory=list)
     baseline_r2_folds: list[Score] = Field(default_factory=list)  # R2 of the baseline
     failures: dict[str, Count]  # number of missing scores by the reason of the failure
     # number of scores whose fit had a warning, by the text of the warning
@@ -201,9 +198,8 @@ class StoredResult:
 class Settings:
     """Settings of an estimator, and their origin."""
 
-    values: dict[
-        str, Any
-    ]  # values by setting, on top of the settings of the model's baseline
+    # values by setting, on top of the settings of the model's baseline
+    values: dict[str, Any]
     # True if the settings that all candidates of a search share are set too (`Model.tuned`)
     tuned: bool
     origin: str  # origin of the settings in words, for the user and for cards
@@ -258,7 +254,8 @@ def conditions_of(dataset: Dataset, split: Split, request: Request) -> dict[str,
     Returns
     -------
     dict
-        Conditions by name, of types that JSON has; those of `Conditions` are among them.
+        Conditions by name, of types that JSON has. All fields of `Conditions` are among them,
+        except `load` at the load Delta.
     """
     features = dataset.features
     target_scaling = "none"
@@ -278,7 +275,8 @@ def conditions_of(dataset: Dataset, split: Split, request: Request) -> dict[str,
         "versions": versions(),
         "area_max": request.area_max,
     }
-    # Delta is not stated, as in files of versions without other loads: their conditions are equal.
+    # The load Delta is left out, because folders of earlier versions do not state it: their results
+    # remain comparable. The only other load of a comparison is the pressure.
     if features.by_pressure:
         conditions["load"] = "pressure"
     return conditions
@@ -521,9 +519,8 @@ class Folder:
             ) from None
         if not (np.abs(table) < LARGEST).all():  # False for NaN, too
             raise InputError(f"{path}: holds values that are not finite: move it away")
-        return table.reshape(
-            -1, len(columns)
-        )  # a table without rows has shape (0,) before
+        # A table without rows has shape (0,) before.
+        return table.reshape(-1, len(columns))
 
     def write_json(self, name: str, content: dict[str, Any]) -> Path:
         """Write a JSON file of the folder.

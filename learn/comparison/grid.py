@@ -60,9 +60,8 @@ SCALED_OPTIMA: dict[str, SettingValues] = {
 """Points of the grids `SCALED` that are used without a search, by model."""
 
 TABLE_2 = "Table 2"  # name of the paper's grids in results and tables
-NO_GRID = (
-    "none: chooses by itself"  # in tables, in place of a grid of the mean of a population
-)
+# in tables, in place of the grid that the mean of a population does not have
+NO_GRID = "none: chooses by itself"
 
 
 @dataclass(frozen=True)
@@ -87,8 +86,8 @@ def space_of(model: str, features: str) -> SearchSpace:
     Returns
     -------
     SearchSpace
-        A grid of the paper's Table 2, or one of `SCALED` for features without units. That of the
-        mean of a population has no values.
+        A grid of the paper's Table 2, or one of `SCALED` for features without units. The space of
+        the mean of a population has no values.
     """
     if model == POPULATION.name:
         return SearchSpace(NO_GRID, {}, {})
@@ -275,7 +274,9 @@ class Grid:
         return ""
 
     def ends(self, settings: SettingValues) -> SettingValues:
-        """Return the settings of a candidate that are at an end of all values of the candidates.
+        """Return the next value of each setting whose value is at an end of the values tried.
+
+        No candidate of this grid has the next value.
 
         Parameters
         ----------
@@ -285,8 +286,10 @@ class Grid:
         Returns
         -------
         dict
-            The next value beyond the end by setting, in alphabetical order. Settings that a kernel
-            or solver ignores are left out.
+            The next value in the series of the setting (`reach`), by the name of the setting in
+            alphabetical order. Three kinds of settings are left out: settings that are at no end,
+            settings whose series has no further value, and settings that the kernel or solver of
+            the candidate ignores.
         """
         canonical = canonical_settings(self.model, settings, self.inputs)
         beyond = {}
@@ -296,6 +299,7 @@ class Grid:
             # The value before this one and the value after it; the ends of the chain have only one.
             neighbours = chain[max(place - 1, 0) : place] + chain[place + 1 : place + 2]
             for value in neighbours:
+                # A neighbour that no candidate has is beyond an end of the values tried.
                 if all(candidate[name] != value for candidate in self.candidates):
                     beyond[name] = value
         return beyond

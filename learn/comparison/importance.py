@@ -35,19 +35,8 @@ from learn.models import Model, check_memory, models_named, remarks
 
 SHUFFLES = 5  # number of shuffles of each input, enough for a mean and its scatter
 UNIT_LENGTH = "l2"  # normalisation that scales rows to unit length
-SIZES = (
-    30,
-    23,
-    20,
-    16,
-    12,
-    8,
-    6,
-    4,
-    3,
-    2,
-    1,
-)  # numbers of inputs that models are fitted to
+# numbers of inputs that models are fitted to, if the feature set has as many
+SIZES = (30, 23, 20, 16, 12, 8, 6, 4, 3, 2, 1)
 SMALLEST_BAR = 1e-6  # smallest loss of R2 that is drawn [%]
 # Repetitions of each fit, and of each prediction of the test set.
 REPETITIONS = Repetitions(fewest=3, largest=3)
@@ -92,7 +81,10 @@ class Choice:
 
 
 def write_report(request: Request, say: Callable[[str], None]) -> Iterator[Path]:
-    """Rank the inputs of a model for each target, and write and print the ranking.
+    """Rank the inputs of a model for each target, write and print the ranking, and yield its files.
+
+    This is a generator: each target is ranked when the first file of the target is asked for, and
+    nothing is done or raised before the iteration begins.
 
     The settings of the model are those of the winner of the folder's search. Without a winner they
     are the paper's optimum, or the default point of another grid.
@@ -107,7 +99,7 @@ def write_report(request: Request, say: Callable[[str], None]) -> Iterator[Path]
     Yields
     ------
     Path
-        importance.csv, selection.csv and importance.png of each target, when they are written.
+        importance.csv, selection.csv and importance.png of each target, each once it is written.
 
     Raises
     ------
@@ -196,9 +188,8 @@ def _selections(
     if training.normalisation == UNIT_LENGTH:
         fewest = 2  # A single input would be 1 in all rows.
     selections = []
-    previous = [
-        *order
-    ]  # places of the inputs of the selection before, at first of all inputs
+    # places of the inputs of the selection before; at first, of all inputs
+    previous = [*order]
     for size in SIZES:
         if not fewest <= size <= len(order):
             continue

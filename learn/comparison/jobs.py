@@ -77,9 +77,8 @@ class TimedFit:
     kind: str = "baseline"  # kind of the result, one of `learn.comparison.folder.KINDS`
     # True for a candidate of a grid, which has the settings that all candidates share
     of_grid: bool = False
-    until: float = (
-        math.inf
-    )  # time of `time.time` before which each repetition has to end [s]
+    # time of `time.time` before which each repetition has to end [s]
+    until: float = math.inf
     search: SearchReport | None = None  # report of the search that chose the settings
     search_seconds: float = 0.0  # sum of the times of all fits of this search [s]
 

@@ -266,18 +266,19 @@ class GridSearch:
     def _drawn_families(self) -> list[Family]:
         """Return all families in a random order, in which families of quick fits tend to be first.
 
-        The order is drawn with the seed of the training. The probability of a family to come next
-        is inverse to the work of its fit.
+        The order is drawn with the seed of the training. The probability that a family comes next
+        is in inverse proportion to the expected work of its fit.
         """
         work = []
         for family in self.grid.families:
             candidates = {name: self.grid.differing[name] for name in family}
+            # Families are compared by the work of one fit; any fold and number of rows will do.
             task = Task(self.model.name, candidates, fold=0, rows=1)
             work.append(expected_work(task))
-        # Of exponential waiting times with these means, the probability to be the smallest is
-        # inverse to the mean.
-        waiting = np.random.default_rng(self.training.seed).exponential(work)
-        order = np.argsort(waiting, kind="stable")
+        # Each family gets a random waiting time from an exponential distribution whose mean is its
+        # work. The probability that its time is the smallest is in inverse proportion to this mean.
+        waiting_times = np.random.default_rng(self.training.seed).exponential(work)
+        order = np.argsort(waiting_times, kind="stable")
         return [self.grid.families[place] for place in order]
 
     def _ranked(self, families: list[Family], rows: int) -> list[Family]:
@@ -424,7 +425,7 @@ class GridSearch:
     @property
     def fault(self) -> str:
         """Reason why the search has no winner; "" if it has one."""
-        # A winner has to be compared with the baseline.
+        # The winner has to be compared with the baseline.
         if self.tasks([self.baseline_family], self.training.rows):
             return (
                 f"not searched: the baseline was not finished on {FOLDS} folds within the time:"
@@ -433,15 +434,16 @@ class GridSearch:
         failures = self.failures
         if failures and not self.best:
             return "; ".join(failures)
-        # More time would allow enough candidates.
+        # Too few candidates are no search; with more time, enough would be judged.
         if self.judged < self._least_judged:
             return (
                 f"not searched: {self.judged} of {len(self.grid.differing)} candidates were judged"
                 f" over {FOLDS} folds of all rows, {self._least_judged} are needed: {self.advice}"
             )
-        # Few rows must not hide the optimum. If fits failed, it may have no score for that reason.
+        # The winner has to be compared with the optimum as well. After failures it has not: the fit
+        # of the optimum may have failed, and more time would not give it a score.
         if self.optimum and not failures and not self.means([self.optimum]):
-            return f"not searched: the paper's optimum was not judged: {self.advice}"
+            return f"not searched: the optimum of the grid was not judged: {self.advice}"
         return ""
 
     @property

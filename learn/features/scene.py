@@ -274,9 +274,8 @@ def columns_of(scenes: Sequence[Scene], load: str) -> tuple[str, ...]:
                     f"--features {SCENE}: {name} is a number of some of the databases only: they"
                     " cannot be learnt together"
                 )
-        elif (
-            joint_limits.low < joint_limits.high
-        ):  # A constant number tells a model nothing.
+        # A constant number tells a model nothing.
+        elif joint_limits.low < joint_limits.high:
             columns.append(_column(name, joint_limits))
     load = load or load_of(scenes[0])
     if load in RELATIVE.values() and any(load_of(scene) != load for scene in scenes):
@@ -428,7 +427,7 @@ def training_ranges(
         name = plain(column)
         joint_limits = _joint_limits(scenes, name)
         if joint_limits is not None:
-            # The limits of a number take the place of two rows, of which features are computed.
+            # Compute the features of two rows: one has the lower limit, the other the upper one.
             numbers = {name: np.array([joint_limits.low, joint_limits.high])}
             ends = inputs([column], numbers)[:, 0]
             low[place] = ends[0]

@@ -56,7 +56,7 @@ from learn.features.columns import (
 from learn.features.rows import Rows
 from learn.features.scene import SCENE
 
-# Function of n rows, which returns one feature of them, (n,).
+# Type of a function that takes n rows and returns one feature of them, (n,).
 Formula = Callable[[Rows], Values]
 
 
@@ -234,8 +234,9 @@ class FeatureSet(ABC):
     def scale(self, powers: Powers | None, rows: Rows, modulus: float) -> Values:
         """Return the numbers by which a target is divided before it is learnt.
 
-        The quotient has no unit. A target that is proportional to E* vanishes with the load: its
-        power of heights is taken of Delta. That of other targets is taken of h, as in the features.
+        The quotient has no unit. For a target that is proportional to E*, the height in the divisor
+        is Delta, because the target vanishes with Delta. For other targets the height is h, as in
+        the features.
 
         Parameters
         ----------
@@ -255,7 +256,6 @@ class FeatureSet(ABC):
         ones = np.ones(len(rows.delta))
         if not self.scaled or powers is None:
             return ones
-        # A target that is proportional to E* vanishes with Delta, others do not.
         heights = rows.delta if powers.modulus else rows.height_unit
         length = np.asarray(rows.length, dtype=np.float64)  # one number, or (n,)
         scale = modulus**powers.modulus * length ** float(powers.lengths)

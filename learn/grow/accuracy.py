@@ -63,7 +63,7 @@ def size(number: int, per_surface: int) -> int:
     Returns
     -------
     int
-        Rows, rounded down to two digits and then up to whole surfaces.
+        Rows, rounded to two significant digits and then up to whole surfaces.
     """
     smallest = max(SMALLEST_ROWS, SMALLEST_SURFACES * per_surface)
     exact = smallest * RATIO**number
@@ -382,17 +382,16 @@ class Look:
     """A surrogate of the present rows of a database, judged on the holdout."""
 
     rows: int  # number of finished rows of the database
-    number: (
-        int  # number of the smallest size that has at least these rows, see `size_with`
-    )
+    # number of the smallest size that has at least these rows, see `size_with`
+    number: int
     mark: float  # largest nMAE that the user accepts [%]
     surrogate: Surrogate
     judged: dict[str, Judged]  # by target
     parts: Split  # training and test rows
     curve: Curve | None = None  # of the worst target; None before `POINTS` looks
-    # Rows with which the mark is met by the curve, infinite if it is never met. None without a
-    # curve, or if the mark is met already.
-    advice: float | None = None
+    # Number of rows with which the bound meets the mark according to the curve, infinite if it
+    # never does. None without a curve, or if the mark is met already.
+    advised_rows: float | None = None
 
     def bound(self, target: str) -> float:
         """Return the bound of a target's error [%]; the error is above it with a small probability.
@@ -415,13 +414,13 @@ class Look:
         return not any(no_better(target["scores"]["r2"]) for target in targets)
 
     def needed_rows(self) -> str:
-        """Return a text on how many rows the curve asks for; "" if `advice` is None."""
-        if self.advice is None:
+        """Return a text on how many rows the curve asks for; "" if `advised_rows` is None."""
+        if self.advised_rows is None:
             return ""
-        if math.isinf(self.advice):
+        if math.isinf(self.advised_rows):
             return "the learning curve does not come to it"
-        missing = self.advice - self.rows
-        return f"the learning curve asks for {self.advice:,.0f} rows, {missing:,.0f} more"
+        missing = self.advised_rows - self.rows
+        return f"the learning curve asks for {self.advised_rows:,.0f} rows, {missing:,.0f} more"
 
     def in_words(self) -> str:
         """Return a line with the error of each target, and with the rows that the mark needs."""

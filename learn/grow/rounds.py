@@ -60,10 +60,12 @@ WORTH = 0.05
 """Smallest share of new rows for which a growth goes on. If the budget allows fewer, it ends."""
 
 EARLIEST = 7
-"""Number of the smallest size at which a growth gives up because of its learning curve alone."""
+"""Number of the smallest size (`learn.grow.accuracy.size`) at which the learning curve alone may
+end a growth. At smaller sizes the curve is uncertain."""
 
 PATIENT = 4
-"""Number of the smallest size at which rows that are too few for a fit are an error."""
+"""Number of the smallest size (`learn.grow.accuracy.size`) at which a growth ends with an error if
+its rows are still too few for a fit."""
 
 Ending = Literal["met", "budget", "rows", "hopeless", "interrupted"]
 """Reason for the end of a growth; "interrupted" is a signal, `WORDS` describes the other ones."""
@@ -319,8 +321,8 @@ class Growth:
         Before the size of number `EARLIEST` the curve is uncertain. The mark is then out of reach
         only if the steepest curve (`EXPONENTS`) does not reach it either.
         """
-        # An infinite advice means that the curve does not reach the mark.
-        if last.advice is None or math.isfinite(last.advice):
+        # An infinite number of rows means that the curve does not reach the mark.
+        if last.advised_rows is None or math.isfinite(last.advised_rows):
             return False
         if last.number >= EARLIEST:
             return True
@@ -398,7 +400,7 @@ class Growth:
         look.surrogate.save(self.request.output)
 
     def _with_curve(self, look: Look, rows: Dataset) -> Look:
-        """Return a look with the learning curve of its worst target, and its advice.
+        """Return a look with the learning curve of its worst target, and the rows that it advises.
 
         Takes the rows of the look for one of its targets.
         """
@@ -406,10 +408,10 @@ class Growth:
             rows=np.array([*self.errors], dtype=float),
             nmae=np.array([errors[look.worst].nmae for errors in self.errors.values()]),
         )
-        advice = None
+        advised_rows = None
         if not look.met:
-            advice = advise(look, curve, self.row_limit, rows)
-        return replace(look, curve=curve, advice=advice)
+            advised_rows = advise(look, curve, self.row_limit, rows)
+        return replace(look, curve=curve, advised_rows=advised_rows)
 
     def suffices(self, rows: int, added: float) -> bool:
         """Estimate whether the budget suffices for further rows, and for the look after them.

@@ -45,14 +45,12 @@ Cells = list[dict[str, str]]
 class SurfaceQuestion:
     """What a surrogate is asked about every surface."""
 
-    loads: (
-        Values  # (k,), Deltas [um], or pressures [MPa] if the surrogate has learnt these
-    )
+    # (k,), Deltas [um], or pressures [MPa] if the surrogate has learnt pressures
+    loads: Values
     bodies: Bodies  # E* and hardness of the contacts [MPa]
     level: float  # coverage of the intervals, between 0 and 1
-    reading: (
-        Reading  # how maps are read; its scan lengths hold for tables of statistics too
-    )
+    # how maps are read; its scan lengths hold for tables of statistics, too
+    reading: Reading
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,9 +58,8 @@ class FileAnswer:
     """The predictions for one file."""
 
     prediction: Prediction
-    warnings: Sequence[
-        str
-    ] = ()  # reasons to distrust the contacts of a map, one line each
+    # reasons to distrust the contacts of a map, one line each
+    warnings: Sequence[str] = ()
 
 
 def answers(surrogate: Surrogate, path: Path, question: SurfaceQuestion) -> Iterator[Row]:
@@ -124,7 +121,10 @@ def _errors_about(file: Path) -> Iterator[None]:
 
 
 def _is_table_of_statistics(file: Path) -> bool:
-    """Return whether the first line of a file names a statistic between commas."""
+    """Return whether a file is a table of text whose first line names a statistic.
+
+    The suffix has to be one of `TABLE_SUFFIXES`; names have commas between them.
+    """
     if file.suffix.lower() not in TABLE_SUFFIXES:
         return False
     with require_file(file).open(encoding="utf-8-sig", errors="replace") as opened:
@@ -180,7 +180,10 @@ def _answer_for_map(
 
 
 def _no_prediction(surrogate: Surrogate, loads: Values, reason: str) -> Prediction:
-    """Return a prediction whose values and intervals are NaN at each load, with one reason."""
+    """Return a prediction of NaN for all targets and their intervals at k loads, (k,).
+
+    `reason` is the reason of each row.
+    """
     nothing = np.full(loads.size, np.nan)
     unknown = dict.fromkeys(surrogate.learnt, nothing)
     deltas = loads
@@ -270,9 +273,8 @@ class NumbersTable:
     """A table of a scene's numbers, with n rows."""
 
     columns: dict[str, Values]  # numbers by name, (n,) each, in the units of the scene
-    further_cells: (
-        Cells  # for each row, the cells of columns that are no numbers of the scene
-    )
+    # for each row, the cells of columns that are no numbers of the scene
+    further_cells: Cells
 
     def combined_with(
         self, fixed: Mapping[str, Values], repeats: int
@@ -536,7 +538,7 @@ def _finite_columns(
 
 
 def _number_in(text: str) -> float:
-    """Return the number that a cell of a table holds; NaN if it holds none."""
+    """Return the number in the text of a cell; NaN if the text is no number."""
     try:
         return float(text)
     except ValueError:

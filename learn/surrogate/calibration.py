@@ -56,11 +56,11 @@ MOST_FITS = 20
 # Largest share of the training rows that a model may lack to predict a part of them. If a part
 # needs more, rows are grouped in another way.
 MOST_UNSEEN = 0.6
-# Smallest number of rows that a cloud of the training needs nearest to it for scores of its own.
-# With fewer, its scores are those of all rows.
+# Smallest number of calibrating rows nearest to a cloud of the training with which the cloud has
+# scores of its own. With fewer rows it has the scores of all rows.
 SMALLEST = 20
-# Number of surfaces of a database or map that calibrate if each part of them takes another fit: the
-# share of rows inside intervals of 90 % then has a standard deviation of 1.5 %.
+# Number of surfaces of each database or map that calibrate, if every part of them takes a fit of
+# its own. The share of rows inside intervals of 90 % then has a standard deviation of 1.5 %.
 ENOUGH = 400
 # Names of the models for which all training rows calibrate: their one fit to all these rows gives
 # the errors at rows that are left out. The mean of a population gives them only if each surface is
@@ -309,7 +309,8 @@ def _plan_by_other(train: Dataset, other: Dataset, distance: Distance) -> Plan:
     groups = groups_of(other)
     measured = MeasuredRows(training=distance, nearest=distance.nearest(other.inputs))
     if groups.are_left_out and not train.features.of_scene:
-        # Many maps or databases decide the limit of the flag better than the training rows.
+        # The surrogate keeps a measure whose limit comes from these maps or databases, which show
+        # better than the training rows how far a new one may be.
         distance = distance_by_other_maps(train.inputs, other.inputs, groups.labels)
     origin = other.origins[-1]
     return Plan(
@@ -352,7 +353,7 @@ def _plan_by_training(
         holdouts=parts,
         calibrating=calibrating,
         groups=calibrating_groups,
-        measured=MeasuredRows(measured.training, nearest),
+        measured=MeasuredRows(training=measured.training, nearest=nearest),
         distance=measured.training,
         entry=_entry(calibrating_groups),
         remark=_remark(calibrating_groups),
@@ -429,7 +430,8 @@ def calibrate(rows: Dataset, plan: Plan, raw: Values, *, root: bool) -> Calibrat
     parts = groups.left_out(rows)
     errors = _absolute_errors(raw, rows.target, root=root)
     if not groups.are_left_out:
-        errors = errors / GROWTH.at(plan.measured.nearest.distance, training.limit)
+        growth = GROWTH.at(plan.measured.nearest.distance, training.limit)
+        errors = errors / growth
     # Usual errors of each part, fitted to the rows of the other parts.
     usual = np.empty(errors.size)
     for part in np.unique(parts):
@@ -463,7 +465,7 @@ def _usual_errors(
 ) -> ErrorScale:
     """Fit the usual error, as a function of the features, to the errors of some of n rows.
 
-    The rows are those where `fitted`, (n,), is True. `inputs` are the features, (n, d). `errors`,
+    `fitted`, (n,), is True for the rows to fit to. `inputs` are the features, (n, d). `errors`,
     (n,), are absolute errors; unless groups are left out as a whole, they are divided by their
     growth with the distance (`GROWTH`).
     """
@@ -481,16 +483,16 @@ def _scores_of_clouds(
 ) -> tuple[Scores, ...]:
     """Return the scores of each cloud of the training, in the order of the clouds.
 
-    A cloud has the scores of the rows nearest to it; or of all rows, if fewer than `SMALLEST` rows
-    are nearest to it.
-    `errors` are the errors of n rows over their growth and their usual errors, (n,).
+    A cloud has the scores of the rows that are nearest to it, or of all rows if fewer than
+    `SMALLEST` rows are nearest to it. `errors` are the errors of n rows over their growth and their
+    usual errors, (n,).
     """
     scores = []
     for cloud in range(len(measured.training.centres)):
-        near = measured.nearest.cloud == cloud
-        if near.sum() < SMALLEST:
-            near[:] = True  # all rows
-        scores.append(Scores.of(errors[near], rows.surfaces[near]))
+        is_near = measured.nearest.cloud == cloud
+        if is_near.sum() < SMALLEST:
+            is_near[:] = True  # all rows
+        scores.append(Scores.of(errors[is_near], rows.surfaces[is_near]))
     return tuple(scores)
 
 

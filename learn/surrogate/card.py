@@ -32,7 +32,7 @@ from learn.surrogate.training import hardness_range_text
 
 # Levels of the intervals whose coverage is measured on the test rows.
 LEVELS = (0.5, 0.9, 0.95)
-# Place in `LEVELS` of the level whose coverage is also measured on each database.
+# Index in `LEVELS` of the level, 90 %, whose coverage is also measured on each database.
 MIDDLE = 1
 # Line on the coverage that `bench coverage` has measured, for kernel ridge with hybrid features.
 MEASURED = (
@@ -415,22 +415,23 @@ def _growth_line(grown: Mapping[str, Any]) -> str:
 def _interval_lines(card: Mapping[str, Any]) -> Iterator[str]:
     """Yield the lines on the calibration of intervals, and on their largest level.
 
-    Cards of earlier versions may lack the calibration, and have none of these lines then. For a few
-    maps or databases, cards of 1.0.0 have no line on the largest level.
+    Cards of earlier versions may lack the calibration: no line is yielded then. For cards of 1.0.0
+    whose intervals hold for the maps or databases of the training only (scheme "each"), there is no
+    line on the largest level.
     """
     entry = card.get("calibration")
     if entry is None:
         return
     kinds = f"{entry['kind']}s"
-    how = ", each predicted without it"
-    if entry["database"]:  # Another database calibrates.
-        how = f" of {entry['database']}"
-    holding = f"other {kinds} like these"
+    origin = ", each predicted without it"  # training rows calibrate
+    if entry["database"]:  # another database calibrates
+        origin = f" of {entry['database']}"
+    valid_for = f"other {kinds} like these"
     if entry["scheme"] == "each":
-        holding = (
+        valid_for = (
             f"further surfaces of these {kinds}; for others, {FEWEST} or more are needed"
         )
-    yield f"intervals calibrated by {calibrated_by(card)}{how}: hold for {holding}"
+    yield f"intervals calibrated by {calibrated_by(card)}{origin}: hold for {valid_for}"
     largest = entry.get("largest_level")
     if largest is None and entry["scheme"] != "each":
         # Cards of 1.0.0 do not state the largest level. K groups reach K / (K + 1), which is
@@ -519,7 +520,8 @@ def _table_of_scores(card: Mapping[str, Any]) -> Table:
 def _table_of_databases(card: Mapping[str, Any]) -> Table:
     """Return the table of the databases, with the scores of all targets on their test rows.
 
-    The card has an entry "databases", and one in each target; all are in one order.
+    The card has a list "databases", and so has the entry of each target. All these lists have the
+    databases in one order.
     """
     headings = ["rows", "tested"]
     for name, target in card["targets"].items():

@@ -100,11 +100,11 @@ UNCALIBRATED = Calibration(
 def choose(request: Request, train: Dataset, target: Values, folds: Folds) -> Settings:
     """Choose the settings of a fit.
 
-    If the request names the folder of a comparison, its winner's are taken. Otherwise the kernel of
-    a Gaussian process is the most likely one. Kernel ridge and the SVM are searched for the
-    candidate with the smallest error on the first fold. The other models have fixed settings, from
-    `BUILT_IN` or the paper's optimum. With the paper's features and rows of unit length, all models
-    but the Gaussian process have the paper's optimum.
+    If the request names the folder of a comparison, the settings are those of its winner.
+    Otherwise, a Gaussian process has the most likely kernel. With the paper's features and rows of
+    unit length, all other models have the paper's optimum. With other features, kernel ridge and
+    the SVM have the candidate with the smallest error on the first fold, and the remaining models
+    have fixed settings, from `BUILT_IN` or the paper's optimum.
 
     Parameters
     ----------
@@ -232,8 +232,9 @@ def with_conditions(request: Request, choice: Any) -> Request:
         "load": request.load,
         **folders[0].record().conditions.content(),
     }
+    # Refuse targets without a winner now; `choose` takes the settings later.
     for folder in folders:
-        _tuned(folder, request.models[0])  # Only the refusal matters here.
+        _tuned(folder, request.models[0])
     names = ("features", "load", "normalisation", "area_max", "seed")
     for name in names:
         # Options that the user did not give are None or "".
@@ -334,7 +335,8 @@ def fit(
         calibrates needs other features than the training; if the settings of the model cannot be
         chosen (see `choose`); or if a target is predicted no better than by a constant.
     """
-    # `common`: only rows that are usable for all targets. The list is empty if `stopping` ends it.
+    # With `common`, only rows that are usable for all targets are read. The list is empty if
+    # `stopping` ended the reading.
     by_target = dataset.read(request, executor, stopping, common=True)
     if not by_target:
         return None
@@ -616,8 +618,9 @@ def fit_target(
 def _scaling_for(request: Request, train: Dataset) -> Scaling:
     """Return the scaling of a target, by its values in all training rows.
 
-    The target is standardised for a scene's own features, unless the model is the mean of a
-    population, and for a Gaussian process with a built-in search. Otherwise `scaling_of` decides.
+    The target is standardised in two cases: for a scene's own features, unless the model is the
+    mean of a population; and for a Gaussian process with a built-in search. In other cases
+    `scaling_of` decides.
     """
     (name,) = request.models
     # The mean of a population divides the target by a power law of its own.
@@ -699,14 +702,16 @@ def _predict_left_out(
     """
     (name,) = request.models
     if name == POPULATION.name and plan.groups.are_surfaces:
-        # The fit has predicted each surface by all others.
+        # `Population.fit` has predicted the rows of each part of the surfaces without this part.
         model = learnt.pipeline.named_steps[STEP]
         return learnt.scaling.restored(model.left_out_)
     if name in CLOSED and name != POPULATION.name:
         try:
             return _left_out_by_one_fit(target, learnt, plan)
         except np.linalg.LinAlgError:
-            pass  # The matrix of all rows is singular, that of a part's fit may be regular.
+            # The kernel's matrix of all rows is singular. The matrices of fits without a part may
+            # be regular.
+            pass
     return _left_out_by_further_fits(request, settings, train, target, learnt, plan)
 
 

@@ -55,10 +55,11 @@ from gen.runtime.errors import InputError
 
 # Level of intervals if the user names none and the calibration reaches it.
 USUAL_LEVEL = 0.9
-# Added to largest levels, in thousandths, before they are rounded down: they follow from weights
-# that are sums of fractions, and may be below their exact value by rounding.
+# Added to the largest level, in thousandths, before it is rounded down. It follows from a sum of
+# fractions, and may be below its exact value by rounding.
 ROUNDING = 1e-6
-# Subtracted from a level for the same reason, before it is compared with sums of weights.
+# Subtracted from a level before it is compared with sums of fractions, which may be below their
+# exact value by rounding.
 ROUNDING_OF_LEVEL = 1e-9
 # Smallest probability with which a row of a new map or database is within the limit of the flag,
 # if maps or databases decide this limit.
@@ -69,7 +70,8 @@ INSIDE = 0.97
 # Added to the variances of features that have deviation 1. Without it the covariance could be
 # singular: some features nearly repeat another one, as roots do.
 RIDGE = 1e-4
-# Added in its place if the rows of many maps are one cloud: maps differ in few directions.
+# Added to these variances, in place of `RIDGE`, if the rows of many maps are one cloud: maps differ
+# in few directions.
 RIDGE_OF_MAPS = 0.01
 
 
@@ -79,10 +81,9 @@ class Growth(NamedTuple):
     The logarithm of the errors is linear in a power of the distance.
     """
 
-    at_limit: (
-        float  # errors at the limit of the flag over errors in the middle of the training
-    )
-    power: float  # exponent of the distance
+    # errors at the limit of the flag, over errors in the middle of the training
+    at_limit: float
+    power: float  # exponent of the distance over the limit
 
     def at(self, distance: Values, limit: float) -> Values:
         """Return the factors by which errors have grown at distances from the training.
@@ -99,9 +100,10 @@ class Growth(NamedTuple):
         ndarray, shape (n,)
             Errors over errors in the middle of the training, from 1 to `at_limit`.
         """
-        # `fmin` ignores NaN. A limit of 0, of rows that are all equal, must not divide.
+        # `fmin` returns the limit for NaN. The limit is 0 if all rows of the training are equal.
         share = np.fmin(distance, limit) / max(limit, np.finfo(float).tiny)
-        return np.asarray(self.at_limit**share**self.power)
+        exponent = share**self.power
+        return np.asarray(self.at_limit**exponent)
 
 
 # Chosen among the powers from 2 to 8 with 18 kinds of changed surfaces (peaks cut, skewed, waves
@@ -113,8 +115,8 @@ GROWTH = Growth(at_limit=40.0, power=4.0)
 # squared error. On the made maps of `bench scans`, widths with weights of 0.3 to 3 agree within
 # 3 %.
 SHRINKAGE = 1.0
-# Error over the median error to which smaller errors are raised. Otherwise the large negative
-# logarithms of errors near 0 would dominate the fit of usual errors.
+# Smallest error in the fit of usual errors, over the median error; smaller ones are raised to it.
+# Otherwise the large negative logarithms of errors near 0 would dominate the fit.
 SMALLEST = 1e-3
 # Quantiles of the fitted usual errors of the training rows, to which all usual errors are clipped.
 ENDS = (0.02, 0.98)
@@ -230,7 +232,8 @@ class ErrorScale:
         """
         with np.errstate(over="ignore", invalid="ignore"):
             terms = inputs
-            if self.slopes.size != inputs.shape[1]:  # The logarithm is quadratic.
+            is_quadratic = self.slopes.size != inputs.shape[1]
+            if is_quadratic:
                 terms = quadratic(inputs)
             logarithm = terms @ self.slopes + self.offset
         logarithm[np.isnan(logarithm)] = self.high
@@ -321,9 +324,8 @@ class Distance:
     # (k, d, d), matrices that turn differences from the mean into uncorrelated numbers of
     # deviation 1
     whitenings: Values
-    limit: (
-        float  # largest distance of a row that is not flagged; infinite without a limit
-    )
+    # largest distance of a row that is not flagged; infinite if distances flag no row
+    limit: float
 
     def nearest(self, inputs: Values) -> Nearest:
         """Find the nearest cloud of each row.
@@ -349,7 +351,7 @@ class Distance:
         )
 
     def of(self, inputs: Values) -> Values:
-        """Return the distance of each row from the mean of the nearest cloud.
+        """Return the distance of each row from the training: from the mean of the nearest cloud.
 
         Parameters
         ----------
@@ -463,11 +465,12 @@ def rows_measured_by_surfaces(
         without_part = _unlimited(inputs[~inside], clouds[~inside])
         measured = without_part.nearest(inputs[inside])
         distances[inside] = measured.distance
-        # Clouds with rows in this part only are lacking, so that the others have other numbers.
+        # A cloud with all its rows in this part is missing in `without_part`, which numbers the
+        # remaining clouds 0, 1, ...: turn these numbers into those of all clouds.
         remaining = np.unique(clouds[~inside])
         nearest[inside] = remaining[measured.cloud]
         has_cloud[inside] = np.isin(clouds[inside], remaining)
-    # Rows of a lacking cloud are measured from another cloud. They do not decide the limit, unless
+    # Rows of a missing cloud were measured from another cloud. They do not decide the limit, unless
     # there are no other rows.
     if not has_cloud.any():
         has_cloud[:] = True
@@ -479,11 +482,11 @@ def rows_measured_by_surfaces(
 
 
 def _unlimited(inputs: Values, labels: Indices, ridge: float = RIDGE) -> Distance:
-    """Return the measure of distances from clouds of rows, without a limit.
+    """Return the measure of distances from clouds of rows, with an infinite limit.
 
-    `inputs` are the features of n rows, (n, d). The rows with one of the `labels`, (n,), are a
-    cloud; clouds are in the order of their labels. `ridge` is added to the variances of features
-    with deviation 1.
+    `inputs` are the features of n rows, (n, d), and `labels` their clouds, (n,): rows with equal
+    labels are a cloud. Clouds are in the order of their labels. `ridge` is added to the variances
+    of features, which are scaled to deviation 1.
     """
     features = inputs.shape[1]
     clouds = [inputs[labels == label] for label in np.unique(labels)]
@@ -515,10 +518,10 @@ def _unlimited(inputs: Values, labels: Indices, ridge: float = RIDGE) -> Distanc
 class Calibration:
     """The numbers that the intervals of one target are computed from.
 
-    Errors are errors of the target over its scale.
+    Errors are those of the target over its scale, or of the square root of this if `root` is set.
     """
 
-    # one entry for each cloud of `distance`; without a distance, one entry for all maps together
+    # one entry for each cloud of `distance`; without a distance, one entry for all groups together
     scores: tuple[Scores, ...]
     usual: ErrorScale  # usual errors by the features, before they grow with the distance
     # measure of the distance that errors grow with; None for intervals that hold for other maps or
@@ -570,9 +573,10 @@ class Calibration:
         return np.maximum(root - half, 0.0) ** 2, (root + half) ** 2
 
     def _half_widths(self, level: float, inputs: Values) -> Values:
-        """Return half the width of each interval, (n,), in the unit of the errors.
+        """Return half the width of each interval, (n,), as an error of the target over its scale.
 
-        `inputs` are the features of n rows, (n, d).
+        If `root` is set, it is an error of the square root. `inputs` are the features of n rows,
+        (n, d); `level` is between 0 and 1, otherwise InputError is raised.
         """
         quantiles = np.array([scores.quantile(level) for scores in self.scores])
         usual = self.usual.at(inputs)

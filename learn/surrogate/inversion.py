@@ -15,8 +15,8 @@ from gen.law.curves import Points, texts_at, trend
 from gen.quantities import DELTA, FORCE, PRESSURE
 
 FINE = 20
-"""Number of steps into which each interval between two Deltas is divided, so that the monotone
-cubic in it can be inverted by straight lines."""
+"""Number of steps into which each interval between two Deltas is divided. Within a step the
+monotone cubic is inverted as if it were a straight line."""
 
 ROUNDING = 1e-12
 """Largest relative distance by which rounding may put a pressure above the last one of a curve."""
@@ -36,24 +36,26 @@ def at_pressures(points: Points, pressures: Values) -> Points:
     -------
     Points
         Points at the pressures, with Delta and its interval, and without pressure and force. An end
-        of an interval that is beyond the last Delta is NaN. `endless` has for each pressure why its
-        interval does not hold: an end is beyond the last Delta or outside the training; or "".
+        of an interval that is beyond the last Delta is NaN. `endless` has a text for each pressure:
+        the reason why the interval does not hold (an end is beyond the last Delta, or outside the
+        training), or "" if it holds.
     """
     deltas = points.values[DELTA.in_laws]
-    at = _inverse(deltas, points.values[PRESSURE.in_laws], pressures, first=True)
-    arguments = {DELTA.in_laws, PRESSURE.in_laws, FORCE.in_laws}
-    names = [name for name in points.values if name not in arguments]
-    values = {DELTA.in_laws: at}
+    curve = points.values[PRESSURE.in_laws]
+    deltas_at = _inverse(deltas, curve, pressures, first=True)
+    loads = {DELTA.in_laws, PRESSURE.in_laws, FORCE.in_laws}
+    names = [name for name in points.values if name not in loads]
+    values = {DELTA.in_laws: deltas_at}
     for name in names:
-        values[name] = _interpolate(deltas, points.values[name], at)
-    reasons = _reasons_at(points, at)
-    if not points.low:
+        values[name] = _interpolate(deltas, points.values[name], deltas_at)
+    reasons = _reasons_at(points, deltas_at)
+    if not points.low:  # The points have no intervals.
         return Points(values=values, reasons=reasons)
-    interval = _interval_of_delta(points, pressures, at)
+    interval = _interval_of_delta(points, pressures, deltas_at)
     low = {DELTA.in_laws: interval.low}
     high = {DELTA.in_laws: interval.high}
     for name in names:
-        if name not in points.low:
+        if name not in points.low:  # The quantity has no interval.
             continue
         # A quantity that falls with the load is smallest at the largest Delta.
         falls = trend(name) == "falls"
@@ -81,9 +83,9 @@ class DeltaInterval:
 def _interval_of_delta(points: Points, pressures: Values, at: Values) -> DeltaInterval:
     """Invert both ends of the pressure's interval at pressures, (m,) [MPa].
 
-    `at` are the Deltas at the pressures, (m,) [um]; the interval is widened to contain them. If an
-    upper end of the pressure's interval is not finite, the low end is NaN at all pressures; if a
-    lower end is not finite, the high end is.
+    `at` are the Deltas at the pressures, (m,) [um]; the intervals are widened to contain them. The
+    low ends of Delta follow from the upper ends of the pressure, and are all NaN if one of these is
+    not finite. The high ends of Delta follow from the lower ends of the pressure in like manner.
     """
     deltas = points.values[DELTA.in_laws]
     low = np.full_like(at, np.nan)
@@ -145,11 +147,11 @@ def at_arguments(points: Points, argument: str, arguments: Values) -> Points:
 
 
 def _inverse(deltas: Values, curve: Values, pressures: Values, *, first: bool) -> Values:
-    """Return the Deltas at which a rising pressure reaches given ones, (m,) [um].
+    """Return the Deltas at which a rising curve of the pressure reaches `pressures`, (m,) [um].
 
-    `curve` are pressures at `deltas`, each (k,) [MPa, um]; `pressures` are the given ones, (m,)
-    [MPa]. Where the curve is level, the Delta is the beginning of that stretch if `first`, else its
-    end. Delta is 0 at no pressure, and NaN beyond the end of the curve.
+    `curve` are the pressures of the curve [MPa] at `deltas` [um], (k,) each; `pressures` are (m,)
+    [MPa]. Where the curve is level, the Delta is the first of this level if `first` is True,
+    otherwise the last. Delta is 0 at a pressure of 0, and NaN beyond the end of the curve.
     """
     shares = np.arange(FINE) / FINE
     between = deltas[:-1, None] + np.diff(deltas)[:, None] * shares

@@ -240,9 +240,10 @@ def law_of_parameters(
 
 
 def _making(surrogate: Surrogate, band: str) -> Making:
-    """Return how a law was made, in words: "predicted by", and the title of the surrogate.
+    """Return the texts of a law on its method and on its band.
 
-    `band` describes the band of one surface, as "90 % conformal interval".
+    The method is "predicted by" and the title of the surrogate. `band` describes the band of one
+    surface, as "90 % conformal interval".
     """
     return Making(method=f"predicted by {surrogate.card['title']}", band=band)
 
@@ -322,8 +323,8 @@ def _without_undefined(
 ) -> LawSurfaces:
     """Return the surfaces of a law and their sources without the surfaces that are left out.
 
-    `surfaces` are those that are kept. Sources of scenes are kept too: they have no name of a
-    surface.
+    `surfaces` are the surfaces to keep. A source is dropped if it has the name of a surface that is
+    left out. Sources that are scenes are never dropped, because they have no name of a surface.
     """
     kept = [surface.patch for surface in surfaces]
     names_left_out = {patch.name for patch in law_surfaces.surfaces}
@@ -335,9 +336,9 @@ def _without_undefined(
 
 
 def _level_remarks(surrogate: Surrogate, order: Order, level: float) -> list[str]:
-    """Return the explanation of a level of intervals that is below the usual one, as a list.
+    """Return a list of one note on a level of intervals that is below the usual one.
 
-    It is empty if the order names the level, or if `level` is the usual one.
+    The list is empty if the order names the level, or if `level` is not below the usual one.
     """
     note = level_note(surrogate, level, order.level)
     return [note] if note else []
@@ -369,10 +370,10 @@ def _trained_pressures(surrogate: Surrogate, bodies: Bodies) -> Values:
 def _patch_of_scene(
     surrogate: Surrogate, scene: Scene, numbers: Mapping[str, float]
 ) -> LawSurface:
-    """Return a flat patch with the grid of a scene; its name states `numbers`, the parameters.
+    """Return a flat patch with the grid of a scene, named after the parameters in `numbers`.
 
-    It takes the place of a surface, which the law does not need: only the patch's lengths, boundary
-    and compliance have an effect.
+    The flat heights take the place of a rough surface: the law only needs lengths, boundary and
+    compliance of the patch.
     """
     name = ", ".join(f"{name} {value:g}" for name, value in numbers.items())
     contact = scene.contact
@@ -420,7 +421,8 @@ def _tables_over_learnt_loads(
 ) -> Tables:
     """Tabulate contacts over the loads that the surrogate has learnt, and over the other loads.
 
-    `points` has the points of each patch under the learnt loads, and `kind` is the kind of these.
+    `points` has the points of each patch under the learnt loads, and `kind` is the kind of the
+    learnt loads. Raises InputError if a stiffness is needed of bodies that yield, and not learnt.
     """
     smoothed = [monotone(of_surface) for of_surface in points]
     parts = [
@@ -489,7 +491,8 @@ def _table_over_other(
     for part in parts:
         without_intervals = replace(part, low={}, high={})
         places = risen(part.values[argument])
-        rising.append(without_intervals.chosen(places).from_rest(at_rest))
+        rising_points = without_intervals.chosen(places)
+        rising.append(rising_points.from_rest(at_rest))
     arguments = rising[0].values[argument]
     if len(rising) > 1:
         shared_end = min(part.values[argument][-1] for part in rising)
@@ -515,7 +518,9 @@ def _predicted(
     for name, predictions in answer.values.items():
         is_finite = np.isfinite(predictions)
         if not is_finite.all():
-            load = loads[np.argmin(is_finite)]
+            load = loads[
+                np.argmin(is_finite)
+            ]  # the first load without a finite prediction
             where = f"Delta = {load:.4g} um" if kind == "delta" else f"{load:.4g} MPa"
             raise InputError(
                 f"{surface.patch.name}: the surrogate has no finite {name} at {where}:"
@@ -550,7 +555,9 @@ def _tables_by_delta(
     """Predict all surfaces at learnt Deltas, and tabulate them over both loads.
 
     `deltas` are ascending and above 0, (k,) [um]. `pressures` are ascending, (m,) [MPa]; None for
-    those that the surfaces have at the Deltas.
+    the mean pressures at the Deltas (`_shared_pressures`). Shows progress on standard error. Raises
+    InputError if a coarse solve fails, a prediction is not finite, a stiffness that the order needs
+    cannot be given, the law has no force, or a pressure is not reached.
     """
     coverage = settings.order.coverage
     laws: list[SurfaceLaw] = []
@@ -656,10 +663,10 @@ def _gap_warnings(surrogate: Surrogate, bodies: Bodies) -> list[str]:
 
 
 def _monotony_warnings(table: Curves, smoothed: Sequence[Monotone]) -> list[str]:
-    """Warn of each curve of a table that was far from monotone before it was made monotone.
+    """Return a warning for each curve of a table that was far from monotone before its correction.
 
-    `smoothed` are the monotone points of each surface; their mean correction over the surfaces
-    decides.
+    `smoothed` are the monotone points of each surface, with their corrections. A curve has a
+    warning if its mean correction over the surfaces exceeds `CORRECTED` somewhere.
     """
     warnings: list[str] = []
     # The conductance and a stiffness from a slope are not corrected.
@@ -667,6 +674,7 @@ def _monotony_warnings(table: Curves, smoothed: Sequence[Monotone]) -> list[str]
         corrections = [of_surface.corrections[name] for of_surface in smoothed]
         change = np.abs(np.mean(corrections, axis=0)).max()
         largest = np.nanmax(np.abs(table.curves[name].value), initial=0.0)
+        # A curve that is 0 everywhere has no size to compare with; 1 takes its place.
         if change > CORRECTED * (largest or 1.0):
             warnings.append(_monotony_warning(name))
     return sorted(warnings)
@@ -690,10 +698,10 @@ class SharedPressures:
 
 
 def _shared_pressures(over_delta: Curves, extended: Sequence[Points]) -> SharedPressures:
-    """Return the mean pressures at the Deltas of a table, up to the largest that all surfaces have.
+    """Return the mean pressures at the Deltas of a table, up to the largest shared pressure.
 
-    `extended` are the points of each surface. The pressures are closely spaced where the Deltas
-    are. Raises InputError if the law has no force.
+    This is the largest pressure that all surfaces reach; it is the last one if the mean pressures
+    exceed it. `extended` are the points of each surface. Raises InputError if the law has no force.
     """
     mean = np.unique(_mean_pressures(over_delta))
     largest = _largest_shared_pressure(extended)
@@ -712,8 +720,8 @@ def _require_reached(
 ) -> None:
     """Refuse ascending pressures, (m,) [MPa], if the last one is not reached.
 
-    The mean pressure of the table over Delta has to reach it, and each surface, of which `extended`
-    are the points. A law without a force is refused too.
+    Both the mean pressure of the table over Delta and the pressure of each surface have to reach
+    it. `extended` are the points of each surface. A law without a force is refused too.
     """
     last_mean = _mean_pressures(over_delta)[-1]
     largest = min(last_mean, _largest_shared_pressure(extended))
@@ -731,7 +739,7 @@ def _mean_pressures(over_delta: Curves) -> Values:
     Raises InputError if the last pressure is not above 0: the law has no force.
     """
     mean = over_delta.curves[PRESSURE.in_laws].value
-    if not mean[-1] > 0:
+    if not mean[-1] > 0:  # True for NaN, too
         raise InputError(
             "the law has no force at all: nothing to tabulate against pressure"
         )

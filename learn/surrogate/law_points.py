@@ -37,18 +37,18 @@ class LoadedPatch:
 
     patch: LawSurface
     bodies: Bodies  # E* and hardness [MPa]
-    kind: Load  # what the surrogate has learnt
+    kind: Load  # kind of the loads, for which the surrogate predicts
     loads: Values  # (k,), ascending and above 0, Deltas [um] or nominal pressures [MPa]
     # The surface of the patch, from which a mean gap follows that was not learnt; None if the
     # surrogate predicts from the numbers of a scene.
     surface: SurfaceFeatures | None = None
-    compliance: float = field(
-        init=False
-    )  # of a flat punch that fills the patch [um / MPa]
+    # Compliance of the patch under a flat punch that fills it [um / MPa]; set by `__post_init__`.
+    compliance: float = field(init=False)
 
     def __post_init__(self) -> None:
-        """Compute the compliance of the patch."""
+        """Set the compliance of the patch."""
         compliance = self.patch.patch_compliance(self.bodies.e_star)
+        # The class is frozen, so that an ordinary assignment would be refused.
         object.__setattr__(self, "compliance", compliance)
 
 
@@ -84,9 +84,11 @@ def points_of(loaded: LoadedPatch, answer: Prediction, also: Sequence[str]) -> P
     values = _quantities(loaded, answer.values, means, also)
     low = _quantities(loaded, answer.low, means, also)
     high = _quantities(loaded, answer.high, means, also)
-    # A load has no interval, and a given pressure has a given force. At a given Delta the closure
-    # falls with the force, so that its ends would be exchanged.
-    without_interval = (DELTA, CLOSURE) if loaded.kind == "delta" else (PRESSURE, FORCE)
+    # A given pressure is exact, and so is the force: the pressure times the nominal area.
+    without_interval = (PRESSURE, FORCE)
+    if loaded.kind == "delta":
+        # A given Delta is exact. The closure falls with the force: its ends would be exchanged.
+        without_interval = (DELTA, CLOSURE)
     for quantity in without_interval:
         del low[quantity.in_laws]
         del high[quantity.in_laws]
@@ -127,10 +129,11 @@ def _quantities(
     means: CoarseMeans | None,
     also: Sequence[str],
 ) -> dict[str, Values]:
-    """Return the quantities of a law by names in laws, (k,), from the targets of a surrogate.
+    """Return the quantities of a law at k loads, (k,) each, by their names in laws.
 
-    `targets` are predictions, or one end of their intervals, by target, (k,). `means` give a mean
-    gap that was not learnt; without them it is left out.
+    `targets` are the predictions of a surrogate, or one end of their intervals, by target, (k,)
+    each. A mean gap that was not learnt follows from `means`; without them it is left out. `also`
+    are the names of further targets that become quantities.
     """
     if loaded.kind == "delta":
         quantities = _quantities_at_deltas(loaded, targets)
@@ -159,7 +162,10 @@ def _quantities(
 def _quantities_at_deltas(
     loaded: LoadedPatch, targets: Mapping[str, Values]
 ) -> dict[str, Values]:
-    """Return area, pressure, closure, Delta and force at given Deltas, by names in laws."""
+    """Return area, pressure, closure, Delta and force at k Deltas, (k,) each, by names in laws.
+
+    `targets` have area and force. A negative closure becomes 0.
+    """
     deltas = loaded.loads
     pressure = targets["force"] / loaded.patch.nominal
     closure = deltas - loaded.compliance * pressure
@@ -175,10 +181,10 @@ def _quantities_at_deltas(
 def _quantities_at_pressures(
     loaded: LoadedPatch, targets: Mapping[str, Values]
 ) -> dict[str, Values]:
-    """Return area, pressure, closure, Delta and force at given pressures, by names in laws.
+    """Return area, pressure, closure, Delta and force at k pressures, (k,) each, by names in laws.
 
-    The closure is made to rise with the pressure, and Delta is the closure plus the displacement of
-    the patch.
+    `targets` have area and Delta. The closure is Delta less the displacement of the patch, but not
+    negative, and raised where it falls with the pressure. Delta is then computed anew from it.
     """
     pressure = loaded.loads
     of_patch = loaded.compliance * pressure

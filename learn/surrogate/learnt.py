@@ -193,10 +193,10 @@ class Learnt:
             Predictions over the scale of the target; NaN where a feature is NaN. They may be
             infinite far from the training.
         """
-        # The steps are pairs of a name and an object.
+        # The two steps are pairs of a name and an object.
         (_, scaling), (_, model) = self.pipeline.steps
         predictions = np.full(len(inputs), np.nan)
-        # `Surrogate.predict_rows` names rows without a finite prediction.
+        # Warnings of infinite numbers are not needed: `Surrogate.predict_rows` names their rows.
         with np.errstate(over="ignore", invalid="ignore"):
             for rows in _chunks(inputs):
                 scaled = self.clip.clipped(inputs[rows])
@@ -239,15 +239,16 @@ class Learnt:
         errors = np.full(len(inputs), np.nan)
         for rows in _chunks(inputs):
             errors[rows] = model.error(self.pipeline[:-1].transform(inputs[rows]))
-        # The error of the mean is normally distributed, and both tails are outside the interval.
-        half = norm.ppf((1 + level) / 2) * errors * self.scaling.deviation
+        # The error of the mean is normally distributed; (1 - level) / 2 of it is beyond each end.
+        deviations = norm.ppf((1 + level) / 2)
+        half = deviations * errors * self.scaling.deviation
         return raw - half, raw + half
 
 
 def _chunks(inputs: Values) -> Iterator[Indices]:
-    """Yield the positions of rows that are predicted together, (k,), with `CHUNK` rows at most.
+    """Yield the positions of rows that are predicted together, (k,), `CHUNK` rows at most.
 
-    Rows with a NaN among their features, (n, d), are left out.
+    `inputs` are the features of n rows, (n, d). Rows with a NaN among them are left out.
     """
     defined = np.flatnonzero(~np.isnan(inputs).any(axis=1))
     for start in range(0, defined.size, CHUNK):
@@ -255,9 +256,9 @@ def _chunks(inputs: Values) -> Iterator[Indices]:
 
 
 def _predict(model: Any, inputs: Values) -> Any:
-    """Return the predictions of a fitted estimator at scaled features (n, d), of the scaled target.
+    """Return the predictions of a fitted estimator at features, (n, d), as (n,) or (n, 1).
 
-    They are an array of n numbers, of shape (n,) or (n, 1).
+    Features and predictions are on the scale that the estimator was trained on.
     """
     if hasattr(model, "L_") and model.L_ is None:
         # A Gaussian process from a file lacks its factor, without which `predict` of scikit-learn
@@ -269,9 +270,10 @@ def _predict(model: Any, inputs: Values) -> Any:
 
 
 def _predict_by_radial_functions(model: Any, inputs: Values) -> Any:
-    """Return the predictions of kernel ridge with radial basis functions at features (n, d), (n,).
+    """Return the predictions of kernel ridge with radial functions at features, (n, d), as (n,).
 
-    The estimator's own `predict` gives equal numbers, but takes longer for checks of its input.
+    The estimator's own `predict` gives equal numbers but for rounding, and takes longer, because it
+    checks its input.
     """
     centres = np.asarray(model.X_fit_, dtype=np.float64)
     gamma = model.gamma
@@ -387,7 +389,7 @@ def _packed(learnt: Learnt) -> dict[str, Any]:
     pipeline.steps = [pipeline.steps[0], (STEP, estimator)]
     calibration = learnt.calibration
     # All targets have the measure of distances in common, which the file has once. "grows" is the
-    # growth with this distance, or False for a calibration without a distance.
+    # two numbers of the growth with this distance, or False for a calibration without a distance.
     grows: tuple[float, ...] | Literal[False] = False
     if calibration.distance is not None:
         grows = tuple(calibration.growth)
@@ -455,9 +457,13 @@ def _trees_of(ensemble: Any) -> dict[str, Values]:
 
 
 def _restore_trees(ensemble: Any, trees: Mapping[str, Values]) -> None:
-    """Put the trees from `_trees_of` into an ensemble that has only its first tree; change it."""
+    """Set the `estimators_` of an ensemble that has only its first tree to all its trees.
+
+    `trees` are the arrays from `_trees_of`.
+    """
     first = _members_of(ensemble)[0]
-    # Arguments that a tree is made with: numbers of features, classes and outputs.
+    # The arguments that a tree is made with are numbers of features, classes and outputs. The state
+    # of the first tree, the third part, is not needed.
     tree_type, arguments, _ = first.tree_.__reduce__()
     counts = trees["counts"].tolist()
     depths = trees["depths"].tolist()
@@ -554,8 +560,9 @@ def _contents_of(file: SurrogateFile) -> Contents:
     }
     if sklearn.__version__ != file.card["versions"].get("scikit-learn"):
         row = file.low[None]  # a row within the training ranges, (1, d)
+        any_level = 0.5
         for target in learnt.values():
-            target.calibration.ends(target.raw(row), 0.5, row)
+            target.calibration.ends(target.raw(row), any_level, row)
     return Contents(
         card=file.card,
         learnt=learnt,

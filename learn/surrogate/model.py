@@ -265,7 +265,7 @@ class Surrogate:
         loads = delta
         if load == "pressure":
             loads = numbers.pop("pressure", None)
-        # `numbers` that are left over are parameters of a scene, which this surrogate lacks.
+        # The `numbers` that remain are parameters of a scene, which this surrogate has not learnt.
         if surface is None or side is None or loads is None or numbers or mean:
             raise InputError(
                 f"the surrogate asks for a surface, its side and {load}: parameters of a scene and"
@@ -324,7 +324,7 @@ class Surrogate:
                 " out, or fit one to a database whose scene has a hardness"
             )
         if hardness is None and limits is not None and not self.features.elastic:
-            # All bodies of the training yield: one hardness is the default, several are not.
+            # All bodies of the training yield. The default is their hardness, unless it varies.
             if limits[0] < limits[1]:
                 raise InputError(
                     "give --hardness: the surrogate was trained on bodies that yield at"
@@ -525,7 +525,8 @@ class Surrogate:
                 lows[name], highs[name] = answer.interval(level, inputs)
         delta = rows.delta.copy()
         if "pressure" in rows.scene_numbers:
-            # `rows.delta` is then p L / E*, in place of a displacement.
+            # Delta is not the load. For features of a surface, `rows.delta` is p L / E* or the
+            # Delta of the coarse solve.
             delta = np.full(delta.shape, np.nan)
         return Prediction(
             delta=delta,
@@ -553,19 +554,23 @@ class Surrogate:
             restored[~is_finite] = np.nan
             values = np.clip(restored, *learnt.bounds)
             # The middle of an interval is the value within the bounds. About a value outside of
-            # them, both ends of the interval could be clipped to the same bound.
-            centre = np.where(values == restored, raw, values / scale)
+            # them, both ends of the interval could be clipped to one bound. Where the bounds change
+            # nothing, the middle is `raw` itself, without the rounding of a division.
+            is_unchanged = values == restored
+            centre = np.where(is_unchanged, raw, values / scale)
         return _Answer(learnt=learnt, values=values, centre=centre, scale=scale)
 
     def _scale(self, powers: Powers | None, rows: Rows, e_star: float | None) -> Values:
-        """Return the factors between the learnt target and the target, (n,), in its unit.
+        """Return the numbers that turn predictions over the scale into targets, (n,).
 
-        `powers` are the powers that the target scales with; None if they are unknown. `e_star` is
-        the E* of the prediction [MPa]; None for the E* of the training.
+        They are in the unit of the target. `powers` are the powers that the target scales with;
+        None if they are unknown. `e_star` is the E* of the prediction [MPa]; None for the E* of the
+        training.
         """
         scale = self.features.scale(powers, rows, self.modulus)
         if e_star is None or powers is None or not powers.modulus:
             return scale
+        # `scale` is that at the E* of the training, which is 1 for features with units.
         return scale * (e_star / self.modulus) ** powers.modulus
 
     def _reasons(
@@ -588,7 +593,7 @@ class Surrogate:
         ]
         notes_on_training = self.training.reasons(rows, inputs)
         notes_on_scale = scale_notes(self.training, targets_of_one_scale, rows, e_star)
-        # The notes of later targets come first.
+        # A later target has its note before those of earlier ones.
         notes_on_targets: list[list[str]] = [[] for _ in notes_on_training]
         # A row with an undefined feature has a note on that already.
         is_defined = ~np.isnan(inputs).any(axis=1)
@@ -637,10 +642,10 @@ class _Answer:
 def _checked_sides(side: float | tuple[float, float]) -> tuple[float, float]:
     """Return the lengths of a patch along x and y [um]; a single number is the length of both.
 
-    `checked` raises a plain ValueError for an impossible length. InputError is raised for a
-    sequence that has not two lengths.
+    Raises ValueError for an impossible length, and InputError for a sequence that has not two
+    lengths.
     """
-    # A text goes to `checked`, which refuses it; below, "ab" would pass as two lengths.
+    # A text goes to `checked`, which refuses it; "ab" would pass as a sequence of two lengths.
     if isinstance(side, str) or np.ndim(side) == 0:
         length = checked("side", side)
         return length, length
@@ -659,7 +664,8 @@ def _require_numbers(rows: Rows, inputs: Values) -> None:
     is_defined = ~np.isnan(rows.statistics).any(axis=1)
     in_range = (np.abs(inputs) <= LARGEST).all(axis=1)  # False for NaN, too
     has_load = rows.delta > 0  # False for NaN, too
-    faulty = np.flatnonzero((is_defined & ~in_range) | ~has_load)
+    has_faulty_features = is_defined & ~in_range
+    faulty = np.flatnonzero(has_faulty_features | ~has_load)
     if faulty.size:
         raise InputError(
             f"row {faulty[0] + 1} of {len(rows.delta)}: statistics and Delta must be finite,"
@@ -716,8 +722,8 @@ class OnSurface:
         """
         features = self.surrogate.features
         if bodies is None:
-            # `bodies` demands a hardness if the training has several. Any one will do, because
-            # `ratio` below replaces it.
+            # `Surrogate.bodies` needs a hardness if the training has several. The first one serves
+            # only for this check: `ratio` below has the hardness at each load.
             any_hardness = None
             if hardness is not None:
                 any_hardness = float(hardness[0])

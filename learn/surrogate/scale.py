@@ -98,7 +98,7 @@ def _ends(values: Values | Sequence[float]) -> list[float]:
 def scale_notes(
     training: Training, targets: Sequence[str], rows: Rows, e_star: float | None
 ) -> list[str]:
-    """Say for each row how its scale differs from the training's, if targets depend on that.
+    """Return a note for each row whose heights, lengths or E* are outside the training.
 
     Parameters
     ----------
@@ -114,8 +114,8 @@ def scale_notes(
     Returns
     -------
     list of str
-        One text for each row, of notes with "; " between them; "" for a row inside the training's
-        scale, and for all rows if `targets` is empty.
+        One text for each row, with "; " between the notes on several numbers. It is "" for a row
+        with all numbers inside their training ranges, and for all rows if `targets` is empty.
     """
     number = len(rows.delta)
     if not targets:
@@ -136,10 +136,11 @@ def scale_notes(
 def _scale_of(
     rows: Rows, training: Training, e_star: float | None
 ) -> Mapping[str, Values]:
-    """Return the numbers of n rows that have to be inside the training's scale, (n,) each, by name.
+    """Return the numbers of n rows that have to be inside training ranges, (n,) each, by name.
 
-    E* [MPa] is always one of them. Rms heights and scan lengths [um] are for features without units
-    only: features with units include the heights, and `Training.grid_note` compares the side.
+    E* [MPa] is always one of these numbers. Rms heights and scan lengths [um] are for features
+    without units only: features with units include the heights, and `Training.grid_note` compares
+    the side.
     `e_star` is that of the prediction [MPa]; None for that of the training.
     """
     number = len(rows.delta)

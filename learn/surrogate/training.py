@@ -108,15 +108,17 @@ class Training:
         return ["; ".join(filter(None, notes)) for notes in zip(*columns, strict=True)]
 
     def _hardness_notes(self, rows: Rows, number: int) -> list[str]:
-        """Return a note for each of n rows whose hardness is outside the training's, else ""."""
+        """Return a note for each row whose hardness is outside the training's, else "".
+
+        `number` is the number of rows.
+        """
         notes = [""] * number
         if self.hardness_limits is None or rows.hardness_ratio is None:
             return notes
         low, high = self.hardness_limits
         if self.features.elastic:
-            high = (
-                np.inf
-            )  # The training has elastic bodies too: no hardness is too large.
+            # The training has elastic bodies, too: no hardness is too large.
+            high = np.inf
         ratios = np.broadcast_to(rows.hardness_ratio, number)
         inside = ratios >= low * (1 - SAME_HARDNESS)
         inside &= ratios <= high * (1 + SAME_HARDNESS)

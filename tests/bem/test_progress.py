@@ -15,7 +15,7 @@ def after_rounds(*largest):
     progress = Progress(violation_of(1.0))
     for number, value in enumerate(largest):
         progress.note_round(
-            violation_of(value), energy=-float(number), exact=False, following=True
+            violation_of(value), energy=-float(number), exact=False, next_set_taken=True
         )
     return progress
 
@@ -36,7 +36,7 @@ def test_rounds_without_a_smaller_violation_are_damped_and_then_given_up():
 def test_a_higher_energy_tightens_the_reduction():
     progress = after_rounds(0.5, 0.4)
     assert progress.reduction == REDUCTION
-    progress.note_round(violation_of(0.3), energy=1.0, exact=False, following=False)
+    progress.note_round(violation_of(0.3), energy=1.0, exact=False, next_set_taken=False)
     assert progress.reduction == REDUCTION * TIGHTENING
 
 
@@ -61,10 +61,10 @@ def test_single_precision_resolves_less_than_the_last_exact_violation():
 def test_bodies_that_begin_to_yield_begin_anew():
     progress = after_rounds(0.5, *[0.6] * PATIENCE)
     progress.note_yielding(violation_of(2.0))
-    assert (progress.patience, progress.following, progress.largest) == (
+    assert (progress.patience, progress.next_set_taken, progress.largest) == (
         PATIENCE,
         False,
         2.0,
     )
-    progress.note_round(violation_of(1.0), energy=1e9, exact=False, following=False)
+    progress.note_round(violation_of(1.0), energy=1e9, exact=False, next_set_taken=False)
     assert progress.reduction == REDUCTION

@@ -164,7 +164,7 @@ def test_a_mark_out_of_reach_ends_a_growth_after_few_rows(hopeless):
 
 def test_a_mark_out_of_reach_has_no_number_of_rows(hopeless):
     _, grown, lines = hopeless
-    assert math.isinf(grown.last.advice)
+    assert math.isinf(grown.last.advised_rows)
     assert "does not come to it" in lines[-1]
 
 
