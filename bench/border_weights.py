@@ -231,9 +231,7 @@ def _samples(
 def _draw_wave(aspect: float, length: float, random: np.random.Generator) -> Wave | None:
     """Draw a wave on a patch of the sides 1 and `length`, with cells of about this aspect.
 
-    The state of `random` moves.
-
-    Return None if the grid has too many nodes or too few. Another order of the draws below would
+    The state of `random` moves. Return None if the grid has too many nodes or too few. Another order of the draws below would
     change the fitted weights, by about their standard deviations.
     """
     crossed = bool(random.random() < 0.5) and length == 1

@@ -134,6 +134,22 @@ def test_rough_surfaces_with_eight_nodes_a_wave_along_both_axes_of_oblong_cells(
     assert np.mean(counts) > 0.03
 
 
+def test_hertz_circle_on_oblong_cells_of_a_free_patch():
+    """A radius of 8 um on cells of 0.1 um x 1 um."""
+    random = np.random.default_rng(8)
+    errors = []
+    for _ in range(4):
+        x = 0.1 * (np.arange(221) - 110 - random.uniform(-0.5, 0.5))
+        y = np.arange(23) - 11 - random.uniform(-0.5, 0.5)
+        heights = -(x[:, np.newaxis] ** 2 + y**2) / 2e4
+        force = 4 / 3 * 8**3 / 1e4
+        contact = bem.solve(heights, 1.0, force=force, spacing=(0.1, 1.0))
+        area = contact.continuum_area_percent / 100 * heights.size * 0.1
+        errors.append(area / (np.pi * 8**2) - 1)
+    assert abs(np.mean(errors)) < 0.003
+    assert np.max(np.abs(errors)) < 0.005
+
+
 @pytest.mark.parametrize("aspect", [2, 5, 20])
 def test_isotropic_surfaces_on_oblong_cells(aspect):
     """Eight nodes a wave along one axis, and more along the other."""
