@@ -231,8 +231,8 @@ def _samples(
 def _draw_wave(aspect: float, length: float, random: np.random.Generator) -> Wave | None:
     """Draw a wave on a patch of the sides 1 and `length`, with cells of about this aspect.
 
-    The state of `random` moves. Return None if the grid has too many nodes or too few. Another order of the draws below would
-    change the fitted weights, by about their standard deviations.
+    Return None if the grid has too many nodes or too few. The state of `random` moves. Another
+    order of the draws below would change the fitted weights, by about their standard deviations.
     """
     crossed = bool(random.random() < 0.5) and length == 1
     size = random.uniform(2, 12)  # periods a side
