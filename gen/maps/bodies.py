@@ -341,8 +341,8 @@ def _line(grid: Topography, added: Topography, axis: int, shift: float) -> _Line
     places = from_added_centre / added.spacing[axis] + (added_nodes - 1) / 2
     nearest = np.rint(places)
     places = np.where(np.abs(places - nearest) < SAME, nearest, places)
-    # Maps of equal length without edges overlap everywhere: periodic ones always, mirrored ones only
-    # if they are not shifted.
+    # Maps of equal length without edges overlap everywhere: periodic ones always, mirrored ones if
+    # they are not shifted.
     if math.isclose(grid.sides[axis], added.sides[axis], rel_tol=SAME):
         all_nodes = slice(0, grid_nodes)
         if grid.boundary == "periodic":
