@@ -76,7 +76,7 @@ class Gas(NamedTuple):
 
     @property
     def by_keys(self) -> dict[str, float]:
-        """Both numbers by their keys in documents, which end with the unit."""
+        """Conductivity and jump distance by their keys in documents, which end with the unit."""
         return {
             "gas_conductivity_W_per_m_K": self.conductivity,
             "gas_jump_distance_um": self.jump_distance,

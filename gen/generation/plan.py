@@ -152,7 +152,7 @@ def parameters(scene: Scene, start: int, stop: int) -> Plan:
     last = -(-stop // m)  # the surface behind the last one; the quotient is rounded up
     drawn = _drawn_parameters(scene, first, last)
     places = {}
-    if scene.surface.PLACES:
+    if scene.surface.cuts_windows:
         randoms = (surface_random(scene, number) for number in range(first, last))
         places = scene.surface.places(randoms)
     hardness = None

@@ -227,8 +227,10 @@ class Function:
     def deviation(self) -> Deviation:
         """Largest relative distances of the cubic from the contacts between its points.
 
-        Each is the distance of a contact from the cubic over the contact's value; for a quantity
-        that falls, and may reach 0, over the value at first touch. NaN if nothing is to compare.
+        Each distance is divided by the value of the contact. For a quantity that falls, it is
+        divided by the value at first touch, because the value of the contact may be 0. Both are NaN
+        if there is no contact with a known value, or if the cubic has fewer than two points or
+        a value that is not finite.
         """
         usable = np.isfinite(self.between.values)
         if not usable.any() or self.at.size < 2 or not np.isfinite(self.values).all():
@@ -241,9 +243,8 @@ class Function:
         reference = np.abs(contacts)
         if self.falls:
             reference = np.full(contacts.shape, abs(self.values[0]))
-        reference = np.where(
-            reference > 0, reference, np.inf
-        )  # a contact of 0 does not count
+        # A contact whose value is 0 gets the relative distance 0.
+        reference = np.where(reference > 0, reference, np.inf)
         distances = np.abs(cubic(self.between.at[usable]) - contacts) / reference
         return Deviation.of(distances, self.between.inside[usable])
 
@@ -261,12 +262,12 @@ def _functions_of(law: Law, table: Curves, between: Curves | None) -> Iterator[F
     `between` has the contacts that were solved between the arguments of the table, or is None.
     """
     for quantity, curve in table.curves.items():
-        parts = {"": "value"}  # attributes of a curve, by the end of the function's name
-        # With any band all quantities have both ends, which are NAN where no band holds.
+        yield _function(law, table, between, quantity, part="value")
+        # If the table has a band anywhere, all quantities have functions for both ends of the band,
+        # which are NAN where no band holds.
         if table.banded or curve.banded.all():
-            parts |= {"_low": "low", "_high": "high"}
-        for suffix, part in parts.items():
-            yield _function(law, table, between, quantity, part, suffix)
+            yield _function(law, table, between, quantity, part="low")
+            yield _function(law, table, between, quantity, part="high")
 
 
 def _function(
@@ -275,19 +276,21 @@ def _function(
     between: Curves | None,
     quantity: str,
     part: str,
-    suffix: str,
 ) -> Function:
-    """Return the function of a part of a curve: "value", "low" or "high".
+    """Return the function of a part of a quantity's curve: "value", "low" or "high".
 
-    `suffix` ends its name: "", "_low" or "_high".
+    The name of the function of an end of the band ends with "_low" or "_high". `between` has the
+    contacts between the arguments of the table; None if there are none.
     """
+    suffix = "" if part == "value" else f"_{part}"
     argument = short_name(table.against)
     over = ""
     if argument == "pressure":
         over = "_at_pressure"
     at = table.at
     values = getattr(table.curves[quantity], part)
-    if at.size and at[0] > 0:  # only curves over Delta begin at first touch
+    if at.size and at[0] > 0:
+        # A table over pressure may lack the point of first touch: put it in front.
         at = np.append(0.0, at)
         values = np.append(_at_first_touch(law, quantity, part), values)
     return Function(
@@ -296,7 +299,7 @@ def _function(
         at=at,
         values=values,
         goes_on=_goes_on(quantity),
-        tangent=not suffix,
+        tangent=part == "value",  # the ends of a band have no tangent
         between=_contacts_between(law, between, quantity, part),
         falls=trend(quantity) == "falls",
     )

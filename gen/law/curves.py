@@ -594,7 +594,9 @@ def monotone(points: Points) -> Monotone:
 
 
 def continued(points: Points, larger: Points) -> Points:
-    """Append points at larger Delta, and hold values and ends of intervals monotone by `held`.
+    """Append points at larger loads, and replace values that turn back by `without_reversals`.
+
+    The ends of intervals are made monotone, too.
 
     Parameters
     ----------
@@ -612,9 +614,9 @@ def continued(points: Points, larger: Points) -> Points:
     def appended(
         arrays: dict[str, Values], at_larger: dict[str, Values]
     ) -> dict[str, Values]:
-        """Return the arrays with the ones at larger Delta behind them, held monotone."""
+        """Return the arrays with those at larger loads behind them, without reversals."""
         return {
-            name: held(name, np.append(array, at_larger[name]))
+            name: without_reversals(name, np.append(array, at_larger[name]))
             for name, array in arrays.items()
         }
 
@@ -626,7 +628,7 @@ def continued(points: Points, larger: Points) -> Points:
     )
 
 
-def held(name: str, values: Values) -> Values:
+def without_reversals(name: str, values: Values) -> Values:
     """Replace each value that turns back by the extreme of the values before it.
 
     Parameters

@@ -399,17 +399,18 @@ def _sources_of_scene(scene: Scene, text: str) -> list[Source]:
 
 
 def _maps_of_scans(surface: ScanSurface) -> list[SourceFile]:
-    """Return the maps of both bodies of a scene that is ready to generate.
+    """Return the maps of both bodies of a scene whose maps a run has recorded.
 
     Hashes are taken from the scene, not from the files: a database knows maps by their content, and
     the files may have moved.
     """
     files: list[SourceFile] = []
-    for bodies in (surface.found, surface.against_found):
-        if bodies is not None:
-            files += [
-                SourceFile(path=entry.file, sha256=entry.sha256) for entry in bodies.maps
-            ]
+    for recorded in (surface.found, surface.against_found):  # one body each
+        if recorded is None:  # there are no maps of a second body
+            continue
+        files += [
+            SourceFile(path=entry.file, sha256=entry.sha256) for entry in recorded.maps
+        ]
     return files
 
 
