@@ -472,7 +472,10 @@ def _gas_conductance(contact: Contact, media: Media) -> float:
 
 
 def _joint_conductance(contact: Contact, media: Media) -> float:
-    """Return the conductance of spots and gas together, per nominal area [W/(mm2 K)]."""
+    """Return the conductance of spots and gas together, per nominal area [W/(mm2 K)].
+
+    Raises ValueError without conductivities or without a gas.
+    """
     # 1e-6 W/K over um2 is W/(mm2 K).
     per_stiffness = _conductance(1.0, contact, media) / nominal_area(contact)
     spots = per_stiffness * contact.interface_stiffness

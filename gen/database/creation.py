@@ -213,9 +213,8 @@ def open_or_create(
         source = Source.of(path, file)
         require_scene(file, path, stored=source.scene, scene=scene, force=force)
         attributes = read_attributes(file)
-        if (
-            attributes["physics"] != PHYSICS
-        ):  # `require_scene` allows this only with `force`
+        # `require_scene` allows another physics number only with `force`.
+        if attributes["physics"] != PHYSICS:
             file.attrs.modify("physics_forced", PHYSICS)
             attributes["physics_forced"] = PHYSICS
         extended = range(

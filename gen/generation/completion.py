@@ -162,8 +162,8 @@ def completed(
     Raises
     ------
     InputError
-        If the scene names a file that is missing, if one name means two things, or if the outputs
-        stay unknown.
+        If the scene names a file that is missing, if a parameter or an output has the name of
+        something else, or if the outputs stay unknown.
     SourceError
         If a function of the user's fails or is not trusted. It is a kind of InputError.
     """

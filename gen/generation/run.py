@@ -331,7 +331,8 @@ def _prepared(
     """Create, extend or check the database on the master, and yield the first facts of the run.
 
     The lock of the database is held until this context manager ends. Failed rows are made pending
-    if the request says so. A few rows are tried for the warnings, but not written.
+    if the request says so. If rows are pending, the warnings follow from a trial of a few rows,
+    which are not written; otherwise they follow from the done rows.
     """
     from gen import database
 

@@ -132,7 +132,10 @@ def _bodies(order: Order, subjects: LawSurfaces) -> Bodies:
 
 
 def _band_of_one_surface(tables: Tables) -> str:
-    """Describe the band of one surface: the error of the grid, if this resolves a contact."""
+    """Describe the band of one surface: the error of the grid, if the grid resolves a contact.
+
+    The text says that there is no band if the grid resolves none, or was not judged.
+    """
     for table in (tables.over_delta, tables.over_pressure):
         if table.resolved_somewhere:
             return "the error of the grid, 9 times in 10, of the area in the continuum; one surface"
@@ -190,7 +193,7 @@ def law_of(
     notes += [f"warning: {doubt}" for doubt in material_doubts(bodies)]
     notes += tables.remarks
     nodes = min(surface.heights.size for surface in subjects.surfaces)
-    # These are "" if there is nothing to say.
+    # Each of these remarks is "" if there is nothing to say; `if note` below leaves it out.
     notes += [pressures.remark, deltas.remark, _few_nodes(over_pressure, nodes)]
     return Law(
         order=order,
@@ -232,10 +235,8 @@ def _few_nodes(over_pressure: Curves, nodes: int) -> str:
     `nodes` is the number of nodes of the smallest surface. `over_pressure` has the area [%] against
     the pressure [MPa].
     """
-    share_in_contact = (
-        over_pressure.curves[AREA.in_laws].value / 100
-    )  # of the nominal area
-    touching = share_in_contact * nodes  # number of nodes in contact
+    area = over_pressure.curves[AREA.in_laws].value  # in percent of the nominal area
+    touching = nodes * area / 100  # number of nodes in contact
     pressures = over_pressure.at[(touching > 0) & (touching < FEW)]
     if not pressures.size:
         return ""
@@ -363,7 +364,8 @@ def _contacts_for_other_table(
     contacts = solver.solve_some("delta", means, like=other.points)
     if not contacts.begins_in_full_contact:
         return contacts
-    # The surfaces are so unlike that a mean displacement presses one of them flat.
+    # No mean displacement was solved, or the surfaces are so unlike that the first mean presses one
+    # of them flat: take the smallest displacements.
     smallest = np.sort(of_surfaces.min(axis=0))
     shorter = solver.solve_some("delta", smallest[risen(smallest)], like=other.points)
     # If no displacement was left out, the first one is already that of full contact.

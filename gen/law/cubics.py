@@ -37,7 +37,7 @@ from gen.quantities import ALSO, CLOSURE, IN_LAWS
 from gen.runtime import VERSION, files
 from gen.runtime.installation import git_commit
 
-FUNCTIONS = Path(__file__).parent
+TEMPLATES = Path(__file__).parent
 """Folder of the templates law.h.in and law_4c.py.in, which have the functions of the files."""
 
 PER_LINE = 5
@@ -155,6 +155,7 @@ def _band_in_words(law: Law) -> str:
             f"Band (the functions _low and _high): {law.band}. NAN where no band holds."
         )
     functions = "No functions _low and _high"
+    # The area in the continuum is the only quantity whose band `Curves.banded` does not consider.
     if any(curve.banded.all() for curve in law.over_pressure.curves.values()):
         functions = "Functions _low and _high of the area in the continuum alone"
     return f"{functions}. Band: {law.band}."
@@ -264,7 +265,8 @@ def _functions_of(law: Law, table: Curves, between: Curves | None) -> Iterator[F
     for quantity, curve in table.curves.items():
         yield _function(law, table, between, quantity, part="value")
         # If the table has a band anywhere, all quantities have functions for both ends of the band,
-        # which are NAN where no band holds.
+        # which are NAN where no band holds. Otherwise only the area in the continuum may have them:
+        # its band is not part of `Curves.banded`.
         if table.banded or curve.banded.all():
             yield _function(law, table, between, quantity, part="low")
             yield _function(law, table, between, quantity, part="high")
@@ -371,7 +373,7 @@ def _body(functions: Iterable[Function], name: str) -> Iterator[str]:
     `name` begins all names. The functions of one argument have to follow each other.
     """
     yield "#include <math.h>"
-    template = (FUNCTIONS / "law.h.in").read_text(encoding="ascii")
+    template = (TEMPLATES / "law.h.in").read_text(encoding="ascii")
     yield "\n" + template.replace("NAME", name)
     last_argument = ""
     for function in functions:
@@ -451,7 +453,7 @@ def write_for_4c(path: Path, law: Law, units: Units) -> list[Path]:
     ]
     lines = list(comment(paragraphs, "# "))
     lines.append("")
-    lines += (FUNCTIONS / "law_4c.py.in").read_text(encoding="ascii").splitlines()
+    lines += (TEMPLATES / "law_4c.py.in").read_text(encoding="ascii").splitlines()
     for name, values in columns.items():
         lines += ["", f"{name} = ("]
         lines += [f"    {value!r}," for value in values.tolist()]

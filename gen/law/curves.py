@@ -398,7 +398,9 @@ def tabulated(
     withheld = outside > (1 - level) / 2  # where there is no band
     if len(parts) == 1:
         reasons = _reasons_of_one_surface(parts[0])
-        if parts[0].endless:
+        if parts[
+            0
+        ].endless:  # points inside the training without an interval have a reason, too
             withheld |= np.array(reasons, dtype=bool)
     else:
         reasons = _reasons_of_population(parts)
@@ -549,14 +551,14 @@ class Monotone:
     """Points of one surface whose curves are monotone."""
 
     points: Points
-    corrections: dict[str, Values]  # new less old values, (k,), by names in laws
+    corrections: dict[str, Values]  # new values minus old values, (k,), by names in laws
 
 
 def monotone(points: Points) -> Monotone:
     """Make the curves of one surface monotone by least squares.
 
-    Unchanged are Delta, quantities that turn, and quantities with a value that is not finite.
-    Points outside the training have a small weight, so that they move those inside very little.
+    Delta, quantities that turn, and quantities with a value that is not finite stay unchanged.
+    Points outside the training have a small weight, so that they hardly move the points inside.
     `endless` and `grid` are dropped.
 
     Parameters
@@ -567,8 +569,8 @@ def monotone(points: Points) -> Monotone:
     Returns
     -------
     Monotone
-        The new points, and the corrections. Ends of intervals are moved if a value would lie beyond
-        them.
+        The new points, and the corrections. Ends of intervals are made monotone, too, and are moved
+        to the value if the value would lie beyond them.
     """
     from scipy.optimize import isotonic_regression
 

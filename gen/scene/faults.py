@@ -29,9 +29,8 @@ class _Fault:
     rule: str
     location: Location  # location of the value in the scene; empty for the whole scene
     value: object  # the wrong value; for a missing key, the value of its whole table
-    generator: (
-        str  # generator of the table [surface] that has the key; "" for other tables
-    )
+    # Generator of the table [surface] that has the key; "" for other tables.
+    generator: str
     message: str  # pydantic's message; for a conflict, the words of this project
     refusal: str  # message of the ValueError that a validator raised; "" for other rules
 

@@ -231,16 +231,14 @@ def _keys_of_quantities() -> type[Table]:
     keys: dict[str, Any] = {}  # pairs of the type and the default of each key
     for quantity in stored_quantities():
         if quantity.stored != "asked":
-            continue  # databases always have its column, or only for bodies that yield
+            continue  # scenes do not ask for it
         if quantity.early:
             # The text of a scene has these oldest keys even if they are false, which its
             # fingerprint needs.
             keys[quantity.name] = (bool, False)
         else:
-            keys[quantity.name] = (
-                Flag,
-                None,
-            )  # left out of the text if false, see `Flag`
+            # Left out of the text if it is false, see `Flag`.
+            keys[quantity.name] = (Flag, None)
     return create_model("StoredQuantities", __base__=Table, **keys)
 
 
