@@ -317,7 +317,7 @@ def gradients(
     """
     if periodic:
         heights = np.pad(heights, (0, 1), mode="wrap")
-    # of the gradients in units of the largest slope: it cannot overflow
+    # mean square of the gradients, in units of the square of the largest slope: it cannot overflow
     mean_square = 0.0
     gained_area = 0.0  # over the projected area
     with np.errstate(over="ignore", invalid="ignore"):  # heights of 1e300 um
@@ -473,7 +473,7 @@ class _Ray:
         below = np.flatnonzero(self.values <= DECAY)
         if not below.size:
             return math.inf
-        last = below[0]  # not 0, as the autocorrelation is 1 there
+        last = below[0]  # 1 or more, because the autocorrelation is 1 at lag 0
         first = last - 1
         fall = self.values[first] - self.values[last]
         share = (self.values[first] - DECAY) / fall
@@ -490,8 +490,8 @@ def _ray(correlation: Values, spacing: tuple[float, float], angle: float) -> _Ra
     largest_x = correlation.shape[0] - 1
     largest_y = correlation.shape[1] // 2
     nodes_x = math.cos(angle) / spacing[0]  # nodes along x in a lag of 1 um
-    nodes_y = math.sin(angle) / spacing[1]
-    # A direction along one axis never leaves the grid along the other axis.
+    nodes_y = math.sin(angle) / spacing[1]  # nodes along y in a lag of 1 um
+    # A direction along one axis, but for rounding, never leaves the grid along the other axis.
     reaches = []
     if nodes_x > 1e-12 / spacing[0]:
         reaches.append(largest_x / nodes_x)
@@ -500,15 +500,16 @@ def _ray(correlation: Values, spacing: tuple[float, float], angle: float) -> _Ra
     farthest = min(reaches)
     steps = 2 * math.ceil(farthest * max(nodes_x, abs(nodes_y)))
     lags = np.linspace(0.0, farthest, steps + 1)
-    # No lag along y has the index `largest_y`.
+    # In the correlation, a lag of 0 along y has the index `largest_y`.
     values = _bilinear(correlation, lags * nodes_x, lags * nodes_y + largest_y)
     return _Ray(lags, values)
 
 
 def _bilinear(values: Values, x: Values, y: Values) -> Values:
-    """Interpolate values on a grid, shape (m, n), at places (x, y), each of shape (k,).
+    """Interpolate values on a grid, shape (m, n), bilinearly at k places.
 
-    Places count in nodes from the first one. Return the values at the places, shape (k,).
+    `x` and `y`, shape (k,), are the distances of the places from the first node, in nodes. Return
+    the values at the places, shape (k,).
     """
     nx, ny = values.shape
     i = np.clip(np.floor(x).astype(int), 0, nx - 2)
