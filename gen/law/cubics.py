@@ -284,7 +284,9 @@ def _function(
     The name of the function of an end of the band ends with "_low" or "_high". `between` has the
     contacts between the arguments of the table; None if there are none.
     """
-    suffix = "" if part == "value" else f"_{part}"
+    suffix = ""
+    if part != "value":
+        suffix = f"_{part}"
     argument = short_name(table.against)
     over = ""
     if argument == "pressure":
