@@ -300,12 +300,17 @@ class GeneratedSurface(Table):
         Parameters
         ----------
         home : Path, optional
-            The database, beside which files may be kept.
+            Folder of the database, in which files may be kept.
 
         Returns
         -------
         GeneratedSurface
             The completed table; by default this table itself. See `Scene.resolved`.
+
+        Raises
+        ------
+        InputError
+            If a file is missing or cannot be used.
         """
         return self
 
@@ -319,11 +324,12 @@ class GeneratedSurface(Table):
         Parameters
         ----------
         home : Path, optional
-            The database, beside which files may be kept.
+            Folder of the database, in which copies of the files may be kept.
         sources : bool
             Whether the original files are needed too, besides the copies that are kept.
         verify : bool
-            Whether to check the kept copies for damage. One of several processes does this.
+            Whether to check the kept copies for damage. It is enough if one of several processes
+            does this.
 
         Raises
         ------
@@ -332,7 +338,10 @@ class GeneratedSurface(Table):
         """
 
     def sources(self) -> list[Path]:
-        """Return the files from which surfaces are made, so that no output replaces them."""
+        """Return the files from which surfaces are made, so that no output replaces them.
+
+        By default there are none. InputError if a file that the scene names is missing.
+        """
         return []
 
     def remarks(self) -> list[str]:
