@@ -236,8 +236,8 @@ class ScanSurface(GeneratedSurface):
         dx, dy = self.recorded_maps().spacing
         nx, ny = pair(self.nodes)
         if cells:
-            return Patch((nx, ny), (dx * nx, dy * ny))
-        return Patch((nx, ny), (dx * (nx - 1), dy * (ny - 1)))
+            return Patch(nodes=(nx, ny), sides=(dx * nx, dy * ny))
+        return Patch(nodes=(nx, ny), sides=(dx * (nx - 1), dy * (ny - 1)))
 
     def recorded_maps(self) -> RecordedMaps:
         """Return the maps of the first body that a run has recorded in this table.

@@ -129,7 +129,7 @@ def _scaled(heights: Heights) -> _ScaledHeights:
     middle = lowest + 0.5 * span
     scaled = (heights - middle) / unit
     scaled -= scaled.mean()
-    return _ScaledHeights(scaled, unit)
+    return _ScaledHeights(heights=scaled, unit=unit)
 
 
 def _amplitudes(scaled: _ScaledHeights) -> dict[str, float]:
@@ -258,7 +258,7 @@ def _equivalent_line(curve: _MaterialCurve) -> _EquivalentLine:
     from_mean = ratios - mean_ratio
     slope = float(from_mean @ core / np.sum(from_mean**2))
     top = start + (float(core.mean()) - slope * float(mean_ratio))
-    return _EquivalentLine(top, slope)
+    return _EquivalentLine(top=top, slope=slope)
 
 
 @dataclass(frozen=True)
@@ -348,7 +348,8 @@ class _AutocorrelationLengths:
 
     # Sal [um]; NaN if the autocorrelation falls to `DECAY` along no direction
     shortest: float
-    aspect: float  # Str [1]; NaN if it does not fall to `DECAY` along every direction
+    # Str [1]; NaN unless the autocorrelation falls to `DECAY` along every direction
+    aspect: float
     reason: str  # why a number is NaN, "" if none is
 
 
@@ -357,7 +358,7 @@ def _autocorrelation_lengths(
 ) -> _AutocorrelationLengths:
     """Compute Sal and Str of heights, shape (nx, ny), which are counted from their mean.
 
-    The heights are not all zero and in any unit, and the spacing along x and y is in um.
+    The heights have any unit, and not all of them are 0. The spacing is that along x and y [um].
     """
     correlation = autocorrelation(heights, periodic=periodic)
     decays = decay_lengths(correlation, spacing)
@@ -454,7 +455,7 @@ def decay_lengths(correlation: Values, spacing: tuple[float, float]) -> DecayLen
         ray = _ray(correlation, spacing, angle)
         reaches[index] = ray.lags[-1]
         lengths[index] = ray.decay_length
-    return DecayLengths(lengths, reaches)
+    return DecayLengths(lengths=lengths, reaches=reaches)
 
 
 @dataclass(frozen=True, eq=False)
@@ -502,7 +503,7 @@ def _ray(correlation: Values, spacing: tuple[float, float], angle: float) -> _Ra
     lags = np.linspace(0.0, farthest, steps + 1)
     # In the correlation, a lag of 0 along y has the index `largest_y`.
     values = _bilinear(correlation, lags * nodes_x, lags * nodes_y + largest_y)
-    return _Ray(lags, values)
+    return _Ray(lags=lags, values=values)
 
 
 def _bilinear(values: Values, x: Values, y: Values) -> Values:

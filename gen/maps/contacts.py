@@ -374,7 +374,7 @@ def chosen_load(texts: Mapping[str, str]) -> ChosenLoad:
         raise InputError(f"{options} given: give one of --delta, --force and --pressure")
     [name] = names
     advice = "give a number, several as 1,2,5, or start:stop:count[:log]"
-    return ChosenLoad(name, loads_from(name, texts[name], advice))
+    return ChosenLoad(name=name, values=loads_from(name, texts[name], advice))
 
 
 @dataclass(frozen=True, eq=False)

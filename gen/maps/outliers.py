@@ -65,7 +65,8 @@ def local_levels(windows: Values) -> LocalLevels:
     size = windows.shape[1]
     offsets = np.arange(size) - size // 2  # of the nodes from the middle
     without_slopes = windows - along_x * offsets[:, None] - along_y * offsets
-    return LocalLevels(_medians(without_slopes), along_x, along_y)
+    medians = _medians(without_slopes)
+    return LocalLevels(medians=medians, along_x=along_x, along_y=along_y)
 
 
 def _median_steps(windows: Values, axis: int) -> Values:
