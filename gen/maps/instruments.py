@@ -339,6 +339,6 @@ def _channel(index: int, channel: Any) -> Channel:
     return Channel(
         index=index,
         name=str(channel.name),
-        heights=is_height,
+        holds_heights=is_height,
         unit=str(getattr(channel, "data_unit", None) or ""),
     )
