@@ -255,13 +255,25 @@ DRAWN_NAMES = {"rms_height": "drawn_rms_height", "rms_slope": "drawn_rms_slope"}
 measured statistics. All other parameters share the names of their columns. In files made before
 1.0.0 these columns have the names of the parameters."""
 
-STATUS = Column("status", "u1", "1", "0 pending, 1 done, 2 failed; written last")
-REASON = Column("reason", "u1", "1", "why the sample failed, or lacks statistics: a code")
+STATUS = Column(
+    name="status",
+    dtype="u1",
+    unit="1",
+    long_name="0 pending, 1 done, 2 failed; written last",
+)
+REASON = Column(
+    name="reason",
+    dtype="u1",
+    unit="1",
+    long_name="why the sample failed, or lacks statistics: a code",
+)
 CHECKSUM = Column(
-    "checksum",
-    "u4",
-    "1",
-    "CRC-32 of the bytes of the row's other columns in this group, in the order of their names",
+    name="checksum",
+    dtype="u4",
+    unit="1",
+    long_name=(
+        "CRC-32 of the bytes of the row's other columns in this group, in the order of their names"
+    ),
     optional="every new database; older ones lack it",
 )
 

@@ -134,6 +134,11 @@ class GeneratedSurface(Table):
     """Meanings of the columns that say where each surface was cut out of a larger one, by the names
     of the columns. The mapping is empty for generators that do not cut surfaces out."""
 
+    @property
+    def cuts_windows(self) -> bool:
+        """Whether surfaces are windows that are cut out of larger ones."""
+        return bool(self.PLACES)
+
     # Without this key the other body is flat.
     against: Literal["another"] | None = Field(
         default=None,
