@@ -403,7 +403,7 @@ def least_squares(topography: Topography, degree: Literal[1, 2] = 1) -> LeastSqu
     )  # first to last node [um]
     slopes = 2 * coefficients[1:3] / lengths
     tilt = Tilt(x=float(slopes[0]), y=float(slopes[1]))
-    return LeastSquares(fit, tilt)
+    return LeastSquares(heights=fit, tilt=tilt)
 
 
 def levelled(topography: Topography, level: str) -> Topography:
