@@ -26,6 +26,15 @@ from gen.arrays import Heights
 from gen.quantities import AREA, DELTA, FORCE, MEAN_GAP, UNLOADING
 from gen.surface import generate
 
+VERDICTS = {
+    AREA.name: "area",
+    DELTA.name: "delta",
+    FORCE.name: "force",
+    MEAN_GAP.name: "mean_gap",
+    UNLOADING.name: "stiffness",
+}
+"""Name of the verdict on each quantity in `GridError.verdicts`."""
+
 ANSWERS = (AREA.name, DELTA.name, FORCE.name, MEAN_GAP.name, UNLOADING.name)
 """Names of the quantities that a contact answers with bars."""
 
@@ -93,8 +102,9 @@ class Bar:
 class Judgement:
     """The bars of one contact, with the true errors."""
 
-    resolved: bool  # whether the contact calls its grid resolved
-    # Bars by the name of the answer, without answers that are zero or infinite.
+    resolved: bool  # whether the contact says that the bar of its area holds
+    # Bars by the name of the answer, without answers that are zero or infinite, and without those
+    # of which the contact says that their bars do not hold.
     bars: dict[str, Bar]
 
 
@@ -229,12 +239,13 @@ def _compared(contact: bem.Contact, exact: bem.Contact) -> Judgement:
         values[DELTA.name] = (contact.delta, exact.delta)
     bars: dict[str, Bar] = {}
     for name, (value, truth) in values.items():
-        if value and math.isfinite(value) and math.isfinite(truth):
+        holds = estimate.verdicts[VERDICTS[name]]
+        if holds and value and math.isfinite(value) and math.isfinite(truth):
             bars[name] = Bar(
                 error=abs(value - truth) / abs(value),
                 bar=getattr(estimate, name) / abs(value) + SOLVER_ERROR,
             )
-    return Judgement(resolved=estimate.resolved, bars=bars)
+    return Judgement(resolved=estimate.verdicts["area"], bars=bars)
 
 
 def _finer(nodes: int, nodes_a_wave: float) -> int:
