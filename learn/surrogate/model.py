@@ -219,9 +219,9 @@ class Surrogate:
             E* of forces and pressures; that of the training by default [MPa].
         hardness : ArrayLike, optional
             Hardness of the softer body [MPa], for a surrogate of bodies that yield: one number, or
-            an array for a surrogate of a scene's own features. For a surface it is by default that
-            of the training, if it has only one; or bodies are elastic, if the training includes
-            some.
+            an array for a surrogate of a scene's own features. Left out for a surface: elastic
+            bodies if the training includes some; otherwise the hardness over E* of the training,
+            which must then have only one.
         level : float or None
             Coverage of the intervals, between 0 and 1; None for no intervals. A level above
             `largest_level` is not lowered: the ends of its intervals are infinite, or the bounds of
@@ -296,8 +296,8 @@ class Surrogate:
         e_star : float or None
             E* [MPa]; None for that of the training.
         hardness : float or None
-            Hardness of the softer body [MPa]. None for elastic bodies if the training includes
-            some; otherwise for the only hardness over E* of the training.
+            Hardness of the softer body [MPa]. None: elastic bodies if the training includes some;
+            otherwise the hardness over E* of the training, which must then have only one.
 
         Returns
         -------
@@ -308,8 +308,8 @@ class Surrogate:
         Raises
         ------
         InputError
-            If a number is not above 0; if a hardness is named and all bodies of the training are
-            elastic; or if none is named and the training has several.
+            If a number is not above 0; if a hardness is given, but all bodies of the training are
+            elastic; or if none is given, but the training has several and no elastic bodies.
         """
         limits = self.hardness_limits
         modulus = self.modulus
@@ -717,8 +717,9 @@ class OnSurface:
         ------
         InputError
             If a load is not finite and above 0, any of the 22 statistics is undefined, or a coarse
-            solve fails. Without `bodies`, also if `hardness` is given and all bodies of the
-            training are elastic, or if it is left out and the training has several.
+            solve fails. Without `bodies`, also if `hardness` is given, but all bodies of the
+            training are elastic; or if it is left out, but the training has several and no elastic
+            bodies.
         """
         features = self.surrogate.features
         if bodies is None:
@@ -753,8 +754,8 @@ class OnSurface:
         e_star : float, optional
             E* of forces and pressures; that of the training by default [MPa].
         hardness : float, optional
-            Hardness of the softer body [MPa]. By default that of the training, if it has only one;
-            or elastic bodies, if the training includes some.
+            Hardness of the softer body [MPa]. Left out: elastic bodies if the training includes
+            some; otherwise the hardness over E* of the training, which must then have only one.
         level : float or None
             Coverage of the intervals, between 0 and 1; None for no intervals. See
             `Surrogate.predict`.
@@ -767,8 +768,9 @@ class OnSurface:
         Raises
         ------
         InputError
-            If a load, `e_star`, `hardness` or `level` is impossible, the hardness is missing, any
-            of the 22 statistics is undefined, a feature is too large, or a coarse solve fails.
+            If a load, `e_star`, `hardness` or `level` is impossible; if the hardness is left out,
+            but the training has several and no elastic bodies; if any of the 22 statistics is
+            undefined, a feature is too large, or a coarse solve fails.
         """
         rows = self.rows(delta, self.surrogate.bodies(e_star, hardness))
         return self.surrogate.predict_rows(rows, e_star=e_star, level=level)
