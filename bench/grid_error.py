@@ -26,15 +26,6 @@ from gen.arrays import Heights
 from gen.quantities import AREA, DELTA, FORCE, MEAN_GAP, UNLOADING
 from gen.surface import generate
 
-VERDICTS = {
-    AREA.name: "area",
-    DELTA.name: "delta",
-    FORCE.name: "force",
-    MEAN_GAP.name: "mean_gap",
-    UNLOADING.name: "stiffness",
-}
-"""Name of the verdict on each quantity in `GridError.verdicts`."""
-
 ANSWERS = (AREA.name, DELTA.name, FORCE.name, MEAN_GAP.name, UNLOADING.name)
 """Names of the quantities that a contact answers with bars."""
 
@@ -239,7 +230,7 @@ def _compared(contact: bem.Contact, exact: bem.Contact) -> Judgement:
         values[DELTA.name] = (contact.delta, exact.delta)
     bars: dict[str, Bar] = {}
     for name, (value, truth) in values.items():
-        holds = estimate.verdicts[VERDICTS[name]]
+        holds = estimate.verdicts[name.removesuffix("_percent")]
         if holds and value and math.isfinite(value) and math.isfinite(truth):
             bars[name] = Bar(
                 error=abs(value - truth) / abs(value),
