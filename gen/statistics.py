@@ -541,7 +541,8 @@ def _asperities(
 def _moments(values: Values, origin: float, noise: float) -> Moments:
     """Compute the moments of values, shape (count,), with the mean counted from an origin.
 
-    Skewness and kurtosis are NaN if the rms is not above the noise; all moments of no values are.
+    Skewness and kurtosis are NaN if the rms is not above the noise. If there are no values, the
+    number is 0 and all moments are NaN.
     """
     number = values.size
     if number == 0:

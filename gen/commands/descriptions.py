@@ -183,7 +183,7 @@ def _cells_of_law(fit: SelfAffineFit | str) -> Row:
 def units_of_descriptions() -> dict[str, str]:
     """Return the units of the columns that `DescriptionOrder.row` can have, by the columns' names.
 
-    Numbers of nodes and lengths of sides are not among them.
+    The columns of the numbers of nodes and of the lengths of sides are left out.
     """
     from gen.maps.areal import PARAMETERS
     from gen.maps.texture import LAW_UNITS

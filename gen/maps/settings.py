@@ -68,7 +68,7 @@ def in_scene_words(message: str, path: Path) -> str:
 
 
 def _key_of_option(match: re.Match[str]) -> str:
-    """Return the key whose option a match of `OPTION` has found."""
+    """Return the key for an option, without its dashes, that `OPTION` has matched: "fill_most"."""
     return match[1].replace("-", "_")
 
 
