@@ -243,6 +243,7 @@ class _Search:
         self.asked = asked
         self.trials: list[Trial] = []
         self.best: Contact | None = None
+        self.contacts: dict[tuple[int, ...], Contact] = {}
 
     @property
     def budget(self) -> Budget:
@@ -269,6 +270,8 @@ class _Search:
             problem, dropped = surface.on(nodes)
             if OF_DROPPED * dropped > MOST_FOR_WAVES * min(self.asked.values()):
                 continue
+            if nodes != self.given.heights.shape and self._goes_on_to_the_grid(problem):
+                continue
             contact = self._tried(problem, dropped)
             if contact is not None and self.trials[-1].is_met:
                 return contact.with_budget(self.budget)
@@ -292,8 +295,7 @@ class _Search:
         NotReachable
             If elastic bodies have no area in the continuum.
         """
-        order = slope_order(self.given.heights, self.given.boundary, lines=LINES)
-        if order >= LEAST_ORDER or self.given.hardness is not None:
+        if not self._goes_on_to_the_grid(self.given):
             return
         raise NotReachable(
             f"{self._in_words(self.asked)} not reachable on any grid: waves go on down to the grid"
@@ -301,6 +303,13 @@ class _Search:
             " more",
             self.budget,
         )
+
+    def _goes_on_to_the_grid(self, problem: Problem) -> bool:
+        """Return whether elastic bodies have no area in the continuum that a grid could tell."""
+        if problem.hardness is not None:
+            return False
+        order = slope_order(problem.heights, problem.boundary, lines=LINES)
+        return order < LEAST_ORDER
 
     def _tried(self, problem: Problem, dropped: float) -> Contact | None:
         """Solve on a grid and keep the trial; return None where the solver fails.
@@ -319,15 +328,20 @@ class _Search:
             trial = Trial((rows, columns), dropped, {}, str(failure), 0.0, 0.0)
             self.trials.append(trial)
             return None
-        error = contact.grid_error()
+        # The contact of an earlier trial is the coarser one where it has every second node.
+        coarse = self.contacts.get(((rows + 1) // 2, (columns + 1) // 2))
+        error = contact.grid_error(coarse)
+        self.contacts[rows, columns] = contact
         answers = {
             name: self._parts(contact, error, name, dropped=dropped)
             for name in self.asked
         }
         convolutions = float(contact.convolutions)
-        if error.coarse is not None:
-            share = work(error.coarse.pressure.shape) / work((rows, columns))
-            convolutions += error.coarse.convolutions * share
+        if coarse is None:
+            for coarser in (error.coarse, error.coarsest):
+                if coarser is not None:
+                    share = work(coarser.pressure.shape) / work((rows, columns))
+                    convolutions += coarser.convolutions * share
         trial = Trial(
             nodes=(rows, columns),
             waves_dropped=dropped,
@@ -382,7 +396,7 @@ def _relative_bar(contact: Contact, error: GridError, name: str) -> float:
 
     Where yielding decides the area of a surface without a limit, it decides no other answer.
     """
-    if not error.resolved or contact.contact_nodes == 0:
+    if not error.verdicts[name] or contact.contact_nodes == 0:
         return math.inf
     if name != "area" and error.order < LEAST_ORDER:
         return math.inf

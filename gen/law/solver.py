@@ -332,7 +332,7 @@ def _solved_contact(
     if not judged:
         return SolvedContact(quantities, pressed=pressed)
     error = contact.grid_error()
-    if not error.resolved:
+    if not error.verdicts["area"]:
         return SolvedContact(quantities, unresolved=error.reason, pressed=pressed)
     return SolvedContact(quantities, grid_error=error.area_percent, pressed=pressed)
 

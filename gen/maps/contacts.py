@@ -239,7 +239,7 @@ def _about_the_continuum(contact: Contact, area: float) -> list[Answer]:
     error = contact.grid_error()
     error_percent = error.area_percent
     known_error: float | str
-    if error.resolved:
+    if error.verdicts["area"]:
         unit = f"+- {error_percent:.2g} %, in 9 of 10 cases"
         known_error = error_percent
         resolved = "yes"
